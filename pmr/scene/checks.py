@@ -1,0 +1,108 @@
+"""What no section can know by itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pmr.errors import InputError
+from pmr.scene.sections import SUPPORT_ROWS, Damping, Scene
+
+
+def check(scene: Scene) -> None:
+    """Refuse a scene whose sections contradict each other.
+
+    Raises
+    ------
+    InputError
+        With source ``"scene"``; the reader of the file replaces it by the file in which the key stands.
+    """
+    _time(scene)
+    _reduction(scene)
+    _places(scene)
+    _path(scene)
+    if "ancf" in scene.compare.against and not _ancf_can(scene):
+        raise _refusal(
+            "compare.against",
+            list(scene.compare.against),
+            "the ANCF reference needs axial_stiffness, one slider without offset, no damping, one pinned support at "
+            "x = 0 and loads along y",
+        )
+
+
+def _refusal(key: str, value: Any, allowed: str) -> InputError:
+    return InputError("scene", key, value, allowed)
+
+
+def _time(scene: Scene) -> None:
+    time = scene.time
+    if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
+        raise _refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
+
+
+def _reduction(scene: Scene) -> None:
+    choice, rows, sliders = scene.reduction, scene.row_count, len(scene.slider.offsets)
+    pool = choice.snapshots * choice.modes
+    if choice.coordinates > pool:
+        raise _refusal(
+            "reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed"
+        )
+    if choice.coordinates < rows:
+        raise _refusal(
+            "reduction.coordinates",
+            choice.coordinates,
+            f"at least as many as constraint rows are allowed: {rows} ({rows - sliders} of supports, "
+            f"{sliders} of sliders)",
+        )
+    if not isinstance(choice.positions, str) and len(choice.positions) != choice.snapshots:
+        raise _refusal("reduction.snapshots", choice.snapshots, f"{len(choice.positions)} positions are given")
+
+
+def _places(scene: Scene) -> None:
+    length = scene.body.length
+    places = [(f"supports[{i}].at", support.at) for i, support in enumerate(scene.supports)]
+    places += [(f"loads[{i}].at", load.at) for i, load in enumerate(scene.loads)]
+    if not isinstance(scene.reduction.positions, str):
+        places += [(f"reduction.positions[{i}]", at) for i, at in enumerate(scene.reduction.positions)]
+    for key, at in places:
+        if at > length:
+            raise _refusal(key, at, f"on the beam, 0 to {length:g} m, is allowed")
+    for i, load in enumerate(scene.loads):
+        if load.direction not in scene.body.directions:
+            raise _refusal(f"loads[{i}].direction", load.direction, "an axial load needs body.axial = true")
+    names = [load.name for load in scene.loads]
+    if len(set(names)) != len(names):
+        raise _refusal("loads", names, "each load needs a name of its own")
+
+
+def _path(scene: Scene) -> None:
+    length, (low, high) = scene.body.length, scene.path_bounds
+    slack = 1e-9 * length
+    held = [support.at for support in scene.supports if "y" in SUPPORT_ROWS[support.kind]]
+    if len(set(scene.slider.offsets)) != len(scene.slider.offsets):
+        raise _refusal("slider.offsets", list(scene.slider.offsets), "sliders must not share an offset")
+    for offset in scene.slider.offsets:
+        which = f" (offset {offset:g} m)" if offset else ""
+        for s in (low + offset, high + offset):
+            if not -slack <= s <= length + slack:
+                raise _refusal(
+                    "slider.path", None, f"the slider reaches {s:g} m{which}; on the beam, 0 to {length:g} m, is allowed"
+                )
+        for at in held:
+            if low + offset - slack <= at <= high + offset + slack:
+                raise _refusal(
+                    "slider.path",
+                    None,
+                    f"the slider reaches the support at {at:g} m{which}, where its row repeats the support's; "
+                    "paths that keep clear of it are allowed",
+                )
+
+
+def _ancf_can(scene: Scene) -> bool:
+    supports = [(support.at, support.kind) for support in scene.supports]
+    return (
+        scene.body.axial_stiffness is not None
+        and scene.slider.offsets == (0.0,)
+        and scene.damping == Damping()
+        and supports == [(0.0, "pinned")]
+        and all(load.direction == "y" for load in scene.loads)
+    )

@@ -1,0 +1,168 @@
+"""The sections of a scene: each knows what it allows by itself."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from pmr.signals import Signal, bounds
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Count = Annotated[int, Field(ge=1, strict=True)]
+SUPPORT_ROWS = {"pinned": ("x", "y"), "clamped": ("x", "y", "rotation"), "roller": ("y",)}
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Body(_Section):
+    """Planar Euler-Bernoulli beam along x, from 0 to `length`."""
+
+    model: Literal["beam2d"] = "beam2d"
+    length: Positive  # m
+    bending_stiffness: Positive  # EI, N m^2
+    mass_per_length: Positive  # rho A, kg/m
+    axial_stiffness: Positive | None = None  # EA, N
+    axial: bool = False  # axial coordinates only where the scene asks for them
+
+    @model_validator(mode="after")
+    def _axial_needs_stiffness(self) -> Body:
+        if self.axial and self.axial_stiffness is None:
+            raise ValueError("axial = true needs axial_stiffness in N")
+        return self
+
+    @property
+    def directions(self) -> tuple[str, ...]:
+        """Nodal coordinates, in order."""
+        return ("x", "y", "rotation") if self.axial else ("y", "rotation")
+
+
+class MeshChoice(_Section):
+    """Elements of equal length, graded, or nodes read from a file (anything meshio reads)."""
+
+    elements: Count | None = None
+    grading: Positive = 1.0  # length of the last element over that of the first
+    file: Path | None = None
+
+    @field_validator("file")
+    @classmethod
+    def _exists(cls, file: Path | None) -> Path | None:
+        if file is not None and not file.is_file():
+            raise ValueError(f"no such file: {file}")
+        return file
+
+    @model_validator(mode="after")
+    def _one_source(self) -> MeshChoice:
+        if (self.elements is None) == (self.file is None):
+            raise ValueError("give either elements or file")
+        return self
+
+
+class Support(_Section):
+    """A fixed point: pinned (x, y), clamped (x, y, rotation) or roller (y)."""
+
+    at: NotNegative  # m
+    kind: Literal["pinned", "clamped", "roller"] = "pinned"
+
+
+class Slider(_Section):
+    """One path s(t) and the sliders that travel with it, each at s + offset."""
+
+    path: Signal  # m
+    offsets: tuple[float, ...] = Field(default=(0.0,), min_length=1)  # m
+
+
+class Load(_Section):
+    """A force in N along `direction` (a moment in N m for rotation) at the beam coordinate `at`."""
+
+    name: str = "F"
+    at: NotNegative  # m
+    direction: Literal["x", "y", "rotation"] = "y"
+    signal: Signal
+
+
+class Damping(_Section):
+    """Rayleigh damping D = mass M + stiffness K."""
+
+    mass: NotNegative = 0.0  # 1/s
+    stiffness: NotNegative = 0.0  # s
+
+
+class TimeChoice(_Section):
+    """Generalized-alpha, index 3, constant step."""
+
+    end: Positive  # s
+    step: Positive  # s
+    rho_inf: float = Field(default=0.9, ge=0.0, le=1.0)  # spectral radius at infinite frequency
+
+    @property
+    def steps(self) -> int:
+        return round(self.end / self.step)
+
+
+class Reduction(_Section):
+    """Snapshots (eigenmodes at several slider positions), compressed by POD to `coordinates` vectors."""
+
+    snapshots: Count = 5
+    modes: Count = 6
+    coordinates: Count = 20
+    positions: Literal["nodes", "path"] | Annotated[tuple[NotNegative, ...], Field(min_length=1)] = "nodes"
+    solver: Literal["auto", "dense", "slepc"] = "auto"
+    product: Literal["euclidean", "mass"] = "euclidean"
+
+
+class Compare(_Section):
+    """References to compare the reduced beam with."""
+
+    against: tuple[Literal["full", "ancf"], ...] = ("full",)
+    ancf_elements: Count = 20
+
+
+class Published(_Section):
+    """Figures from a publication, shown beside ours; fractions and m."""
+
+    source: str
+    errors: dict[str, dict[Literal["tip", "beam"], NotNegative]] = {}
+    max_displacement: Positive | None = None
+    max_error: Positive | None = None
+
+
+class Scene(_Section):
+    """Everything that a run is made from; two scenes with equal `hash` give equal results."""
+
+    title: str
+    body: Body
+    mesh: MeshChoice
+    supports: tuple[Support, ...] = Field(default=(Support(at=0.0),), min_length=1)
+    slider: Slider
+    loads: tuple[Load, ...] = Field(min_length=1)
+    damping: Damping = Damping()
+    time: TimeChoice
+    reduction: Reduction = Reduction()
+    compare: Compare = Compare()
+    published: Published | None = None
+
+    @property
+    def row_count(self) -> int:
+        """Constraint rows of the full model: supports and sliders."""
+        fixed = sum(1 for s in self.supports for d in SUPPORT_ROWS[s.kind] if d in self.body.directions)
+        return fixed + len(self.slider.offsets)
+
+    @property
+    def hash(self) -> str:
+        """Digest of what decides the result; title and published figures do not count."""
+        content = self.model_dump(mode="json", exclude={"title", "published"})
+        if self.mesh.file is not None:
+            content["mesh"]["file"] = hashlib.sha256(self.mesh.file.read_bytes()).hexdigest()
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def path_bounds(self) -> tuple[float, float]:
+        """Smallest and largest s(t) in m over the simulated time."""
+        return bounds(self.slider.path, 0.0, self.time.end)

@@ -1,0 +1,121 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pmr import scene
+from pmr.errors import InputError
+from pmr.scene import Scene
+
+WORKFLOWS = Path(__file__).parents[1] / "workflows"
+SIMPLE = WORKFLOWS / "paper_simple.toml"
+
+
+@pytest.mark.parametrize("name", ["paper_simple", "paper_evolved"])
+def test_the_papers_scenes_hold_table_1(name: str) -> None:
+    s = scene.load(WORKFLOWS / f"{name}.toml")
+    assert (s.body.length, s.body.bending_stiffness, s.body.axial_stiffness, s.body.mass_per_length) == (5, 5e4, 2e7, 78)
+    assert (s.mesh.elements, s.compare.ancf_elements, s.time.steps, s.time.rho_inf) == (50, 20, 15000, 0.9)
+    assert (s.reduction.snapshots, s.reduction.modes, s.reduction.coordinates, s.row_count) == (5, 6, 20, 3)
+    assert s.path_bounds == (1.25, 3.75)
+
+
+def test_a_signal_replaces_the_one_of_the_base_file_whole(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(f'extends = "{SIMPLE}"\nslider.path = {{ kind = "sine", amplitude = 1.0, frequency = 2.0, offset = 2.0 }}')
+    assert scene.load(file).slider.path.kind == "sine"
+
+
+def test_overrides_take_toml_values_and_bare_words() -> None:
+    s = scene.load(SIMPLE, ["reduction.coordinates=10", "reduction.solver=slepc", "body.length = 5.5"])
+    assert (s.reduction.coordinates, s.reduction.solver, s.body.length) == (10, "slepc", 5.5)
+
+
+REFUSED = [
+    ("body.lenght=3", "body.lenght = 3", "did you mean 'length'"),
+    ("body.bending_stiffness=-5", "body.bending_stiffness = -5", "greater than 0"),
+    ("body.length=nan", "body.length = nan", "finite"),
+    ("time.end=inf", "time.end = inf", "finite"),
+    ("slider.path={kind='ramp',times=[0,1],values=[1,6]}", "slider.path", "0 to 5 m"),
+    ("slider.path={kind='ramp',times=[0,1],vals=[1,6]}", "slider.path.vals", "did you mean 'values'"),
+    ("slider.path={kind='table',file='none.csv'}", "slider.path", "no such file: none.csv"),
+    ("slider.path={kind='table',times=[0,1],values=[1,nan]}", "slider.path.values[1] = nan", "finite"),
+    ("slider.path=0.0", "slider.path", "support"),
+    ("slider.offsets=[0.0, 2.0]", "slider.path", "(offset 2 m)"),
+    ("reduction.coordinates=31", "reduction.coordinates = 31", "at most snapshots * modes = 30"),
+    ("reduction.coordinates=2", "reduction.coordinates = 2", "3 (2 of supports, 1 of sliders)"),
+    ("reduction.coordinates=2.5", "reduction.coordinates = 2.5", "integer"),
+    ("reduction.positions=[1.0,2.0]", "reduction.snapshots = 5", "2 positions"),
+    ("reduction.positions=[1.0,2.0,3.0,4.0,6.0]", "reduction.positions", "0 to 5 m"),
+    ("time.step=0.7", "time.step = 0.7", "whole number of steps"),
+    ("time.rho_inf=1.1", "time.rho_inf = 1.1", "less than or equal to 1"),
+    ("mesh.file='none.msh'", "mesh.file", "no such file"),
+    ("loads=[{at=6.0,signal=1.0}]", "loads[0].at = 6", "0 to 5 m"),
+    ("loads=[{at=5.0}]", "loads[0].signal", "required"),
+    ("body.axial=1.5", "body.axial = 1.5", "boolean"),
+    ("compare.against=['comsol']", "compare.against[0] = 'comsol'", "'full' or 'ancf'"),
+    ("damping.mass=0.1", "compare.against", "no damping"),
+    ("reduction", "--set: reduction", "section.key=value"),
+]
+
+
+@pytest.mark.parametrize(("override", "key", "allowed"), REFUSED, ids=[r[0] for r in REFUSED])
+def test_what_is_not_allowed_is_refused_in_one_line(override: str, key: str, allowed: str) -> None:
+    with pytest.raises(InputError) as caught:
+        scene.load(SIMPLE, [override])
+    line = str(caught.value)
+    assert key in line and allowed in line
+    assert "\n" not in line
+
+
+def test_the_line_names_the_file_in_which_the_value_stands(tmp_path: Path) -> None:
+    base, derived = tmp_path / "base.toml", tmp_path / "derived.toml"
+    base.write_text(f'extends = "{SIMPLE}"\n[body]\nmass_per_length = -1.0\n')
+    derived.write_text('extends = "base.toml"\n[mesh]\nelements = 0\n')
+    with pytest.raises(InputError) as caught:
+        scene.load(derived)
+    assert caught.value.source == str(base) and caught.value.key == "body.mass_per_length"
+    base.write_text(f'extends = "{SIMPLE}"\n')
+    with pytest.raises(InputError) as caught:
+        scene.load(derived)
+    assert caught.value.source == str(derived) and caught.value.key == "mesh.elements"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [("extends = 'self.toml'", "extend itself"), ("a = ", "not valid TOML"), ("extends = 3", "name of a scene file")],
+)
+def test_a_file_that_is_no_scene_is_refused(tmp_path: Path, text: str, says: str) -> None:
+    file = tmp_path / "self.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=says):
+        scene.load(file)
+    with pytest.raises(InputError, match="no such scene file"):
+        scene.load(tmp_path / "other.toml")
+
+
+def test_files_are_found_beside_the_scene_that_names_them(tmp_path: Path) -> None:
+    (tmp_path / "s.csv").write_text("0, 1\n15, 2\n")
+    (tmp_path / "base.toml").write_text(f'extends = "{SIMPLE}"\nslider.path = {{ kind = "table", file = "s.csv" }}')
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "scene.toml").write_text('extends = "../base.toml"\n')
+    assert scene.load(tmp_path / "sub" / "scene.toml").path_bounds == (1.0, 2.0)
+
+
+def test_the_hash_changes_with_what_decides_the_result_only(tmp_path: Path) -> None:
+    reference = scene.load(SIMPLE).hash
+    assert scene.load(SIMPLE, ["title=other"]).hash == reference
+    assert scene.load(SIMPLE, ["body.length=5.01"]).hash != reference
+    csv = tmp_path / "s.csv"
+    digests = []
+    for end in (2, 3):
+        csv.write_text(f"0, 1\n15, {end}\n")
+        digests.append(scene.load(SIMPLE, [f"slider.path={{kind='table',file='{csv}'}}"]).hash)
+    assert digests[0] != digests[1]
+
+
+def test_a_scene_survives_json() -> None:
+    s = scene.load(WORKFLOWS / "paper_evolved.toml")
+    assert Scene.model_validate(json.loads(s.model_dump_json())) == s

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from pmr.signals import Chirp, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table, bounds
+
+signal = TypeAdapter(Signal)
+
+SMOOTH_BETWEEN_BREAKS = [
+    Ramp(times=(1.0, 2.0, 4.0), values=(0.5, 3.0, -1.0)),
+    SmoothRamp(times=(1.0, 2.0, 4.0), values=(0.5, 3.0, -1.0)),
+    Step(time=2.0, before=1.0, after=-3.0),
+    Sine(amplitude=2.0, frequency=1.7, phase=0.3, offset=-0.4),
+    Chirp(amplitude=5.0, times=(0.5, 2.0, 4.5), frequencies=(1.0, 4.0, 2.0), phase=0.1),
+    Table(times=(0.0, 1.0, 1.5, 3.0, 4.0), values=(0.0, 1.0, -1.0, 2.0, 0.5)),
+    Table(times=(0.0, 1.0, 1.5, 3.0), values=(0.0, 1.0, -1.0, 2.0), interpolation="linear"),
+    Sum(terms=(Sine(amplitude=1.0, frequency=2.0), Ramp(times=(0.0, 3.0), values=(0.0, 6.0)))),
+    signal.validate_python(-50),
+]
+
+
+@pytest.mark.parametrize("s", SMOOTH_BETWEEN_BREAKS, ids=lambda s: s.kind)
+def test_rate_is_the_derivative_of_the_value_between_breaks(s: Signal) -> None:
+    h = 1e-6
+    t = np.linspace(-0.5, 5.0, 1001)
+    away = np.all(np.abs(t[:, None] - np.array([*s.breaks, 1e9])) > 2.0 * h, axis=1)
+    central = (s.value(t + h) - s.value(t - h)) / (2.0 * h)
+    assert np.abs(central - s.rate(t))[away].max() < 1e-5
+    assert s.value(t).shape == s.rate(t).shape == t.shape
+
+
+@pytest.mark.parametrize("s", SMOOTH_BETWEEN_BREAKS, ids=lambda s: s.kind)
+def test_a_scalar_time_gives_the_same_as_an_array(s: Signal) -> None:
+    t = np.array([0.0, 1.0, 2.0, 2.5, 4.0])
+    assert np.array_equal([float(s.value(x)) for x in t], s.value(t))
+    assert np.array_equal([float(s.rate(x)) for x in t], s.rate(t))
+
+
+def test_smooth_ramp_starts_and_ends_at_rest_with_no_acceleration() -> None:
+    s = SmoothRamp(times=(1.0, 3.0), values=(2.0, 5.0))
+    assert np.allclose(s.value([0.0, 1.0, 2.0, 3.0, 9.0]), [2.0, 2.0, 3.5, 5.0, 5.0])
+    assert np.abs(s.rate([1.0, 1.0 + 1e-9, 3.0 - 1e-9, 3.0])).max() < 1e-6
+    h = 1e-4
+    assert abs(s.rate(1.0 + h)) / h < 0.1  # an acceleration of 3 m / (2 s)^2 would show as 0.75
+
+
+def test_chirp_keeps_its_phase_where_the_sweep_turns() -> None:
+    s = Chirp(amplitude=50.0, times=(0.0, 7.5, 15.0), frequencies=(1.0, 10.0, 1.0))
+    assert abs(s.value(7.5 - 1e-9) - s.value(7.5 + 1e-9)) < 1e-4
+    assert s.frequency(3.75) == pytest.approx(5.5)
+    # 41.25 cycles by the turn (the mean of 1 and 10 Hz over 7.5 s), hence a crest there
+    assert float(s.value(7.5)) == pytest.approx(50.0, rel=1e-12)
+    ascending = 50.0 * np.sin(2.0 * np.pi * (3.0 + 9.0 / 15.0 * 3.0**2))
+    assert float(s.value(3.0)) == pytest.approx(ascending, rel=1e-12)
+
+
+def test_step_takes_its_new_value_at_its_time() -> None:
+    s = Step(time=1.0, before=2.0, after=3.0)
+    assert s.value([0.999, 1.0, 1.001]).tolist() == [2.0, 3.0, 3.0]
+
+
+def test_table_from_a_file_equals_the_inline_one(tmp_path) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text("# t, s\n0, 1\n1, 2\n3, 1.5\n")
+    assert signal.validate_python({"kind": "table", "file": str(file)}) == Table(
+        times=(0.0, 1.0, 3.0), values=(1.0, 2.0, 1.5)
+    )
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        ({"kind": "table", "file": "nowhere.csv"}, "no such file"),
+        ({"kind": "ramp", "times": [0, 0], "values": [1, 2]}, "increase"),
+        ({"kind": "ramp", "times": [0, 1], "values": [1, 2, 3]}, "2 times but 3 values"),
+        ({"kind": "ramp", "times": [0, 1], "values": [1, float("nan")]}, "finite"),
+        ({"kind": "chirp", "amplitude": 1, "times": [0, 1], "frequencies": [-1, 2]}, "negative"),
+        ({"kind": "sine", "amplitude": 1, "frequency": 1, "phse": 0}, "Extra"),
+        ({"kind": "spline"}, "spline"),
+    ],
+)
+def test_what_is_no_signal_is_refused(data: dict, says: str) -> None:
+    with pytest.raises(ValidationError, match=says):
+        signal.validate_python(data)
+
+
+def test_bounds_see_a_peak_between_the_samples() -> None:
+    s = Ramp(times=(0.0, 1.0 / 3.0, 1.0), values=(0.0, 1.0, 0.0))
+    assert bounds(s, 0.0, 1.0, samples=3) == (0.0, 1.0)
