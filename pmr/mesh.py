@@ -1,0 +1,83 @@
+"""Meshes: generated or read through meshio, handed on as dolfinx meshes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import MPI, interval_mesh
+from pmr.errors import InputError
+from pmr.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BeamMesh:
+    """Nodes of a straight beam in increasing order (N,) m, the same on every rank, and the distributed mesh."""
+
+    nodes: Array
+    domain: Any
+
+
+def beam_mesh(scene: Scene, comm: MPI.Comm) -> BeamMesh:
+    """Mesh of the scene's beam.
+
+    Raises
+    ------
+    InputError
+        If a mesh file holds anything but a chain of line cells on the x axis from 0 to the beam's length.
+    """
+    if scene.mesh.file is None:
+        assert scene.mesh.elements is not None
+        nodes = graded_nodes(scene.body.length, scene.mesh.elements, scene.mesh.grading)
+    else:
+        nodes = read_nodes(scene.mesh.file, scene.body.length)
+    return BeamMesh(nodes, interval_mesh(comm, nodes))
+
+
+def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
+    """Nodes (elements + 1,) in m; element lengths grow geometrically so that last / first = `grading`."""
+    if elements == 1 or grading == 1.0:
+        return np.linspace(0.0, length, elements + 1)
+    lengths = grading ** (np.arange(elements) / (elements - 1))
+    nodes = np.concatenate([[0.0], np.cumsum(lengths)])
+    return nodes * (length / nodes[-1])
+
+
+def read_nodes(file: Path, length: float) -> Array:
+    """Nodes (N,) in m of the line cells in any file that meshio reads."""
+    import meshio
+
+    def refuse(found: str) -> InputError:
+        return InputError(str(file), "", None, f"{found}; a chain of line cells on the x axis is allowed")
+
+    try:
+        mesh = meshio.read(file)
+    except (Exception, SystemExit) as error:  # meshio leaves with SystemExit where no reader fits
+        raise refuse(f"meshio can't read it ({error})") from None
+    kinds = sorted({block.type for block in mesh.cells} - {"vertex"})
+    if kinds != ["line"]:
+        raise refuse(f"cells of type {', '.join(kinds) or 'none'}")
+    lines = np.concatenate([block.data for block in mesh.cells if block.type == "line"])
+    used = np.unique(lines)
+    points = np.asarray(mesh.points, float)
+    if np.any(np.abs(points[used, 1:]) > 1e-9 * length):
+        raise refuse("points off the x axis")
+    x = points[used, 0]
+    order = np.argsort(x)
+    nodes, rank = x[order], np.empty(len(mesh.points), int)
+    rank[used[order]] = np.arange(len(used))
+    if np.any(np.diff(nodes) <= 1e-12 * length):
+        raise refuse("two nodes at one place")
+    chain = np.sort(rank[lines], axis=1)
+    if len(chain) != len(nodes) - 1 or set(map(tuple, chain)) != {(i, i + 1) for i in range(len(nodes) - 1)}:
+        raise refuse(f"{len(lines)} lines on {len(nodes)} nodes that form no single chain")
+    if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:
+        raise refuse(f"nodes from {nodes[0]:g} to {nodes[-1]:g} m, but body.length = {length:g} m from 0")
+    nodes[0], nodes[-1] = 0.0, length
+    return np.asarray(nodes, float)

@@ -1,0 +1,1 @@
+"""Structural models, one file each: weak forms, point rows and slider rows."""

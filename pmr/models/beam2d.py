@@ -1,0 +1,121 @@
+r"""Planar Euler-Bernoulli beam with C1 cubic Hermite elements.
+
+.. math::
+    k(w, \delta w) = \int EI\, w'' \delta w'' + EA\, u' \delta u' \, dx, \qquad
+    m(w, \delta w) = \int \rho A\, (w\, \delta w + u\, \delta u) \, dx
+
+Shear deformation and rotary inertia are neglected.  Cook, Malkus, Plesha: Concepts and Applications of Finite Element
+Analysis, 3rd ed., 1989, sections 4.2 and 13.3; H. P. Gavin: Structural Element Stiffness, Mass, and Damping
+Matrices, 2020.  Coordinates are ordered node by node: [u,] w, theta.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import constant, hermite_space
+from pmr.scene import Body
+from pmr.sliding import Row
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Beam2D:
+    """The model on given nodes (N,) m."""
+
+    body: Body
+    nodes: Array
+
+    @property
+    def per_node(self) -> int:
+        return len(self.body.directions)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates n."""
+        return self.per_node * len(self.nodes)
+
+    @property
+    def reference_frequency(self) -> float:
+        """sqrt(EI / (rho A L^4)) in rad/s: the scale of the lowest frequencies."""
+        body = self.body
+        return float(np.sqrt(body.bending_stiffness / body.mass_per_length) / body.length**2)
+
+    def space(self, domain: Any) -> Any:
+        """Function space on a dolfinx interval mesh."""
+        return hermite_space(domain, self.body.axial)
+
+    def forms(self, space: Any) -> tuple[Any, Any]:
+        """Mass and stiffness as UFL forms."""
+        mesh, body = space.mesh, self.body
+        trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
+        J = ufl.JacobianDeterminant(mesh)
+        EI, rhoA = constant(mesh, body.bending_stiffness), constant(mesh, body.mass_per_length)
+        i = self.body.directions.index("y")
+        w, dw = trial[i] + J * trial[i + 1], test[i] + J * test[i + 1]
+        dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})
+        mass = rhoA * w * dw * dx
+        stiffness = EI * w.dx(0).dx(0) * dw.dx(0).dx(0) * dx
+        if body.axial:
+            u, du = trial[0], test[0]
+            mass += rhoA * u * du * dx
+            stiffness += constant(mesh, body.axial_stiffness) * u.dx(0) * du.dx(0) * dx
+        return mass, stiffness
+
+    def point(self, x: float, direction: str) -> tuple[NDArray[np.int64], Array]:
+        """Coordinates (d,) and weights (d,) of the displacement (or slope) at x: exact interpolation.
+
+        The same row applies a point force (or moment) there and measures a point displacement.
+        """
+        e = int(np.clip(np.searchsorted(self.nodes, x, side="right") - 1, 0, len(self.nodes) - 2))
+        h = self.nodes[e + 1] - self.nodes[e]
+        xi = (x - self.nodes[e]) / h
+        if direction == "x":
+            dofs, values = [self._dof(e, "x"), self._dof(e + 1, "x")], np.array([1.0 - xi, xi])
+        else:
+            dofs = self._bending_dofs(e)
+            slope = direction == "rotation"
+            values = np.array([np.polyval(np.polyder(p) if slope else p, xi) for p in HERMITE])
+            values[[1, 3]] *= h
+            if slope:
+                values /= h
+        used = np.abs(values) > 1e-14
+        return np.array(dofs, np.int64)[used], values[used]
+
+    def slider(self, offset: float = 0.0, name: str = "slider") -> Row:
+        """The row w(s + offset) = 0 as an exact piecewise cubic in s; its multiplier is a force in N."""
+        h = np.diff(self.nodes)
+        powers = h ** -np.arange(3.0, -1.0, -1.0)[:, None]  # (s / h)^p, highest power first
+        c = HERMITE.T[:, None, :] * powers[:, :, None]
+        c[:, :, [1, 3]] *= h[:, None]
+        dofs = np.array([self._bending_dofs(e) for e in range(len(h))], np.int64)
+        return Row(name, self.nodes - offset, dofs, c)
+
+    def _dof(self, node: int, direction: str) -> int:
+        return self.per_node * node + self.body.directions.index(direction)
+
+    def _bending_dofs(self, e: int) -> list[int]:
+        return [self._dof(n, d) for n in (e, e + 1) for d in ("y", "rotation")]
+
+    def dof(self, x: float, direction: str) -> int:
+        """Coordinate of the node at x.
+
+        Raises
+        ------
+        ValueError
+            If no node lies there.
+        """
+        node = int(np.argmin(np.abs(self.nodes - x)))
+        if abs(self.nodes[node] - x) > 1e-9 * self.body.length:
+            raise ValueError(f"no node at x = {x:g} m")
+        return self._dof(node, direction)
+
+
+#: N2, N3 / h, N5, N6 / h as polynomials in xi in [0, 1], highest power first.
+HERMITE = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])

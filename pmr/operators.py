@@ -1,0 +1,172 @@
+"""From a scene to the full model: mass, stiffness, damping, inputs, outputs and constraint rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import MPI, PETSc, assemble, cell_tables
+from pmr.mesh import BeamMesh, beam_mesh
+from pmr.models.beam2d import Beam2D
+from pmr.reduced import FullBody
+from pmr.scene import SUPPORT_ROWS, Scene
+from pmr.sliding import Row, Rows, fixed_row
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FullModel:
+    r"""M q'' + D q' + K q + C(s)^T lambda = B f,  C(s) q = 0,  y = O q, distributed over `comm`.
+
+    Attributes
+    ----------
+    M, D, K : PETSc.Mat (n, n)
+        Free of boundary conditions; SI units.  All coordinates in the model's own order, so that serial and parallel
+        runs number them alike; each rank owns consecutive ones.
+    inputs : PETSc.Mat (n, i)
+        One column a load.
+    outputs : PETSc.Mat (n, o)
+        O^T: one column an output, the transverse displacement at `output_positions` (o,) m.
+    rows : Rows
+        Supports first, then the sliders; the same on every rank.
+    reference_frequency : float, rad/s
+        Scale of the lowest frequencies; eigensolvers shift by it.
+    """
+
+    M: PETSc.Mat
+    D: PETSc.Mat
+    K: PETSc.Mat
+    inputs: PETSc.Mat
+    outputs: PETSc.Mat
+    rows: Rows
+    input_names: tuple[str, ...]
+    output_positions: Array
+    reference_frequency: float
+
+    @property
+    def comm(self) -> Any:
+        return self.M.comm.tompi4py()
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates n."""
+        return int(self.M.getSize()[0])
+
+    def gather(self) -> FullBody | None:
+        """The model as SciPy matrices on rank 0; None elsewhere.  Collective."""
+        parts = [gather(A) for A in (self.M, self.D, self.K, self.inputs, self.outputs)]
+        if self.comm.rank != 0:
+            return None
+        M, D, K, inputs, outputs = parts
+        assert M is not None and D is not None and K is not None and inputs is not None and outputs is not None
+        return FullBody(
+            M, D, K, inputs.toarray(), outputs.T.tocsr(), self.rows, self.input_names, self.output_positions
+        )
+
+
+def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
+    """Assemble the scene's full model on `comm`.
+
+    Raises
+    ------
+    InputError
+        If the scene's mesh file does not fit the beam.
+    """
+    return beam_model(scene, beam_mesh(scene, comm))
+
+
+def beam_model(scene: Scene, mesh: BeamMesh) -> FullModel:
+    """The full model of the scene's beam on a given mesh."""
+    model = Beam2D(scene.body, mesh.nodes)
+    space = model.space(mesh.domain)
+    order = _canonical_order(model, space)
+    M, K = (_reordered(assemble(form), order) for form in model.forms(space))
+    D = M.duplicate(copy=True)
+    D.scale(scene.damping.mass)
+    D.axpy(scene.damping.stiffness, K, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    return FullModel(
+        M,
+        D,
+        K,
+        inputs=_columns(M, [model.point(load.at, load.direction) for load in scene.loads]),
+        outputs=_columns(M, [model.point(x, "y") for x in mesh.nodes]),
+        rows=Rows((*_support_rows(scene, model), *_slider_rows(scene, model)), model.size),
+        input_names=tuple(load.name for load in scene.loads),
+        output_positions=mesh.nodes,
+        reference_frequency=model.reference_frequency,
+    )
+
+
+def _support_rows(scene: Scene, model: Beam2D) -> list[Row]:
+    domain = _path_domain(scene)
+    return [
+        fixed_row(f"support {direction} at {support.at:g} m", *model.point(support.at, direction), domain)
+        for support in scene.supports
+        for direction in SUPPORT_ROWS[support.kind]
+        if direction in scene.body.directions
+    ]
+
+
+def _slider_rows(scene: Scene, model: Beam2D) -> list[Row]:
+    offsets = scene.slider.offsets
+    names = ["slider"] if offsets == (0.0,) else [f"slider at s{offset:+g} m" for offset in offsets]
+    return [model.slider(offset, name) for offset, name in zip(offsets, names, strict=True)]
+
+
+def _path_domain(scene: Scene) -> tuple[float, float]:
+    offsets = scene.slider.offsets
+    return 0.0 - min(offsets), scene.body.length - max(offsets)
+
+
+def _canonical_order(model: Beam2D, space: Any) -> NDArray[np.int64]:
+    """PETSc's global index of each coordinate in the model's order (n,), the same on every rank."""
+    x, components = cell_tables(space)
+    node = np.searchsorted(model.nodes, x - 1e-9 * np.diff(model.nodes).min())
+    pairs = [
+        np.stack([model.per_node * node.ravel() + i, dofs.ravel()], axis=1) for i, dofs in enumerate(components)
+    ]
+    everyone = np.concatenate(space.mesh.comm.allgather(np.concatenate(pairs)))
+    order = np.full(model.size, -1, np.int64)
+    order[everyone[:, 0]] = everyone[:, 1]
+    assert np.array_equal(np.sort(order), np.arange(model.size)), "mesh and dofmap do not match"
+    return order
+
+
+def _reordered(A: PETSc.Mat, order: NDArray[np.int64]) -> PETSc.Mat:
+    """A with rows and columns in the model's order, in consecutive shares of about equal size."""
+    comm = A.comm.tompi4py()
+    first, last = np.array([comm.rank, comm.rank + 1]) * len(order) // comm.size
+    share = PETSc.IS().createGeneral(order[first:last].astype(PETSc.IntType), comm=comm)
+    return A.createSubMatrix(share, share)
+
+
+def _columns(like: PETSc.Mat, columns: list[tuple[NDArray[np.int64], Array]]) -> PETSc.Mat:
+    """Sparse matrix (n, len(columns)) with rows distributed as those of `like`."""
+    first, last = like.getOwnershipRange()
+    matrix = PETSc.Mat().createAIJ(
+        ((last - first, like.getSize()[0]), (PETSc.DECIDE, len(columns))), comm=like.comm, nnz=(len(columns),) * 2
+    )
+    for j, (dofs, entries) in enumerate(columns):
+        for dof, entry in zip(dofs, entries, strict=True):
+            if first <= dof < last:
+                matrix.setValue(dof, j, entry)
+    matrix.assemble()
+    return matrix
+
+
+def local_csr(A: PETSc.Mat) -> sp.csr_matrix:
+    """This rank's rows of a sparse matrix."""
+    indptr, columns, values = A.getValuesCSR()
+    return sp.csr_matrix((values, columns, indptr), shape=(len(indptr) - 1, A.getSize()[1]))
+
+
+def gather(A: PETSc.Mat) -> sp.csr_matrix | None:
+    """A sparse matrix on rank 0; None elsewhere."""
+    comm = A.comm.tompi4py()
+    shares = comm.gather(local_csr(A), root=0)
+    return None if shares is None else sp.vstack(shares, format="csr")

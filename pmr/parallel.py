@@ -1,0 +1,54 @@
+"""Tall dense matrices whose rows are spread over ranks like those of the full model's operators."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import PETSc
+
+Array = NDArray[np.float64]
+
+#: Entries within this share of the largest one count as equally large when a sign is fixed.
+SIGN_TOLERANCE = 1e-6
+
+
+def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
+    """Dense PETSc matrix (n, k) from this rank's rows, distributed as the rows of `like`."""
+    rows, total = like.getLocalSize()[0], like.getSize()[0]
+    assert len(local) == rows
+    matrix = PETSc.Mat().createDense(((rows, total), (PETSc.DECIDE, local.shape[1])), comm=like.comm)
+    matrix.setUp()
+    matrix.getDenseArray()[:] = local
+    matrix.assemble()
+    return matrix
+
+
+def times(A: PETSc.Mat, local: Array) -> Array:
+    """This rank's rows of A X, X given by this rank's rows."""
+    return np.array(A.matMult(tall(local, A)).getDenseArray())
+
+
+def inner(X: Array, Y: Array, comm: Any) -> Array:
+    """X^T Y of two tall matrices, given by their local rows; the same on every rank."""
+    return np.asarray(comm.allreduce(X.T @ Y))
+
+
+def fix_signs(local: Array, comm: Any) -> Array:
+    """Columns with the sign that makes their entry of largest magnitude positive.
+
+    Of entries within `SIGN_TOLERANCE` of the largest the first in the model's order decides, so that round-off can't
+    choose between the two ends of a symmetric mode.
+    """
+    size = np.abs(local)
+    largest = np.max(comm.allgather(size.max(axis=0, initial=0.0)), axis=0)
+    candidates = size >= (1.0 - SIGN_TOLERANCE) * largest
+    columns = np.arange(local.shape[1])
+    deciding = np.zeros(local.shape[1])
+    if len(local):
+        deciding = np.where(candidates.any(axis=0), local[candidates.argmax(axis=0), columns], 0.0)
+    by_rank = np.array(comm.allgather(deciding))  # ranks own consecutive rows: the first that holds one decides
+    first = by_rank[(by_rank != 0.0).argmax(axis=0), columns]
+    return local * np.where(first < 0.0, -1.0, 1.0)

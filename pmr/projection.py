@@ -1,0 +1,74 @@
+"""Galerkin projection of the full model on a basis: the step out of the finite-element world."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.basis import Basis
+from pmr.errors import InputError
+from pmr.operators import FullModel, local_csr
+from pmr.parallel import inner, times
+from pmr.reduced import ReducedModel, independent_rows
+from pmr.sliding import stack
+
+Array = NDArray[np.float64]
+
+#: Path coordinates at which the rank of the reduced rows is checked.
+RANK_CHECKS = 64
+
+
+def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+    """V^T M V, V^T D V, V^T K V, V^T B, O V and C(s) V; the same on every rank.
+
+    Rows that every basis vector satisfies (the supports, for eigenmodes) are left out and named in the result.
+
+    Raises
+    ------
+    InputError
+        If the basis is too small, or too poor, for the rows that remain.
+    """
+    comm = model.comm
+    V = np.array(basis.V.getDenseArray())
+    first = basis.V.getOwnershipRange()[0]
+    projected = [row.project(V, first) for row in model.rows.rows]
+    for row in projected:
+        row.c[:] = comm.allreduce(row.c)
+    rows = stack(projected, model.rows.domain)
+    keep, left_out = independent_rows(rows, model.rows.names, tolerance=1e2 * basis.accuracy)
+    rows.c = np.ascontiguousarray(rows.c[:, :, keep])
+    names = tuple(model.rows.names[i] for i in keep)
+    _check_rank(rows, names, basis.size)
+    return ReducedModel(
+        M=_symmetric(inner(V, times(model.M, V), comm)),
+        D=_symmetric(inner(V, times(model.D, V), comm)),
+        K=_symmetric(inner(V, times(model.K, V), comm)),
+        B=np.asarray(comm.allreduce(V.T @ local_csr(model.inputs))),
+        outputs=np.asarray(comm.allreduce((V.T @ local_csr(model.outputs)).T)),
+        rows=rows,
+        input_names=model.input_names,
+        row_names=names,
+        output_positions=model.output_positions,
+        left_out=tuple(left_out),
+        provenance=provenance,
+    )
+
+
+def _symmetric(A: Array) -> Array:
+    return (A + A.T) / 2.0
+
+
+def _check_rank(rows: Any, names: tuple[str, ...], coordinates: int) -> None:
+    """The reduced rows must be independent over the path, ends excepted: there a slider may sit on a support."""
+    low, high = rows.x[0], rows.x[-1]
+    for s in low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS:
+        C = rows(s)
+        if len(names) > coordinates or np.linalg.matrix_rank(C / np.linalg.norm(C, axis=1)[:, None], tol=1e-9) < len(C):
+            raise InputError(
+                "scene",
+                "reduction.coordinates",
+                coordinates,
+                f"the rows {', '.join(names)} depend on each other in the reduced space at s = {s:.4g} m; ask for more",
+            )

@@ -1,0 +1,81 @@
+"""Eigenmodes with the slider held at several positions: the paper's snapshots.
+
+Weyrer, Gerstmayr, Mikkola, Orzechowski: Model Order Reduction of a Sliding Beam using a Global Basis, section
+"Snapshot Selection".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.operators import FullModel
+from pmr.parallel import tall
+from pmr.scene import Scene
+from pmr.snapshots import Snapshots
+from pmr.snapshots.eigensolvers import EigenSolver, eigensolver
+from pmr.snapshots.elimination import DependentRowsError
+
+Array = NDArray[np.float64]
+
+
+def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
+    """Node numbers, counted from 1, at which the paper holds the slider: never the first node.
+
+    floor(nodes / 2) for one snapshot, floor(2 + (nodes - 2) k / (snapshots - 1)), k = 0 ... snapshots - 1, for more.
+    """
+    if snapshots == 1:
+        return np.array([nodes // 2])
+    return 2 + (nodes - 2) * np.arange(snapshots) // (snapshots - 1)
+
+
+def positions(scene: Scene, nodes: Array) -> Array:
+    """Path coordinates (snapshots,) in m at which the scene asks for snapshots.
+
+    ``nodes``: the paper's node set; ``path``: evenly over the stretch that the path visits; or as listed.
+
+    Raises
+    ------
+    InputError
+        If two snapshots fall on one node.
+    """
+    choice, count = scene.reduction.positions, scene.reduction.snapshots
+    if choice == "nodes":
+        numbers = node_set(len(nodes), count)
+        if len(set(numbers)) != count:
+            raise InputError(
+                "scene", "reduction.snapshots", count, f"at most {len(nodes) - 1} fit on the mesh's nodes"
+            )
+        return nodes[numbers - 1] - scene.slider.offsets[0]
+    if choice == "path":
+        low, high = scene.path_bounds
+        return np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2.0])
+    return np.array(choice)
+
+
+def eigenmode_snapshots(model: FullModel, scene: Scene, solver: EigenSolver | None = None) -> Snapshots:
+    """The scene's snapshots: `modes` mass-normalised eigenmodes at each of the positions.
+
+    Raises
+    ------
+    InputError
+        If the slider can't be held at one of the positions.
+    ConvergenceError
+        If too few modes exist or converge.
+    """
+    solver = solver or eigensolver(model, scene.reduction.solver)
+    at = positions(scene, model.output_positions)
+    modes = []
+    for s in at:
+        try:
+            modes.append(solver.lowest(float(s), scene.reduction.modes))
+        except DependentRowsError as error:
+            raise InputError("scene", "reduction.positions", float(s), str(error)) from None
+    return Snapshots(
+        S=tall(np.concatenate([m.phi for m in modes], axis=1), model.M),
+        omega=np.concatenate([m.omega for m in modes]),
+        s=np.repeat(at, scene.reduction.modes),
+        residuals=np.concatenate([m.residuals for m in modes]),
+        source=f"eigenmodes, {type(solver).__name__}",
+    )

@@ -1,0 +1,232 @@
+"""The lowest modes of the full model with its rows held at one path coordinate: SLEPc, or dense LAPACK.
+
+Both solve (K + sigma M) phi = (omega^2 + sigma) M phi with a small sigma > 0 for the largest 1 / (omega^2 + sigma).
+That keeps rigid-body modes harmless and, in contrast to asking LAPACK for eigenvalues of (K, M), gives the low modes
+to full relative accuracy: they are then the dominant ones.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import PETSc, SLEPc
+from pmr.errors import ConvergenceError
+from pmr.operators import FullModel, gather
+from pmr.parallel import fix_signs, inner, times
+from pmr.snapshots.elimination import eliminate
+
+Array = NDArray[np.float64]
+logger = logging.getLogger(__name__)
+
+DENSE_UP_TO = 1500  # coordinates; above, SLEPc is the automatic choice
+TOLERANCE = 1e-13
+CLUSTER = 1e-7  # relative distance of omega^2 below which two modes count as one cluster
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Circular frequencies (k,) rad/s, this rank's rows of the modes (n_local, k), and residuals (k,).
+
+    Modes are mass-normalised; their entry of largest magnitude is positive (`pmr.parallel.fix_signs`).
+    """
+
+    omega: Array
+    phi: Array
+    residuals: Array
+
+
+class EigenSolver(Protocol):
+    """Solves for the lowest modes at any path coordinate."""
+
+    def lowest(self, s: float, count: int) -> Modes:
+        """The `count` lowest modes with the rows held at s (m); collective.
+
+        Raises
+        ------
+        DependentRowsError
+            If the rows at s depend on each other.
+        ConvergenceError
+            If fewer than `count` modes exist or converge.
+        """
+        ...
+
+
+def eigensolver(model: FullModel, choice: str) -> EigenSolver:
+    """``"dense"``, ``"slepc"``, or ``"auto"``: dense up to `DENSE_UP_TO` coordinates."""
+    if choice == "auto":
+        choice = "dense" if model.size <= DENSE_UP_TO else "slepc"
+    return DenseEigenSolver(model) if choice == "dense" else SlepcEigenSolver(model)
+
+
+class DenseEigenSolver:
+    """All modes by LAPACK on rank 0: the reproducible path, O(n^3)."""
+
+    def __init__(self, model: FullModel) -> None:
+        self._model = model
+        self._sigma = model.reference_frequency**2
+        self._M, self._K = gather(model.M), gather(model.K)
+
+    def lowest(self, s: float, count: int) -> Modes:
+        model = self._model
+        elimination = eliminate(model.rows.at(s), model.rows.names)
+        _check_count(count, model.size - len(elimination.pivots))
+        phi, omega2, cut = np.empty((model.size, count)), np.empty(count), False
+        if self._M is not None and self._K is not None:
+            T = elimination.matrix()
+            M, K = (T.T @ self._M @ T).toarray(), (T.T @ self._K @ T).toarray()
+            mu, z = scipy.linalg.eigh(M, K + self._sigma * M)
+            all_omega2 = 1.0 / mu[::-1] - self._sigma
+            omega2, phi = all_omega2[:count], T @ z[:, ::-1][:, :count]
+            cut = len(all_omega2) > count and _clustered(all_omega2[count - 1], all_omega2[count])
+        omega2, phi, cut = model.comm.bcast((omega2, phi, cut))
+        first, last = model.M.getOwnershipRange()
+        return _finished(model, s, omega2, np.ascontiguousarray(phi[first:last]), cut)
+
+
+class SlepcEigenSolver:
+    """Krylov-Schur with shift-invert; MUMPS factorises.  Sylvester's law of inertia proves that no mode was missed.
+
+    A single Krylov sequence sees one vector of each multiple eigenvalue.  The inertia of K - x M counts the modes
+    below x; where some are missing, the solver runs again in the complement of those found.
+    """
+
+    def __init__(self, model: FullModel) -> None:
+        self._model = model
+        self._sigma = model.reference_frequency**2
+
+    def lowest(self, s: float, count: int) -> Modes:
+        model = self._model
+        elimination = eliminate(model.rows.at(s), model.rows.names)
+        dimension = model.size - len(elimination.pivots)
+        _check_count(count, dimension)
+        T = elimination.petsc(model.M)
+        M, K = model.M.PtAP(T), model.K.PtAP(T)
+        wanted = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
+        omega2, z = self._solve(M, K, wanted, [])
+        for _ in range(wanted):
+            below = (
+                omega2[count - 1] * (1.0 - 1e-5) - self._sigma * 1e-5
+                if len(omega2) == count or _clustered(omega2[count - 1], omega2[count])
+                else (omega2[count - 1] + omega2[count]) / 2.0
+            )
+            missing = _inertia(M, K, below) - int(np.sum(omega2 < below))
+            if missing <= 0:
+                break
+            more_omega2, more = self._solve(M, K, missing, z)
+            omega2, z = np.concatenate([omega2, more_omega2]), z + more
+            order = np.argsort(omega2, kind="stable")[:wanted]
+            omega2, z = omega2[order], [z[i] for i in order]
+        cut = len(omega2) > count and _clustered(omega2[count - 1], omega2[count])
+        phi = np.column_stack([(T * vector).getArray() for vector in z[:count]])
+        return _finished(model, s, omega2[:count], phi, cut)
+
+    def _solve(
+        self, M: PETSc.Mat, K: PETSc.Mat, count: int, found: list[PETSc.Vec]
+    ) -> tuple[Array, list[PETSc.Vec]]:
+        eps = SLEPc.EPS().create(comm=M.comm)
+        eps.setOperators(K, M)
+        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+        eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
+        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+        eps.setTarget(-self._sigma)
+        eps.setDimensions(nev=count)
+        eps.setTolerances(TOLERANCE, 500)
+        st = eps.getST()
+        st.setType(SLEPc.ST.Type.SINVERT)
+        ksp = st.getKSP()
+        ksp.setType("preonly")
+        ksp.getPC().setType("cholesky")
+        ksp.getPC().setFactorSolverType("mumps")
+        start = M.createVecRight()
+        first, last = start.getOwnershipRange()
+        # The same on any number of ranks, and along no direction of symmetry.
+        start.getArray()[:] = np.random.default_rng(7).uniform(0.5, 1.5, start.getSize())[first:last]
+        eps.setInitialSpace([start])
+        if found:
+            eps.setDeflationSpace(found)
+        eps.solve()
+        converged = eps.getConverged()
+        if converged < count:
+            raise ConvergenceError(
+                f"SLEPc: {converged} of {count} eigenpairs converged to {TOLERANCE:g} within "
+                f"{eps.getIterationNumber()} iterations; ask for fewer modes, refine the mesh or choose solver = 'dense'"
+            )
+        omega2, vectors = np.empty(count), []
+        for i in range(count):
+            vector = M.createVecRight()
+            omega2[i] = eps.getEigenpair(i, vector).real
+            vectors.append(vector)
+        order = np.argsort(omega2, kind="stable")
+        eps.destroy()
+        return omega2[order], [vectors[i] for i in order]
+
+
+def _check_count(count: int, dimension: int) -> None:
+    if count > dimension:
+        raise ConvergenceError(
+            f"{count} modes asked for, but the model has {dimension} free coordinates; ask for fewer modes or refine "
+            "the mesh"
+        )
+
+
+def _clustered(a: float, b: float) -> bool:
+    return abs(b - a) <= CLUSTER * max(abs(a), abs(b))
+
+
+def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
+    """Number of eigenvalues omega^2 < `below`: the negative pivots of K - below M (Parlett 1998, section 3.3)."""
+    shifted = K.copy()
+    shifted.axpy(-below, M, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    pc = PETSc.PC().create(comm=K.comm)
+    pc.setOperators(shifted)
+    pc.setType("cholesky")
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    pc.getFactorMatrix().setMumpsIcntl(24, 1)  # null pivots are looked for: MUMPS counts no inertia without
+    pc.setUp()
+    negative = int(pc.getFactorMatrix().getInertia()[0])
+    pc.destroy()
+    return negative
+
+
+def _finished(model: FullModel, s: float, omega2: Array, phi: Array, cut: bool) -> Modes:
+    """Make the modes M-orthonormal, fix signs, measure residuals."""
+    if cut:
+        logger.warning(
+            "s = %g m: mode %d and the next one have the same frequency; the snapshot holds one of the two. "
+            "Ask for one mode more or fewer",
+            s,
+            len(omega2),
+        )
+    comm = model.comm
+    # Cholesky instead of norms alone: an iterative solver leaves the modes orthogonal to its tolerance only.
+    L = np.linalg.cholesky(inner(phi, times(model.M, phi), comm))
+    phi = fix_signs(scipy.linalg.solve_triangular(L, phi.T, lower=True).T, comm)
+    return Modes(np.sqrt(np.maximum(omega2, 0.0)), phi, _residuals(model, s, omega2, phi))
+
+
+def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
+    """Backward errors of the eigenpairs; the rows' reactions, which balance the rest, are projected out."""
+    comm = model.comm
+    first, last = model.M.getOwnershipRange()
+    residual = times(model.K, phi) - times(model.M, phi) * omega2
+    C = model.rows.at(s)
+    touched = np.unique(C.indices)
+    dense = C[:, touched].toarray()
+    mine = (touched >= first) & (touched < last)
+    held = np.zeros((len(touched), len(omega2)))
+    held[mine] = residual[touched[mine] - first]
+    held = comm.allreduce(held)
+    balanced = held - dense.T @ np.linalg.lstsq(dense.T, held, rcond=None)[0]
+    residual[touched[mine] - first] = balanced[mine]
+    norm_K, norm_M = (A.norm(PETSc.NormType.NORM_INFINITY) for A in (model.K, model.M))
+    largest = np.array(comm.allgather([np.abs(residual).max(axis=0, initial=0.0), np.abs(phi).max(axis=0, initial=0.0)]))
+    r, p = largest.max(axis=0)
+    return np.asarray(r / ((norm_K + np.abs(omega2) * norm_M) * p))

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from textbook import EI, RHO_A, beam_matrices
+
+from pmr.models.beam2d import Beam2D
+from pmr.scene import Body
+
+NODES = np.array([0.0, 0.5, 0.8, 2.0, 3.1])
+
+
+def beam(axial: bool = True, nodes: np.ndarray = NODES) -> Beam2D:
+    body = Body(length=nodes[-1], bending_stiffness=EI, mass_per_length=RHO_A, axial_stiffness=2e7, axial=axial)
+    return Beam2D(body, nodes)
+
+
+def interpolated(model: Beam2D, function, slope) -> np.ndarray:
+    """Coordinates of the Hermite interpolant of a deflection."""
+    q = np.zeros(model.size)
+    for i, x in enumerate(model.nodes):
+        start = model.per_node * i + model.per_node - 2
+        q[start], q[start + 1] = function(x), slope(x)
+    return q
+
+
+@pytest.mark.parametrize("axial", [True, False])
+@pytest.mark.parametrize("x", [0.0, 0.3, 0.5, 1.99, 2.0, 2.7, 3.1])
+def test_a_point_row_is_exact_for_cubics(axial: bool, x: float) -> None:
+    model = beam(axial)
+    cubic = np.array([0.3, -1.0, 0.7, 2.0])
+    q = interpolated(model, lambda z: np.polyval(cubic, z), lambda z: np.polyval(np.polyder(cubic), z))
+    for direction, expected in (("y", np.polyval(cubic, x)), ("rotation", np.polyval(np.polyder(cubic), x))):
+        dofs, weights = model.point(x, direction)
+        assert q[dofs] @ weights == pytest.approx(expected, abs=1e-13)
+
+
+def test_a_point_row_at_a_node_is_that_nodes_coordinate() -> None:
+    dofs, weights = beam().point(0.8, "y")
+    assert dofs.tolist() == [7] and weights.tolist() == [1.0]
+
+
+def test_axial_displacement_is_interpolated_linearly() -> None:
+    dofs, weights = beam().point(1.4, "x")
+    assert dofs.tolist() == [6, 9] and weights == pytest.approx([0.5, 0.5])
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.25])
+def test_the_slider_row_is_the_point_row_at_every_s(offset: float) -> None:
+    model = beam()
+    row = model.slider(offset)
+    assert row.breaks == pytest.approx(NODES - offset)
+    for s in np.linspace(-offset, NODES[-1] - offset, 57):
+        expected, found = np.zeros(model.size), np.zeros(model.size)
+        dofs, weights = model.point(min(s + offset, NODES[-1]), "y")
+        expected[dofs] = weights
+        dofs, entries = row.at(s)
+        found[dofs] = entries
+        assert np.abs(found - expected).max() < 1e-14
+
+
+def test_the_slider_row_has_a_continuous_slope_across_nodes() -> None:
+    model = beam()
+    row, rng = model.slider(), np.random.default_rng(0)
+    q = rng.standard_normal(model.size)
+    for node in NODES[1:-1]:
+        left, right = (row.apply(np.array([node + side]), q[None], derivative=1)[0] for side in (-1e-9, 1e-9))
+        assert left == pytest.approx(right, abs=1e-6)
+        dofs, weights = model.point(node, "rotation")
+        assert right == pytest.approx(q[dofs] @ weights, abs=1e-6)
+
+
+def test_the_textbook_oracle_bends_like_a_beam() -> None:
+    """Cantilever under a tip force: F L^3 / (3 EI), exact at nodes of any mesh."""
+    _, K = beam_matrices(NODES)
+    F = np.zeros(len(K))
+    F[-2] = 10.0
+    q = np.linalg.solve(K[3:, 3:], F[3:])
+    assert q[-2] == pytest.approx(10.0 * 3.1**3 / (3.0 * EI), rel=1e-10)
