@@ -44,7 +44,10 @@ class Body(_Section):
 
 
 class MeshChoice(_Section):
-    """Elements of equal length, graded, or nodes read from a file (anything meshio reads)."""
+    """Elements of equal length, graded, or read from a file (anything meshio reads).
+
+    A file, where given, goes first, so that a scene may replace the elements of the one it extends.
+    """
 
     elements: Count | None = None
     grading: Positive = 1.0  # length of the last element over that of the first
@@ -59,8 +62,8 @@ class MeshChoice(_Section):
 
     @model_validator(mode="after")
     def _one_source(self) -> MeshChoice:
-        if (self.elements is None) == (self.file is None):
-            raise ValueError("give either elements or file")
+        if self.elements is None and self.file is None:
+            raise ValueError("give elements or file")
         return self
 
 

@@ -1,0 +1,102 @@
+r"""What simulators say of the same beam, in common quantities, and how far they are apart.
+
+.. math::
+    e_{NRMS}(s, r) = \min\Big( \frac{1}{|N|} \sum_{i \in N}
+        \frac{\sqrt{\frac{1}{J} \sum_j (s_{ij} - r_{ij})^2}}{\sqrt{\frac{1}{J} \sum_j r_{ij}^2}},\; 1 \Big), \qquad
+    e_{abs}(s, r) = \lVert s - r \rVert
+
+N holds the components whose reference has an RMS above 1e-10 (Weyrer et al., section "Experiments").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.reduced import SlidingBody, Trajectory
+from pmr.results import Energy, Response
+
+Array = NDArray[np.float64]
+
+#: Components whose reference RMS (m) does not exceed this are left out of e_NRMS.
+RMS_FLOOR = 1e-10
+
+
+def nrms(signal: Array, reference: Array) -> float:
+    """e_NRMS of a signal (T,) or (T, M) against a reference of the same shape, as a fraction in [0, 1].
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ or no component of the reference exceeds the floor.
+    """
+    if signal.shape != reference.shape:
+        raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")
+    scale = np.sqrt(np.mean(reference**2, axis=0))
+    error = np.sqrt(np.mean((signal - reference) ** 2, axis=0))
+    counted = scale > RMS_FLOOR
+    if not np.any(counted):
+        raise ValueError(f"the reference is zero: its RMS nowhere exceeds {RMS_FLOOR:g}")
+    return float(min(np.mean(error[counted] / scale[counted]), 1.0))
+
+
+def absolute_error(signal: Array, reference: Array) -> float:
+    """e_abs, the euclidean norm over time of the difference, in the signals' unit."""
+    return float(np.linalg.norm(np.asarray(signal) - np.asarray(reference)))
+
+
+def errors(responses: Mapping[str, Response], order: tuple[str, ...] = ("reduced", "full", "ancf")) -> dict:
+    """e_NRMS of tip and beam for all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ...}, ...}``.
+
+    The later one in `order` is the reference.  The pinned node, which does not move, counts in no pair.
+    """
+    present = [name for name in order if name in responses]
+    return {
+        f"{a}_vs_{b}": {
+            "tip": nrms(responses[a].tip, responses[b].tip),
+            "beam": nrms(responses[a].displacement, responses[b].displacement),
+        }
+        for a, b in combinations(present, 2)
+    }
+
+
+def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: Array) -> Response:
+    """Outputs, energies and constraint residuals of a trajectory.
+
+    Parameters
+    ----------
+    body : SlidingBody
+        Reduced or full.
+    trajectory : Trajectory
+    path_rate : (T,) array, m/s
+        s'(t), for the residual at velocity level.
+    loads : (T, i) array, N
+    """
+    q, v, s = trajectory.q, trajectory.v, trajectory.s
+    positions = np.asarray(getattr(body, "output_positions"))  # noqa: B009
+    moving = [i for i, name in enumerate(body.row_names) if name.startswith("slider")]
+    violation = body.apply_rows(s, q)
+    drift = body.apply_rows(s, v) + path_rate[:, None] * body.apply_rows(s, q, derivative=1)
+    return Response(
+        t=trajectory.t,
+        x=positions,
+        displacement=np.asarray((body.outputs @ q.T).T),
+        energy=energy(body, trajectory, loads),
+        slider_force=trajectory.multipliers[:, moving],
+        residual_position=np.abs(violation).max(axis=1),
+        residual_velocity=np.abs(drift).max(axis=1),
+        seconds=trajectory.seconds,
+    )
+
+
+def energy(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Energy:
+    """v^T M v / 2, q^T K q / 2 and -q^T B f, each (T,) in J (Weyrer et al., equation for H(t))."""
+    q, v = trajectory.q, trajectory.v
+
+    def half_form(A: Array, x: Array) -> Array:
+        return np.einsum("tn,nt->t", x, np.asarray(A @ x.T)) / 2.0
+
+    return Energy(half_form(body.M, v), half_form(body.K, q), -np.einsum("ti,ti->t", q @ body.B, loads))

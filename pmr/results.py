@@ -1,0 +1,158 @@
+"""What a run leaves behind: responses of every simulator, errors, basis, frequencies; written to and read from a folder.
+
+The report reads these objects and computes nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Kinetic, strain and external energy in J over time, each (T,); external is minus the work of the loads."""
+
+    kinetic: Array
+    strain: Array
+    external: Array
+
+    @property
+    def total(self) -> Array:
+        return self.kinetic + self.strain + self.external
+
+
+@dataclass(frozen=True)
+class Response:
+    """What one simulator says of the beam, in quantities that all of them share.
+
+    Attributes
+    ----------
+    t : (T,) array, s
+    x : (o,) array, m
+        Beam coordinates of the outputs.
+    displacement : (T, o) array, m
+        Transverse; the last column is the tip.
+    energy : Energy
+    slider_force : (T, m) array, N
+        Multipliers of the sliders.
+    residual_position : (T,) array, m
+        Largest violation of a slider row, max |C(s) q|.
+    residual_velocity : (T,) array, m/s
+        Largest violation of its time derivative, max |C(s) q' + C'(s) s' q|.
+    seconds : float
+        Wall time of the solver alone.
+    """
+
+    t: Array
+    x: Array
+    displacement: Array
+    energy: Energy
+    slider_force: Array
+    residual_position: Array
+    residual_velocity: Array
+    seconds: float
+
+    @property
+    def tip(self) -> Array:
+        """Transverse displacement of the free end, (T,) m."""
+        return self.displacement[:, -1]
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """The basis as seen on the beam: singular values (k,) and the transverse shapes (o, r) at x (o,) m."""
+
+    singular_values: Array
+    x: Array
+    shapes: Array
+
+
+@dataclass(frozen=True)
+class FrequencyCurves:
+    """Lowest circular frequencies in rad/s against the slider position s (S,) m; each (S, f).
+
+    `closed_form` is empty, (S, 0), where the scene is no uniform beam pinned at 0 with one slider.
+    """
+
+    s: Array
+    full: Array
+    reduced: Array
+    closed_form: Array
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """All of one run.
+
+    `responses` is keyed by simulator: ``reduced`` and, as asked, ``full`` and ``ancf``.  `summary` is what
+    summary.json holds: ``errors.<a>_vs_<b>.{tip,beam}`` (fractions), ``max_displacement`` and ``max_error`` (m),
+    ``coordinates``, ``basis``, ``seconds``, ``versions``, ``scene_hash`` and more.
+    """
+
+    scene: Scene
+    summary: dict[str, Any]
+    responses: Mapping[str, Response]
+    path: Array  # s(t), (T,) m
+    path_rate: Array  # s'(t), (T,) m/s
+    loads: Array  # (T, i) N
+    shapes: Shapes
+    frequencies: FrequencyCurves
+
+    def save(self, folder: Path) -> None:
+        """Write scene.json, summary.json and trajectories.npz into `folder`."""
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1))
+        (folder / "summary.json").write_text(json.dumps(self.summary, indent=1))
+        arrays: dict[str, Array] = {"s": self.path, "s_rate": self.path_rate, "loads": self.loads}
+        for name in ("singular_values", "x", "shapes"):
+            arrays[f"basis.{name}"] = getattr(self.shapes, name)
+        for name in ("s", "full", "reduced", "closed_form"):
+            arrays[f"frequencies.{name}"] = getattr(self.frequencies, name)
+        for simulator, response in self.responses.items():
+            for name in _RESPONSE_ARRAYS:
+                arrays[f"{simulator}.{name}"] = getattr(response, name)
+            arrays[f"{simulator}.seconds"] = np.array(response.seconds)
+            for name in ("kinetic", "strain", "external"):
+                arrays[f"{simulator}.energy.{name}"] = getattr(response.energy, name)
+        with (folder / "trajectories.npz").open("wb") as file:
+            np.savez(file, **arrays)
+
+    @classmethod
+    def load(cls, folder: Path) -> RunResult:
+        """Read what `save` wrote."""
+        summary = json.loads((folder / "summary.json").read_text())
+        with np.load(folder / "trajectories.npz", allow_pickle=False) as data:
+            responses = {
+                simulator: Response(
+                    **{name: data[f"{simulator}.{name}"] for name in _RESPONSE_ARRAYS},
+                    energy=Energy(*(data[f"{simulator}.energy.{part}"] for part in ("kinetic", "strain", "external"))),
+                    seconds=float(data[f"{simulator}.seconds"]),
+                )
+                for simulator in sorted({key.split(".")[0] for key in data.files if key.endswith(".displacement")})
+            }
+            return cls(
+                scene=Scene.model_validate_json((folder / "scene.json").read_text()),
+                summary=summary,
+                responses=responses,
+                path=data["s"],
+                path_rate=data["s_rate"],
+                loads=data["loads"],
+                shapes=Shapes(*(data[f"basis.{name}"] for name in ("singular_values", "x", "shapes"))),
+                frequencies=FrequencyCurves(
+                    *(data[f"frequencies.{name}"] for name in ("s", "full", "reduced", "closed_form"))
+                ),
+            )
+
+
+_RESPONSE_ARRAYS = ("t", "x", "displacement", "slider_force", "residual_position", "residual_velocity")

@@ -1,0 +1,32 @@
+"""The declared order of the model, measured: 4 in the frequencies with the slider on a node."""
+
+from __future__ import annotations
+
+import meshio
+import numpy as np
+import pytest
+from textbook import CLOSED_FORM
+
+from pmr.operators import full_model
+from pmr.snapshots.eigensolvers import DenseEigenSolver
+
+DECLARED_ORDER = 4
+
+
+@pytest.mark.parametrize("s", [2.5, 5.0])
+@pytest.mark.parametrize("graded", [False, True])
+def test_frequencies_converge_with_the_declared_order(load_scene, s: float, graded: bool, tmp_path) -> None:
+    elements, errors = [8, 16, 32], []
+    for count in elements:
+        # Graded by a fixed map of [0, 1], so that halving the step halves every element; node at 2.5 m.
+        x = np.linspace(-1.0, 1.0, count + 1)
+        nodes = 2.5 + 2.5 * (x + (0.3 * np.sin(np.pi * x) / np.pi if graded else 0.0))
+        file = tmp_path / f"{count}.vtu"
+        cells = np.column_stack([np.arange(count), np.arange(1, count + 1)])
+        meshio.write(file, meshio.Mesh(np.column_stack([nodes, 0 * nodes, 0 * nodes]), [("line", cells)]))
+        scene = load_scene("paper_simple", [f"mesh.file={file}"])
+        omega = DenseEigenSolver(full_model(scene)).lowest(s, 3).omega
+        errors.append(omega / np.array(CLOSED_FORM[s]) - 1.0)
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert np.all(orders > DECLARED_ORDER - 0.15), orders
+    assert np.all(orders < DECLARED_ORDER + 0.4), orders

@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import PPoly
+from textbook import CLOSED_FORM
+
+from pmr.frequencies import closed_form_frequencies, reduced_frequencies
+from pmr.reduced import ReducedModel
+
+
+def test_reduced_frequencies_are_those_of_the_held_system() -> None:
+    """Three masses of 1 kg on springs of 1, 4 and 9 N/m; the row holds one after the other."""
+    c = np.zeros((1, 3, 1, 3))
+    for interval in range(3):
+        c[0, interval, 0, interval] = 1.0
+    rows = PPoly(c, [0.0, 1.0, 2.0, 3.0])
+    I = np.eye(3)
+    model = ReducedModel(I, 0 * I, np.diag([1.0, 4.0, 9.0]), I[:, :1], I, rows, ("F",), ("slider",), np.arange(3.0))
+    found = reduced_frequencies(model, np.array([0.5, 1.5, 2.5]), 3)
+    assert found[:, :2] == pytest.approx(np.array([[2.0, 3.0], [1.0, 3.0], [1.0, 2.0]]))
+    assert np.all(np.isnan(found[:, 2]))
+
+
+def test_closed_form_where_there_is_one(load_scene) -> None:
+    s = np.array([1.25, 2.5])
+    assert closed_form_frequencies(load_scene(), s, 3) == pytest.approx(np.array([CLOSED_FORM[1.25], CLOSED_FORM[2.5]]))
+    for change in ("supports=[{at=0.0,kind='clamped'}]", "slider.offsets=[0.0,0.1]"):
+        scene = load_scene("paper_simple", [change, "compare.against=[]", "reduction.coordinates=25"])
+        assert closed_form_frequencies(scene, s, 3).shape == (2, 0)

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import PPoly
+
+from pmr.errors import InputError
+from pmr.reduced import ReducedModel, independent_rows
+
+RNG = np.random.default_rng(2)
+
+
+@pytest.fixture
+def model() -> ReducedModel:
+    A = RNG.standard_normal((3, 4, 4))
+    M, D, K = A @ A.transpose(0, 2, 1)
+    rows = PPoly(RNG.standard_normal((4, 3, 2, 4)), [0.0, 1.0, 2.0, 5.0])
+    provenance = {"scene_hash": "abc", "nested": {"x": [1, 2.5]}}
+    return ReducedModel(
+        M, D, K, RNG.standard_normal((4, 2)), RNG.standard_normal((6, 4)), rows, ("F", "G"), ("slider a", "slider b"),
+        np.linspace(0, 5, 6), ("support",), provenance,
+    )  # fmt: skip
+
+
+def test_a_model_survives_its_file(model: ReducedModel, tmp_path: Path) -> None:
+    loaded = ReducedModel.load(model.save(tmp_path / "m.npz"))
+    for name in ("M", "D", "K", "B", "outputs", "output_positions"):
+        assert np.array_equal(getattr(loaded, name), getattr(model, name))
+    for name in ("input_names", "row_names", "left_out", "provenance", "size", "domain"):
+        assert getattr(loaded, name) == getattr(model, name)
+    s = np.linspace(0.0, 5.0, 17)
+    assert np.array_equal(loaded.C(s), model.C(s)) and np.array_equal(loaded.C(1.3, 1), model.C(1.3, 1))
+
+
+def test_nothing_in_the_file_is_pickled(model: ReducedModel, tmp_path: Path) -> None:
+    with zipfile.ZipFile(model.save(tmp_path / "m.npz")) as archive:
+        for name in archive.namelist():
+            np.load(io.BytesIO(archive.read(name)), allow_pickle=False)
+    with pytest.raises(TypeError, match="JSON"):
+        replace(model, provenance={"what": object()}).save(tmp_path / "n.npz")
+
+
+def test_what_is_no_model_is_refused(model: ReducedModel, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        ReducedModel.load(tmp_path / "none.npz")
+    text = tmp_path / "text.npz"
+    text.write_text("hello")
+    with pytest.raises(InputError, match="not a reduced model"):
+        ReducedModel.load(text)
+    np.savez(tmp_path / "other.npz", a=1)
+    with pytest.raises(InputError, match="not a reduced model"):
+        ReducedModel.load(tmp_path / "other.npz")
+
+
+def test_applied_rows_are_the_rows_times_each_state(model: ReducedModel) -> None:
+    s, q = np.array([0.0, 1.5, 5.0]), RNG.standard_normal((3, 4))
+    expected = np.array([model.C(at, 1) @ state for at, state in zip(s, q, strict=True)])
+    assert model.apply_rows(s, q, derivative=1) == pytest.approx(expected)
+
+
+def test_rows_satisfied_identically_are_recognised_relative_to_the_others() -> None:
+    c = np.zeros((2, 2, 3, 4))
+    c[:, :, 0] = 1e-9
+    c[1, 1, 2] = 1e3
+    keep, left_out = independent_rows(PPoly(c, [0.0, 1.0, 2.0]), ["pin", "zero", "slider"], tolerance=1e-10)
+    assert keep == [2] and left_out == ["pin", "zero"]
+    keep, _ = independent_rows(PPoly(c, [0.0, 1.0, 2.0]), ["pin", "zero", "slider"], tolerance=1e-13)
+    assert keep == [0, 2]
+
+
+def test_the_right_world_lives_without_fenicsx() -> None:
+    """Nothing that a reduced model needs imports dolfinx, PETSc, SLEPc or MPI."""
+    code = (
+        "import sys\n"
+        "for name in ('dolfinx', 'dolfinx_solver', 'petsc4py', 'slepc4py', 'mpi4py', 'ufl', 'basix'):\n"
+        "    sys.modules[name] = None\n"
+        "import pmr.reduced, pmr.results, pmr.compare, pmr.frequencies, pmr.cli\n"
+        "import pmr.simulate.exudyn, pmr.simulate.ancf, pmr.simulate.exudyn_script, pmr.report.document\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
