@@ -1,0 +1,113 @@
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+SHELL := /bin/bash
+
+PINS := $(wildcard requirements/*.txt) pyproject.toml
+
+# The form compiler calls cc at run time, WeasyPrint loads Pango and HarfBuzz, and on Debian's default BLAS
+# a MUMPS factor takes six times as long as on OpenBLAS.
+APT := python3-dolfinx-real python3-petsc4py-real python3-slepc4py-real openmpi-bin libopenblas0-serial \
+       gcc libc6-dev python3-dev python3-venv \
+       libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 libgl1 fonts-dejavu-core
+
+# Nothing of the caller's Python or PETSc may leak in: Debian's petsc4py dies beside a NumPy 2 of the user's own.
+unexport PYTHONPATH PYTHONHOME PETSC_DIR PETSC_ARCH SLEPC_DIR PIP_USER PIP_TARGET PIP_PREFIX
+export PYTHONNOUSERSITE := 1
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Ranks share the cores; BLAS threads on top would fight over them.
+export OMP_NUM_THREADS := 1
+# MPI as root, with fewer cores than ranks, in a container; no run outlives a deadlock by more than 20 minutes.
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+export OMPI_MCA_rmaps_base_oversubscribe := 1
+export OMPI_MCA_hwloc_base_binding_policy := none
+export OMPI_MCA_btl_vader_single_copy_mechanism := none
+export HYDRA_LAUNCHER := fork
+export MPIEXEC_TIMEOUT := 1200
+
+# $(call pytest,VENV,OPTIONS): the suite, with the venv's own commands (mpirun too) first on PATH.
+pytest = @PATH="$(CURDIR)/$1/bin:/usr/bin:$$PATH" python -m pytest $2 </dev/null
+
+# $(call ranks,VENV,MPIRUN): the marked tests on two ranks. Rank 1 speaks only when something failed;
+# through mpi4py a failing rank ends the other one, which would wait for it.
+define ranks
+@log=$$(mktemp -d); PATH="$(CURDIR)/$1/bin:/usr/bin:$$PATH"; \
+$2 -n 2 /bin/sh -c 'r=$${OMPI_COMM_WORLD_RANK:-$$PMI_RANK}; [ "$$r" = 0 ] || exec >"$$0/$$r" 2>&1; exec "$$@"' \
+    "$$log" python -m mpi4py -m pytest -q -x --color=no -m mpi -p no:cacheprovider </dev/null; status=$$?; \
+[ $$status = 0 ] || { echo '--- rank 1:'; cat "$$log"/*; }; rm -rf "$$log"; exit $$status
+endef
+
+.PHONY: help
+help: ## say what there is
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+.PHONY: setup
+setup: .venv/.ready ## install what is missing: Debian packages, then the pinned Python ones into .venv
+
+.venv/.ready: $(PINS)
+	@. /etc/os-release 2>/dev/null; [ "$$ID-$$VERSION_ID" = debian-12 ] || { \
+	    echo "make sets up Debian 12 only; elsewhere: pip install '.[fenicsx]' with Python 3.12+, or conda's fenics-dolfinx and pip install ." >&2; exit 1; }
+	@missing=; for p in $(APT); do \
+	    [ "$$(dpkg-query -W -f='$${db:Status-Status}' $$p 2>/dev/null)" = installed ] || missing="$$missing $$p"; done; \
+	[ -z "$$missing" ] || { \
+	    echo "installing Debian packages:$$missing"; as_root=; [ "$$(id -u)" = 0 ] || as_root=sudo; \
+	    $$as_root apt-get -q update >/dev/null && \
+	    $$as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends $$missing >/dev/null; }
+	@echo "installing Python packages into .venv"
+	@/usr/bin/python3 -m venv --system-site-packages .venv
+	@.venv/bin/python -m pip install -q -r requirements/debian.txt
+	@.venv/bin/python -m pip install -q --no-deps --no-build-isolation -e .
+	@touch $@
+
+.PHONY: report
+report: setup ## the paper's two cases, full against reduced: reports/paper/report.html and .pdf
+	@.venv/bin/pmr run workflows/paper_simple.toml workflows/paper_evolved.toml --out reports/paper
+
+.PHONY: test
+test: lint test-suite test-mpi ## lint, the whole suite, two ranks; in CI the wheel stack too
+	@if [ "$$CI" != true ]; then echo "wheel stack not tested: make test-wheel does it"; \
+	elif [ -z "$(PYTHON312)" ]; then echo "wheel stack not tested: no Python 3.12 or newer found"; \
+	else $(MAKE) --no-print-directory test-wheel; fi
+
+.PHONY: test-suite
+test-suite: setup
+	$(call pytest,.venv)
+
+.PHONY: test-fast
+test-fast: setup ## the suite without the slow tests
+	$(call pytest,.venv,-m "not slow")
+
+.PHONY: test-mpi
+test-mpi: setup ## the tests marked mpi, on two ranks
+	$(call ranks,.venv,/usr/bin/mpirun)
+
+.PHONY: lint
+lint: setup ## ruff, mypy and the layers
+	@.venv/bin/ruff check
+	@.venv/bin/ruff format --check
+	@.venv/bin/mypy
+	@.venv/bin/lint-imports
+
+# The first Python >= 3.12 that can make a venv; a pyenv shim of an inactive version fails and is passed over.
+PYTHON312 = $(shell for p in python3.12 python3.13 python3.14 python3 \
+    "$${PYENV_ROOT:-$$HOME/.pyenv}"/versions/3.1[2-9]*/bin/python; do \
+    "$$p" -c 'import ensurepip, sys; sys.version_info < (3, 12) and sys.exit(1); print(sys.executable)' 2>/dev/null && break; done)
+
+.venv-wheel/.ready: $(PINS)
+	@[ -n "$(PYTHON312)" ] || { echo "the wheel stack needs Python 3.12 or newer: none found" >&2; exit 1; }
+	@echo "installing Python packages into .venv-wheel"
+	@"$(PYTHON312)" -m venv .venv-wheel
+	@.venv-wheel/bin/python -m pip install -q -r requirements/wheel.txt
+	@.venv-wheel/bin/python -m pip install -q --no-deps --no-build-isolation -e .
+	@touch $@
+
+.PHONY: test-wheel
+test-wheel: .venv-wheel/.ready ## the suite and the two ranks on the wheel stack (Python 3.12 or newer)
+	$(call pytest,.venv-wheel)
+	$(call ranks,.venv-wheel,mpirun)
+
+.PHONY: clean
+clean: ## remove what make and the tests made, the two venvs too
+	rm -rf .venv .venv-wheel build dist reports/paper .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	find pmr tests -name __pycache__ -prune -exec rm -rf {} +
