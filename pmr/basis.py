@@ -52,7 +52,8 @@ class Basis:
     @property
     def accuracy(self) -> float:
         """Round-off to expect in the last vector, eps sigma_1 / sigma_r: what the pool knows exactly (zeros at a
-        support, say) holds in V to about this."""
+        support, say) holds in V to about this.
+        """
         return float(np.finfo(float).eps * self.sigma[0] / self.sigma[self.size - 1])
 
     def kappa(self, r: int | None = None) -> float:

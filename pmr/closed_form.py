@@ -45,6 +45,12 @@ def frequencies(s: float, length: float, bending_stiffness: float, mass_per_leng
     return beta**2 * np.sqrt(bending_stiffness / mass_per_length)
 
 
+def axial_frequencies(length: float, axial_stiffness: float, mass_per_length: float, count: int) -> Array:
+    """(2 n - 1) pi / (2 L) sqrt(EA / rho A) in rad/s: a bar held at one end (Blevins 1979, table 8-16)."""
+    n = np.arange(1, count + 1)
+    return (2 * n - 1) * np.pi / (2.0 * length) * np.sqrt(axial_stiffness / mass_per_length)
+
+
 def _residual(x: float, share: float) -> float:
     """(k_1 + k_2) times both denominators over cosh a cosh b, at beta L = x and s / L = share: no overflow."""
     a, b = x * share, x * (1.0 - share)

@@ -27,14 +27,16 @@ def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
 
 
 def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
-    """Bending frequencies (S, count) in rad/s of the scene's beam, or (S, 0) where there is no closed form."""
-    body = scene.body
-    pinned = len(scene.supports) == 1 and scene.supports[0].at == 0.0 and scene.supports[0].kind != "clamped"
-    if not pinned or scene.slider.offsets != (0.0,):
+    """The `count` lowest frequencies (S, count) in rad/s of the scene's beam, or (S, 0) where there is no closed form.
+
+    With axial coordinates those of the bar, held at 0 and free at its end, stand among those of bending.
+    """
+    body, supports = scene.body, [(support.at, support.kind) for support in scene.supports]
+    if supports != [(0.0, "pinned")] or scene.slider.offsets != (0.0,):
         return np.empty((len(s), 0))
-    return np.array(
-        [
-            closed_form.frequencies(float(at), body.length, body.bending_stiffness, body.mass_per_length, count)
-            for at in s
-        ]
-    )
+    axial = np.empty(0)
+    if body.axial and body.axial_stiffness is not None:
+        axial = closed_form.axial_frequencies(body.length, body.axial_stiffness, body.mass_per_length, count)
+    beam = body.length, body.bending_stiffness, body.mass_per_length
+    bending = [closed_form.frequencies(float(at), *beam, count) for at in s]
+    return np.array([np.sort(np.concatenate([row, axial]))[:count] for row in bending])

@@ -127,9 +127,7 @@ def _canonical_order(model: Beam2D, space: Any) -> NDArray[np.int64]:
     """PETSc's global index of each coordinate in the model's order (n,), the same on every rank."""
     x, components = cell_tables(space)
     node = np.searchsorted(model.nodes, x - 1e-9 * np.diff(model.nodes).min())
-    pairs = [
-        np.stack([model.per_node * node.ravel() + i, dofs.ravel()], axis=1) for i, dofs in enumerate(components)
-    ]
+    pairs = [np.stack([model.per_node * node.ravel() + i, dofs.ravel()], axis=1) for i, dofs in enumerate(components)]
     everyone = np.concatenate(space.mesh.comm.allgather(np.concatenate(pairs)))
     order = np.full(model.size, -1, np.int64)
     order[everyone[:, 0]] = everyone[:, 1]

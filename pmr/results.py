@@ -1,4 +1,4 @@
-"""What a run leaves behind: responses of every simulator, errors, basis, frequencies; written to and read from a folder.
+"""What a run leaves behind: responses of every simulator, errors, basis, frequencies; kept in a folder.
 
 The report reads these objects and computes nothing.
 """

@@ -93,7 +93,7 @@ class Ramp(_Knots):
     kind: Literal["ramp"] = "ramp"
 
     def value(self, t: ArrayLike) -> Array:
-        return np.interp(t, self.times, self.values)
+        return np.interp(np.asarray(t, dtype=float), self.times, self.values)
 
     def rate(self, t: ArrayLike) -> Array:
         _, _, duration, rise, inside = self._interval(t)
@@ -148,7 +148,7 @@ class Table(_Knots):
 
     def value(self, t: ArrayLike) -> Array:
         if self.interpolation == "linear" or len(self.times) == 2:
-            return np.interp(t, self.times, self.values)
+            return np.interp(np.asarray(t, dtype=float), self.times, self.values)
         return np.asarray(Akima1DInterpolator(self.times, self.values)(self._held(t)), dtype=float)
 
     def rate(self, t: ArrayLike) -> Array:
@@ -222,7 +222,7 @@ class Chirp(SignalBase):
 
     def frequency(self, t: ArrayLike) -> Array:
         """Instantaneous frequency in Hz."""
-        return np.interp(t, self.times, self.frequencies)
+        return np.interp(np.asarray(t, dtype=float), self.times, self.frequencies)
 
     def _angle(self, t: ArrayLike) -> Array:
         t = np.asarray(t, dtype=float)

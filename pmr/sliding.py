@@ -91,8 +91,8 @@ class Row:
 
 def fixed_row(name: str, dofs: ArrayLike, entries: ArrayLike, domain: tuple[float, float]) -> Row:
     """A row that does not move: a support, or a slider that stays where it is."""
-    dofs, entries = np.atleast_1d(np.asarray(dofs, np.int64)), np.atleast_1d(np.asarray(entries, float))
-    return Row(name, np.array(domain, float), dofs[None, :], entries[None, None, :])
+    columns, values = np.atleast_1d(np.asarray(dofs, np.int64)), np.atleast_1d(np.asarray(entries, float))
+    return Row(name, np.array(domain, float), columns[None, :], values[None, None, :])
 
 
 @dataclass(frozen=True)

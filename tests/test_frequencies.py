@@ -24,6 +24,8 @@ def test_reduced_frequencies_are_those_of_the_held_system() -> None:
 
 def test_closed_form_where_there_is_one(load_scene) -> None:
     s = np.array([1.25, 2.5])
+    bar = np.pi / 10.0 * np.sqrt(2e7 / 78.0)  # between the third and the fourth of bending
+    assert closed_form_frequencies(load_scene(), s, 4)[0, 3] == pytest.approx(bar)
     assert closed_form_frequencies(load_scene(), s, 3) == pytest.approx(np.array([CLOSED_FORM[1.25], CLOSED_FORM[2.5]]))
     for change in ("supports=[{at=0.0,kind='clamped'}]", "slider.offsets=[0.0,0.1]"):
         scene = load_scene("paper_simple", [change, "compare.against=[]", "reduction.coordinates=25"])

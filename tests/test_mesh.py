@@ -41,6 +41,7 @@ def test_nodes_are_read_in_any_order(tmp_path: Path, suffix: str, form: str) -> 
         ([0, 2, 2, 5], [[0, 1], [2, 3]], "line", 0.0, "two nodes at one place"),
         ([0, 2, 3, 5], [[0, 1], [2, 3]], "line", 0.0, "no single chain"),
         ([0, 2, 3, 5], [[0, 1], [1, 2], [0, 3]], "line", 0.0, "no single chain"),
+        ([0, 2, 5], [[0, 1], [1, 2], [2, 1]], "line", 0.0, "3 lines on 3 nodes that form no single chain"),
     ],
 )
 def test_what_is_no_beam_is_refused_with_what_was_found(tmp_path: Path, x, cells, kind, y, says: str) -> None:

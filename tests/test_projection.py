@@ -10,7 +10,7 @@ from pmr.dolfinx_compat import MPI
 from pmr.errors import InputError
 from pmr.operators import full_model
 from pmr.parallel import tall
-from pmr.projection import reduced_model
+from pmr.projection import reduced_model, with_held_coordinates
 from pmr.reduced import ReducedModel
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.mpi
 
 def reduce(load_scene, *overrides: str) -> tuple[ReducedModel, np.ndarray]:
     """Reduced model and basis (n, r) on every rank."""
-    scene = load_scene("paper_simple", overrides)
+    scene = load_scene("paper_simple", ["reduction.support_rows=drop", *overrides])
     model = full_model(scene)
     basis = pod(model, eigenmode_snapshots(model, scene), scene.reduction.coordinates)
     V = np.concatenate(MPI.COMM_WORLD.allgather(np.array(basis.V.getDenseArray())))
@@ -61,10 +61,25 @@ def test_several_sliders_give_several_rows(load_scene) -> None:
             assert np.abs(reduced.C(s)[i] - entries @ V[dofs]).max() < 1e-12
 
 
+def test_held_rows_freeze_the_last_coordinates_and_keep_the_slider(load_scene) -> None:
+    reduced, _ = reduce(load_scene)
+    held = with_held_coordinates(reduced)
+    assert held.size == 20 and held.left_out == ()
+    assert held.row_names == (
+        "support x at 0 m, holds coordinate 20", "support y at 0 m, holds coordinate 19", "slider"
+    )  # fmt: skip
+    for s in (0.0, 1.37, 5.0):
+        assert np.array_equal(held.C(s)[:2], np.eye(20)[[19, 18]])
+        assert np.array_equal(held.C(s)[2], reduced.C(s)[0])
+        assert np.array_equal(held.C(s, 1)[:2], np.zeros((2, 20)))
+
+
 def test_a_basis_too_poor_for_its_rows_is_refused(load_scene) -> None:
-    """Two pads 0.1 mm apart are one row for a basis without short waves."""
+    """Two sliders a nanometre apart are one row."""
     with pytest.raises(InputError, match="depend on each other in the reduced space"):
-        reduce(load_scene, "slider.offsets=[0.0,1e-9]", "compare.against=[]", "reduction.positions=[1.0,2.0,3.0,4.0,4.5]")
+        reduce(
+            load_scene, "slider.offsets=[0.0,1e-9]", "compare.against=[]", "reduction.positions=[1.0,2.0,3.0,4.0,4.5]"
+        )
 
 
 @pytest.mark.parametrize("elements", [40, 50])

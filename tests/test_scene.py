@@ -16,7 +16,12 @@ SIMPLE = WORKFLOWS / "paper_simple.toml"
 @pytest.mark.parametrize("name", ["paper_simple", "paper_evolved"])
 def test_the_papers_scenes_hold_table_1(name: str) -> None:
     s = scene.load(WORKFLOWS / f"{name}.toml")
-    assert (s.body.length, s.body.bending_stiffness, s.body.axial_stiffness, s.body.mass_per_length) == (5, 5e4, 2e7, 78)
+    assert (s.body.length, s.body.bending_stiffness, s.body.axial_stiffness, s.body.mass_per_length) == (
+        5,
+        5e4,
+        2e7,
+        78,
+    )
     assert (s.mesh.elements, s.compare.ancf_elements, s.time.steps, s.time.rho_inf) == (50, 20, 15000, 0.9)
     assert (s.reduction.snapshots, s.reduction.modes, s.reduction.coordinates, s.row_count) == (5, 6, 20, 3)
     assert s.path_bounds == (1.25, 3.75)
@@ -24,7 +29,9 @@ def test_the_papers_scenes_hold_table_1(name: str) -> None:
 
 def test_a_signal_replaces_the_one_of_the_base_file_whole(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
-    file.write_text(f'extends = "{SIMPLE}"\nslider.path = {{ kind = "sine", amplitude = 1.0, frequency = 2.0, offset = 2.0 }}')
+    file.write_text(
+        f'extends = "{SIMPLE}"\nslider.path = {{ kind = "sine", amplitude = 1.0, frequency = 2.0, offset = 2.0 }}'
+    )
     assert scene.load(file).slider.path.kind == "sine"
 
 
@@ -81,6 +88,16 @@ def test_the_line_names_the_file_in_which_the_value_stands(tmp_path: Path) -> No
     with pytest.raises(InputError) as caught:
         scene.load(derived)
     assert caught.value.source == str(derived) and caught.value.key == "mesh.elements"
+
+
+def test_a_signal_replaced_whole_is_the_later_files(tmp_path: Path) -> None:
+    middle, last = tmp_path / "middle.toml", tmp_path / "last.toml"
+    middle.write_text(f'extends = "{SIMPLE}"\nslider.path.values = [1.0, 2.0]\n')
+    last.write_text('extends = "middle.toml"\nslider.path = { kind = "ramp", times = [0, 1], values = [1, nan] }\n')
+    assert scene.load(middle).path_bounds == (1.0, 2.0)
+    with pytest.raises(InputError) as caught:
+        scene.load(last)
+    assert caught.value.source == str(last) and caught.value.key == "slider.path.values[1]"
 
 
 @pytest.mark.parametrize(

@@ -34,11 +34,15 @@ def beam_matrices(nodes: Array, EI: float = EI, EA: float = EA, rho_A: float = R
         M[np.ix_(bar, bar)] += rho_A * h / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
         K[np.ix_(bar, bar)] += EA / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
         scale = np.outer([1.0, h, 1.0, h], [1.0, h, 1.0, h])  # rotations carry the element length
-        M[np.ix_(bend, bend)] += rho_A * h / 420.0 * scale * np.array(
-            [[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]
+        M[np.ix_(bend, bend)] += (
+            rho_A
+            * h
+            / 420.0
+            * scale
+            * np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
         )
-        K[np.ix_(bend, bend)] += EI / h**3 * scale * np.array(
-            [[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]]
+        K[np.ix_(bend, bend)] += (
+            EI / h**3 * scale * np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
         )
     return M, K
 

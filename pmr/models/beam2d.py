@@ -62,7 +62,7 @@ class Beam2D:
         dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})
         mass = rhoA * w * dw * dx
         stiffness = EI * w.dx(0).dx(0) * dw.dx(0).dx(0) * dx
-        if body.axial:
+        if body.axial and body.axial_stiffness is not None:
             u, du = trial[0], test[0]
             mass += rhoA * u * du * dx
             stiffness += constant(mesh, body.axial_stiffness) * u.dx(0) * du.dx(0) * dx

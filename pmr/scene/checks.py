@@ -43,9 +43,7 @@ def _reduction(scene: Scene) -> None:
     choice, rows, sliders = scene.reduction, scene.row_count, len(scene.slider.offsets)
     pool = choice.snapshots * choice.modes
     if choice.coordinates > pool:
-        raise _refusal(
-            "reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed"
-        )
+        raise _refusal("reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed")
     if choice.coordinates < rows:
         raise _refusal(
             "reduction.coordinates",
@@ -85,7 +83,9 @@ def _path(scene: Scene) -> None:
         for s in (low + offset, high + offset):
             if not -slack <= s <= length + slack:
                 raise _refusal(
-                    "slider.path", None, f"the slider reaches {s:g} m{which}; on the beam, 0 to {length:g} m, is allowed"
+                    "slider.path",
+                    None,
+                    f"the slider reaches {s:g} m{which}; on the beam, 0 to {length:g} m, is allowed",
                 )
         for at in held:
             if low + offset - slack <= at <= high + offset + slack:

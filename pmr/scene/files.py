@@ -116,9 +116,7 @@ def _override(data: dict[str, Any], text: str, origins: Origins) -> None:
     _merge(data, {keys[0]: nested}, "--set", origins)
 
 
-def _first_error(
-    error: ValidationError, data: Mapping[str, Any], origins: Origins, source: str
-) -> InputError:
+def _first_error(error: ValidationError, data: Mapping[str, Any], origins: Origins, source: str) -> InputError:
     found = error.errors()
     first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
     location = [part for part in first["loc"] if part in ("", *_spelled(data)) or isinstance(part, int)]

@@ -110,7 +110,11 @@ class TimeChoice(_Section):
 
 
 class Reduction(_Section):
-    """Snapshots (eigenmodes at several slider positions), compressed by POD to `coordinates` vectors."""
+    """Snapshots (eigenmodes at several slider positions), compressed by POD to `coordinates` vectors.
+
+    `support_rows` says what becomes of a support's row that the basis satisfies already: ``drop`` leaves it out;
+    ``hold`` lets it take one coordinate, the weakest of the basis, as it does in the paper (`pmr.projection`).
+    """
 
     snapshots: Count = 5
     modes: Count = 6
@@ -118,6 +122,7 @@ class Reduction(_Section):
     positions: Literal["nodes", "path"] | Annotated[tuple[NotNegative, ...], Field(min_length=1)] = "nodes"
     solver: Literal["auto", "dense", "slepc"] = "auto"
     product: Literal["euclidean", "mass"] = "euclidean"
+    support_rows: Literal["drop", "hold"] = "drop"
 
 
 class Compare(_Section):
@@ -134,6 +139,7 @@ class Published(_Section):
     errors: dict[str, dict[Literal["tip", "beam"], NotNegative]] = {}
     max_displacement: Positive | None = None
     max_error: Positive | None = None
+    remarks: tuple[str, ...] = ()  # where and why our figures differ, for the report
 
 
 class Scene(_Section):

@@ -44,9 +44,7 @@ def positions(scene: Scene, nodes: Array) -> Array:
     if choice == "nodes":
         numbers = node_set(len(nodes), count)
         if len(set(numbers)) != count:
-            raise InputError(
-                "scene", "reduction.snapshots", count, f"at most {len(nodes) - 1} fit on the mesh's nodes"
-            )
+            raise InputError("scene", "reduction.snapshots", count, f"at most {len(nodes) - 1} fit on the mesh's nodes")
         return nodes[numbers - 1] - scene.slider.offsets[0]
     if choice == "path":
         low, high = scene.path_bounds

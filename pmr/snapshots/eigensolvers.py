@@ -126,9 +126,7 @@ class SlepcEigenSolver:
         phi = np.column_stack([(T * vector).getArray() for vector in z[:count]])
         return _finished(model, s, omega2[:count], phi, cut)
 
-    def _solve(
-        self, M: PETSc.Mat, K: PETSc.Mat, count: int, found: list[PETSc.Vec]
-    ) -> tuple[Array, list[PETSc.Vec]]:
+    def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, found: list[PETSc.Vec]) -> tuple[Array, list[PETSc.Vec]]:
         eps = SLEPc.EPS().create(comm=M.comm)
         eps.setOperators(K, M)
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
@@ -155,7 +153,7 @@ class SlepcEigenSolver:
         if converged < count:
             raise ConvergenceError(
                 f"SLEPc: {converged} of {count} eigenpairs converged to {TOLERANCE:g} within "
-                f"{eps.getIterationNumber()} iterations; ask for fewer modes, refine the mesh or choose solver = 'dense'"
+                f"{eps.getIterationNumber()} iterations; ask for fewer modes, refine the mesh or choose solver = dense"
             )
         omega2, vectors = np.empty(count), []
         for i in range(count):
@@ -227,6 +225,8 @@ def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
     balanced = held - dense.T @ np.linalg.lstsq(dense.T, held, rcond=None)[0]
     residual[touched[mine] - first] = balanced[mine]
     norm_K, norm_M = (A.norm(PETSc.NormType.NORM_INFINITY) for A in (model.K, model.M))
-    largest = np.array(comm.allgather([np.abs(residual).max(axis=0, initial=0.0), np.abs(phi).max(axis=0, initial=0.0)]))
+    largest = np.array(
+        comm.allgather([np.abs(residual).max(axis=0, initial=0.0), np.abs(phi).max(axis=0, initial=0.0)])
+    )
     r, p = largest.max(axis=0)
     return np.asarray(r / ((norm_K + np.abs(omega2) * norm_M) * p))
