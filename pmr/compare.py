@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pmr.reduced import SlidingBody, Trajectory
 from pmr.results import Energy, Response
+from pmr.simulate import ancf
 
 Array = NDArray[np.float64]
 
@@ -89,6 +90,21 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
         residual_position=np.abs(violation).max(axis=1),
         residual_velocity=np.abs(drift).max(axis=1),
         seconds=trajectory.seconds,
+    )
+
+
+def respond_cable(cable: ancf.Cable, motion: ancf.CableMotion) -> Response:
+    """Response of the ANCF reference; its joint holds a point in space, so the rows' residuals do not apply: NaN."""
+    unknown = np.full(len(motion.t), np.nan)
+    return Response(
+        t=motion.t,
+        x=motion.x,
+        displacement=motion.displacement,
+        energy=ancf.energy(cable, motion),
+        slider_force=motion.slider_force[:, None],
+        residual_position=unknown,
+        residual_velocity=unknown,
+        seconds=motion.seconds,
     )
 
 

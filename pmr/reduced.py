@@ -59,6 +59,10 @@ class SlidingBody(Protocol):
         """Constraint rows (m, n) at the path coordinate s in m, or their derivative with respect to s."""
         ...
 
+    def dense_rows(self, s: Array) -> Array:
+        """C(s) (T, m, n) at several path coordinates (T,), dense."""
+        ...
+
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q (T, m) along a trajectory, s (T,) and q (T, n); or with the derivative of C."""
         ...
@@ -92,6 +96,14 @@ class FullBody:
     def C(self, s: float, derivative: int = 0) -> sp.csr_matrix:
         """Rows (m, n) at s in m, or their derivative with respect to s."""
         return self.rows.at(s, derivative)
+
+    def dense_rows(self, s: Array) -> Array:
+        """C(s) (T, m, n) at several path coordinates (T,): for a few at a time."""
+        result = np.zeros((len(s), len(self.rows.rows), self.size))
+        for i, row in enumerate(self.rows.rows):
+            dofs, entries = row.at(s)
+            np.put_along_axis(result[:, i], dofs, entries, axis=1)
+        return result
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q (T, m) along a trajectory, or with the derivative of C."""
@@ -151,6 +163,10 @@ class ReducedModel:
             If s lies outside `domain`.
         """
         return evaluate(self.rows, s, derivative, what=", ".join(self.row_names))
+
+    def dense_rows(self, s: Array) -> Array:
+        """C(s) (T, m, r) at several path coordinates (T,)."""
+        return self.C(s)
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q (T, m) along a trajectory, or with the derivative of C."""

@@ -1,0 +1,216 @@
+"""Export of a reduced model, with its scene, as a standalone Python script for Exudyn.
+
+The script consists of functions copied from `exudyn_script_signals` and `exudyn_script_body`, where they are
+tested, and of what the scene says: path, loads and time stepping.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from pmr.errors import InputError
+from pmr.reduced import ReducedModel
+from pmr.signals import Constant, Signal, SignalBase, Sum
+from pmr.simulate import exudyn_script_body, exudyn_script_signals
+from pmr.simulate.stepping import TimeStepping, check_loads
+
+_WIDTH = 88
+_SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
+
+_SCRIPT = '''\
+"""{title}: a reduced model in Exudyn.
+
+    M p'' + D p' + K p + C(s)^T lambda = B f(t),    C(s) p = 0,    y = outputs p
+
+with {size} reduced coordinates p, the slider at s(t) and the transverse displacements y; SI units throughout.
+Rows of C: {rows}.  Written by pmr; needs numpy, scipy and exudyn, and {file_name} in this folder.
+"""
+
+{imports}
+
+# --- What happens: change it here -------------------------------------------------------------------
+
+{scene}
+
+# --- Signals ----------------------------------------------------------------------------------------
+
+
+{signals}
+
+
+# --- The body in Exudyn -----------------------------------------------------------------------------
+
+
+{body}
+
+
+def main():
+    model = read_model(Path(__file__).with_name("{file_name}"))
+    t, displacement = simulate(model, slider_position, LOADS, END, STEP, RHO_INF)
+    tip = displacement[:, -1]
+    print(f"Displacement at x = {{model.output_positions[-1]:g}} m over {{t[-1]:g}} s:")
+    for name, value in (("smallest", tip.min()), ("largest", tip.max()), ("last", tip[-1])):
+        print(f"  {{name}}: {{1e3 * value:.4f}} mm")
+
+
+if __name__ == "__main__":
+    main()
+'''
+
+
+def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
+    """Write a script that simulates a saved reduced model under its scene's path and loads.
+
+    The script needs numpy, scipy and exudyn only, and the model in its own folder: the file is copied there
+    if it lies elsewhere.
+
+    Parameters
+    ----------
+    npz_path : str or Path
+        Written by `ReducedModel.save`, with the scene in its provenance.
+    target : str or Path
+        The script, e.g. ``sliding_beam.py``.
+
+    Raises
+    ------
+    InputError
+        If the file is no reduced model or has no scene.
+    """
+    npz_path, target = Path(npz_path), Path(target)
+    text = exudyn_script(ReducedModel.load(npz_path), npz_path.name)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    beside = target.with_name(npz_path.name)
+    if not (beside.exists() and beside.samefile(npz_path)):
+        shutil.copyfile(npz_path, beside)
+    target.write_text(text, encoding="utf-8")
+    return target
+
+
+def exudyn_script(model: ReducedModel, file_name: str) -> str:
+    """Text of a script that reads `model` from `file_name`.
+
+    Raises
+    ------
+    InputError
+        If the model's provenance has no usable scene.
+    """
+    scene = _scene(model, file_name)
+    signals = scene.kinds | ({"akima"} if "table" in scene.kinds else set())
+    return _SCRIPT.format(
+        title=scene.title,
+        size=model.size,
+        rows=", ".join(model.row_names),
+        file_name=file_name,
+        imports=_imports(scene.kinds),
+        scene=scene.text(),
+        signals=_sources(exudyn_script_signals, signals),
+        body=_sources(exudyn_script_body, {"read_model", "add_sliding_body", "simulate"}),
+    )
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What a model's provenance says of path, loads (one an input, by the name of its function) and time."""
+
+    title: str
+    path: SignalBase
+    loads: dict[str, SignalBase]
+    stepping: TimeStepping
+
+    @property
+    def kinds(self) -> set[str]:
+        """Kinds of all signals."""
+        return {part.kind for signal in (self.path, *self.loads.values()) for part in _parts(signal)}
+
+    def text(self) -> str:
+        """Constants and functions of t."""
+        times = (
+            f"END = {self.stepping.end!r}  # s\n"
+            f"STEP = {self.stepping.step!r}  # s\n"
+            f"RHO_INF = {self.stepping.rho_inf!r}  # spectral radius at infinite frequency"
+        )
+        functions = [_function("slider_position", "s(t) in m.", self.path)]
+        functions += [_function(name, "N (or N m).", signal) for name, signal in self.loads.items()]
+        loads = f"LOADS = [{', '.join(self.loads)}]  # in the order of B's columns"
+        return "\n\n\n".join([times, *functions, loads])
+
+
+def _scene(model: ReducedModel, source: str) -> _Scene:
+    try:
+        scene = model.provenance["scene"]
+        path = _SIGNAL.validate_python(scene["slider"]["path"])
+        signals = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
+        stepping = TimeStepping(*(float(scene["time"][key]) for key in ("end", "step", "rho_inf")))
+    except (KeyError, TypeError, ValueError) as error:
+        allowed = f"a reduced model that holds its scene (slider.path, loads, time) is allowed: {error!r}"
+        raise InputError(source, "provenance.scene", None, allowed) from None
+    check_loads(signals, model.input_names)
+    names = [re.sub(r"\W", "_", f"load_{name}") for name in model.input_names]
+    if len(set(names)) < len(names):
+        names = [f"{name}_{i}" for i, name in enumerate(names)]
+    title = re.sub(r'["\\]', "", str(scene.get("title", "Sliding body")))
+    return _Scene(title, path, dict(zip(names, signals, strict=True)), stepping)
+
+
+def _function(name: str, docstring: str, signal: SignalBase) -> str:
+    return f'def {name}(t):\n    """{docstring}"""\n    return {_sum(signal)}'
+
+
+def _sum(signal: SignalBase) -> str:
+    """Calls of all terms; on a line each where they would make a long one."""
+    calls = [_call(part) for part in _parts(signal)]
+    line = " + ".join(calls)
+    if len(calls) == 1 or (len(line) <= _WIDTH and "\n" not in line):
+        return line
+    lines = "\n+ ".join(calls).replace("\n", "\n        ")
+    return f"(\n        {lines}\n    )"
+
+
+def _call(signal: Any) -> str:
+    """``kind(t, field=value, ...)``, an argument a line where it is long; a constant as a number."""
+    if isinstance(signal, Constant):
+        return repr(signal.amount)
+    arguments = [f"{name}={value!r}" for name, value in signal.model_dump(exclude={"kind"}).items()]
+    line = f"{signal.kind}(t, {', '.join(arguments)})"
+    if len(line) <= _WIDTH:
+        return line
+    return "\n".join([f"{signal.kind}(", "        t,", *(f"        {a}," for a in arguments), "    )"])
+
+
+def _parts(signal: Any) -> Iterator[Any]:
+    """The signal, or what it sums up."""
+    if isinstance(signal, Sum):
+        for term in signal.terms:
+            yield from _parts(term)
+    else:
+        yield signal
+
+
+def _sources(module: Any, names: set[str]) -> str:
+    """Source text of some functions of a module, in the module's order."""
+    return "\n\n\n".join(inspect.getsource(f).rstrip() for name, f in vars(module).items() if name in names)
+
+
+def _imports(kinds: set[str]) -> str:
+    """What the copied functions need; the items as `exudyn_script_body` imports them."""
+    items = "".join(
+        f"    {name},\n"
+        for name, value in vars(exudyn_script_body).items()
+        if getattr(value, "__module__", None) == "exudyn.itemInterface"
+    )
+    cache = "from functools import lru_cache\n" if "table" in kinds else ""
+    akima = "Akima1DInterpolator, " if "table" in kinds else ""
+    return (
+        f"{cache}from pathlib import Path\nfrom types import SimpleNamespace\n\n"
+        "import exudyn as exu\nimport numpy as np\n"
+        f"from exudyn.itemInterface import (\n{items})\n"
+        f"from scipy.interpolate import {akima}PPoly"
+    )

@@ -1,0 +1,115 @@
+r"""A consistent start of a sliding body.
+
+.. math::
+    C(s_0)\, q_0 = 0, \qquad C(s_0)\, v_0 + \dot s_0\, C'(s_0)\, q_0 = 0
+
+An initial velocity that violates the second equation is corrected by the change of least kinetic energy, that
+is M-orthogonally, as an impulse of the sliders would do it:
+
+.. math::
+    \begin{bmatrix} M & C^T \\ C & 0 \end{bmatrix} \begin{bmatrix} \Delta v \\ \mu \end{bmatrix}
+    = \begin{bmatrix} 0 \\ -C v_0 - \dot s_0 C' q_0 \end{bmatrix}
+
+Eich: Convergence results for a coordinate projection method applied to mechanical systems with algebraic
+constraints, SIAM Journal on Numerical Analysis 30, 1993.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.reduced import SlidingBody
+
+Array = NDArray[np.float64]
+
+#: Violation of a row that counts as round-off, relative to what its entries make of the largest coordinate.
+ROW_TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """Coordinates q (n,) and velocities v (n,) at t = 0, in the units of the body's coordinates (and 1/s)."""
+
+    q: Array
+    v: Array
+
+    @classmethod
+    def at_rest(cls, size: int) -> InitialState:
+        """Undeformed and without velocity."""
+        return cls(np.zeros(size), np.zeros(size))
+
+
+def consistent_start(body: SlidingBody, s: float, s_rate: float, initial: InitialState | None) -> InitialState:
+    """The start that `initial` (None: at rest) means, its velocity corrected where it violates the rows.
+
+    Parameters
+    ----------
+    body : SlidingBody
+    s, s_rate : float
+        Path coordinate in m and its rate in m/s at t = 0.
+    initial : InitialState or None
+
+    Raises
+    ------
+    InputError
+        If a size is wrong or the position violates a row.
+    """
+    if initial is None:
+        return InitialState.at_rest(body.size)
+    q, v = (_vector(name, getattr(initial, name), body.size) for name in ("q", "v"))
+    C, C_s = _dense(body.C(s)), _dense(body.C(s, 1))
+    _check_position(C, q, body.row_names)
+    drift = C @ v + s_rate * (C_s @ q)
+    if np.all(np.abs(drift) <= ROW_TOLERANCE * (_magnitude(C, v) + abs(s_rate) * _magnitude(C_s, q))):
+        return InitialState(q, v)
+    return InitialState(q, v - _impulse(body, C, drift))
+
+
+def _check_position(C: Array, q: Array, names: tuple[str, ...]) -> None:
+    for name, excess, scale in zip(names, np.abs(C @ q), _magnitude(C, q), strict=True):
+        if excess > ROW_TOLERANCE * scale:
+            allowed = f"row {name!r} is violated by {excess:.3g}; C(s(0)) q = 0 is allowed"
+            raise InputError("initial state", "q", None, allowed)
+
+
+def _impulse(body: SlidingBody, C: Array, drift: Array) -> Array:
+    """Change of velocity (n,) of least kinetic energy whose row values are `drift` (m,)."""
+    right = np.concatenate([np.zeros(body.size), drift])
+    if sp.issparse(body.M):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", spla.MatrixRankWarning)
+            kkt = sp.bmat([[body.M, sp.csr_matrix(C.T)], [sp.csr_matrix(C), None]], "csc")
+            solution = spla.spsolve(kkt, right)
+    else:
+        kkt = np.block([[body.M, C.T], [C, np.zeros((len(C), len(C)))]])
+        solution = np.linalg.lstsq(kkt, right, rcond=None)[0]
+    dv = solution[: body.size]
+    if not np.allclose(C @ dv, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
+        names = ", ".join(body.row_names)
+        raise InputError("initial state", "v", None, f"the rows {names} depend on each other")
+    return np.asarray(dv)
+
+
+def _magnitude(C: Array, q: Array) -> Array:
+    """Bound (m,) of C q."""
+    return np.asarray(np.abs(C).sum(axis=1) * np.abs(q).max())
+
+
+def _vector(name: str, values: Any, size: int) -> Array:
+    vector = np.asarray(values, dtype=float)
+    if vector.shape != (size,) or not np.all(np.isfinite(vector)):
+        allowed = f"{size} finite values are allowed, found an array of shape {vector.shape}"
+        raise InputError("initial state", name, None, allowed)
+    return vector
+
+
+def _dense(C: Any) -> Array:
+    return C.toarray() if sp.issparse(C) else np.asarray(C)

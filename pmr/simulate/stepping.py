@@ -1,0 +1,96 @@
+"""Time grid of a simulation, and path and loads on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.signals import SignalBase
+from pmr.sliding import DOMAIN_TOLERANCE
+
+Array = NDArray[np.float64]
+#: Called with the share of the time span, 0 to 1, that is done.
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class TimeStepping:
+    """Generalized-alpha with a constant step, index 3: t_k = k step for k = 0 ... steps.
+
+    Attributes
+    ----------
+    end : float, s
+        A whole number of steps.
+    step : float, s
+    rho_inf : float
+        Spectral radius at infinite frequency: 1 keeps all energy, 0 removes the highest frequencies at once.
+
+    Raises
+    ------
+    InputError
+        If the values do not make up a time grid.
+    """
+
+    end: float
+    step: float
+    rho_inf: float = 0.9
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.step <= self.end:
+            allowed = f"more than 0 and at most end = {self.end:g} s is allowed"
+            raise InputError("scene", "time.step", self.step, allowed)
+        if abs(self.steps * self.step - self.end) > 1e-9 * self.end:
+            allowed = f"a whole number of steps must make up end = {self.end:g} s"
+            raise InputError("scene", "time.step", self.step, allowed)
+        if not 0.0 <= self.rho_inf <= 1.0:
+            raise InputError("scene", "time.rho_inf", self.rho_inf, "0 to 1 is allowed")
+
+    @property
+    def steps(self) -> int:
+        return round(self.end / self.step)
+
+    @property
+    def times(self) -> Array:
+        """(steps + 1,) s, 0 included."""
+        return np.arange(self.steps + 1) * self.step
+
+
+def path_at(path: SignalBase, domain: tuple[float, float], t: Array) -> Array:
+    """Path coordinates (T,) in m at the times t (T,) in s.
+
+    Raises
+    ------
+    InputError
+        If one of them lies outside `domain`.
+    """
+    low, high = domain
+    s = np.asarray(path.value(t), dtype=float)
+    slack = DOMAIN_TOLERANCE * (high - low)
+    outside = ~((s >= low - slack) & (s <= high + slack))
+    if outside.any():
+        k = int(np.argmax(outside))
+        allowed = f"{low:g} to {high:g} m is allowed; left at t = {t[k]:g} s"
+        raise InputError("scene", "slider.path", float(s[k]), allowed)
+    return np.clip(s, low, high)
+
+
+def loads_at(loads: Sequence[SignalBase], t: Array) -> Array:
+    """Loads (T, i) in N (or N m) at the times t (T,) in s, one column a load."""
+    return np.column_stack([np.empty((len(t), 0)), *(load.value(t) for load in loads)])
+
+
+def check_loads(loads: Sequence[SignalBase], names: Sequence[str]) -> None:
+    """One load for each input.
+
+    Raises
+    ------
+    InputError
+        Otherwise.
+    """
+    if len(loads) != len(names):
+        allowed = f"{len(loads)} given, one for each input is allowed: {', '.join(names)}"
+        raise InputError("scene", "loads", None, allowed)

@@ -1,0 +1,177 @@
+"""The paper's beam, snapshots, basis and error measure in NumPy alone, and an integrator of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from textbook import LENGTH, beam_matrices
+
+from pmr.reduced import FullBody, ReducedModel, SlidingBody, independent_rows
+from pmr.signals import Chirp, Constant, Ramp, SignalBase
+from pmr.simulate import InitialState, TimeStepping
+from pmr.sliding import Row, Rows, fixed_row, stack
+
+Array = NDArray[np.float64]
+
+TIP_LOAD = "F"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A test case of the paper: slider path in m and tip load in N over 15 s."""
+
+    path: SignalBase
+    load: SignalBase
+
+
+CASES = {
+    "simple": Case(
+        path=Ramp(times=(3.75, 11.25), values=(1.25, 3.75)),
+        load=Constant(amount=-50.0),
+    ),
+    "evolved": Case(
+        path=Ramp(times=(3.75, 7.5, 11.25), values=(1.25, 3.75, 1.25)),
+        load=Chirp(amplitude=50.0, times=(0.0, 7.5, 15.0), frequencies=(1.0, 10.0, 1.0)),
+    ),
+}
+
+
+def slider_row(nodes: Array, offset: float = 0.0) -> Row:
+    """w(s + offset) = 0 as the cubic Hermite interpolation between nodes of equal distance."""
+    h = nodes[1] - nodes[0]
+    shapes = np.array(  # N2, N3, N5, N6 in powers x^3 ... x^0 of the local coordinate
+        [
+            [2.0 / h**3, -3.0 / h**2, 0.0, 1.0],
+            [1.0 / h**2, -2.0 / h, 1.0, 0.0],
+            [-2.0 / h**3, 3.0 / h**2, 0.0, 0.0],
+            [1.0 / h**2, -1.0 / h, 0.0, 0.0],
+        ]
+    )
+    elements = np.arange(len(nodes) - 1)
+    dofs = 3 * elements[:, None] + np.array([1, 2, 4, 5])
+    return Row(f"slider {offset:g}", nodes - offset, dofs, np.repeat(shapes.T[:, None, :], len(elements), axis=1))
+
+
+def full_body(elements: int) -> FullBody:
+    """The pinned beam with one slider, a load at the tip, and the nodes' transverse displacements."""
+    nodes = np.linspace(0.0, LENGTH, elements + 1)
+    M, K = beam_matrices(nodes)
+    n, domain = len(M), (0.0, LENGTH)
+    B = np.zeros((n, 1))
+    B[n - 2, 0] = 1.0
+    rows = (fixed_row("pin x", 0, 1.0, domain), fixed_row("pin y", 1, 1.0, domain), slider_row(nodes))
+    return FullBody(
+        M=sp.csr_matrix(M),
+        D=sp.csr_matrix((n, n)),
+        K=sp.csr_matrix(K),
+        B=B,
+        outputs=sp.eye(n, format="csr")[1::3],
+        rows=Rows(rows, n),
+        input_names=(TIP_LOAD,),
+        output_positions=nodes,
+    )
+
+
+def rich_body() -> FullBody:
+    """Everything at once in 21 coordinates: damping, two sliders 0.8 m apart, a tip force and a moment."""
+    plain = full_body(elements=6)
+    B = np.zeros((plain.size, 2))
+    B[-2, 0] = B[11, 1] = 1.0  # force at the tip, moment in the middle
+    rows = (*plain.rows.rows, slider_row(plain.output_positions, offset=0.8))
+    return replace(
+        plain,
+        D=(0.4 * plain.M + 2e-4 * plain.K).tocsr(),
+        B=B,
+        rows=Rows(rows, plain.size),
+        input_names=(TIP_LOAD, "T"),
+    )
+
+
+def paper_basis(full: FullBody, snapshots: int, modes: int, coordinates: int) -> Array:
+    """POD (SVD) of mass-normalised eigenmodes with the slider at nodes spread over the beam, (n, r).
+
+    The pinned coordinates are left out of the SVD, which would else give them entries of 1e-10 (see
+    `test_paper_figures_need_noise`).
+    """
+    M, K = full.M.toarray(), full.K.toarray()
+    nodes = len(M) // 3
+    pool = []
+    for k in range(snapshots):
+        node = int(2 + (nodes - 2) * k / (snapshots - 1))  # counted from 1, as in the paper
+        free = np.setdiff1d(np.arange(len(M)), [0, 1, 3 * node - 2])
+        _, shapes = scipy.linalg.eigh(K[np.ix_(free, free)], M[np.ix_(free, free)])
+        modal = np.zeros((len(M), modes))
+        modal[free] = shapes[:, :modes]
+        pool.append(modal)
+    V = np.zeros((len(M), coordinates))
+    V[2:] = np.linalg.svd(np.hstack(pool)[2:], full_matrices=False)[0][:, :coordinates]
+    return V
+
+
+def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
+    """Galerkin projection on the columns of V (n, r), without the rows that V satisfies to `tolerance`."""
+    rows = stack([row.project(V) for row in full.rows.rows], full.domain)
+    kept, left_out = independent_rows(rows, full.row_names, tolerance)
+    return ReducedModel(
+        M=V.T @ (full.M @ V),
+        D=V.T @ (full.D @ V),
+        K=V.T @ (full.K @ V),
+        B=V.T @ full.B,
+        outputs=full.outputs @ V,
+        rows=type(rows)(rows.c[:, :, kept], rows.x),
+        input_names=full.input_names,
+        row_names=tuple(full.row_names[i] for i in kept),
+        output_positions=full.output_positions,
+        left_out=tuple(left_out),
+    )
+
+
+def generalized_alpha(
+    body: SlidingBody, s: Array, f: Array, stepping: TimeStepping, start: InitialState
+) -> tuple[Array, Array, Array]:
+    """q, v (T, n) and lambda (T, m) after Arnold, Bruels 2007, with s (T,) and f (T, i); dense and slow.
+
+    The initial acceleration leaves out the rows' own motion, as Exudyn does.
+    """
+    M, D, K, C = (A.toarray() if sp.issparse(A) else A for A in (body.M, body.D, body.K, body.C(s[0])))
+    h, rho = stepping.step, stepping.rho_inf
+    a_m, a_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+    gamma = 0.5 + a_f - a_m
+    beta = (gamma + 0.5) ** 2 / 4.0
+    to_v, to_q = gamma * h * (1.0 - a_f) / (1.0 - a_m), beta * h**2 * (1.0 - a_f) / (1.0 - a_m)
+
+    def solve(A: Array, C: Array, right: Array, g: Array) -> tuple[Array, Array]:
+        m = len(C)
+        x = np.linalg.solve(np.block([[A, C.T], [C, np.zeros((m, m))]]), np.concatenate([right, g]))
+        return x[:-m], x[-m:]
+
+    q, v = start.q, start.v
+    acceleration, multiplier = solve(M, C, body.B @ f[0] - K @ q - D @ v, np.zeros(len(C)))
+    a = acceleration
+    kept = [(q, v, multiplier)]
+    for s_k, f_k in zip(s[1:], f[1:], strict=True):
+        C = body.C(s_k).toarray() if sp.issparse(body.K) else body.C(s_k)
+        a_next = (a_f * acceleration - a_m * a) / (1.0 - a_m)
+        q = q + h * v + h**2 * ((0.5 - beta) * a + beta * a_next)
+        v = v + h * ((1.0 - gamma) * a + gamma * a_next)
+        effective, right = M + to_v * D + to_q * K, body.B @ f_k - K @ q - D @ v
+        acceleration, multiplier = solve(effective, C, right, -C @ q / to_q)  # C (q + to_q acceleration) = 0
+        q, v, a = (
+            q + to_q * acceleration,
+            v + to_v * acceleration,
+            a_next + (1.0 - a_f) / (1.0 - a_m) * acceleration,
+        )
+        kept.append((q, v, multiplier))
+    return tuple(np.array(values) for values in zip(*kept, strict=True))  # type: ignore[return-value]
+
+
+def nrms_error(signal: Array, reference: Array) -> float:
+    """The paper's e_NRMS of (T, M) signals: RMS error over RMS of the reference, mean over M, at most 1."""
+    rms = np.sqrt(np.mean(reference**2, axis=0))
+    counted = rms > 1e-10
+    error = np.sqrt(np.mean((signal - reference) ** 2, axis=0))
+    return min(float(np.mean(error[counted] / rms[counted])), 1.0)
