@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.reduced import FullBody, SlidingBody
+from pmr.reduced import SlidingBody
 from pmr.signals import SignalBase
 from pmr.simulate.stepping import TimeStepping, check_loads, loads_at, path_at
 

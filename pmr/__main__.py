@@ -1,0 +1,5 @@
+"""``python -m pmr`` is the command line."""
+
+from pmr.cli import main
+
+main()

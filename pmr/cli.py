@@ -1,0 +1,255 @@
+"""The command line: reads arguments, calls the rooms, prints tables."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.logging import RichHandler
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from pmr import environment
+from pmr import scene as scenes
+from pmr.errors import ConvergenceError, InputError, SimulationError
+from pmr.reduced import ReducedModel
+
+if TYPE_CHECKING:
+    from pmr.report.marks import Row
+    from pmr.run import Outcome
+    from pmr.run import Progress as Report
+
+app = typer.Typer(
+    help="Reduce beams that slide: from a scene file to a reduced model, checked against full references, in a report.",
+    epilog="Start with: pmr run workflows/paper_simple.toml",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+out, err = Console(), Console(stderr=True)
+
+
+@app.command()
+def run(
+    scene_files: Annotated[list[Path], typer.Argument(metavar="SCENE.toml", help="One scene file or several.")],
+    out_dir: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/SCENE]")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; repeatable.")
+    ] = None,
+) -> None:
+    """Run scenes the whole way: operators, snapshots, basis, reduced model, simulations, comparison, report.
+
+    DIR then holds report.html, report.pdf, summary.json, reduced.npz and trajectories.npz; with several scenes the
+    report is one and the rest stands in a folder for each.
+
+    Examples
+    --------
+        pmr run workflows/paper_evolved.toml
+
+        pmr run workflows/paper_evolved.toml --set reduction.coordinates=10
+
+        mpirun -n 2 pmr run SCENE.toml --set reduction.solver=slepc
+    """
+    loaded = [(file, scenes.load(file, overrides or ())) for file in scene_files]
+    if len({file.stem for file in scene_files}) != len(scene_files):
+        raise InputError("command line", "SCENE", [file.stem for file in scene_files], "names must differ")
+    folder = out_dir or Path("reports", scene_files[0].stem)
+    if folder.exists() and not folder.is_dir():
+        raise InputError("command line", "--out", str(folder), "a folder is allowed")
+
+    from pmr.dolfinx_compat import MPI
+    from pmr.report.document import write_report
+    from pmr.run import Clock
+    from pmr.run import run as run_scene
+
+    first = MPI.COMM_WORLD.rank == 0
+    outcomes = []
+    for file, scene in loaded:
+        with _progress(file.stem, shown=first) as progress:
+            try:
+                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress))
+            except InputError as error:
+                raise error.found_in(str(file)) from None
+        if outcome is not None:
+            where = folder if len(loaded) == 1 else folder / file.stem
+            outcome.result.save(where)
+            outcome.reduced.save(where / "reduced.npz")
+            outcomes.append(outcome)
+    if outcomes:
+        with _progress("report", shown=first) as progress:
+            progress("write", 0.0)
+            files = write_report([outcome.result for outcome in outcomes], folder)
+        for outcome in outcomes:
+            _print_table(outcome)
+        out.print(f"report  {files.html}\n        {files.pdf}", highlight=False, soft_wrap=True)
+
+
+@app.command()
+def export(
+    model: Annotated[Path, typer.Argument(metavar="reduced.npz", help="A reduced model that `pmr run` wrote.")],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="exudyn: a standalone Python script.")] = "exudyn",
+    out_file: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="[default: sliding_body.py beside the model]")
+    ] = None,
+) -> None:
+    """Write a reduced model as something a user can build on, without pmr.
+
+    Example:
+
+        pmr export reports/paper_simple/reduced.npz --to exudyn
+    """
+    if to != "exudyn":
+        raise InputError("command line", "--to", to, "exudyn is allowed")
+    from pmr.simulate.exudyn_script import write_exudyn_script
+
+    written = write_exudyn_script(model, out_file or model.with_name("sliding_body.py"))
+    out.print(str(written), highlight=False, soft_wrap=True)
+
+
+@app.command()
+def info(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="reduced.npz or a scene; without it, the stack found.")
+    ] = None,
+) -> None:
+    """Say which stack is in use (versions, MPI, scalar type), or what a file holds.
+
+    Examples
+    --------
+        pmr info
+
+        pmr info reports/paper_simple/reduced.npz
+    """
+    if file is None:
+        rows = environment.versions()
+        try:
+            from pmr.dolfinx_compat import versions
+        except ImportError as error:
+            rows["FEniCSx"] = f"not found ({error}); reduced models simulate without it"
+        else:
+            rows |= versions()
+        rows |= environment.machine()
+    elif file.suffix == ".toml":
+        rows = _describe_scene(scenes.load(file))
+    else:
+        rows = _describe_model(ReducedModel.load(file))
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for key, value in rows.items():
+        table.add_row(key, value)
+    out.print(table, highlight=False)
+
+
+def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
+    low, high = scene.path_bounds
+    return {
+        "title": scene.title,
+        "hash": scene.hash,
+        "body": f"{scene.body.model}, {scene.body.length:g} m, coordinates {', '.join(scene.body.directions)}",
+        "slider": f"{len(scene.slider.offsets)} row(s), s from {low:g} to {high:g} m",
+        "loads": ", ".join(f"{load.name} at {load.at:g} m along {load.direction}" for load in scene.loads),
+        "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
+        "reduction": f"{scene.reduction.coordinates} coordinates from {scene.reduction.snapshots} x "
+        f"{scene.reduction.modes} eigenmodes",
+        "compared with": ", ".join(scene.compare.against) or "nothing",
+    }
+
+
+def _describe_model(model: ReducedModel) -> dict[str, str]:
+    low, high = model.domain
+    return {
+        "reduced model": f"{model.size} coordinates",
+        "scene": f"{model.provenance.get('scene', {}).get('title', 'unknown')} "
+        f"({model.provenance.get('scene_hash', 'no hash')})",
+        "basis": str(model.provenance.get("basis", "unknown")),
+        "inputs": ", ".join(model.input_names),
+        "outputs": f"{len(model.outputs)} transverse displacements in m",
+        "rows": f"{', '.join(model.row_names)}; s from {low:g} to {high:g} m",
+        "rows left out": ", ".join(model.left_out) or "none",
+        "made with": ", ".join(f"{k} {v}" for k, v in model.provenance.get("versions", {}).items() if k[0] != "s"),
+    }
+
+
+def _print_table(outcome: Outcome) -> None:
+    """Errors, beside published ones where there are any, and solver seconds."""
+    from pmr.report import marks
+
+    summary, found = outcome.result.summary, marks.rows(outcome.result)
+    table = Table(title=outcome.result.scene.title, title_justify="left", title_style="bold")
+    table.add_column("e_NRMS, or length")
+    table.add_column("")
+    table.add_column("here", justify="right")
+    if any(row.published for row in found):
+        table.add_column("published", justify="right")
+        table.add_column("")
+    for row in found:
+        verdict = [row.published or "", _verdict(row)] if len(table.columns) > 3 else []
+        table.add_row(row.comparison, row.place, row.here, *verdict)
+    out.print(table)
+    seconds = ", ".join(f"{name} {value:.2f} s" for name, value in summary["seconds"]["simulate"].items())
+    coordinates = summary["coordinates"]
+    out.print(
+        f"{coordinates['full']} -> {coordinates['reduced']} coordinates; simulated in: {seconds}\n", highlight=False
+    )
+
+
+def _verdict(row: Row) -> str:
+    if row.mark is None:
+        return ""
+    return "same when rounded" if row.rounded else f"{row.mark.symbol} {row.mark.text}"
+
+
+@contextmanager
+def _progress(title: str, shown: bool) -> Iterator[Report]:
+    """A bar a stage on the terminal; nothing on other ranks or where the output is no terminal."""
+    columns = (TextColumn("{task.description:32}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=err, transient=True, disable=not (shown and err.is_terminal)) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def report(stage: str, share: float) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(f"{title}: {stage}", total=1.0)
+            bars.update(tasks[stage], completed=share)
+
+        yield report
+
+
+def main() -> None:
+    """Entry point: a line and exit code 2 for bad input, 1 for a solver that failed."""
+    logging.basicConfig(
+        level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=err, show_path=False)]
+    )
+    try:
+        app()
+    except InputError as error:
+        _leave(str(error), 2)
+    except (ConvergenceError, SimulationError) as error:
+        _leave(str(error), 1)
+    except Exception:
+        if _ranks() > 1:  # the others would wait for this rank for ever
+            err.print_exception()
+            _leave("a rank failed", 1)
+        raise
+
+
+def _leave(message: str, code: int) -> None:
+    err.print(f"pmr: {message}", highlight=False, soft_wrap=True, markup=False)
+    if _ranks() > 1:
+        from pmr.dolfinx_compat import MPI
+
+        MPI.COMM_WORLD.Abort(code)
+    sys.exit(code)
+
+
+def _ranks() -> int:
+    """Ranks of this run, without starting MPI for commands that do without it."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    return mpi.COMM_WORLD.size if mpi else 1

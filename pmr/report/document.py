@@ -1,0 +1,117 @@
+"""The report: one self-contained HTML page and the same as PDF."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from pmr.report import marks, provenance, sentences
+from pmr.report.animation import animation, scale_text
+from pmr.report.figures import Drawing, drawings
+from pmr.report.figures.vector import FONT, words
+from pmr.report.fonts import embedded
+from pmr.results import RunResult
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ReportFiles:
+    """The two files of a report."""
+
+    html: Path
+    pdf: Path
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run, ready for the templates: everything in it is text, markup or plain data."""
+
+    anchor: str
+    title: str
+    source: str | None
+    key_numbers: list[sentences.KeyNumber]
+    paragraph: str
+    table: list[marks.Row]
+    verdicts: dict[str, int]
+    apart: bool
+    reasons: list[str]
+    drawings: dict[str, Drawing]
+    animation: dict[str, Any]
+    scale: str
+    provenance: list[list[provenance.Table]]
+    software: list[str]
+
+
+def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
+    """Write report.html and report.pdf for one or several runs into `folder`, which is made if need be.
+
+    The page holds its figures, fonts, styles and scripts; it asks for nothing from outside.  The same results
+    give the same page, byte by byte.
+
+    Raises
+    ------
+    ValueError
+        If there is no result, or one without a response of the reduced beam.
+    """
+    if not results:
+        raise ValueError("a report needs at least one result")
+    for result in results:
+        if "reduced" not in result.responses:
+            raise ValueError(f"{result.scene.title}: a report needs the response of the reduced beam")
+    return write([case(result, f"case-{number}") for number, result in enumerate(results, start=1)], folder)
+
+
+def write(cases: Sequence[Case], folder: Path) -> ReportFiles:
+    """Write both files from what the templates need."""
+    import weasyprint  # takes a second to load, which only those who write a PDF should wait for
+
+    folder.mkdir(parents=True, exist_ok=True)
+    files = ReportFiles(folder / "report.html", folder / "report.pdf")
+    page = render(cases)
+    files.html.write_text(page, encoding="utf-8")
+    weasyprint.HTML(string=page).write_pdf(files.pdf)
+    _log.info("report of %d case(s) written to %s", len(cases), folder)
+    return files
+
+
+def case(result: RunResult, anchor: str) -> Case:
+    """Everything that the report says about one run."""
+    table, motion = marks.rows(result), animation(result)
+    return Case(
+        anchor=anchor,
+        title=result.scene.title,
+        source=result.scene.published.source if result.scene.published else None,
+        key_numbers=sentences.key_numbers(result),
+        paragraph=sentences.paragraph(result, table),
+        table=table,
+        verdicts=marks.verdicts(table),
+        apart=bool(marks.apart(table)),
+        reasons=marks.reasons(result, table),
+        drawings=drawings(result, anchor),
+        animation=motion,
+        scale=scale_text(motion),
+        provenance=provenance.tables(result),
+        software=provenance.software(result),
+    )
+
+
+def render(cases: Sequence[Case]) -> str:
+    """The page as HTML."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("pmr.report"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    text = "".join(words(drawing.svg) for one in cases for drawing in one.drawings.values())
+    title = cases[0].title if len(cases) == 1 else "Reduced sliding beams"
+    font = embedded(FONT, "".join(sorted(set(text))))
+    headings = list(dict.fromkeys(number.label for one in cases for number in one.key_numbers))
+    return environment.get_template("report.html").render(title=title, cases=cases, headings=headings, font=font)

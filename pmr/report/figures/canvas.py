@@ -1,0 +1,172 @@
+"""Paper and pens: one style for all figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import ceil, floor, log10
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullLocator
+
+from pmr.report.numbers import power_of_ten
+
+WIDE = 6.7  # in, the text width of an A4 page
+HALF = 3.25  # in, two beside each other
+BINS_PER_INCH = 80.0  # peaks kept: one interval for about the width of a line
+
+MOST_DECADES = 18  # of a logarithmic axis
+STEPS = (1, 2, 5, 10)  # between ticks
+INK, MUTED, SHADE = "#1c2733", "#5b6875", "#e8ecf0"
+
+_STYLE: Mapping[str, Any] = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 7.5,
+    "axes.labelsize": 7.5,
+    "axes.titlesize": 7.5,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": "#9aa5b1",
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.xmargin": 0.0,
+    "axes.unicode_minus": True,
+    "grid.color": "#d9dfe5",
+    "grid.linewidth": 0.4,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.bottom": False,  # the grid leads to the labels
+    "ytick.left": False,
+    "lines.linewidth": 1.0,
+    "lines.solid_joinstyle": "round",
+    "lines.dash_joinstyle": "round",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.15,
+    "legend.frameon": False,
+    "figure.facecolor": "none",
+    "savefig.facecolor": "none",
+}
+
+
+@dataclass(frozen=True)
+class Pen:
+    """How one simulator is drawn: colour (Okabe and Ito), width in pt and dash; legible in grey too."""
+
+    label: str
+    colour: str
+    width: float
+    dash: tuple[float, ...] = ()
+
+    def line(self, weight: float = 1.0) -> dict[str, Any]:
+        """Keywords for `Axes.plot`; `weight` thins the line where curves are dense."""
+        pattern: Any = (0, tuple(length / self.width for length in self.dash)) if self.dash else "-"
+        return {"color": self.colour, "linewidth": weight * self.width, "linestyle": pattern}
+
+
+PENS: Mapping[str, Pen] = {
+    "full": Pen("full", "#56b4e9", 2.4),
+    "ancf": Pen("ANCF", "#00664b", 0.7),
+    "reduced": Pen("reduced", "#d55e00", 1.0, (4.0, 2.5)),
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw in the style of the report; what was set before is set again afterwards."""
+    with mpl.rc_context(dict(_STYLE)):
+        yield
+
+
+def sheet(
+    width: float,
+    height: float,
+    rows: int = 1,
+    columns: int = 1,
+    margins: Mapping[str, float] | None = None,
+    **grid: Any,
+) -> tuple[Figure, Any]:
+    """An empty figure with a grid of axes, (rows, columns).
+
+    Margins (left, right, top, bottom) are in inches, so that axes of different figures line up and nothing
+    has to be measured.  What follows goes to `Figure.subplots`.
+    """
+    inches = {"left": 0.6, "right": 0.16, "top": 0.28, "bottom": 0.38, **(margins or {})}
+    figure = Figure(figsize=(width, height))
+    gridspec = {
+        "left": inches["left"] / width,
+        "right": 1.0 - inches["right"] / width,
+        "top": 1.0 - inches["top"] / height,
+        "bottom": inches["bottom"] / height,
+    }
+    gridspec.update(grid.pop("gridspec_kw", {}))
+    axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw=gridspec, **grid)
+    for ax in axes.flat:
+        ax.yaxis.set_major_locator(MaxNLocator(5, steps=STEPS))
+        ax.xaxis.set_major_locator(MaxNLocator(8 if width > HALF else 6, steps=STEPS))
+        _place_labels(ax)
+    return figure, axes
+
+
+def _place_labels(ax: Axes) -> None:
+    """Axis labels at fixed distances: they line up everywhere, and nothing has to be measured."""
+    extent, inch = ax.get_window_extent(), mpl.rcParams["figure.dpi"]
+    ax.yaxis.set_label_coords(-0.42 * inch / extent.width, 0.5)
+    ax.xaxis.set_label_coords(0.5, -0.25 * inch / extent.height)
+
+
+def key(figure: Figure, handles: list[Any]) -> None:
+    """One row of legend entries above the axes, where no curve runs."""
+    if handles:
+        left, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF
+        figure.legend(
+            handles=handles,
+            loc="upper left",
+            bbox_to_anchor=(left - 0.01, 1.0),
+            ncols=len(handles),
+            borderaxespad=0.25,
+            columnspacing=1.6 if roomy else 0.9,
+            handletextpad=0.6 if roomy else 0.4,
+            handlelength=2.6 if roomy else 1.9,
+        )
+
+
+def log_axis(ax: Axes, low: float, high: float) -> None:
+    """Logarithmic y-axis over the whole decades that hold `low` to `high`, at most `MOST_DECADES` of them.
+
+    Powers of ten are labelled by text that needs no math mode.
+    """
+    top = ceil(log10(high) - 1e-9)
+    bottom = max(min(floor(log10(low)), top - 1), top - MOST_DECADES)
+    decades = range(top, bottom - 1, -ceil((top - bottom) / 5))
+    ax.set_yscale("log")
+    ax.set_ylim(10.0 ** (bottom - 0.15), 10.0 ** (top + 0.15))
+    ax.set_yticks([10.0**decade for decade in decades], [power_of_ten(decade) for decade in decades])
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+def octave_axis(ax: Axes, low: float, high: float) -> None:
+    """Logarithmic y-axis labelled 1, 2, 5, 10 for values that span one to four decades; else left linear."""
+    if not 10.0 < high / max(low, 1e-300) < 1e4:
+        return
+    decades = range(floor(log10(low)), ceil(log10(high)) + 1)
+    ticks = [step * 10.0**decade for decade in decades for step in (1.0, 2.0, 5.0)]
+    ticks = [tick for tick in ticks if 0.9 * low <= tick <= 1.1 * high]
+    ax.set_yscale("log")
+    ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+def bins_of(ax: Axes) -> int:
+    """Intervals in which a signal over the width of `ax` keeps its peaks."""
+    inches = ax.get_window_extent().width / mpl.rcParams["figure.dpi"]
+    return max(40, int(BINS_PER_INCH * inches))

@@ -1,0 +1,70 @@
+"""The sentences below the figures, where they depend on the case."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pmr.report.figures import shapes
+from pmr.report.figures.canvas import PENS
+from pmr.report.figures.timeline import Quantity, Timeline, drawn, reference
+from pmr.report.numbers import SPACE
+from pmr.results import RunResult
+
+_BEAMS = {"full": "the full beam", "ancf": "ANCF", "reduced": "the reduced beam"}
+
+
+def tip(result: RunResult) -> str:
+    """Below the tip's history."""
+    about = "deviates most" if reference(result) else "moves most"
+    return _history(result, "Transverse displacement of the tip", f", where the tip of the reduced beam {about}")
+
+
+def snapshots(result: RunResult) -> str:
+    """Below the strip of deflected beams."""
+    moments = f"at the largest tip displacement in each of {shapes.SNAPSHOTS} equal parts of the time"
+    return f"The deflected beam {moments}. The transverse scale is exaggerated."
+
+
+def energy(result: RunResult) -> str:
+    """Below the total energy's history."""
+    return _history(result, "Total energy: kinetic and strain energy less the work of the loads")
+
+
+def energy_parts(result: RunResult) -> str:
+    """Below the parts of the energy."""
+    base = reference(result)
+    beside = f"; on the right, the differences to {_BEAMS[base]}" if base else ""
+    return f"Strain, kinetic and external energy, which is minus the work of the loads{beside}."
+
+
+def residual(result: RunResult, what: Quantity, level: str) -> str:
+    """Below a constraint residual; says of which simulator it is not known."""
+    unknown = [PENS[name].label for name in drawn(result) if name not in Timeline(result).signals(what)]
+    missing = f" It is not known for {' and '.join(unknown)}." if unknown else ""
+    return f"Constraint residual at {level} level, the largest value of each interval.{missing}"
+
+
+def basis(result: RunResult) -> str:
+    """Below the shapes of the basis."""
+    count = result.shapes.shapes.shape[1]
+    first = f"the first {shapes.MOST_SHAPES} of {count}" if count > shapes.MOST_SHAPES else f"all {count}"
+    flat = " A flat line belongs to a vector that moves the beam along its axis only."
+    scaled = f"Transverse shapes of the basis vectors, {first}, each over its largest value."
+    return f"{scaled}{flat if shapes.has_flat(result) else ''}"
+
+
+def frequencies(result: RunResult) -> str:
+    """Below the eigenfrequencies."""
+    level = " Level lines belong to vibration along the axis, which the closed form leaves out."
+    axial = result.scene.body.axial and np.isfinite(result.frequencies.closed_form).any()
+    return f"Lowest eigenfrequencies for a resting slider at s.{level if axial else ''}"
+
+
+def _history(result: RunResult, what: str, where: str = "") -> str:
+    base, window = reference(result), Timeline(result).detail()
+    below = f"; below, the difference to {_BEAMS[base]}" if base else ""
+    framed = ""
+    if window:
+        span = f"{window.start:.2f}{SPACE}s to {window.end:.2f}{SPACE}s"
+        framed = f" The frame, {span}{where}, is enlarged on the right."
+    return f"{what}{below}.{framed}"

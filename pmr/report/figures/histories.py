@@ -1,0 +1,101 @@
+"""Figures over time: what the beam does, and how well the simulators agree."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pmr.report.decimation import ceiling
+from pmr.report.figures.canvas import HALF, PENS, WIDE, bins_of, key, log_axis, sheet
+from pmr.report.figures.timeline import Quantity, Timeline, reference
+from pmr.results import RunResult
+
+MOST_SLIDERS = 4  # panels of one figure
+
+
+def history(result: RunResult, what: Quantity, label: str, base: str) -> Figure:
+    """A quantity over time for every simulator; below it the difference to the reference; beside it a detail.
+
+    Parameters
+    ----------
+    result : RunResult
+    what : callable
+        Takes the quantity, (T,) in the unit `base`, from a response.
+    label : str
+        Name of the quantity, for the axis.
+    base : str
+        Unit without prefix.
+    """
+    time = Timeline(result)
+    signals, window = time.signals(what), time.detail()
+    panels = [(label, signals)]
+    if differences := time.differences(signals):
+        panels.append(("Difference", differences))
+    widths, heights = ((3.6, 1.0) if window else (1.0,)), (1.35, 1.0)[: len(panels)]
+    figure, axes = sheet(
+        WIDE,
+        2.75 if differences else 1.9,
+        rows=len(panels),
+        columns=len(widths),
+        sharey="row",
+        gridspec_kw={"width_ratios": widths, "height_ratios": heights, "wspace": 0.05, "hspace": 0.12},
+    )
+    for row, (name, curves) in enumerate(panels):
+        time.draw(axes[row], curves, name, base, window, last=row == len(panels) - 1)
+    key(figure, time.legend(list(signals)))
+    return figure
+
+
+def energy_parts(result: RunResult) -> Figure:
+    """Strain, kinetic and external energy, one row each; beside them the differences to the reference."""
+    time = Timeline(result)
+    parts: dict[str, Quantity] = {
+        "Strain": lambda response: response.energy.strain,
+        "Kinetic": lambda response: response.energy.kinetic,
+        "External": lambda response: response.energy.external,
+    }
+    compared = reference(result) is not None
+    gaps = {"wspace": 0.24, "hspace": 0.14}
+    figure, axes = sheet(WIDE, 3.9, rows=len(parts), columns=1 + compared, sharex=True, gridspec_kw=gaps)
+    for row, (part, what) in enumerate(parts.items()):
+        signals, last = time.signals(what), row == len(parts) - 1
+        time.draw(axes[row, :1], signals, f"{part} energy", "J", last=last, weight=0.6)
+        if compared:
+            time.draw(axes[row, 1:], time.differences(signals), "Difference", "J", last=last, weight=0.6)
+    key(figure, time.legend(list(signals)))
+    return figure
+
+
+def slider_force(result: RunResult) -> Figure:
+    """Multipliers of the sliders in N, one panel a slider."""
+    time = Timeline(result)
+    count = min(MOST_SLIDERS, len(result.scene.slider.offsets))
+    figure, axes = sheet(WIDE, 0.7 + 1.25 * count, rows=count, sharex=True, gridspec_kw={"hspace": 0.15})
+    for slider in range(count):
+        signals = time.signals(lambda response, column=slider: response.slider_force[:, column])  # type: ignore[misc]
+        label = "Slider force" if count == 1 else f"Slider {slider + 1}: force"
+        time.draw(axes[slider], signals, label, "N", last=slider == count - 1)
+    key(figure, time.legend(list(signals)))
+    return figure
+
+
+def residual(result: RunResult, what: Quantity, label: str) -> Figure:
+    """A violation of the slider's constraint over time, logarithmic: the largest value of each interval."""
+    time = Timeline(result)
+    figure, axes = sheet(HALF, 2.0)
+    ax = axes[0, 0]
+    signals = {name: np.abs(signal) for name, signal in time.signals(what).items()}
+    seen = [0.0]
+    for order, (name, signal) in enumerate(signals.items()):
+        shown = ceiling(signal, bins_of(ax))
+        shown = shown[signal[shown] > 0.0]
+        ax.plot(time.t[shown], signal[shown], zorder=2.0 + order / 10.0, **PENS[name].line())
+        seen.extend(signal[shown])
+    time.frame(ax, label)
+    if max(seen) > 0.0:
+        log_axis(ax, min(value for value in seen if value > 0.0), max(seen))
+    else:
+        ax.set_ylim(0.0, 1.0)
+        ax.text(0.5, 0.5, "zero at all times" if signals else "not known", transform=ax.transAxes, ha="center")
+    key(figure, time.legend(list(signals)))
+    return figure

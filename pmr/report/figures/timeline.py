@@ -1,0 +1,153 @@
+"""What figures over time share: the time axis, phases in which the slider moves, curves, legends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from pmr.report.decimation import extremes, onto
+from pmr.report.figures.canvas import INK, PENS, SHADE, STEPS, bins_of
+from pmr.report.numbers import unit_for
+from pmr.results import Response, RunResult
+
+Array = NDArray[np.float64]
+Quantity = Callable[[Response], Array]
+SHORT = 400  # samples, below which nothing is enlarged
+PAUSE = 2  # samples of standstill that still count as one motion
+
+
+@dataclass(frozen=True)
+class Span:
+    """An interval of time in s."""
+
+    start: float
+    end: float
+
+
+def drawn(result: RunResult) -> Mapping[str, Response]:
+    """Responses in the order in which they are drawn, the thickest line first."""
+    return {name: result.responses[name] for name in PENS if name in result.responses}
+
+
+def reference(result: RunResult) -> str | None:
+    """What the others are compared with: the full model, or else ANCF; None for a reduced beam alone."""
+    return next((name for name in ("full", "ancf") if name in result.responses), None)
+
+
+def sliding(t: Array, rate: Array) -> tuple[Span, ...]:
+    """Intervals in which the slider moves; where one ramp meets the next the rate may vanish for a moment."""
+    moving = np.flatnonzero(np.abs(rate) > 1e-9 * np.abs(rate).max(initial=0.0))
+    if not len(moving):
+        return ()
+    breaks = np.flatnonzero(np.diff(moving) > PAUSE + 1)
+    starts, ends = moving[np.r_[0, breaks + 1]], moving[np.r_[breaks, len(moving) - 1]] + 1
+    last = len(t) - 1
+    return tuple(Span(float(t[a]), float(t[min(b, last)])) for a, b in zip(starts, ends, strict=True))
+
+
+class Timeline:
+    """The time axis of a case: that of the reduced beam, on which the signals of the others are drawn too."""
+
+    def __init__(self, result: RunResult) -> None:
+        self.result = result
+        self.t = result.responses["reduced"].t
+        self.phases = sliding(self.t, result.path_rate)
+
+    def signals(self, what: Quantity) -> dict[str, Array]:
+        """A quantity for each simulator that knows it; the others hold values that are no numbers."""
+        found = {name: onto(self.t, one.t, what(one)) for name, one in drawn(self.result).items()}
+        return {name: signal for name, signal in found.items() if np.isfinite(signal).all()}
+
+    def differences(self, signals: Mapping[str, Array]) -> dict[str, Array]:
+        """Signals less that of the reference; empty without one."""
+        base = reference(self.result)
+        if base is None or base not in signals:
+            return {}
+        return {name: signal - signals[base] for name, signal in signals.items() if name != base}
+
+    def detail(self) -> Span | None:
+        """A twentieth of the time, about the largest tip difference of the reduced beam to its reference.
+
+        Without a reference it is about the largest tip displacement; None for a motion too short to be seen
+        closer.
+        """
+        if len(self.t) < SHORT:
+            return None
+        tips = self.signals(lambda response: response.tip)
+        signal = self.differences(tips).get("reduced", tips["reduced"])
+        start, end = float(self.t[0]), float(self.t[-1])
+        half = (end - start) / 40.0
+        middle = float(np.clip(self.t[int(np.argmax(np.abs(signal)))], start + half, end - half))
+        return Span(middle - half, middle + half)
+
+    def draw(
+        self,
+        axes: Sequence[Axes],
+        curves: Mapping[str, Array],
+        label: str,
+        base: str,
+        window: Span | None = None,
+        last: bool = True,
+        weight: float = 1.0,
+    ) -> None:
+        """Curves over the whole time on the first axes and, enlarged, over `window` on the second.
+
+        Parameters
+        ----------
+        axes : sequence of one or two Axes
+        curves : mapping from simulator to (T,) array
+            In the unit `base`; the prefix that suits the largest value is found here.
+        label, base : str
+            Name of the quantity and its unit.
+        window : Span, optional
+            Framed on the first axes.
+        last : bool
+            Whether the time axis is labelled.
+        weight : float
+            Thins the lines.
+        """
+        unit = unit_for(max((float(np.abs(curve).max()) for curve in curves.values()), default=0.0), base)
+        spans = [Span(float(self.t[0]), float(self.t[-1])), *([window] if window else [])]
+        for ax, span in zip(axes, spans, strict=True):
+            inside = np.flatnonzero((self.t >= span.start) & (self.t <= span.end))
+            for order, (name, curve) in enumerate(curves.items()):
+                shown = inside[extremes(curve[inside], bins_of(ax))]
+                line = PENS[name].line(weight)
+                ax.plot(self.t[shown], curve[shown] / unit.size, zorder=2.0 + order / 10.0, **line)
+            self.frame(ax, f"{label} in {unit.name}" if ax is axes[0] else "", span, last)
+        if window:
+            axes[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS))
+            axes[0].axvspan(window.start, window.end, facecolor="none", edgecolor=INK, linewidth=0.6, zorder=4.0)
+
+    def frame(self, ax: Axes, label: str, span: Span | None = None, last: bool = True) -> None:
+        """Limits and labels of the time axis, and the phases in which the slider moves."""
+        start, end = (span.start, span.end) if span else (float(self.t[0]), float(self.t[-1]))
+        for phase in self.phases:
+            if phase.end > start and phase.start < end:
+                shown = max(phase.start, start), min(phase.end, end)
+                ax.axvspan(*shown, color=SHADE, linewidth=0.0, zorder=0.0)
+        ax.set_xlim(start, end)
+        ax.set_ylabel(label)
+        if last:
+            ax.set_xlabel("Time in s")
+        else:
+            ax.tick_params(labelbottom=False)
+
+    def legend(self, names: Sequence[str]) -> list[Any]:
+        """Legend entries of simulators and of the shade."""
+        return [
+            *(Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in names),
+            *self.shade(),
+        ]
+
+    def shade(self) -> list[Any]:
+        """Legend entry of the phases in which the slider moves, where there are any."""
+        return [Patch(facecolor=SHADE, label="slider moves")] if self.phases else []

@@ -1,0 +1,159 @@
+"""Errors beside published figures: how far apart they are, and a mark that says so without colour."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any
+
+from pmr.report.numbers import MINUS, SPACE, length, percent, significant
+from pmr.results import RunResult
+from pmr.scene import Published
+
+TOLERANCE = 0.05  # relative deviation up to which two figures count as the same
+NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
+ORDER = ("reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf")
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A verdict on a figure: `kind` names it for style sheets, `symbol` tells it without colour."""
+
+    kind: str
+    symbol: str
+    text: str
+
+
+WITHIN = Mark("within", "≈", f"within 5{SPACE}%")
+BETTER = Mark("better", "▲", "better")
+WORSE = Mark("worse", "▼", "worse")
+DIFFERENT = Mark("different", "≠", "different")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the error table, as text; `mark` and `published` are absent where nothing was published."""
+
+    comparison: str
+    place: str
+    here: str
+    published: str | None = None
+    deviation: str | None = None
+    mark: Mark | None = None
+    rounded: bool = False
+
+
+def mark_for(here: float, published: float, is_error: bool = True) -> Mark:
+    """The verdict on a figure beside the published one.
+
+    Both ends of the 5 % count as within.  An error is better when it is smaller; a displacement is neither.
+    """
+    deviation = _deviation(here, published)
+    if abs(deviation) <= TOLERANCE * (1.0 + 1e-9):
+        return WITHIN
+    if not is_error:
+        return DIFFERENT
+    return BETTER if deviation < 0.0 else WORSE
+
+
+def rows(result: RunResult) -> list[Row]:
+    """The error table of a case: normalised errors first, then the largest displacement and difference."""
+    return [*_errors(result), *_lengths(result)]
+
+
+def verdicts(table: list[Row]) -> dict[str, int]:
+    """How many rows carry which mark, without those that none was published for."""
+    marks = [row.mark for row in table if row.mark]
+    return {mark.text: marks.count(mark) for mark in (WITHIN, BETTER, WORSE, DIFFERENT) if mark in marks}
+
+
+def apart(table: list[Row]) -> list[Row]:
+    """Rows that differ from the published figure by more than 5 %."""
+    return [row for row in table if row.mark not in (None, WITHIN)]
+
+
+def reasons(result: RunResult, table: list[Row]) -> list[str]:
+    """Why figures differ from the published ones by more than 5 %, and other notes of the run."""
+    found = [
+        f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "
+        f"{row.here} rounds to it, so the two agree as far as is known."
+        for row in apart(table)
+        if row.rounded
+    ]
+    notes = [str(note) for note in result.summary.get("notes", ())]
+    if not notes and any(not row.rounded for row in apart(table)):
+        notes = [f"No reason {'for the other figures ' if found else ''}is recorded with this result."]
+    return [*found, *notes]
+
+
+def _errors(result: RunResult) -> Iterator[Row]:
+    published = result.scene.published
+    decimals = _decimals(published) if published else 0
+    errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
+    for pair in (*(p for p in ORDER if p in errors), *(p for p in errors if p not in ORDER)):
+        first, _, second = pair.partition("_vs_")
+        comparison = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}"
+        for place in ("tip", "beam"):
+            if place not in errors[pair]:
+                continue
+            here = float(errors[pair][place])
+            other = published.errors.get(pair, {}).get(place) if published else None
+            if other is None:
+                yield Row(comparison, place, percent(here))
+                continue
+            printed = f"{100.0 * other:.{decimals}f}{SPACE}%"
+            yield Row(
+                comparison,
+                place,
+                percent(here),
+                printed,
+                _signed(_deviation(here, other)),
+                mark_for(here, other),
+                abs(here - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9),
+            )
+
+
+def _lengths(result: RunResult) -> Iterator[Row]:
+    published = result.scene.published
+    for name, comparison, is_error in (
+        ("max_displacement", "largest displacement", False),
+        ("max_error", "largest difference, reduced to full", True),
+    ):
+        here = result.summary.get(name)
+        if here is None:
+            continue
+        other = getattr(published, name) if published else None
+        if other is None:
+            yield Row(comparison, "", length(here, 4))
+            continue
+        deviation = _signed(_deviation(here, other))
+        mark = mark_for(here, other, is_error)
+        yield Row(comparison, "", length(here, 4), length(other, _digits(other)), deviation, mark)
+
+
+def _deviation(here: float, published: float) -> float:
+    """Relative deviation; any figure is infinitely far from a published zero, but for zero itself."""
+    if published == 0.0:
+        return 0.0 if here == 0.0 else float("inf")
+    return (here - published) / published
+
+
+def _signed(deviation: float) -> str:
+    if abs(deviation) == float("inf"):
+        return "–"
+    return f"{MINUS if deviation < 0.0 else '+'}{significant(100.0 * abs(deviation), 2)}{SPACE}%"
+
+
+def _decimals(published: Published) -> int:
+    """Decimals, in per cent, to which a publication states its errors: the most that any of them shows."""
+    exponents = [
+        Decimal(repr(value)).normalize().as_tuple().exponent
+        for pair in published.errors.values()
+        for value in pair.values()
+    ]
+    return max((max(-int(exponent) - 2, 0) for exponent in exponents), default=0)
+
+
+def _digits(value: float) -> int:
+    return len(Decimal(repr(value)).normalize().as_tuple().digits)

@@ -1,0 +1,108 @@
+"""The summary of a case for those who decide: key numbers, and a paragraph."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from pmr.report.marks import Row, verdicts
+from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.results import RunResult
+
+
+@dataclass(frozen=True)
+class KeyNumber:
+    """A key number and what it is."""
+
+    value: str
+    label: str
+
+
+def key_numbers(result: RunResult) -> list[KeyNumber]:
+    """The numbers that stand above everything else; what a run does not hold is left out."""
+    return list(_numbers(result))
+
+
+def paragraph(result: RunResult, table: list[Row]) -> str:
+    """What the case says, in a few sentences."""
+    return " ".join(_sentences(result, table))
+
+
+def speed_ratio(result: RunResult) -> float | None:
+    """How many times as fast the reduced beam is simulated as the full one."""
+    full, reduced = (result.responses.get(name) for name in ("full", "reduced"))
+    if full is None or reduced is None or reduced.seconds <= 0.0 or full.seconds <= 0.0:
+        return None
+    return full.seconds / reduced.seconds
+
+
+def _numbers(result: RunResult) -> Iterator[KeyNumber]:
+    coordinates = result.summary.get("coordinates", {})
+    reduced = coordinates.get("reduced", result.shapes.shapes.shape[1])
+    arrow = f"{coordinates['full']}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
+    yield KeyNumber(arrow, "coordinates")
+    errors = result.summary.get("errors", {}).get("reduced_vs_full", {})
+    if "tip" in errors:
+        yield KeyNumber(percent(errors["tip"]), "error at the tip")
+    if "beam" in errors:
+        yield KeyNumber(percent(errors["beam"]), "error along the beam")
+    if result.summary.get("max_error") is not None:
+        yield KeyNumber(length(result.summary["max_error"]), "largest difference to full")
+    ratio = speed_ratio(result)
+    if ratio is not None:
+        yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "speed against full")
+
+
+def _sentences(result: RunResult, table: list[Row]) -> Iterator[str]:
+    yield _size(result)
+    yield from _accuracy(result)
+    yield from _speed(result)
+    count = sum(verdicts(table).values())
+    if count:
+        told = ", ".join(f"{number} {text}" for text, number in verdicts(table).items())
+        yield f"Beside {count} published figures: {told}."
+
+
+def _size(result: RunResult) -> str:
+    coordinates = result.summary.get("coordinates", {})
+    reduced = coordinates.get("reduced", result.shapes.shapes.shape[1])
+    motion = f"{plain(result.scene.time.end)}{SPACE}s of motion are simulated."
+    if "full" not in coordinates:
+        return f"The reduced beam has {reduced} coordinates; {motion}"
+    full = coordinates["full"]
+    less = percent(1.0 - reduced / full, 2)
+    return f"The reduced beam has {reduced} coordinates instead of {full}, a reduction by {less}; {motion}"
+
+
+def _accuracy(result: RunResult) -> Iterator[str]:
+    errors = result.summary.get("errors", {})
+    if against := _tip_and_beam(errors.get("reduced_vs_full")):
+        tip, beam = against
+        error = f"a normalised RMS error of {tip} at the tip and {beam} along the beam"
+        yield f"It follows the full beam with {error}."
+    largest, most = result.summary.get("max_displacement"), result.summary.get("max_error")
+    if largest is not None and most is not None:
+        yield f"The largest difference is {length(most)} where displacements reach {length(largest)}."
+    if against := _tip_and_beam(errors.get("reduced_vs_ancf")):
+        tip, beam = against
+        yield f"Against the independent ANCF beam the errors are {tip} and {beam}."
+
+
+def _tip_and_beam(errors: Mapping[str, float] | None) -> tuple[str, str] | None:
+    if not errors or not {"tip", "beam"} <= set(errors):
+        return None
+    return percent(errors["tip"]), percent(errors["beam"])
+
+
+def _speed(result: RunResult) -> Iterator[str]:
+    reduced, ratio = result.responses["reduced"], speed_ratio(result)
+    if reduced.seconds <= 0.0:
+        return
+    took = f"Its simulation took {quantity(reduced.seconds, 's')}"
+    pace = result.scene.time.end / reduced.seconds
+    paced = f"{significant(pace, 2)} times faster than real time" if pace > 1.0 else "slower than real time"
+    if ratio is None:
+        yield f"{took}, {paced}."
+        return
+    full = quantity(result.responses["full"].seconds, "s")
+    yield f"{took}, {paced}; that of the full beam took {full}, {significant(ratio, 2)} times as long."

@@ -1,0 +1,214 @@
+"""The main job: scene -> model -> snapshots -> basis -> reduced model -> simulations -> comparison."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr import compare, environment
+from pmr.basis import Basis, pod
+from pmr.dolfinx_compat import MPI
+from pmr.dolfinx_compat import versions as fenicsx_versions
+from pmr.frequencies import closed_form_frequencies, reduced_frequencies
+from pmr.operators import FullModel, full_model
+from pmr.projection import reduced_model, with_held_coordinates
+from pmr.reduced import FullBody, ReducedModel
+from pmr.results import FrequencyCurves, Response, RunResult, Shapes
+from pmr.scene import Scene
+from pmr.simulate import TimeStepping, ancf, exudyn
+from pmr.snapshots import Snapshots
+from pmr.snapshots.eigenmodes import eigenmode_snapshots
+from pmr.snapshots.eigensolvers import eigensolver
+
+Array = NDArray[np.float64]
+#: Called with a stage's name and the share of it that is done.
+Progress = Callable[[str, float], None]
+
+FREQUENCY_CURVES = 6
+FREQUENCY_POSITIONS = 49
+#: Keys of ``seconds.simulate`` in the summary: the reduced model's simulator goes by its own name.
+SIMULATORS = {"reduced": "exudyn", "full": "full", "ancf": "ancf"}
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Everything from the operators to the reduced model."""
+
+    model: FullModel
+    snapshots: Snapshots
+    basis: Basis
+    reduced: ReducedModel
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run returns on rank 0."""
+
+    result: RunResult
+    reduced: ReducedModel
+
+
+@dataclass
+class Clock:
+    """Wall seconds of each stage, and whoever wants to be told of them."""
+
+    progress: Progress = lambda stage, share: None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Callable[[float], None]]:
+        """Time a stage; what is yielded takes the share of it that is done."""
+        self.progress(name, 0.0)
+        start = time.perf_counter()
+        yield lambda share: self.progress(name, share)
+        self.seconds[name] = time.perf_counter() - start
+        self.progress(name, 1.0)
+
+
+def run(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Outcome | None:
+    """Run a scene on `comm`; simulations run on rank 0, the other ranks get None.
+
+    Raises
+    ------
+    InputError
+        If the scene asks for what cannot be had; its source is ``"scene"``.
+    ConvergenceError, SimulationError
+        If a solver fails.
+    """
+    clock = clock or Clock()
+    reduction = reduce(scene, comm, clock)
+    with clock.stage("frequencies"):
+        curves = _frequency_curves(scene, reduction)
+    body = reduction.model.gather()
+    if body is None:
+        return None
+    responses = simulate(scene, reduction.reduced, body, clock)
+    summary = _summary(scene, reduction, responses, clock.seconds)
+    return Outcome(_result(scene, summary, responses, reduction, curves), reduction.reduced)
+
+
+def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
+    """From a scene to its reduced model; collective."""
+    clock = clock or Clock()
+    choice = scene.reduction
+    with clock.stage("assemble"):
+        model = full_model(scene, comm)
+    with clock.stage("snapshots"):
+        snapshots = eigenmode_snapshots(model, scene)
+    with clock.stage("pod"):
+        basis = pod(model, snapshots, choice.coordinates, choice.product, choice.solver)
+        reduced = reduced_model(model, basis, _provenance(scene, basis))
+        if choice.support_rows == "hold":
+            reduced = with_held_coordinates(reduced)
+    return Reduction(model, snapshots, basis, reduced)
+
+
+def simulate(scene: Scene, reduced: ReducedModel, full: FullBody, clock: Clock | None = None) -> dict[str, Response]:
+    """Responses of the reduced model and of the references that the scene asks for, keyed as in `RunResult`."""
+    clock = clock or Clock()
+    stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
+    path, signals = scene.slider.path, [load.signal for load in scene.loads]
+    rate, loads = path.rate(stepping.times), _loads(scene, stepping.times)
+    responses = {}
+    with clock.stage("reduced"):
+        trajectory = exudyn.simulate(reduced, path, signals, stepping)
+        responses["reduced"] = compare.respond(reduced, trajectory, rate, loads)
+    if "full" in scene.compare.against:
+        with clock.stage("full") as done:
+            trajectory = exudyn.simulate(full, path, signals, stepping, progress=done)
+            responses["full"] = compare.respond(full, trajectory, rate, loads)
+    if "ancf" in scene.compare.against:
+        with clock.stage("ancf") as done:
+            responses["ancf"] = _ancf(scene, stepping, full.output_positions, done)
+    return responses
+
+
+def _ancf(scene: Scene, stepping: TimeStepping, x: Array, done: Callable[[float], None]) -> Response:
+    body = scene.body
+    assert body.axial_stiffness is not None  # the scene's check
+    cable = ancf.Cable(
+        length=body.length,
+        axial_stiffness=body.axial_stiffness,
+        bending_stiffness=body.bending_stiffness,
+        mass_per_length=body.mass_per_length,
+        elements=scene.compare.ancf_elements,
+    )
+    points = [ancf.PointLoad(load.at, load.signal) for load in scene.loads]
+    return compare.respond_cable(cable, ancf.simulate(cable, scene.slider.path, points, stepping, x, done))
+
+
+def _loads(scene: Scene, t: Array) -> Array:
+    return np.stack([load.signal.value(t) for load in scene.loads], axis=1)
+
+
+def _frequency_curves(scene: Scene, reduction: Reduction) -> FrequencyCurves:
+    """Lowest frequencies over the stretch that the path visits."""
+    model, reduced = reduction.model, reduction.reduced
+    low, high = scene.path_bounds
+    s = np.linspace(low, high, FREQUENCY_POSITIONS) if high > low else np.array([low])
+    count = min(FREQUENCY_CURVES, reduced.size - len(reduced.row_names), model.size - len(model.rows.names))
+    solver = eigensolver(model, scene.reduction.solver)
+    return FrequencyCurves(
+        s,
+        full=np.array([solver.lowest(float(at), count).omega for at in s]),
+        reduced=reduced_frequencies(reduced, s, count),
+        closed_form=closed_form_frequencies(scene, s, count),
+    )
+
+
+def _provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
+    units = "m and rad" + (" times sqrt(kg)" if basis.product == "mass" else "")
+    return {
+        "scene": scene.model_dump(mode="json", exclude={"published"}),
+        "scene_hash": scene.hash,
+        "basis": f"POD of eigenmodes with the slider held, orthonormal in the {basis.product} product; "
+        f"coordinates carry {units}",
+        "kappa": basis.kappa(),
+        "versions": environment.versions() | fenicsx_versions(),
+    }
+
+
+def _summary(
+    scene: Scene, reduction: Reduction, responses: dict[str, Response], seconds: dict[str, float]
+) -> dict[str, Any]:
+    reference = responses.get("full", responses["reduced"]).displacement
+    error = float(np.abs(responses["reduced"].displacement - reference).max()) if "full" in responses else None
+    return {
+        "title": scene.title,
+        "scene_hash": scene.hash,
+        "errors": compare.errors(responses),
+        "max_displacement": float(np.abs(reference).max()),
+        "max_error": error,
+        "coordinates": {"full": reduction.model.size, "reduced": reduction.reduced.size},
+        "basis": {
+            "kappa": reduction.basis.kappa(),
+            "singular_values": reduction.basis.sigma.tolist(),
+            "largest_residual": float(reduction.snapshots.residuals.max()),
+            "rows_left_out": list(reduction.reduced.left_out),
+        },
+        "seconds": {name: seconds[name] for name in ("assemble", "snapshots", "pod")}
+        | {"simulate": {SIMULATORS[name]: response.seconds for name, response in responses.items()}},
+        "versions": environment.versions() | fenicsx_versions(),
+        "commit": environment.commit(),
+        "machine": environment.machine(),
+        "notes": list(scene.published.remarks) if scene.published else [],
+    }
+
+
+def _result(
+    scene: Scene,
+    summary: dict[str, Any],
+    responses: dict[str, Response],
+    reduction: Reduction,
+    curves: FrequencyCurves,
+) -> RunResult:
+    t = responses["reduced"].t
+    shapes = Shapes(reduction.basis.sigma, reduction.reduced.output_positions, reduction.reduced.outputs)
+    path = scene.slider.path
+    return RunResult(scene, summary, responses, path.value(t), path.rate(t), _loads(scene, t), shapes, curves)

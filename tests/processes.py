@@ -1,0 +1,27 @@
+"""Processes of their own, on one rank or several."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+
+def python(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """This Python with the given arguments, under the mpirun of its own stack for more than one rank.
+
+    Open MPI sets variables behind Python's back once MPI has started here; a nested mpirun must not see them, which is
+    why the environment is handed on as Python knows it.
+    """
+    own = Path(sys.executable).with_name("mpirun")
+    launcher = [str(own if own.exists() else "mpirun"), "-n", str(ranks)] if ranks > 1 else []
+    return subprocess.run(
+        [*launcher, sys.executable, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+        cwd=cwd,
+        env=dict(os.environ),
+    )

@@ -1,0 +1,189 @@
+"""Results made from formulas: nothing is simulated, so that every number in a report is known beforehand."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import unescape
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pmr.report import ReportFiles, write_report
+from pmr.results import Energy, FrequencyCurves, Response, RunResult, Shapes
+from pmr.scene import Scene
+
+MakeResult = Callable[..., RunResult]
+
+PUBLISHED = {
+    "source": "a paper",
+    "errors": {"reduced_vs_full": {"tip": 0.01, "beam": 0.02}, "full_vs_ancf": {"tip": 0.0007}},
+    "max_displacement": 0.05,
+    "max_error": 0.001,
+}
+SUMMARY = {
+    "errors": {
+        "reduced_vs_full": {"tip": 0.0105, "beam": 0.0105},
+        "reduced_vs_ancf": {"tip": 0.03, "beam": 0.04},
+        "full_vs_ancf": {"tip": 0.00074, "beam": 0.001},
+    },
+    "max_displacement": 0.05,
+    "max_error": 0.0012,
+    "coordinates": {"full": 153, "reduced": 3},
+    "basis": {"kappa": 0.99875, "singular_values": [1.0, 0.1, 0.01, 0.001]},
+    "seconds": {
+        "assemble": 0.25,
+        "snapshots": 0.5,
+        "pod": 0.004,
+        "simulate": {"exudyn": 0.3, "full": 3.0, "ancf": 2.0},
+    },
+    "versions": {"pmr": "0.1.0", "numpy": "1.24.2"},
+    "commit": "abc1234",
+    "machine": {"processor": "a processor", "cores": "2"},
+    "scene_hash": "0123456789abcdef",
+    "notes": ["The published value rests on another step size."],
+}
+
+
+@pytest.fixture(scope="session")
+def make_result() -> MakeResult:
+    """A result with chosen responses, sliders, loads, length and summary."""
+
+    def make(
+        responses: Sequence[str] = ("full", "ancf", "reduced"),
+        title: str = "Case",
+        steps: int = 3000,
+        offsets: tuple[float, ...] = (0.0,),
+        loads: Sequence[dict[str, Any]] = ({"name": "F", "at": 5.0, "signal": -50.0},),
+        published: dict[str, Any] | None = None,
+        summary: dict[str, Any] | None = None,
+        closed_form: bool = True,
+        **sections: Any,
+    ) -> RunResult:
+        scene = Scene.model_validate(
+            {
+                "title": title,
+                "body": {"length": 5.0, "bending_stiffness": 5.0e4, "mass_per_length": 78.0},
+                "mesh": {"elements": 10},
+                "slider": {
+                    "path": {"kind": "ramp", "times": [1.0, 2.0], "values": [1.25, 3.75]},
+                    "offsets": offsets,
+                },
+                "loads": list(loads),
+                "time": {"end": steps * 1e-3, "step": 1e-3},
+                "published": published,
+                **sections,
+            }
+        )
+        t = np.arange(steps + 1) * 1e-3
+        return RunResult(
+            scene=scene,
+            summary=SUMMARY if summary is None else summary,
+            responses={name: _response(name, t, len(offsets)) for name in responses},
+            path=scene.slider.path.value(t),
+            path_rate=scene.slider.path.rate(t),
+            loads=np.stack([load.signal.value(t) for load in scene.loads], axis=1),
+            shapes=Shapes(np.array([1.0, 0.1, 0.01, 0.001]), X, np.stack([X, X**2, 0.0 * X], axis=1)),
+            frequencies=_frequencies(closed_form),
+        )
+
+    return make
+
+
+X = np.linspace(0.0, 5.0, 11)
+
+
+def _response(name: str, t: np.ndarray, sliders: int) -> Response:
+    size = {"full": 1.0, "ancf": 1.001, "reduced": 0.99}[name]
+    tip = 0.05 * size * np.sin(2.0 * np.pi * 2.0 * t)
+    unknown = np.full(len(t), np.nan)
+    tiny = 1e-12 * (1.1 + np.sin(40.0 * t))
+    return Response(
+        t=t,
+        x=X,
+        displacement=np.outer(tip, (X / 5.0) ** 2),
+        energy=Energy(size * np.sin(t) ** 2, size * np.cos(t) ** 2, -size * t),
+        slider_force=100.0 * size * np.stack([np.cos(t + j) for j in range(sliders)], axis=1),
+        residual_position=unknown if name == "ancf" else tiny,
+        residual_velocity=unknown if name == "ancf" else 1e3 * tiny,
+        seconds={"full": 3.0, "ancf": 2.0, "reduced": 0.3}[name],
+    )
+
+
+def _frequencies(closed_form: bool) -> FrequencyCurves:
+    s = np.linspace(1.25, 3.75, 9)
+    omega = 2.0 * np.pi * np.stack([1.0 + s, 10.0 + s, 30.0 + s], axis=1)
+    return FrequencyCurves(s, omega, 1.01 * omega, omega if closed_form else np.empty((9, 0)))
+
+
+@pytest.fixture(scope="session")
+def whole(make_result: MakeResult) -> RunResult:
+    """A result with everything that a report can show."""
+    return make_result(title="Whole <case> & more", published=PUBLISHED)
+
+
+@pytest.fixture(scope="session")
+def bare(make_result: MakeResult) -> RunResult:
+    """Nothing that may be absent, but two sliders and three loads of which one is a moment."""
+    return make_result(
+        responses=("reduced",),
+        title="Bare case",
+        closed_form=False,
+        summary={},
+        offsets=(0.0, -0.5),
+        loads=(
+            {"name": "F", "at": 5.0, "signal": -50.0},
+            {"name": "G", "at": 2.5, "signal": {"kind": "sine", "amplitude": 2.0e3, "frequency": 3.0}},
+            {"name": "M", "at": 5.0, "direction": "rotation", "signal": 4.0},
+        ),
+        supports=[{"at": 0.0, "kind": "clamped"}],
+        damping={"mass": 0.1},
+    )
+
+
+@dataclass(frozen=True)
+class Written:
+    """A report of both cases, and what was logged while it was written."""
+
+    files: ReportFiles
+    html: str
+    warnings: list[str]
+
+    def svg(self, case: str, name: str) -> str:
+        """One of its figures."""
+        return self._figure(case, name)[1]
+
+    def caption(self, case: str, name: str) -> str:
+        return unescape(self._figure(case, name)[2])
+
+    def texts(self, case: str, name: str) -> list[str]:
+        """All text in a figure."""
+        return [unescape(text) for text in re.findall(r"<text[^>]*>([^<]+)</text>", self.svg(case, name))]
+
+    def names(self, case: str) -> list[str]:
+        """Figures of a case."""
+        return re.findall(rf'<figure id="{case}-([^"]+)"', self.html)
+
+    def _figure(self, case: str, name: str) -> re.Match[str]:
+        start = rf'<figure id="{case}-{name}" class="[^"]*">\s*<div class="drawing">'
+        found = re.search(start + r"(<svg.*?</svg>)</div>\s*<figcaption>(.*?)</figcaption>", self.html, re.DOTALL)
+        assert found, f"no figure {name} of {case}"
+        return found
+
+
+@pytest.fixture(scope="session")
+def written(tmp_path_factory: pytest.TempPathFactory, whole: RunResult, bare: RunResult) -> Written:
+    """The report of the whole case, saved and loaded before, and of the bare one."""
+    folder = tmp_path_factory.mktemp("report")
+    whole.save(folder / "saved")
+    records: list[logging.LogRecord] = []
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = records.append  # type: ignore[method-assign]
+    logging.getLogger().addHandler(handler)
+    files = write_report([RunResult.load(folder / "saved"), bare], folder / "new" / "folder")
+    logging.getLogger().removeHandler(handler)
+    warnings = [record.getMessage() for record in records]
+    return Written(files, files.html.read_text(encoding="utf-8"), warnings)

@@ -1,0 +1,216 @@
+from __future__ import annotations
+
+import re
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from pmr.report import marks, write_report
+from pmr.report.document import case, render
+from pmr.results import RunResult
+
+
+class Page(HTMLParser):
+    """Tags with their attributes, and the text outside of scripts and styles."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str]]] = []
+        self.words: list[str] = []
+        self._inside: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, {key: value or "" for key, value in attributes}))
+        self._inside.append(tag)
+
+    def handle_startendtag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, {key: value or "" for key, value in attributes}))
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in self._inside:
+            while self._inside.pop() != tag:
+                pass
+
+    def handle_data(self, data: str) -> None:
+        if not {"script", "style"} & set(self._inside) and data.strip():
+            self.words.append(re.sub(r"[ \n]+", " ", data).strip(" "))
+
+    @property
+    def text(self) -> str:
+        return " ".join(self.words)
+
+    def attributes(self, *keys: str) -> Iterator[str]:
+        return (attributes[key] for _, attributes in self.tags for key in keys if key in attributes)
+
+
+@pytest.fixture(scope="session")
+def html(written) -> str:
+    return written.html
+
+
+@pytest.fixture(scope="session")
+def page(html: str) -> Page:
+    return Page(html)
+
+
+@pytest.fixture(scope="session")
+def pdf(written) -> bytes:
+    return written.files.pdf.read_bytes()
+
+
+@pytest.fixture(scope="session")
+def pdf_objects(pdf: bytes) -> bytes:
+    """The objects of the PDF, which are packed in compressed streams."""
+    found = [pdf]
+    for stream in re.findall(rb"stream\r?\n(.*?)\r?\nendstream", pdf, flags=re.DOTALL):
+        try:
+            found.append(zlib.decompress(stream))
+        except zlib.error:
+            continue
+    return b"\n".join(found)
+
+
+def test_files_are_html_and_pdf(written, html: str, pdf: bytes) -> None:
+    assert (written.files.html.name, written.files.pdf.name) == ("report.html", "report.pdf")
+    assert html.startswith("<!doctype html>") and html.rstrip().endswith("</html>")
+    assert pdf.startswith(b"%PDF-") and pdf.rstrip().endswith(b"%%EOF")
+
+
+def test_pdf_has_a_few_pages_for_each_case(pdf_objects: bytes) -> None:
+    pages = len(re.findall(rb"/Type\s*/Page\b(?!s)", pdf_objects))
+    assert 2 * 3 <= pages <= 2 * 5
+
+
+def test_pdf_is_set_in_the_embedded_font(pdf_objects: bytes) -> None:
+    assert re.search(rb"/BaseFont\s*/[A-Z]{6}\+pmr-figures", pdf_objects)
+
+
+def test_nothing_in_the_page_is_unknown_to_the_pdf_writer(written) -> None:
+    assert written.warnings == []
+
+
+def test_page_asks_for_nothing_from_outside(html: str, page: Page) -> None:
+    assert "http:" not in html and "https:" not in html
+    references = list(page.attributes("src", "href", "xlink:href", "srcset", "data", "action", "poster"))
+    assert references and all(reference.startswith(("#", "data:")) for reference in references)
+    urls = re.findall(r"url\(([^)]{0,40})", html)
+    assert urls and all(url.strip("\"'").startswith(("#", "data:")) for url in urls)
+    assert "@import" not in html
+
+
+def test_references_within_the_page_lead_somewhere(html: str, page: Page) -> None:
+    identifiers = Counter(page.attributes("id"))
+    assert set(identifiers.values()) == {1}
+    targets = {reference[1:] for reference in page.attributes("href") if reference.startswith("#")}
+    targets |= set(re.findall(r"url\(#([^)]+)\)", html))
+    assert targets <= set(identifiers)
+    assert {"case-1", "case-2"} <= targets  # the index
+
+
+def test_titles_are_text_and_no_markup(html: str, page: Page) -> None:
+    assert "Whole <case> & more" in page.text
+    assert "Whole &lt;case&gt; &amp; more" in html
+
+
+def test_page_fits_a_phone(page: Page) -> None:
+    assert ("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"}) in page.tags
+
+
+def test_every_case_has_animation_and_strip(page: Page) -> None:
+    classes = Counter(page.attributes("class"))
+    assert classes["animation wide"] == classes["wide strip"] == 2
+    assert sum(tag == "canvas" for tag, _ in page.tags) == 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "The reduced beam has 3 coordinates instead of 153, a reduction by 98\u00a0%",
+        "normalised RMS error of 1.05\u00a0% at the tip and 1.05\u00a0% along the beam",
+        "The largest difference is 1.20\u00a0mm where displacements reach 50.0\u00a0mm",
+        "Its simulation took 300\u00a0ms, 10 times faster than real time",
+        "that of the full beam took 3.00\u00a0s, 10 times as long",
+        "The reduced beam has 3 coordinates; 3\u00a0s of motion are simulated.",  # the bare case
+        "0123456789abcdef",
+        "abc1234",
+        "a processor",
+        "numpy\u00a01.24.2",
+        "simulation, Exudyn 300\u00a0ms",
+        "stiffness EI 50\u202f000\u00a0N\u00a0m²",
+        "slider path s ramp, times (1, 2)\u00a0s, values (1.25, 3.75)\u00a0m",
+        "load M constant, 4\u00a0N\u00a0m; at 5\u00a0m, direction rotation",
+        "sliders at s + 0\u00a0m, s − 0.5\u00a0m",
+        "support clamped at 0\u00a0m",
+        "The published value rests on another step size.",
+        "It is not known for ANCF.",
+    ],
+)
+def test_page_says(page: Page, text: str) -> None:
+    assert text in page.text
+
+
+@pytest.mark.parametrize(
+    ("row", "cells"),
+    [
+        (
+            "reduced against full, tip",
+            ["1.05\u00a0%", "1.00\u00a0%", "+5.0\u00a0%", "within", "≈ within 5\u00a0%"],
+        ),
+        ("reduced against full, beam", ["1.05\u00a0%", "2.00\u00a0%", "−48\u00a0%", "better", "▲ better"]),
+        ("full against ANCF, tip", ["0.0740\u00a0%", "0.07\u00a0%", "+5.7\u00a0%", "worse", "▼ worse"]),
+        ("largest displacement", ["50.00\u00a0mm", "50\u00a0mm", "+0\u00a0%", "within", "≈ within 5\u00a0%"]),
+        (
+            "largest difference, reduced to full",
+            ["1.200\u00a0mm", "1\u00a0mm", "+20\u00a0%", "worse", "▼ worse"],
+        ),
+    ],
+)
+def test_error_table_marks_with_symbol_word_and_colour(html: str, row: str, cells: list[str]) -> None:
+    line = re.search(rf'<tr>\s*<th scope="row">{row}</th>(.*?)</tr>', html, flags=re.DOTALL)
+    assert line
+    values = [re.sub(r"<[^>]+>", "", cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", line[1])]
+    kind = re.search(r'class="mark (\w+)"', line[1])
+    assert kind and [*values[:3], kind[1], values[3]] == cells
+    assert f".{kind[1]} span" in html  # its colour
+
+
+def section(html: str, anchor: str) -> str:
+    found = re.search(rf'<section class="case" id="{anchor}">.*?</section>', html, flags=re.DOTALL)
+    assert found
+    return found[0]
+
+
+def test_published_figures_are_absent_where_there_are_none(html: str) -> None:
+    bare = Page(section(html, "case-2")).text
+    assert "published" not in bare and "within 5" not in bare and "Errors" not in bare
+
+
+def test_saved_results_give_the_same_page_as_fresh_ones(html: str, whole: RunResult) -> None:
+    fresh = case(whole, "case-1")
+    assert section(render([fresh, fresh]), "case-1") == section(html, "case-1")
+    unpublished = replace(whole, scene=whole.scene.model_copy(update={"published": None}))
+    table = marks.rows(unpublished)
+    alone = render(
+        [replace(fresh, source=None, table=table, verdicts={}, apart=False, reasons=marks.reasons(unpublished, table))]
+    )
+    text = Page(alone).text
+    assert '<nav class="index"' not in alone  # a single case needs none
+    assert "<h1>Whole &lt;case&gt; &amp; more</h1>" in alone
+    assert "reduced against full, tip 1.05\u00a0%" in text and "Notes:" in text
+    assert "published one" not in text and "deviation" not in text
+
+
+def test_without_results_there_is_no_report(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="at least one result"):
+        write_report([], tmp_path)
+
+
+def test_without_a_reduced_beam_there_is_no_report(make_result, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="Case: a report needs the response of the reduced beam"):
+        write_report([make_result(responses=("full",))], tmp_path)

@@ -1,0 +1,174 @@
+from __future__ import annotations
+
+import re
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib import pyplot
+
+from pmr.report.figures import Drawing, captions, histories
+from pmr.report.figures.canvas import PENS, SHADE, log_axis, octave_axis, sheet, style
+from pmr.report.figures.timeline import Span, Timeline, sliding
+from pmr.report.figures.vector import svg
+from pmr.results import RunResult
+
+LABELS = {
+    "position": ["Slider position in m", "Time in s"],
+    "loads": ["Force in N", "Time in s"],
+    "snapshots": ["x in m", "Transverse displacement in mm"],
+    "tip": ["Displacement in mm", "Difference in µm", "Time in s"],
+    "energy": ["Total energy in J", "Difference in mJ", "Time in s"],
+    "energy-parts": ["Strain energy in J", "Kinetic energy in J", "External energy in J", "Difference in mJ"],
+    "slider-force": ["Slider force in N", "Time in s"],
+    "residual-position": ["Residual of position in m", "Time in s"],
+    "residual-velocity": ["Residual of velocity in m/s", "Time in s"],
+    "basis": ["x in m", "Relative shape (–)"],
+    "singular-values": ["Number k (–)", "Singular value σ(k) / σ(1) (–)"],
+    "frequencies": ["Slider position s in m", "Eigenfrequency in Hz"],
+}
+
+
+def tip_history(result: RunResult) -> Drawing:
+    """The tip's history alone."""
+    with style():
+        figure = histories.history(result, lambda response: response.tip, "Displacement", "m")
+        return Drawing("a", svg(figure, "a", ""), captions.tip(result))
+
+
+WHOLE, BARE = "case-1", "case-2"
+
+
+def test_every_figure_is_there(written) -> None:
+    for case in (WHOLE, BARE):
+        assert sorted(written.names(case)) == sorted(LABELS)
+
+
+@pytest.mark.parametrize("name", LABELS)
+def test_axes_are_labelled_with_units(written, name: str) -> None:
+    assert set(LABELS[name]) <= set(written.texts(WHOLE, name))
+
+
+def test_curves_stand_in_the_page_and_are_named(written) -> None:
+    for name in ("tip", "energy", "energy-parts", "slider-force", "snapshots"):
+        assert {"full", "ANCF", "reduced"} <= set(written.texts(WHOLE, name)), name
+        for pen in PENS.values():
+            assert written.svg(WHOLE, name).count(f'stroke="{pen.colour}"') >= 2, name  # legend and curve
+
+
+def test_long_signals_stay_small(make_result) -> None:
+    assert len(tip_history(make_result(steps=60_000)).svg) < 60_000
+
+
+def test_sliding_phase_is_shaded_and_named(written, make_result) -> None:
+    assert (
+        written.svg(WHOLE, "tip").count(f'fill="{SHADE}"') == 3
+    )  # both panels and the legend; the detail lies elsewhere
+    assert "slider moves" in written.texts(WHOLE, "tip")
+    still = tip_history(make_result(slider={"path": 2.0}))
+    assert SHADE not in still.svg and "slider moves" not in still.svg
+
+
+@pytest.mark.parametrize(
+    ("rate", "spans"),
+    [
+        ([0, 0, 0, 0, 0, 0, 0, 0, 0], []),
+        ([0, 0, 1, 1, 0, 0, 0, 0, 0], [(2, 4)]),
+        ([0, 1, 1, 0, 0, -1, -1, 0, 0], [(1, 7)]),  # a moment's pause
+        ([0, 1, 1, 0, 0, 0, -1, -1, 0], [(1, 3), (6, 8)]),
+        ([1, 1, 1, 1, 1, 1, 1, 1, 1], [(0, 8)]),
+    ],
+)
+def test_sliding_phases(rate: list[float], spans: list[tuple[float, float]]) -> None:
+    assert sliding(np.arange(9.0), np.array(rate, dtype=float)) == tuple(Span(*span) for span in spans)
+
+
+def test_detail_surrounds_the_largest_tip_difference(make_result) -> None:
+    result = make_result()
+    result.responses["reduced"].displacement[2_200, -1] += 0.01
+    assert Timeline(result).detail() == Span(pytest.approx(2.2 - 0.075), pytest.approx(2.2 + 0.075))
+    alone = make_result(responses=("reduced",))
+    alone.responses["reduced"].displacement[2_999, -1] = 0.2
+    assert Timeline(alone).detail() == Span(pytest.approx(2.85), pytest.approx(3.0))  # not beyond the end
+
+
+def test_short_motion_has_no_detail(make_result) -> None:
+    short = tip_history(make_result(steps=20))
+    assert "enlarged" not in short.caption
+    assert short.svg.count("Time in s") == 1
+
+
+def test_unknown_residual_is_left_out_and_said(written) -> None:
+    assert written.texts(WHOLE, "residual-position").count("ANCF") == 0
+    assert written.caption(WHOLE, "residual-position").endswith("It is not known for ANCF.")
+    assert "nan" not in written.svg(WHOLE, "residual-position")
+
+
+def test_reduced_beam_alone_is_compared_with_nothing(written) -> None:
+    assert not any("Difference" in text for name in LABELS for text in written.texts(BARE, name))
+    assert "difference" not in written.caption(BARE, "tip")
+
+
+def test_closed_form_is_shown_where_there_is_one(written) -> None:
+    assert "closed form" in written.texts(WHOLE, "frequencies")
+    assert "closed form" not in written.texts(BARE, "frequencies")
+
+
+def test_each_slider_has_its_force_and_each_load_its_unit(written) -> None:
+    assert {"Slider 1: force in N", "Slider 2: force in N"} <= set(written.texts(BARE, "slider-force"))
+    assert {"Force in kN", "Moment in N m", "F", "G", "M"} <= set(written.texts(BARE, "loads"))
+    assert {"s", "s − 0.5 m"} <= set(written.texts(BARE, "position"))
+
+
+def test_singular_values_say_what_is_kept(written) -> None:
+    assert {"kept, r = 3", "left out", "κ(3) = 0.998750"} <= set(written.texts(WHOLE, "singular-values"))
+
+
+def test_vectors_without_transverse_part_are_drawn_flat(written) -> None:
+    assert {"1", "2", "3"} <= set(written.texts(WHOLE, "basis"))
+    assert "along its axis only" in written.caption(WHOLE, "basis")
+
+
+def test_snapshots_show_the_beam_where_it_is_far_out(written, whole: RunResult) -> None:
+    reduced = whole.responses["reduced"]
+    named = [text for text in written.texts(WHOLE, "snapshots") if text.startswith("t = ")]
+    assert len(named) == 6
+    for part, text in enumerate(named):
+        time = float(text.removeprefix("t = ").removesuffix(" s"))
+        assert 0.5 * part <= time <= 0.5 * (part + 1)
+        assert abs(np.interp(time, reduced.t, reduced.tip)) == pytest.approx(np.abs(reduced.tip).max(), rel=1e-3)
+
+
+def test_identifiers_carry_the_prefix(written) -> None:
+    assert all(name.startswith("case-1-tip-") for name in re.findall(r' id="([^"]+)"', written.svg(WHOLE, "tip")))
+    assert written.svg(WHOLE, "tip").count(' id="') > 0
+
+
+def test_style_leaves_no_trace(bare: RunResult) -> None:
+    with mpl.rc_context({"axes.linewidth": 7.5, "svg.hashsalt": "mine"}):
+        before = dict(mpl.rcParams)
+        tip_history(bare)
+        assert dict(mpl.rcParams) == before
+    assert pyplot.get_fignums() == []
+
+
+@pytest.mark.parametrize(("low", "high"), [(2e-17, 8e-17), (1e-30, 1e-2), (1.0, 1.0), (3e-13, 1.0)])
+def test_logarithmic_axes_always_have_labels(low: float, high: float) -> None:
+    _, axes = sheet(3.0, 2.0)
+    ax = axes[0, 0]
+    log_axis(ax, low, high)
+    bottom, top = ax.get_ylim()
+    inside = [tick for tick in ax.get_yticks() if bottom <= tick <= top]
+    assert 2 <= len(inside) <= 8
+    assert top >= high and (bottom <= low or top / bottom > 1e17)
+    assert all(label.get_text().startswith("10") for label in ax.get_yticklabels())
+
+
+def test_frequencies_over_decades_are_labelled_in_hertz() -> None:
+    _, axes = sheet(3.0, 2.0)
+    octave_axis(axes[0, 0], 0.9, 44.0)
+    assert [label.get_text() for label in axes[0, 0].get_yticklabels()] == ["1", "2", "5", "10", "20"]
+    _, axes = sheet(3.0, 2.0)
+    octave_axis(axes[0, 0], 0.0, 44.0)
+    octave_axis(axes[0, 0], 31.0, 44.0)
+    assert axes[0, 0].get_yscale() == "linear"

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from pmr.report.marks import BETTER, DIFFERENT, WITHIN, WORSE, Mark, apart, mark_for, reasons, rows, verdicts
+from pmr.results import RunResult
+
+
+@pytest.mark.parametrize(
+    ("here", "published", "mark"),
+    [
+        (0.01, 0.01, WITHIN),
+        (0.0105, 0.01, WITHIN),  # both ends count as within
+        (0.0095, 0.01, WITHIN),
+        (0.00021, 0.0002, WITHIN),
+        (0.0105001, 0.01, WORSE),
+        (0.0094999, 0.01, BETTER),
+        (0.0, 0.01, BETTER),
+        (0.0, 0.0, WITHIN),
+        (1e-9, 0.0, WORSE),
+        (math.nextafter(0.0105, 1.0), 0.01, WITHIN),  # rounding decides nothing
+    ],
+)
+def test_marks_of_errors(here: float, published: float, mark: Mark) -> None:
+    assert mark_for(here, published) is mark
+
+
+@pytest.mark.parametrize(("here", "mark"), [(0.105, WITHIN), (0.106, DIFFERENT), (0.094, DIFFERENT)])
+def test_a_displacement_is_neither_better_nor_worse(here: float, mark: Mark) -> None:
+    assert mark_for(here, 0.1, is_error=False) is mark
+
+
+def test_marks_differ_in_symbol_word_and_class() -> None:
+    marks = (WITHIN, BETTER, WORSE, DIFFERENT)
+    for part in ("kind", "symbol", "text"):
+        assert len({getattr(mark, part) for mark in marks}) == len(marks)
+
+
+def test_rows_stand_in_the_order_of_interest(whole: RunResult) -> None:
+    assert [row.comparison for row in rows(whole)][::2] == [
+        "reduced against full",
+        "reduced against ANCF",
+        "full against ANCF",
+        "largest displacement",
+    ]
+
+
+def test_only_published_figures_are_marked(whole: RunResult) -> None:
+    table = {(row.comparison, row.place): row for row in rows(whole)}
+    unpublished = table["reduced against ANCF", "tip"]
+    assert (unpublished.published, unpublished.deviation, unpublished.mark) == (None, None, None)
+    assert verdicts(rows(whole)) == {WITHIN.text: 2, BETTER.text: 1, WORSE.text: 2}
+
+
+def test_published_figures_keep_the_decimals_of_their_publication(whole: RunResult) -> None:
+    printed = [row.published for row in rows(whole) if row.published and "%" in row.published]
+    assert printed == ["1.00\u00a0%", "2.00\u00a0%", "0.07\u00a0%"]
+
+
+def test_a_figure_that_rounds_to_the_published_one_is_explained(whole: RunResult) -> None:
+    first, *others = reasons(whole, rows(whole))
+    assert first.startswith(
+        "full against ANCF, tip: the published 0.07\u00a0% is a rounded figure; 0.0740\u00a0% rounds"
+    )
+    assert others == ["The published value rests on another step size."]
+
+
+def test_an_unexplained_difference_is_said_to_be_so(make_result) -> None:
+    published = {"source": "a paper", "errors": {"reduced_vs_full": {"tip": 0.02}}}
+    summary = {"errors": {"reduced_vs_full": {"tip": 0.01}}}
+    result = make_result(published=published, summary=summary)
+    assert reasons(result, rows(result)) == ["No reason is recorded with this result."]
+    close = make_result(published=published, summary={"errors": {"reduced_vs_full": {"tip": 0.0201}}})
+    assert reasons(close, rows(close)) == [] and apart(rows(close)) == []
+
+
+def test_a_run_without_reference_has_no_error_to_show(make_result) -> None:
+    result = make_result(responses=("reduced",), summary={"errors": {}, "max_displacement": 0.05, "max_error": None})
+    assert [row.comparison for row in rows(result)] == ["largest displacement"]

@@ -1,0 +1,126 @@
+"""The command as a user calls it: a process of its own, its files, its exit code."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+from processes import python
+
+SIMPLE = "workflows/paper_simple.toml"
+SHORT = [
+    *("--set", "time.end=0.5", "--set", "mesh.elements=20"),
+    *("--set", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}"),
+]
+
+
+def pmr(*arguments: str, ranks: int = 1) -> subprocess.CompletedProcess[str]:
+    return python("-m", "pmr", *arguments, ranks=ranks)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of a short run of the simple case."""
+    folder = tmp_path_factory.mktemp("run")
+    done = pmr("run", SIMPLE, "--out", str(folder), *SHORT)
+    assert done.returncode == 0, done.stderr
+    assert "reduced against full" in done.stdout and f"{folder}/report.html" in done.stdout
+    assert done.stderr == ""  # no progress bars where there is no terminal
+    return folder
+
+
+def test_a_run_leaves_what_the_help_says(folder: Path) -> None:
+    assert {"report.html", "report.pdf", "summary.json", "reduced.npz", "trajectories.npz"} <= {
+        file.name for file in folder.iterdir()
+    }
+    assert (folder / "report.pdf").read_bytes()[:5] == b"%PDF-"
+
+
+def test_the_summary_keeps_its_contract(folder: Path) -> None:
+    summary = json.loads((folder / "summary.json").read_text())
+    for pair in ("reduced_vs_full", "full_vs_ancf", "reduced_vs_ancf"):
+        assert 0.0 < summary["errors"][pair]["tip"] < 1.0 and 0.0 < summary["errors"][pair]["beam"] < 1.0
+    assert summary["max_displacement"] > summary["max_error"] > 0.0
+    assert summary["coordinates"] == {"full": 63, "reduced": 20}
+    assert 0.999 < summary["basis"]["kappa"] <= 1.0 and len(summary["basis"]["singular_values"]) == 30
+    assert {"assemble", "snapshots", "pod", "simulate"} == set(summary["seconds"])
+    assert {"exudyn", "full", "ancf"} == set(summary["seconds"]["simulate"])
+    assert {"pmr", "dolfinx", "PETSc", "SLEPc", "exudyn"} <= set(summary["versions"])
+    assert len(summary["scene_hash"]) == 16
+
+
+@pytest.mark.slow
+def test_several_scenes_make_one_report(tmp_path: Path) -> None:
+    second = tmp_path / "second.toml"
+    second.write_text(f'extends = "{Path(SIMPLE).resolve()}"\ntitle = "A second scene"\n')
+    done = pmr("run", SIMPLE, str(second), "--out", str(tmp_path / "out"), *SHORT, "--set", "compare.against=[]")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "report.pdf").exists()
+    for stem in ("paper_simple", "second"):
+        assert (tmp_path / "out" / stem / "summary.json").exists()
+    html = (tmp_path / "out" / "report.html").read_text()
+    assert "A second scene" in html and "Sliding beam, simple case" in html
+
+
+def test_info_says_what_a_file_holds(folder: Path) -> None:
+    stack, model, scene = pmr("info"), pmr("info", str(folder / "reduced.npz")), pmr("info", SIMPLE)
+    assert "dolfinx" in stack.stdout and "float64" in stack.stdout
+    assert "20 coordinates" in model.stdout and "slider" in model.stdout
+    assert "153" not in scene.stdout and "s from 1.25 to 3.75 m" in scene.stdout
+
+
+def test_an_exported_script_runs_without_pmr(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "reduced.npz").write_bytes((folder / "reduced.npz").read_bytes())
+    done = pmr("export", str(tmp_path / "reduced.npz"), "--to", "exudyn")
+    assert done.returncode == 0, done.stderr
+    script = Path(done.stdout.strip())
+    assert script.parent == tmp_path and "pmr" not in [
+        line.split()[1].split(".")[0] for line in script.read_text().splitlines() if line.startswith(("import", "from"))
+    ]
+    blocked = f"import sys, runpy; sys.modules['pmr'] = None; runpy.run_path({str(script)!r}, run_name='__main__')"
+    ran = python("-c", blocked, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "x = 5 m" in ran.stdout
+
+
+BAD = [
+    (["run", "nowhere.toml"], "nowhere.toml: no such scene file"),
+    (["run", SIMPLE, "--set", "body.lenght=3"], "did you mean 'length'"),
+    (["run", SIMPLE, "--set", "body.bending_stiffness=-1"], "body.bending_stiffness = -1"),
+    (["run", SIMPLE, "--set", "reduction.coordinates=31"], "snapshots * modes = 30"),
+    (["run", SIMPLE, "--set", "reduction.snapshots=51", "--set", "time.end=0.1"], "at most 50"),
+    (["run", SIMPLE, "--out", "pyproject.toml"], "a folder is allowed"),
+    (["run", SIMPLE, SIMPLE], "names must differ"),
+    (["export", "nowhere.npz"], "nowhere.npz: no such file"),
+    (["export", SIMPLE], "not a reduced model"),
+    (["export", "reduced.npz", "--to", "abaqus"], "exudyn is allowed"),
+    (["info", "nowhere.npz"], "no such file"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a) for a, _ in BAD])
+def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str) -> None:
+    done = pmr(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
+    assert says in done.stderr
+
+
+def test_too_many_modes_for_the_mesh_end_with_exit_code_1_and_advice() -> None:
+    done = pmr(
+        "run", SIMPLE, "--set", "mesh.elements=2", "--set", "reduction.snapshots=2", "--set", "reduction.modes=10"
+    )
+    assert done.returncode == 1 and "ask for fewer modes or refine" in done.stderr
+
+
+def test_help_teaches() -> None:
+    top, run = pmr("--help"), pmr("run", "--help")
+    assert "pmr run workflows/paper_simple.toml" in top.stdout
+    assert "--set reduction.coordinates=10" in run.stdout and "summary.json" in run.stdout
+
+
+def test_bad_input_ends_all_ranks() -> None:
+    done = pmr("run", SIMPLE, "--set", "reduction.snapshots=51", ranks=2)
+    assert done.returncode != 0 and "at most 50" in done.stderr

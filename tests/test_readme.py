@@ -1,0 +1,38 @@
+"""What the README shows works, and what it states is what is measured."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+from processes import python
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def test_the_python_example_runs(tmp_path: Path) -> None:
+    (example,) = re.findall(r"```python\n(.*?)```", README, flags=re.S)
+    assert len([line for line in example.splitlines() if line.strip()]) <= 15
+    os.symlink(ROOT / "workflows", tmp_path / "workflows")
+    done = python("-c", example, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "reduced.npz").exists()
+    assert len(done.stdout.split()) == 3 and all(number.isdigit() for number in done.stdout.split())
+
+
+def test_links_and_commands_exist() -> None:
+    for target in re.findall(r"\]\(([^)#:]+)\)", README):
+        assert (ROOT / target).exists(), target
+    makefile = (ROOT / "Makefile").read_text()
+    for target in re.findall(r"^ +make (\S+)", README, flags=re.M):
+        assert re.search(rf"^{target}:", makefile, flags=re.M), target
+    for scene in re.findall(r"workflows/\w+\.toml", README):
+        assert (ROOT / scene).is_file(), scene
+
+
+@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "CHANGELOG.md", "LICENSE"])
+def test_what_a_project_has(name: str) -> None:
+    assert (ROOT / name).stat().st_size > 200

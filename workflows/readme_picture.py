@@ -1,0 +1,14 @@
+"""Draws the README's picture from the results of `make report`."""
+
+from pathlib import Path
+
+from pmr.report.figures.canvas import style
+from pmr.report.figures.histories import history
+from pmr.results import RunResult
+
+REPORTS = Path(__file__).parents[1] / "reports"
+
+with style():
+    result = RunResult.load(REPORTS / "paper" / "paper_evolved")
+    figure = history(result, lambda response: response.tip, "Displacement", "m")
+    figure.savefig(REPORTS / "readme.png", dpi=160, facecolor="white")
