@@ -202,9 +202,7 @@ def _print_table(outcome: Outcome) -> None:
 
 
 def _verdict(row: Row) -> str:
-    if row.mark is None:
-        return ""
-    return "same when rounded" if row.rounded else f"{row.mark.symbol} {row.mark.text}"
+    return f"{row.mark.symbol} {row.mark.text}" if row.mark else ""
 
 
 @contextmanager

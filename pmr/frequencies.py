@@ -21,6 +21,8 @@ def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
     result = np.full((len(s), count), np.nan)
     for i, at in enumerate(s):
         Z = scipy.linalg.null_space(model.C(at))
+        if Z.shape[1] == 0:
+            continue
         omega2 = scipy.linalg.eigh(Z.T @ model.K @ Z, Z.T @ model.M @ Z, eigvals_only=True)[:count]
         result[i, : len(omega2)] = np.sqrt(np.maximum(omega2, 0.0))
     return result

@@ -47,9 +47,9 @@ class Response:
     slider_force : (T, m) array, N
         Multipliers of the sliders.
     residual_position : (T,) array, m
-        Largest violation of a slider row, max |C(s) q|.
+        Largest violation of a row, max |C(s) q|; NaN where a simulator has no such rows.
     residual_velocity : (T,) array, m/s
-        Largest violation of its time derivative, max |C(s) q' + C'(s) s' q|.
+        Largest violation of its time derivative, max |C(s) q' + C'(s) s' q|; NaN likewise.
     seconds : float
         Wall time of the solver alone.
     """

@@ -15,6 +15,7 @@ from pmr import compare, environment
 from pmr.basis import Basis, pod
 from pmr.dolfinx_compat import MPI
 from pmr.dolfinx_compat import versions as fenicsx_versions
+from pmr.errors import SimulationError
 from pmr.frequencies import closed_form_frequencies, reduced_frequencies
 from pmr.operators import FullModel, full_model
 from pmr.projection import reduced_model, with_held_coordinates
@@ -66,7 +67,10 @@ class Clock:
         """Time a stage; what is yielded takes the share of it that is done."""
         self.progress(name, 0.0)
         start = time.perf_counter()
-        yield lambda share: self.progress(name, share)
+        try:
+            yield lambda share: self.progress(name, share)
+        except SimulationError as error:
+            raise SimulationError(f"{name}: {error}") from None
         self.seconds[name] = time.perf_counter() - start
         self.progress(name, 1.0)
 
@@ -152,7 +156,7 @@ def _frequency_curves(scene: Scene, reduction: Reduction) -> FrequencyCurves:
     model, reduced = reduction.model, reduction.reduced
     low, high = scene.path_bounds
     s = np.linspace(low, high, FREQUENCY_POSITIONS) if high > low else np.array([low])
-    count = min(FREQUENCY_CURVES, reduced.size - len(reduced.row_names), model.size - len(model.rows.names))
+    count = min(FREQUENCY_CURVES, model.size - len(model.rows.names))
     solver = eigensolver(model, scene.reduction.solver)
     return FrequencyCurves(
         s,

@@ -133,6 +133,21 @@ def test_the_hash_changes_with_what_decides_the_result_only(tmp_path: Path) -> N
     assert digests[0] != digests[1]
 
 
+def test_published_figures_stand_beside_their_own_scene_only(tmp_path: Path) -> None:
+    assert scene.load(SIMPLE).published is not None
+    assert scene.load(SIMPLE, ["title=mine"]).published is not None
+    assert scene.load(SIMPLE, ["reduction.coordinates=10"]).published is None
+    derived = tmp_path / "derived.toml"
+    derived.write_text(f'extends = "{SIMPLE}"\n[reduction]\ncoordinates = 10\n')
+    assert scene.load(derived).published is None
+
+
+def test_an_override_may_mend_what_the_file_lacks(tmp_path: Path) -> None:
+    file = tmp_path / "template.toml"
+    file.write_text(f'extends = "{SIMPLE}"\n[body]\nlength = -1\n')
+    assert scene.load(file, ["body.length=5.0"]).body.length == 5.0
+
+
 def test_a_scene_survives_json() -> None:
     s = scene.load(WORKFLOWS / "paper_evolved.toml")
     assert Scene.model_validate(json.loads(s.model_dump_json())) == s

@@ -7,8 +7,8 @@ import io
 from pathlib import Path
 
 import matplotlib as mpl
-from fontTools import subset  # type: ignore[import-untyped]
-from fontTools.ttLib import TTFont  # type: ignore[import-untyped]
+from fontTools import subset
+from fontTools.ttLib import TTFont
 
 _FILE = Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")
 

@@ -28,12 +28,16 @@ class Mark:
 WITHIN = Mark("within", "≈", f"within 5{SPACE}%")
 BETTER = Mark("better", "▲", "better")
 WORSE = Mark("worse", "▼", "worse")
+SAME = Mark("within", "=", "same when rounded")
 DIFFERENT = Mark("different", "≠", "different")
 
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the error table, as text; `mark` and `published` are absent where nothing was published."""
+    """A line of the error table, as text; `mark` and `published` are absent where nothing was published.
+
+    `rounded` says that the figure is the published one when it is rounded as that was.
+    """
 
     comparison: str
     place: str
@@ -47,7 +51,8 @@ class Row:
 def mark_for(here: float, published: float, is_error: bool = True) -> Mark:
     """The verdict on a figure beside the published one.
 
-    Both ends of the 5 % count as within.  An error is better when it is smaller; a displacement is neither.
+    Both ends of the 5 % count as within.  An error is better when it is smaller; a displacement is neither better
+    nor worse.
     """
     deviation = _deviation(here, published)
     if abs(deviation) <= TOLERANCE * (1.0 + 1e-9):
@@ -65,7 +70,7 @@ def rows(result: RunResult) -> list[Row]:
 def verdicts(table: list[Row]) -> dict[str, int]:
     """How many rows carry which mark, without those that none was published for."""
     marks = [row.mark for row in table if row.mark]
-    return {mark.text: marks.count(mark) for mark in (WITHIN, BETTER, WORSE, DIFFERENT) if mark in marks}
+    return {mark.text: marks.count(mark) for mark in (WITHIN, SAME, BETTER, WORSE, DIFFERENT) if mark in marks}
 
 
 def apart(table: list[Row]) -> list[Row]:
@@ -78,11 +83,11 @@ def reasons(result: RunResult, table: list[Row]) -> list[str]:
     found = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "
         f"{row.here} rounds to it, so the two agree as far as is known."
-        for row in apart(table)
-        if row.rounded
+        for row in table
+        if row.mark is SAME
     ]
     notes = [str(note) for note in result.summary.get("notes", ())]
-    if not notes and any(not row.rounded for row in apart(table)):
+    if not notes and len(apart(table)) > len(found):
         notes = [f"No reason {'for the other figures ' if found else ''}is recorded with this result."]
     return [*found, *notes]
 
@@ -101,17 +106,18 @@ def _errors(result: RunResult) -> Iterator[Row]:
             other = published.errors.get(pair, {}).get(place) if published else None
             if other is None:
                 yield Row(comparison, place, percent(here))
-                continue
-            printed = f"{100.0 * other:.{decimals}f}{SPACE}%"
-            yield Row(
-                comparison,
-                place,
-                percent(here),
-                printed,
-                _signed(_deviation(here, other)),
-                mark_for(here, other),
-                abs(here - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9),
-            )
+            else:
+                yield _compared(comparison, place, here, other, decimals)
+
+
+def _compared(comparison: str, place: str, here: float, other: float, decimals: int) -> Row:
+    """An error beside the published one, which is printed in per cent with so many decimals."""
+    printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", _signed(_deviation(here, other))
+    rounded = abs(here - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)
+    mark = mark_for(here, other)
+    if rounded and mark is not WITHIN:
+        mark = SAME
+    return Row(comparison, place, percent(here), printed, deviation, mark, rounded)
 
 
 def _lengths(result: RunResult) -> Iterator[Row]:

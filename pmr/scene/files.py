@@ -38,16 +38,29 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     path = Path(path)
     origins: Origins = {}
     data = _read(path, origins, seen=())
+    if not overrides:
+        return _validated(data, origins, str(path))
+    try:
+        as_it_stands = _validated(data, origins, str(path)).hash
+    except InputError:
+        as_it_stands = ""  # an override may mend it
     for override in overrides:
         _override(data, override, origins)
+    scene = _validated(data, origins, str(path))
+    if scene.hash != as_it_stands:
+        scene = scene.model_copy(update={"published": None})  # published figures are those of the file as it stands
+    return scene
+
+
+def _validated(data: dict[str, Any], origins: Origins, source: str) -> Scene:
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
-        raise _first_error(error, data, origins, str(path)) from None
+        raise _first_error(error, data, origins, source) from None
     try:
         check(scene)
     except InputError as error:
-        raise error.found_in(_origin(re.findall(r"\w+", error.key), origins, str(path))) from None
+        raise error.found_in(_origin(re.findall(r"\w+", error.key), origins, source)) from None
     return scene
 
 
@@ -67,6 +80,7 @@ def _read(path: Path, origins: Origins, seen: tuple[Path, ...]) -> dict[str, Any
         if not isinstance(extends, str):
             raise InputError(str(path), "extends", extends, "the name of a scene file is allowed")
         base = _read(path.parent / extends, origins, (*seen, path.resolve()))
+        base.pop("published", None)  # figures of another scene
     _merge(base, data, str(path), origins)
     return base
 

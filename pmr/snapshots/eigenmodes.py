@@ -30,10 +30,11 @@ def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
     return 2 + (nodes - 2) * np.arange(snapshots) // (snapshots - 1)
 
 
-def positions(scene: Scene, nodes: Array) -> Array:
+def positions(scene: Scene, model: FullModel) -> Array:
     """Path coordinates (snapshots,) in m at which the scene asks for snapshots.
 
-    ``nodes``: the paper's node set; ``path``: evenly over the stretch that the path visits; or as listed.
+    ``nodes``: the paper's node set, with the first slider on nodes that leave all sliders on the beam; ``path``: evenly
+    over the stretch that the path visits; or as listed.
 
     Raises
     ------
@@ -42,10 +43,14 @@ def positions(scene: Scene, nodes: Array) -> Array:
     """
     choice, count = scene.reduction.positions, scene.reduction.snapshots
     if choice == "nodes":
+        low, high = model.rows.domain
+        slack = 1e-9 * (high - low)
+        nodes = model.output_positions - scene.slider.offsets[0]
+        nodes = nodes[(nodes >= low - slack) & (nodes <= high + slack)]
         numbers = node_set(len(nodes), count)
         if len(set(numbers)) != count:
             raise InputError("scene", "reduction.snapshots", count, f"at most {len(nodes) - 1} fit on the mesh's nodes")
-        return nodes[numbers - 1] - scene.slider.offsets[0]
+        return nodes[numbers - 1]
     if choice == "path":
         low, high = scene.path_bounds
         return np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2.0])
@@ -63,7 +68,7 @@ def eigenmode_snapshots(model: FullModel, scene: Scene, solver: EigenSolver | No
         If too few modes exist or converge.
     """
     solver = solver or eigensolver(model, scene.reduction.solver)
-    at = positions(scene, model.output_positions)
+    at = positions(scene, model)
     modes = []
     for s in at:
         try:

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from pmr.report.marks import BETTER, DIFFERENT, WITHIN, WORSE, Mark, apart, mark_for, reasons, rows, verdicts
+from pmr.report.marks import BETTER, DIFFERENT, SAME, WITHIN, WORSE, Mark, apart, mark_for, reasons, rows, verdicts
 from pmr.results import RunResult
 
 
@@ -33,9 +33,9 @@ def test_a_displacement_is_neither_better_nor_worse(here: float, mark: Mark) -> 
 
 
 def test_marks_differ_in_symbol_word_and_class() -> None:
-    marks = (WITHIN, BETTER, WORSE, DIFFERENT)
-    for part in ("kind", "symbol", "text"):
-        assert len({getattr(mark, part) for mark in marks}) == len(marks)
+    marks = (WITHIN, SAME, BETTER, WORSE, DIFFERENT)
+    assert len({mark.symbol for mark in marks}) == len({mark.text for mark in marks}) == len(marks)
+    assert len({mark.kind for mark in marks}) == 4  # what rounds to the published figure is coloured as within
 
 
 def test_rows_stand_in_the_order_of_interest(whole: RunResult) -> None:
@@ -51,7 +51,7 @@ def test_only_published_figures_are_marked(whole: RunResult) -> None:
     table = {(row.comparison, row.place): row for row in rows(whole)}
     unpublished = table["reduced against ANCF", "tip"]
     assert (unpublished.published, unpublished.deviation, unpublished.mark) == (None, None, None)
-    assert verdicts(rows(whole)) == {WITHIN.text: 2, BETTER.text: 1, WORSE.text: 2}
+    assert verdicts(rows(whole)) == {WITHIN.text: 2, SAME.text: 1, BETTER.text: 1, WORSE.text: 1}
 
 
 def test_published_figures_keep_the_decimals_of_their_publication(whole: RunResult) -> None:

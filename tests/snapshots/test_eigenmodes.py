@@ -27,19 +27,31 @@ def test_the_papers_node_set(nodes: int, snapshots: int, expected: list[int]) ->
     assert node_set(nodes, snapshots).tolist() == expected
 
 
+def at(load_scene, *overrides: str) -> np.ndarray:
+    scene = load_scene("paper_simple", ["compare.against=['full']", *overrides])
+    return positions(scene, full_model(scene))
+
+
 def test_positions_on_nodes_over_the_path_or_as_listed(load_scene) -> None:
-    nodes = np.linspace(0.0, 5.0, 51)
-    assert positions(load_scene(), nodes) == pytest.approx([0.1, 1.3, 2.5, 3.7, 5.0])
-    assert positions(load_scene("paper_simple", ["reduction.positions=path"]), nodes) == pytest.approx(
-        [1.25, 1.875, 2.5, 3.125, 3.75]
-    )
-    listed = load_scene("paper_simple", ["reduction.positions=[1.0,2.0,2.22,3.0,4.0]"])
-    assert positions(listed, nodes) == pytest.approx([1.0, 2.0, 2.22, 3.0, 4.0])
+    assert at(load_scene) == pytest.approx([0.1, 1.3, 2.5, 3.7, 5.0])
+    assert at(load_scene, "reduction.positions=path") == pytest.approx([1.25, 1.875, 2.5, 3.125, 3.75])
+    listed = [1.0, 2.0, 2.22, 3.0, 4.0]
+    assert at(load_scene, f"reduction.positions={listed}") == pytest.approx(listed)
+
+
+@pytest.mark.parametrize(
+    ("offsets", "first", "last"), [([0.0, 0.4], 0.1, 4.6), ([0.4, 0.0], 0.1, 4.6), ([0.0, -0.33], 0.5, 5.0)]
+)
+def test_with_several_sliders_all_of_them_stay_on_the_beam(load_scene, offsets, first: float, last: float) -> None:
+    found = at(load_scene, f"slider.offsets={offsets}")
+    assert (found[0], found[-1]) == pytest.approx((first, last))
+    on_nodes = (found + offsets[0]) / 0.1
+    assert on_nodes == pytest.approx(np.round(on_nodes))
 
 
 def test_more_snapshots_than_nodes_are_refused(load_scene) -> None:
     with pytest.raises(InputError, match="at most 50"):
-        positions(load_scene("paper_simple", ["reduction.snapshots=51"]), np.linspace(0.0, 5.0, 51))
+        at(load_scene, "reduction.snapshots=51")
 
 
 @pytest.mark.mpi

@@ -25,7 +25,7 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
 def position(result: RunResult) -> Figure:
     """Positions of the sliders over time, in m, on a scale as long as the beam."""
     time, offsets = Timeline(result), result.scene.slider.offsets
-    figure, axes = sheet(HALF, 1.9)
+    figure, axes = sheet(HALF, 1.7)
     ax = axes[0, 0]
     _plot(ax, time.t, [result.path + offset for offset in offsets])
     time.frame(ax, "Slider position in m")
@@ -39,7 +39,7 @@ def loads(result: RunResult) -> Figure:
     """Loads over time: forces in N and, in a panel of their own, moments in N m."""
     time, scene = Timeline(result), result.scene
     units = sorted({LOAD_UNITS[load.direction] for load in scene.loads})
-    figure, axes = sheet(HALF, 1.0 + 0.9 * len(units), rows=len(units), sharex=True)
+    figure, axes = sheet(HALF, 0.8 + 0.9 * len(units), rows=len(units), sharex=True)
     names: list[str] = []
     for row, base in enumerate(units):
         ax = axes[row, 0]
