@@ -22,11 +22,15 @@ from typing import Any
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
 
+import petsc4py
+
+# PETSc's handlers turn a closed pipe (`pmr info | head`) into a page of advice on debuggers.
+petsc4py.init(["pmr", "-no_signal_handler"])
+
 import basix
 import dolfinx
 import dolfinx.fem.petsc
 import numpy as np
-import petsc4py
 import slepc4py
 import ufl
 from mpi4py import MPI
@@ -34,7 +38,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 slepc4py.init()
-from slepc4py import SLEPc  # noqa: E402  (after init)
+from slepc4py import SLEPc
 
 __all__ = ["MPI", "PETSc", "SLEPc", "assemble", "cell_tables", "constant", "hermite_space", "interval_mesh", "versions"]
 

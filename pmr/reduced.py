@@ -59,6 +59,11 @@ class SlidingBody(Protocol):
         """Constraint rows (m, n) at the path coordinate s in m, or their derivative with respect to s."""
         ...
 
+    @property
+    def held(self) -> dict[int, int]:
+        """Rows that hold one coordinate and do nothing else: number of the row to that of the coordinate."""
+        ...
+
     def dense_rows(self, s: Array) -> Array:
         """C(s) (T, m, n) at several path coordinates (T,), dense."""
         ...
@@ -96,6 +101,11 @@ class FullBody:
     def C(self, s: float, derivative: int = 0) -> sp.csr_matrix:
         """Rows (m, n) at s in m, or their derivative with respect to s."""
         return self.rows.at(s, derivative)
+
+    @property
+    def held(self) -> dict[int, int]:
+        """Rows of supports on nodes: number of the row to that of the coordinate it holds."""
+        return {i: row.held for i, row in enumerate(self.rows.rows) if row.held is not None}
 
     def dense_rows(self, s: Array) -> Array:
         """C(s) (T, m, n) at several path coordinates (T,): for a few at a time."""
@@ -163,6 +173,11 @@ class ReducedModel:
             If s lies outside `domain`.
         """
         return evaluate(self.rows, s, derivative, what=", ".join(self.row_names))
+
+    @property
+    def held(self) -> dict[int, int]:
+        """None: all rows of a reduced model are treated alike."""
+        return {}
 
     def dense_rows(self, s: Array) -> Array:
         """C(s) (T, m, r) at several path coordinates (T,)."""

@@ -77,6 +77,12 @@ class Row:
         dofs, entries = self.at(s, derivative)
         return np.einsum("td,td->t", entries, np.take_along_axis(q, dofs, axis=1))
 
+    @property
+    def held(self) -> int | None:
+        """The coordinate that the row holds at zero, where that is all it does."""
+        alone = self.dofs.size == 1 and len(self.coefficients) == 1 and self.coefficients.flat[0] == 1.0
+        return int(self.dofs.flat[0]) if alone else None
+
     def project(self, V: Array, first: int = 0) -> PPoly:
         """C(s) V as a piecewise polynomial with values (r,).
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import exudyn as exu
+import numpy as np
 import scipy.sparse as sp
 from exudyn.itemInterface import SensorNode, SensorObject
 
@@ -25,7 +26,7 @@ from pmr.simulate.exudyn_items import (
     add_updated_body,
 )
 from pmr.simulate.exudyn_solver import settings, solve, stored
-from pmr.simulate.inputs import Inputs, TabulatedInputs
+from pmr.simulate.inputs import Inputs, TabulatedInputs, moving_rows
 from pmr.simulate.start import InitialState, consistent_start
 from pmr.simulate.stepping import Progress, TimeStepping
 
@@ -90,15 +91,17 @@ def _simulate(
     mbs = container.AddSystem()
     items = add_items(mbs, body, inputs, start)
     kept = exu.OutputVariableType
-    sensors = [
-        mbs.AddSensor(sensor)
-        for sensor in (
-            SensorNode(nodeNumber=items.nBody, outputVariableType=kept.Coordinates, storeInternal=True),
-            SensorNode(nodeNumber=items.nBody, outputVariableType=kept.Coordinates_t, storeInternal=True),
-            SensorObject(objectNumber=items.oSlider, outputVariableType=kept.Force, storeInternal=True),
-        )
+    of_coordinates = [
+        SensorNode(nodeNumber=items.nBody, outputVariableType=kind, storeInternal=True)
+        for kind in (kept.Coordinates, kept.Coordinates_t)
     ]
+    of_forces = [
+        SensorObject(objectNumber=connector, outputVariableType=kept.Force, storeInternal=True)
+        for connector in (items.oSlider, *items.oSupports)
+    ]
+    sensors = [mbs.AddSensor(sensor) for sensor in (*of_coordinates, *of_forces)]
     linear_solver = exu.LinearSolverType.EigenSparse if sp.issparse(body.K) else exu.LinearSolverType.EigenDense
     seconds = solve(mbs, settings(stepping, linear_solver), inputs.position, progress)
-    q, v, multipliers = (stored(mbs, sensor, stepping, inputs.position) for sensor in sensors)
+    q, v, *forces = (stored(mbs, sensor, stepping, inputs.position) for sensor in sensors)
+    multipliers = np.hstack(forces)[:, np.argsort([*moving_rows(body), *body.held])]
     return Trajectory(t=stepping.times, q=q, v=v, multipliers=multipliers, s=inputs.s, seconds=seconds)

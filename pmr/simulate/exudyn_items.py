@@ -18,16 +18,18 @@ import exudyn as exu
 import numpy as np
 import scipy.sparse as sp
 from exudyn.itemInterface import (
+    MarkerNodeCoordinate,
     MarkerNodeCoordinates,
     NodeGenericODE2,
     NodePointGround,
+    ObjectConnectorCoordinate,
     ObjectConnectorCoordinateVector,
     ObjectGenericODE2,
 )
 
 from pmr.reduced import SlidingBody
 from pmr.signals import SignalBase
-from pmr.simulate.inputs import Inputs, SignalInputs
+from pmr.simulate.inputs import Inputs, SignalInputs, moving_rows
 from pmr.simulate.start import InitialState, consistent_start
 
 PreStep = Callable[[Any, float], bool]
@@ -51,7 +53,10 @@ class SlidingBodyItems:
         All coordinates of the body; attach further connectors here.
     nGround, mGround : NodeIndex, MarkerIndex
     oSlider : ObjectIndex
-        ObjectConnectorCoordinateVector; its output variable Force is lambda (m,) in N.
+        ObjectConnectorCoordinateVector of the rows that move; its output variable Force is their lambda in N.
+    oSupports : tuple of ObjectIndex
+        ObjectConnectorCoordinate for each of the body's rows that hold one coordinate, in the order of ``body.held``:
+        a vector connector would carry its dense n columns for each of them.
     update : callable ``(mbs, t) -> True``
         Sets rows and loads to the time t in s; the system's pre-step function calls it.
     """
@@ -62,6 +67,7 @@ class SlidingBodyItems:
     nGround: Any
     mGround: Any
     oSlider: Any
+    oSupports: tuple[Any, ...]
     update: PreStep = _nothing
 
 
@@ -178,7 +184,7 @@ def add_called_body(mbs: Any, body: SlidingBody, inputs: Inputs, start: InitialS
         start,
         of_body={"forceUserFunction": force},
         of_slider={
-            "scalingMarker0": np.zeros((len(body.row_names), 1)),  # its height is the number of rows
+            "scalingMarker0": np.zeros((len(moving_rows(body)), 1)),  # its height is the number of rows
             "constraintUserFunction": constraint,
             "jacobianUserFunction": jacobian,
         },
@@ -215,7 +221,18 @@ def _add_items(
     oSlider = mbs.AddObject(
         ObjectConnectorCoordinateVector(name=f"{name}Slider", markerNumbers=[mGround, mBody], **of_slider)
     )
-    return SlidingBodyItems(nBody, oBody, mBody, nGround, mGround, oSlider)
+    oSupports = tuple(
+        _hold(mbs, f"{name}Support{row}", nBody, coordinate, nGround) for row, coordinate in body.held.items()
+    )
+    return SlidingBodyItems(nBody, oBody, mBody, nGround, mGround, oSlider, oSupports)
+
+
+def _hold(mbs: Any, name: str, nBody: Any, coordinate: int, nGround: Any) -> Any:
+    markers = [
+        mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nGround, coordinate=0)),
+        mbs.AddMarker(MarkerNodeCoordinate(name=name, nodeNumber=nBody, coordinate=coordinate)),
+    ]
+    return mbs.AddObject(ObjectConnectorCoordinate(name=name, markerNumbers=markers))
 
 
 def _start(body: SlidingBody, path: SignalBase, initial: InitialState | None) -> InitialState:

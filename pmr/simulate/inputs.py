@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.reduced import SlidingBody
@@ -30,12 +29,17 @@ class Inputs(Protocol):
         ...
 
     def rows(self, t: float) -> Array:
-        """C(s(t)) as a dense array (m, n)."""
+        """The rows of C(s(t)) that are no mere supports (`moving_rows`), as a dense array (m', n)."""
         ...
 
     def loads(self, t: float) -> tuple[float, ...]:
         """One value an input, in N (or N m)."""
         ...
+
+
+def moving_rows(body: SlidingBody) -> list[int]:
+    """Numbers of the rows that do more than hold one coordinate."""
+    return [i for i in range(len(body.row_names)) if i not in body.held]
 
 
 class SignalInputs:
@@ -50,17 +54,17 @@ class SignalInputs:
     def __init__(self, body: SlidingBody, path: SignalBase, loads: Sequence[SignalBase]) -> None:
         check_loads(loads, body.input_names)
         self._body, self._path, self._loads = body, path, tuple(loads)
-        self._held: tuple[float, Array] | None = None
+        self._moving = moving_rows(body)
+        self._last: tuple[float, Array] | None = None
 
     def position(self, t: float) -> float:
         return float(self._path.value(t))
 
     def rows(self, t: float) -> Array:
         s = self.position(t)
-        if self._held is None or s != self._held[0]:
-            C = self._body.C(s)
-            self._held = s, C.toarray() if sp.issparse(C) else C
-        return self._held[1]
+        if self._last is None or s != self._last[0]:
+            self._last = s, self._body.dense_rows(np.array([s]))[0, self._moving]
+        return self._last[1]
 
     def loads(self, t: float) -> tuple[float, ...]:
         return tuple(float(load.value(t)) for load in self._loads)
@@ -83,7 +87,7 @@ class TabulatedInputs:
         self._positions = self.s.tolist()
         self._loads = [tuple(f) for f in loads_at(loads, stepping.times).tolist()]
         self._step = stepping.step
-        self._body = body
+        self._body, self._moving = body, moving_rows(body)
         self._block = max(1, ENTRIES_AHEAD // (len(body.row_names) * body.size))
         self._first, self._rows, self._index = 0, np.empty(0), np.empty(0, int)
 
@@ -98,5 +102,5 @@ class TabulatedInputs:
         if not self._first <= k < self._first + len(self._index):
             self._first = k
             visited, self._index = np.unique(self.s[k : k + self._block], return_inverse=True)
-            self._rows = self._body.dense_rows(visited)
+            self._rows = self._body.dense_rows(visited)[:, self._moving]
         return self._rows[self._index[k - self._first]]
