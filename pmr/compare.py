@@ -10,7 +10,7 @@ N holds the components whose reference has an RMS above 1e-10 (Weyrer et al., se
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import combinations
 
 import numpy as np
@@ -21,6 +21,8 @@ from pmr.results import Energy, Response
 from pmr.simulate import ancf
 
 Array = NDArray[np.float64]
+#: Error of a signal against a reference of the same shape.
+Measure = Callable[[Array, Array], float]
 
 #: Components whose reference RMS (m) does not exceed this are left out of e_NRMS.
 RMS_FLOOR = 1e-10
@@ -47,20 +49,23 @@ def nrms(signal: Array, reference: Array) -> float:
 
 
 def absolute_error(signal: Array, reference: Array) -> float:
-    """e_abs, the euclidean norm over time of the difference, in the signals' unit."""
+    """e_abs, the euclidean norm of the difference over all steps (and components), in the signals' unit."""
     return float(np.linalg.norm(np.asarray(signal) - np.asarray(reference)))
 
 
-def errors(responses: Mapping[str, Response], order: tuple[str, ...] = ("reduced", "full", "ancf")) -> dict:
-    """e_NRMS of tip and beam for all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ...}, ...}``.
+def errors(
+    responses: Mapping[str, Response], measure: Measure = nrms, order: tuple[str, ...] = ("reduced", "full", "ancf")
+) -> dict[str, dict[str, float]]:
+    """Error of tip and beam for all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ...}, ...}``.
 
-    The later one in `order` is the reference.  The pinned node, which does not move, counts in no pair.
+    `measure` is `nrms` (fractions) or `absolute_error` (m).  The later one in `order` is the reference.  The pinned
+    node, which does not move, counts in no pair.
     """
     present = [name for name in order if name in responses]
     return {
         f"{a}_vs_{b}": {
-            "tip": nrms(responses[a].tip, responses[b].tip),
-            "beam": nrms(responses[a].displacement, responses[b].displacement),
+            "tip": measure(responses[a].tip, responses[b].tip),
+            "beam": measure(responses[a].displacement, responses[b].displacement),
         }
         for a, b in combinations(present, 2)
     }

@@ -187,6 +187,7 @@ def _summary(
         "title": scene.title,
         "scene_hash": scene.hash,
         "errors": compare.errors(responses),
+        "absolute_errors": compare.errors(responses, compare.absolute_error),
         "max_displacement": float(np.abs(reference).max()),
         "max_error": error,
         "coordinates": {"full": reduction.model.size, "reduced": reduction.reduced.size},

@@ -42,6 +42,7 @@ def test_the_summary_keeps_its_contract(folder: Path) -> None:
     summary = json.loads((folder / "summary.json").read_text())
     for pair in ("reduced_vs_full", "full_vs_ancf", "reduced_vs_ancf"):
         assert 0.0 < summary["errors"][pair]["tip"] < 1.0 and 0.0 < summary["errors"][pair]["beam"] < 1.0
+        assert 0.0 < summary["absolute_errors"][pair]["tip"] < summary["absolute_errors"][pair]["beam"]
     assert summary["max_displacement"] > summary["max_error"] > 0.0
     assert summary["coordinates"] == {"full": 63, "reduced": 20}
     assert 0.999 < summary["basis"]["kappa"] <= 1.0 and len(summary["basis"]["singular_values"]) == 30

@@ -50,6 +50,8 @@ def test_all_pairs_are_compared_the_later_one_being_the_reference() -> None:
     assert set(found) == {"reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"}
     assert found["reduced_vs_full"] == pytest.approx({"tip": 0.1, "beam": 0.1})
     assert found["reduced_vs_ancf"]["tip"] == pytest.approx(0.21)
+    absolute = errors({"full": response(1.0), "reduced": response(1.5)}, absolute_error)["reduced_vs_full"]
+    assert absolute["tip"] == pytest.approx(0.5 * np.linalg.norm(np.sin(7 * T)))
     assert set(errors({"full": response(1.0), "reduced": response(1.0)})) == {"reduced_vs_full"}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from typing import Any
 
@@ -34,10 +34,7 @@ DIFFERENT = Mark("different", "≠", "different")
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the error table, as text; `mark` and `published` are absent where nothing was published.
-
-    `rounded` says that the figure is the published one when it is rounded as that was.
-    """
+    """A line of the error table, as text; `mark` and `published` are absent where nothing was published."""
 
     comparison: str
     place: str
@@ -45,7 +42,7 @@ class Row:
     published: str | None = None
     deviation: str | None = None
     mark: Mark | None = None
-    rounded: bool = False
+    absolute: str | None = None
 
 
 def mark_for(here: float, published: float, is_error: bool = True) -> Mark:
@@ -104,10 +101,11 @@ def _errors(result: RunResult) -> Iterator[Row]:
                 continue
             here = float(errors[pair][place])
             other = published.errors.get(pair, {}).get(place) if published else None
-            if other is None:
-                yield Row(comparison, place, percent(here))
-            else:
-                yield _compared(comparison, place, here, other, decimals)
+            row = Row(comparison, place, percent(here))
+            if other is not None:
+                row = _compared(comparison, place, here, other, decimals)
+            absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
+            yield row if absolute is None else replace(row, absolute=length(absolute, 3))
 
 
 def _compared(comparison: str, place: str, here: float, other: float, decimals: int) -> Row:
@@ -117,7 +115,7 @@ def _compared(comparison: str, place: str, here: float, other: float, decimals: 
     mark = mark_for(here, other)
     if rounded and mark is not WITHIN:
         mark = SAME
-    return Row(comparison, place, percent(here), printed, deviation, mark, rounded)
+    return Row(comparison, place, percent(here), printed, deviation, mark)
 
 
 def _lengths(result: RunResult) -> Iterator[Row]:

@@ -6,15 +6,14 @@ steps, t = 0 included.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol
 
 from pmr.reduced import SlidingBody, Trajectory
 from pmr.signals import SignalBase
 from pmr.simulate.start import InitialState
-from pmr.simulate.stepping import Progress, TimeStepping
+from pmr.simulate.stepping import Loads, Progress, TimeStepping
 
-__all__ = ["InitialState", "Progress", "Simulator", "TimeStepping"]
+__all__ = ["InitialState", "Loads", "Progress", "Simulator", "TimeStepping"]
 
 
 class Simulator(Protocol):
@@ -24,7 +23,7 @@ class Simulator(Protocol):
         self,
         body: SlidingBody,
         path: SignalBase,
-        loads: Sequence[SignalBase],
+        loads: Loads,
         stepping: TimeStepping,
         initial: InitialState | None = None,
         progress: Progress | None = None,
@@ -37,7 +36,7 @@ class Simulator(Protocol):
             Reduced or full.
         path : signal
             Slider path s(t) in m, within the body's domain.
-        loads : sequence of signals
+        loads : signal or sequence of signals
             One for each of the body's inputs, in their order; N (or N m).
         stepping : TimeStepping
         initial : InitialState, optional

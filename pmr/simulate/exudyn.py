@@ -7,7 +7,7 @@ In an mbs of one's own::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import exudyn as exu
@@ -28,7 +28,7 @@ from pmr.simulate.exudyn_items import (
 from pmr.simulate.exudyn_solver import settings, solve, stored
 from pmr.simulate.inputs import Inputs, TabulatedInputs, moving_rows
 from pmr.simulate.start import InitialState, consistent_start
-from pmr.simulate.stepping import Progress, TimeStepping
+from pmr.simulate.stepping import Loads, Progress, TimeStepping
 
 __all__ = [
     "SlidingBodyItems",
@@ -46,7 +46,7 @@ AddItems = Callable[[Any, SlidingBody, Inputs, InitialState], SlidingBodyItems]
 def simulate(
     body: SlidingBody,
     path: SignalBase,
-    loads: Sequence[SignalBase],
+    loads: Loads,
     stepping: TimeStepping,
     initial: InitialState | None = None,
     progress: Progress | None = None,
@@ -64,7 +64,7 @@ def simulate(
 def simulate_with_callbacks(
     body: SlidingBody,
     path: SignalBase,
-    loads: Sequence[SignalBase],
+    loads: Loads,
     stepping: TimeStepping,
     initial: InitialState | None = None,
     progress: Progress | None = None,

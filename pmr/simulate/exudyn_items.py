@@ -10,7 +10,7 @@ An ObjectGenericODE2 carries the body, an ObjectConnectorCoordinateVector agains
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,6 +31,7 @@ from pmr.reduced import SlidingBody
 from pmr.signals import SignalBase
 from pmr.simulate.inputs import Inputs, SignalInputs, moving_rows
 from pmr.simulate.start import InitialState, consistent_start
+from pmr.simulate.stepping import Loads
 
 PreStep = Callable[[Any, float], bool]
 
@@ -75,7 +76,7 @@ def add_sliding_body(
     mbs: Any,
     body: SlidingBody,
     path: SignalBase,
-    loads: Sequence[SignalBase],
+    loads: Loads,
     initial: InitialState | None = None,
 ) -> SlidingBodyItems:
     """Add a sliding body whose rows and loads are set once a step.
@@ -105,7 +106,7 @@ def add_sliding_body_with_callbacks(
     mbs: Any,
     body: SlidingBody,
     path: SignalBase,
-    loads: Sequence[SignalBase],
+    loads: Loads,
     initial: InitialState | None = None,
 ) -> SlidingBodyItems:
     """Add a sliding body as the paper does: Exudyn calls Python for rows, their Jacobian and loads.

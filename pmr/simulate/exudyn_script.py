@@ -20,7 +20,7 @@ from pmr.errors import InputError
 from pmr.reduced import ReducedModel
 from pmr.signals import Constant, Signal, SignalBase, Sum
 from pmr.simulate import exudyn_script_body, exudyn_script_signals
-from pmr.simulate.stepping import TimeStepping, check_loads
+from pmr.simulate.stepping import TimeStepping, one_for_each
 
 _WIDTH = 88
 _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
@@ -152,7 +152,7 @@ def _scene(model: ReducedModel, source: str) -> _Scene:
     except (KeyError, TypeError, ValueError) as error:
         allowed = f"a reduced model that holds its scene (slider.path, loads, time) is allowed: {error!r}"
         raise InputError(source, "provenance.scene", None, allowed) from None
-    check_loads(signals, model.input_names)
+    one_for_each(signals, model.input_names)
     names = [re.sub(r"\W", "_", f"load_{name}") for name in model.input_names]
     if len(set(names)) < len(names):
         names = [f"{name}_{i}" for i, name in enumerate(names)]

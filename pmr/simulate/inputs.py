@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.reduced import SlidingBody
 from pmr.signals import SignalBase
-from pmr.simulate.stepping import TimeStepping, check_loads, loads_at, path_at
+from pmr.simulate.stepping import Loads, TimeStepping, loads_at, one_for_each, path_at
 
 Array = NDArray[np.float64]
 
@@ -51,9 +50,8 @@ class SignalInputs:
         If there are not as many loads as inputs.
     """
 
-    def __init__(self, body: SlidingBody, path: SignalBase, loads: Sequence[SignalBase]) -> None:
-        check_loads(loads, body.input_names)
-        self._body, self._path, self._loads = body, path, tuple(loads)
+    def __init__(self, body: SlidingBody, path: SignalBase, loads: Loads) -> None:
+        self._body, self._path, self._loads = body, path, one_for_each(loads, body.input_names)
         self._moving = moving_rows(body)
         self._last: tuple[float, Array] | None = None
 
@@ -79,13 +77,11 @@ class TabulatedInputs:
         If the path leaves the body's domain or there are not as many loads as inputs.
     """
 
-    def __init__(
-        self, body: SlidingBody, path: SignalBase, loads: Sequence[SignalBase], stepping: TimeStepping
-    ) -> None:
-        check_loads(loads, body.input_names)
+    def __init__(self, body: SlidingBody, path: SignalBase, loads: Loads, stepping: TimeStepping) -> None:
+        signals = one_for_each(loads, body.input_names)
         self.s = path_at(path, body.domain, stepping.times)
         self._positions = self.s.tolist()
-        self._loads = [tuple(f) for f in loads_at(loads, stepping.times).tolist()]
+        self._loads = [tuple(f) for f in loads_at(signals, stepping.times).tolist()]
         self._step = stepping.step
         self._body, self._moving = body, moving_rows(body)
         self._block = max(1, ENTRIES_AHEAD // (len(body.row_names) * body.size))

@@ -15,6 +15,8 @@ from pmr.sliding import DOMAIN_TOLERANCE
 Array = NDArray[np.float64]
 #: Called with the share of the time span, 0 to 1, that is done.
 Progress = Callable[[float], None]
+#: One signal for each input, in their order; a single one for a single input.
+Loads = SignalBase | Sequence[SignalBase]
 
 
 @dataclass(frozen=True)
@@ -83,14 +85,16 @@ def loads_at(loads: Sequence[SignalBase], t: Array) -> Array:
     return np.column_stack([np.empty((len(t), 0)), *(load.value(t) for load in loads)])
 
 
-def check_loads(loads: Sequence[SignalBase], names: Sequence[str]) -> None:
-    """One load for each input.
+def one_for_each(loads: Loads, names: Sequence[str]) -> tuple[SignalBase, ...]:
+    """The loads of a body with the inputs `names`; a single signal will do for a single input.
 
     Raises
     ------
     InputError
-        Otherwise.
+        If there are not as many loads as inputs.
     """
-    if len(loads) != len(names):
-        allowed = f"{len(loads)} given, one for each input is allowed: {', '.join(names)}"
+    signals = (loads,) if isinstance(loads, SignalBase) else tuple(loads)
+    if len(signals) != len(names):
+        allowed = f"{len(signals)} given, one for each input is allowed: {', '.join(names)}"
         raise InputError("scene", "loads", None, allowed)
+    return signals

@@ -26,6 +26,7 @@ logger = logging.getLogger(__name__)
 
 DENSE_UP_TO = 1500  # coordinates; above, SLEPc is the automatic choice
 TOLERANCE = 1e-13
+ITERATIONS = 500
 CLUSTER = 1e-7  # relative distance of omega^2 below which two modes count as one cluster
 
 
@@ -134,7 +135,7 @@ class SlepcEigenSolver:
         eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
         eps.setTarget(-self._sigma)
         eps.setDimensions(nev=count)
-        eps.setTolerances(TOLERANCE, 500)
+        eps.setTolerances(TOLERANCE, ITERATIONS)
         st = eps.getST()
         st.setType(SLEPc.ST.Type.SINVERT)
         ksp = st.getKSP()

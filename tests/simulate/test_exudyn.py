@@ -66,6 +66,14 @@ def test_same_as_an_integrator_written_for_the_test(body: SlidingBody, simulate:
     assert found.seconds > 0.0
 
 
+def test_a_single_load_needs_no_list(case: Any, reduced: ReducedModel, simulate: Simulator) -> None:
+    alone, listed = (
+        simulate(reduced, case.path, loads, TimeStepping(0.02, 1e-3)) for loads in (case.load, [case.load])
+    )
+    np.testing.assert_array_equal(alone.q, listed.q)
+    assert np.abs(alone.q).max() > 0.0
+
+
 def test_rows_hold_at_every_step(body: SlidingBody) -> None:
     found = simulator.simulate(body, PATH, LOADS, STEPPING)
     assert np.abs(body.apply_rows(found.s, found.q)).max() < 1e-14

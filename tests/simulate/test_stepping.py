@@ -6,7 +6,7 @@ import pytest
 from pmr.errors import InputError
 from pmr.signals import Constant, Ramp
 from pmr.simulate import TimeStepping
-from pmr.simulate.stepping import check_loads, loads_at, path_at
+from pmr.simulate.stepping import loads_at, one_for_each, path_at
 
 
 def test_times_are_all_steps() -> None:
@@ -49,6 +49,6 @@ def test_one_column_a_load() -> None:
 
 
 def test_each_input_needs_a_load() -> None:
-    check_loads([Constant(amount=1.0)], ["F"])
+    one_for_each([Constant(amount=1.0)], ["F"])
     with pytest.raises(InputError, match="1 given, one for each input is allowed: F, T"):
-        check_loads([Constant(amount=1.0)], ["F", "T"])
+        one_for_each([Constant(amount=1.0)], ["F", "T"])

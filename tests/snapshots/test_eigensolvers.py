@@ -10,6 +10,7 @@ from textbook import CLOSED_FORM, beam_matrices, subspace_distance
 from pmr.dolfinx_compat import MPI
 from pmr.errors import ConvergenceError
 from pmr.operators import FullModel, full_model
+from pmr.snapshots import eigensolvers
 from pmr.snapshots.eigensolvers import DenseEigenSolver, Modes, SlepcEigenSolver, eigensolver
 from pmr.snapshots.elimination import DependentRowsError
 
@@ -132,6 +133,15 @@ def test_more_modes_than_there_are_is_an_error_that_says_what_to_do(load_scene, 
     model = full_model(load_scene("paper_simple", ["mesh.elements=2"]))
     with pytest.raises(ConvergenceError, match="6 free coordinates; ask for fewer modes or refine"):
         solver(model).lowest(2.5, 7)
+
+
+def test_too_few_converged_pairs_are_an_error_that_says_what_to_do(model: FullModel, monkeypatch) -> None:
+    monkeypatch.setattr(eigensolvers, "ITERATIONS", 1)
+    monkeypatch.setattr(eigensolvers, "TOLERANCE", 1e-200)
+    with pytest.raises(
+        ConvergenceError, match="of 41 eigenpairs converged to 1e-200 within 1 iterations; ask for fewer"
+    ):
+        SlepcEigenSolver(model).lowest(2.5, 40)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
