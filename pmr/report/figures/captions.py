@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS
 from pmr.report.figures.timeline import Quantity, Timeline, drawn, reference
@@ -55,9 +53,8 @@ def basis(result: RunResult) -> str:
 
 def frequencies(result: RunResult) -> str:
     """Below the eigenfrequencies."""
-    level = " Level lines belong to vibration along the axis, which the closed form leaves out."
-    axial = result.scene.body.axial and np.isfinite(result.frequencies.closed_form).any()
-    return f"Lowest eigenfrequencies for a resting slider at s.{level if axial else ''}"
+    level = " Level lines belong to vibration along the axis."
+    return f"Lowest eigenfrequencies for a resting slider at s.{level if result.scene.body.axial else ''}"
 
 
 def _history(result: RunResult, what: str, where: str = "") -> str:

@@ -47,8 +47,8 @@ def singular_values(result: RunResult) -> Figure:
 def frequencies(result: RunResult) -> Figure:
     """Lowest eigenfrequencies in Hz against the slider position; closed forms as far up as the models."""
     curves = result.frequencies
-    shown = [family for family in (curves.full, curves.reduced) if family.size]
-    top = np.max([family.max(axis=1) for family in shown], axis=0)[:, None]
+    shown = [family for family in (curves.full, curves.reduced) if np.isfinite(family).any()]
+    top = np.max([np.nanmax(family, axis=1) for family in shown], axis=0)[:, None]
     closed = np.where(curves.closed_form <= 1.01 * top, curves.closed_form, np.nan)
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
@@ -61,7 +61,7 @@ def frequencies(result: RunResult) -> Figure:
         if np.isfinite(omega).any():
             ax.plot(curves.s[where], omega[where] / TURN, **look)
             handles.append(Line2D([], [], label=label, **look))
-    octave_axis(ax, min(float(family.min()) for family in shown) / TURN, float(top.max()) / TURN)
+    octave_axis(ax, min(float(np.nanmin(family)) for family in shown) / TURN, float(top.max()) / TURN)
     ax.set_xlabel("Slider position s in m")
     ax.set_ylabel("Eigenfrequency in Hz")
     key(figure, handles)
