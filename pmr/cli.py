@@ -165,6 +165,7 @@ def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
 
 def _describe_model(model: ReducedModel) -> dict[str, str]:
     low, high = model.domain
+    made_with = model.provenance.get("versions", {})
     return {
         "reduced model": f"{model.size} coordinates",
         "scene": f"{model.provenance.get('scene', {}).get('title', 'unknown')} "
@@ -174,7 +175,9 @@ def _describe_model(model: ReducedModel) -> dict[str, str]:
         "outputs": f"{len(model.outputs)} transverse displacements in m",
         "rows": f"{', '.join(model.row_names)}; s from {low:g} to {high:g} m",
         "rows left out": ", ".join(model.left_out) or "none",
-        "made with": ", ".join(f"{k} {v}" for k, v in model.provenance.get("versions", {}).items() if k[0] != "s"),
+        "made with": ", ".join(
+            f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
+        ),
     }
 
 

@@ -75,7 +75,7 @@ def with_held_coordinates(model: ReducedModel) -> ReducedModel:
     return replace(
         model,
         rows=PPoly(np.concatenate([held, model.rows.c], axis=2), model.rows.x),
-        row_names=(*(f"{name}, holds coordinate {model.size - i}" for i, name in enumerate(model.left_out)),
+        row_names=(*(f"{name} (holds coordinate {model.size - i})" for i, name in enumerate(model.left_out)),
                    *model.row_names),
         left_out=(),
     )  # fmt: skip

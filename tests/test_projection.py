@@ -66,7 +66,7 @@ def test_held_rows_freeze_the_last_coordinates_and_keep_the_slider(load_scene) -
     held = with_held_coordinates(reduced)
     assert held.size == 20 and held.left_out == ()
     assert held.row_names == (
-        "support x at 0 m, holds coordinate 20", "support y at 0 m, holds coordinate 19", "slider"
+        "support x at 0 m (holds coordinate 20)", "support y at 0 m (holds coordinate 19)", "slider"
     )  # fmt: skip
     for s in (0.0, 1.37, 5.0):
         assert np.array_equal(held.C(s)[:2], np.eye(20)[[19, 18]])

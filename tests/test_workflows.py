@@ -1,0 +1,37 @@
+"""The scenes and meshes that come with the package."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr import scene
+from pmr.mesh import read_nodes
+from pmr.run import run
+
+ROOT = Path(__file__).parents[1]
+COMPLETE = [file for file in sorted((ROOT / "workflows").glob("*.toml")) if file.stem != "paper_base"]
+
+
+@pytest.mark.parametrize("file", COMPLETE, ids=lambda file: file.stem)
+def test_every_scene_is_valid_and_says_what_it_is(file: Path) -> None:
+    assert scene.load(file).title and file.read_text().startswith("# ")
+
+
+def test_the_mesh_is_what_its_script_writes(tmp_path: Path) -> None:
+    script = runpy.run_path(str(ROOT / "meshes" / "graded_beam.py"))
+    script["write"](tmp_path / "again.msh")
+    kept = read_nodes(ROOT / "meshes" / "graded_beam.msh", 5.0)
+    assert np.array_equal(kept, read_nodes(tmp_path / "again.msh", 5.0))
+    assert set(np.round(np.diff(kept), 9)) == {0.0625, 0.125} and {1.25, 3.75} <= set(np.round(kept, 9))
+
+
+def test_the_graded_mesh_runs() -> None:
+    short = ["time.end=0.5", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}"]
+    outcome = run(scene.load(ROOT / "workflows" / "graded_mesh.toml", short))
+    assert outcome is not None
+    assert outcome.result.summary["coordinates"] == {"full": 183, "reduced": 20}
+    assert outcome.result.summary["errors"]["reduced_vs_full"]["beam"] < 1e-3
