@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +13,16 @@ from numpy.typing import NDArray
 from pmr.dolfinx_compat import MPI, PETSc, assemble, cell_tables
 from pmr.mesh import BeamMesh, beam_mesh
 from pmr.models.beam2d import Beam2D
+from pmr.parallel import sparse
 from pmr.reduced import FullBody
 from pmr.scene import SUPPORT_ROWS, Scene
 from pmr.sliding import Row, Rows, fixed_row
 
 Array = NDArray[np.float64]
+logger = logging.getLogger(__name__)
+
+#: Relative error of the lowest frequency from which on a mesh is called too fine.
+NOTICED_ROUND_OFF = 1e-4
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,12 @@ def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
 def beam_model(scene: Scene, mesh: BeamMesh) -> FullModel:
     """The full model of the scene's beam on a given mesh."""
     model = Beam2D(scene.body, mesh.nodes)
+    if model.round_off > NOTICED_ROUND_OFF and mesh.domain.comm.rank == 0:
+        logger.warning(
+            "round-off in the stiffness of so short elements changes the lowest frequency by about %.0e of its value; "
+            "fewer elements are more accurate",
+            model.round_off,
+        )
     space = model.space(mesh.domain)
     order = _canonical_order(model, space)
     M, K = (_reordered(assemble(form), order) for form in model.forms(space))
@@ -145,16 +157,11 @@ def _reordered(A: PETSc.Mat, order: NDArray[np.int64]) -> PETSc.Mat:
 
 def _columns(like: PETSc.Mat, columns: list[tuple[NDArray[np.int64], Array]]) -> PETSc.Mat:
     """Sparse matrix (n, len(columns)) with rows distributed as those of `like`."""
+    number = np.repeat(np.arange(len(columns)), [len(dofs) for dofs, _ in columns])
+    dofs, entries = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     first, last = like.getOwnershipRange()
-    matrix = PETSc.Mat().createAIJ(
-        ((last - first, like.getSize()[0]), (PETSc.DECIDE, len(columns))), comm=like.comm, nnz=(len(columns),) * 2
-    )
-    for j, (dofs, entries) in enumerate(columns):
-        for dof, entry in zip(dofs, entries, strict=True):
-            if first <= dof < last:
-                matrix.setValue(dof, j, entry)
-    matrix.assemble()
-    return matrix
+    whole = sp.csr_matrix((entries, (dofs, number)), shape=(like.getSize()[0], len(columns)))
+    return sparse(whole[first:last], like)
 
 
 def local_csr(A: PETSc.Mat) -> sp.csr_matrix:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import PETSc
@@ -22,6 +23,18 @@ def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
     matrix = PETSc.Mat().createDense(((rows, total), (PETSc.DECIDE, local.shape[1])), comm=like.comm)
     matrix.setUp()
     matrix.getDenseArray()[:] = local
+    matrix.assemble()
+    return matrix
+
+
+def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> PETSc.Mat:
+    """Sparse PETSc matrix from this rank's rows, distributed as the rows of `like`.
+
+    `columns` is how many of the columns this rank owns; PETSc decides by default.
+    """
+    owned = PETSc.DECIDE if columns is None else columns
+    csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
+    matrix = PETSc.Mat().createAIJ((like.getSizes()[0], (owned, rows.shape[1])), csr=csr, comm=like.comm)
     matrix.assemble()
     return matrix
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -82,6 +84,15 @@ def test_rows_hold_the_supports_and_the_sliders(load_scene) -> None:
     assert sp.issparse(C) and C.shape == (5, 153)
     assert np.flatnonzero(C.toarray()[3]).tolist() == [31]  # 1.0 m is node 10
     assert np.flatnonzero(C.toarray()[4]).tolist() == [40]
+
+
+def test_a_mesh_too_fine_for_its_digits_is_said(load_scene, caplog) -> None:
+    with caplog.at_level(logging.WARNING):
+        full_model(load_scene("paper_simple", ["mesh.elements=600"]))
+    assert caplog.text == ""
+    with caplog.at_level(logging.WARNING):
+        full_model(load_scene("paper_simple", ["mesh.elements=4000"]))
+    assert MPI.COMM_WORLD.rank > 0 or "changes the lowest frequency by about 5e-03" in caplog.text
 
 
 def test_gathering_keeps_everything_on_rank_0_only(load_scene) -> None:

@@ -31,7 +31,11 @@ _SCRIPT = '''\
     M p'' + D p' + K p + C(s)^T lambda = B f(t),    C(s) p = 0,    y = outputs p
 
 with {size} reduced coordinates p, the slider at s(t) and the transverse displacements y; SI units throughout.
-Rows of C: {rows}.  Written by pmr; needs numpy, scipy and exudyn, and {file_name} in this folder.
+The rows of C:
+
+{rows}
+
+Written by pmr; needs numpy, scipy and exudyn, and {file_name} in this folder.
 """
 
 {imports}
@@ -107,7 +111,7 @@ def exudyn_script(model: ReducedModel, file_name: str) -> str:
     return _SCRIPT.format(
         title=scene.title,
         size=model.size,
-        rows=", ".join(model.row_names),
+        rows="\n".join(f"    {name}" for name in model.row_names),
         file_name=file_name,
         imports=_imports(scene.kinds),
         scene=scene.text(),

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import PETSc
+from pmr.parallel import sparse
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -38,36 +39,17 @@ class Elimination:
         free = self.free
         column = np.full(self.size, -1)
         column[free] = np.arange(len(free))
-        T = sp.csr_matrix((np.ones(len(free)), (free, column[free])), shape=(self.size, len(free))).tolil()
-        for pivot, row in zip(self.pivots, self.factors, strict=True):
-            used = row != 0.0
-            T[pivot, column[self.others[used]]] = -row[used]
-        return T.tocsr()
+        at, other = np.nonzero(self.factors)
+        rows = np.concatenate([free, self.pivots[at]])
+        columns = np.concatenate([column[free], column[self.others[other]]])
+        entries = np.concatenate([np.ones(len(free)), -self.factors[at, other]])
+        return sp.csr_matrix((entries, (rows, columns)), shape=(self.size, len(free)))
 
     def petsc(self, like: PETSc.Mat) -> PETSc.Mat:
         """T as a PETSc matrix; its rows are spread as those of `like`, its columns follow their rows."""
         first, last = like.getOwnershipRange()
-        sorted_pivots = np.sort(self.pivots)
-
-        def column(dof: Indices | int) -> NDArray[np.int64]:
-            return np.asarray(dof - np.searchsorted(sorted_pivots, dof))
-
-        mine = np.array([d for d in self.pivots if first <= d < last], np.int64)
-        width = max(1, len(self.others))
-        T = PETSc.Mat().createAIJ(
-            ((last - first, self.size), (last - first - len(mine), self.size - len(self.pivots))),
-            comm=like.comm,
-            nnz=(width, width),
-        )
-        for dof in np.setdiff1d(np.arange(first, last), mine):
-            T.setValue(dof, int(column(dof)), 1.0)
-        for pivot, row in zip(self.pivots, self.factors, strict=True):
-            if first <= pivot < last:
-                for other, factor in zip(self.others, row, strict=True):
-                    if factor != 0.0:
-                        T.setValue(pivot, int(column(other)), -factor)
-        T.assemble()
-        return T
+        pivots = np.count_nonzero((self.pivots >= first) & (self.pivots < last))
+        return sparse(self.matrix()[first:last], like, columns=last - first - pivots)
 
 
 def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from textbook import CLOSED_FORM
 
+from pmr.models.beam2d import Beam2D
 from pmr.operators import full_model
-from pmr.snapshots.eigensolvers import DenseEigenSolver
+from pmr.snapshots.eigensolvers import DenseEigenSolver, SlepcEigenSolver
 
 DECLARED_ORDER = 4
 
@@ -30,3 +31,13 @@ def test_frequencies_converge_with_the_declared_order(load_scene, s: float, grad
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     assert np.all(orders > DECLARED_ORDER - 0.15), orders
     assert np.all(orders < DECLARED_ORDER + 0.4), orders
+
+
+@pytest.mark.parametrize("elements", [400, 1600])
+def test_round_off_is_as_declared(load_scene, elements: int) -> None:
+    """Beyond some hundred elements refinement makes it worse, by the fourth power; within a factor of ten."""
+    scene = load_scene("paper_simple", [f"mesh.elements={elements}", "body.axial=false", "compare.against=[]"])
+    model = full_model(scene)
+    error = abs(SlepcEigenSolver(model).lowest(2.5, 1).omega[0] / CLOSED_FORM[2.5][0] - 1.0)
+    expected = Beam2D(scene.body, model.output_positions).round_off
+    assert expected / 10.0 < error < expected * 10.0
