@@ -22,6 +22,7 @@ from pmr.errors import InputError
 from pmr.operators import FullModel, gather
 from pmr.parallel import fix_signs, tall
 from pmr.snapshots import Snapshots
+from pmr.snapshots.eigensolvers import is_dense
 
 Array = NDArray[np.float64]
 
@@ -86,11 +87,16 @@ def pod(model: FullModel, snapshots: Snapshots, size: int, product: str = "eucli
     InputError
         If `size` exceeds the numerical rank of the pool.
     """
-    from pmr.snapshots.eigensolvers import DENSE_UP_TO
-
-    dense = solver == "dense" or (solver == "auto" and model.size <= DENSE_UP_TO)
-    decompose = _dense_pod if dense else _distributed_pod
-    local, sigma = decompose(snapshots.S, model.M if product == "mass" else None)
+    decompose = _dense_pod if is_dense(model, solver) else _distributed_pod
+    # Where all snapshots vanish (at a support), so does the basis: left in, these rows would fill with round-off.
+    whole = np.array(snapshots.S.getDenseArray())
+    first = snapshots.S.getOwnershipRange()[0]
+    moving = np.flatnonzero(whole.any(axis=1))
+    rows = PETSc.IS().createGeneral((first + moving).astype(PETSc.IntType), comm=model.M.comm)
+    M = model.M.createSubMatrix(rows, rows)
+    compact, sigma = decompose(tall(whole[moving], M), M if product == "mass" else None)
+    local = np.zeros((len(whole), compact.shape[1]))
+    local[moving] = compact
     rank = int(np.sum(sigma > sigma[0] * np.finfo(float).eps * max(snapshots.S.getSize())))
     if size > rank:
         raise InputError(

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import logging
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from rich.console import Console
@@ -63,10 +64,11 @@ def run(
     if len({file.stem for file in scene_files}) != len(scene_files):
         raise InputError("command line", "SCENE", [file.stem for file in scene_files], "names must differ")
     folder = out_dir or Path("reports", scene_files[0].stem)
-    if folder.exists() and not folder.is_dir():
-        raise InputError("command line", "--out", str(folder), "a folder is allowed")
-
-    from pmr.dolfinx_compat import MPI
+    _writable(folder)
+    try:
+        from pmr.dolfinx_compat import MPI
+    except ImportError as error:
+        _leave(f"FEniCSx is not installed ({error}); reduced models simulate without it, new ones need it", 1)
     from pmr.report.document import write_report
     from pmr.run import Clock
     from pmr.run import run as run_scene
@@ -111,7 +113,11 @@ def export(
         raise InputError("command line", "--to", to, "exudyn is allowed")
     from pmr.simulate.exudyn_script import write_exudyn_script
 
-    written = write_exudyn_script(model, out_file or model.with_name("sliding_body.py"))
+    target = out_file or model.with_name("sliding_body.py")
+    if target.is_dir():
+        raise InputError("command line", "--out", str(target), "the name of a file is allowed")
+    _writable(target.parent)
+    written = write_exudyn_script(model, target)
     out.print(str(written), highlight=False, soft_wrap=True)
 
 
@@ -148,6 +154,17 @@ def info(
     out.print(table, highlight=False)
 
 
+def _writable(folder: Path) -> None:
+    """Make sure of the folder before anything is computed."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        allowed = f"a folder that can be written to is allowed ({error.strerror})"
+        raise InputError("command line", "--out", str(folder), allowed) from None
+
+
 def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
     low, high = scene.path_bounds
     return {
@@ -166,9 +183,10 @@ def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
 def _describe_model(model: ReducedModel) -> dict[str, str]:
     low, high = model.domain
     made_with = model.provenance.get("versions", {})
+    scene = model.provenance.get("scene", {})
     return {
         "reduced model": f"{model.size} coordinates",
-        "scene": f"{model.provenance.get('scene', {}).get('title', 'unknown')} "
+        "scene": f"{scene.get('title', 'unknown') if isinstance(scene, dict) else 'unknown'} "
         f"({model.provenance.get('scene_hash', 'no hash')})",
         "basis": str(model.provenance.get("basis", "unknown")),
         "inputs": ", ".join(model.input_names),
@@ -241,8 +259,9 @@ def main() -> None:
         raise
 
 
-def _leave(message: str, code: int) -> None:
+def _leave(message: str, code: int) -> NoReturn:
     err.print(f"pmr: {message}", highlight=False, soft_wrap=True, markup=False)
+    err.file.flush()
     if _ranks() > 1:
         from pmr.dolfinx_compat import MPI
 

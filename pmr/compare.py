@@ -84,16 +84,14 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
     loads : (T, i) array, N
     """
     q, v, s = trajectory.q, trajectory.v, trajectory.s
-    positions = np.asarray(getattr(body, "output_positions"))  # noqa: B009
-    moving = [i for i, name in enumerate(body.row_names) if name.startswith("slider")]
     violation = body.apply_rows(s, q)
     drift = body.apply_rows(s, v) + path_rate[:, None] * body.apply_rows(s, q, derivative=1)
     return Response(
         t=trajectory.t,
-        x=positions,
+        x=body.output_positions,
         displacement=np.asarray((body.outputs @ q.T).T),
         energy=energy(body, trajectory, loads),
-        slider_force=trajectory.multipliers[:, moving],
+        slider_force=trajectory.multipliers[:, body.moving],
         residual_position=np.abs(violation).max(axis=1),
         residual_velocity=np.abs(drift).max(axis=1),
         seconds=trajectory.seconds,

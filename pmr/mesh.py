@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -57,15 +59,18 @@ def read_nodes(file: Path, length: float) -> Array:
         return InputError(str(file), "", None, f"{found}; a chain of line cells on the x axis is allowed")
 
     try:
-        mesh = meshio.read(file)
-    except (Exception, SystemExit) as error:  # meshio leaves with SystemExit where no reader fits
-        raise refuse(f"meshio can't read it ({error})") from None
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # meshio prints what it tried
+            mesh = meshio.read(file)
+    except (Exception, SystemExit):  # meshio leaves with SystemExit where no reader fits
+        raise refuse("meshio can't read it") from None
     kinds = sorted({block.type for block in mesh.cells} - {"vertex"})
     if kinds != ["line"]:
         raise refuse(f"cells of type {', '.join(kinds) or 'none'}")
     lines = np.concatenate([block.data for block in mesh.cells if block.type == "line"])
     used = np.unique(lines)
     points = np.asarray(mesh.points, float)
+    if not np.isfinite(points[used]).all():
+        raise refuse("coordinates that are not finite")
     if np.any(np.abs(points[used, 1:]) > 1e-9 * length):
         raise refuse("points off the x axis")
     x = points[used, 0]

@@ -126,7 +126,9 @@ def _support_rows(scene: Scene, model: Beam2D) -> list[Row]:
 
 def _slider_rows(scene: Scene, model: Beam2D) -> list[Row]:
     offsets = scene.slider.offsets
-    names = ["slider"] if offsets == (0.0,) else [f"slider at s{offset:+g} m" for offset in offsets]
+    names = [f"slider at s{offset:+g} m" if offset else "slider at s" for offset in offsets]
+    if offsets == (0.0,):
+        names = ["slider"]
     return [model.slider(offset, name) for offset, name in zip(offsets, names, strict=True)]
 
 
@@ -143,7 +145,8 @@ def _canonical_order(model: Beam2D, space: Any) -> NDArray[np.int64]:
     everyone = np.concatenate(space.mesh.comm.allgather(np.concatenate(pairs)))
     order = np.full(model.size, -1, np.int64)
     order[everyone[:, 0]] = everyone[:, 1]
-    assert np.array_equal(np.sort(order), np.arange(model.size)), "mesh and dofmap do not match"
+    if not np.array_equal(np.sort(order), np.arange(model.size)):
+        raise RuntimeError("mesh and dofmap do not match: nodes closer than round-off?")
     return order
 
 

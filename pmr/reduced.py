@@ -11,7 +11,8 @@ lambda is in N: with rows that measure a displacement in m, -C^T lambda is the f
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -60,6 +61,13 @@ class SlidingBody(Protocol):
         ...
 
     @property
+    def output_positions(self) -> Array: ...
+    @property
+    def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
+        ...
+
+    @property
     def held(self) -> dict[int, int]:
         """Rows that hold one coordinate and do nothing else: number of the row to that of the coordinate."""
         ...
@@ -101,6 +109,11 @@ class FullBody:
     def C(self, s: float, derivative: int = 0) -> sp.csr_matrix:
         """Rows (m, n) at s in m, or their derivative with respect to s."""
         return self.rows.at(s, derivative)
+
+    @property
+    def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
+        return [i for i, row in enumerate(self.rows.rows) if row.moves]
 
     @property
     def held(self) -> dict[int, int]:
@@ -175,6 +188,11 @@ class ReducedModel:
         return evaluate(self.rows, s, derivative, what=", ".join(self.row_names))
 
     @property
+    def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
+        return np.flatnonzero(np.any(self.rows.c[:-1] != 0.0, axis=(0, 1, 3))).tolist()
+
+    @property
     def held(self) -> dict[int, int]:
         """None: all rows of a reduced model are treated alike."""
         return {}
@@ -220,28 +238,49 @@ class ReducedModel:
         InputError
             If the file is missing, is no reduced model, or was written by a later format.
         """
+        path = Path(path)
+        if not path.is_file():
+            raise InputError(str(path), "", None, "no such file; `pmr run` writes reduced.npz")
+        if not zipfile.is_zipfile(path):
+            raise InputError(str(path), "", None, "not a reduced model written by pmr")
         try:
             with np.load(path, allow_pickle=False) as data:
                 header = json.loads(str(data["header"]))
-                if header.get("format") != FORMAT:
-                    raise InputError(str(path), "format", header.get("format"), f"{FORMAT!r} is allowed")
-                if header["version"] > FORMAT_VERSION:
+                if header["format"] != FORMAT:
+                    raise InputError(str(path), "format", header["format"], f"{FORMAT!r} is allowed")
+                if int(header["version"]) > FORMAT_VERSION:
                     raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
-                return cls(
-                    **{name: data[name] for name in _MATRICES},
+                model = cls(
+                    **{name: np.asarray(data[name], dtype=float) for name in _MATRICES},
                     rows=PPoly(data["rows_coefficients"], data["rows_breaks"]),
                     input_names=tuple(header["input_names"]),
                     row_names=tuple(header["row_names"]),
-                    output_positions=data["output_positions"],
+                    output_positions=np.asarray(data["output_positions"], dtype=float),
                     left_out=tuple(header["left_out"]),
-                    provenance=header["provenance"],
+                    provenance=dict(header["provenance"]),
                 )
-        except FileNotFoundError:
-            raise InputError(str(path), "", None, "no such file; `pmr run` writes reduced.npz") from None
-        except InputError:
-            raise
-        except (KeyError, ValueError, OSError) as error:
+        except (KeyError, ValueError, TypeError, AttributeError, OSError, zipfile.BadZipFile, zlib.error) as error:
+            if isinstance(error, InputError):
+                raise
             raise InputError(str(path), "", None, f"not a reduced model written by pmr ({error})") from None
+        wrong = model.contradiction()
+        if wrong:
+            raise InputError(str(path), "", None, f"not a sound reduced model: {wrong}")
+        return model
+
+    def contradiction(self) -> str | None:
+        """What is wrong with the arrays, in words; None where shapes agree, breaks increase and all is finite."""
+        r, i, o, m = len(self.M), len(self.input_names), len(self.output_positions), len(self.row_names)
+        shapes = {"M": (r, r), "D": (r, r), "K": (r, r), "B": (r, i), "outputs": (o, r)}
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != shape:
+                return f"{name} has shape {array.shape}, {shape} is allowed"
+            if not np.isfinite(array).all():
+                return f"{name} is not finite"
+        if self.rows.c.shape[2:] != (m, r) or not np.isfinite(self.rows.c).all():
+            return f"the rows have shape {self.rows.c.shape[2:]} or are not finite, {(m, r)} is allowed"
+        return None if np.all(np.diff(self.rows.x) > 0.0) else "the rows' breaks do not increase"
 
 
 @dataclass(frozen=True)
@@ -269,13 +308,12 @@ class Trajectory:
     seconds: float
 
 
-def independent_rows(C: PPoly, names: Sequence[str], tolerance: float = 1e-10) -> tuple[list[int], list[str]]:
-    """Rows that constrain the reduced coordinates, and the names of those the basis satisfies identically.
+def satisfied_rows(C: PPoly, tolerance: float = 1e-10) -> list[int]:
+    """Numbers of the rows that a basis satisfies identically.
 
-    A row counts as satisfied when none of its coefficients, times its interval to the matching power, exceeds
-    `tolerance` times the largest one of all rows; `tolerance` is the round-off to expect in the basis.
+    Those are the rows none of whose coefficients, times its interval to the matching power, exceeds `tolerance` times
+    the largest one of all rows; `tolerance` is the round-off to expect in the basis.
     """
     size = np.diff(C.x)[None, :] ** np.arange(len(C.c) - 1, -1, -1)[:, None]
     magnitude = np.abs(C.c * size[:, :, None, None]).max(axis=(0, 1, 3))
-    keep = magnitude > tolerance * magnitude.max()
-    return np.flatnonzero(keep).tolist(), [name for name, kept in zip(names, keep, strict=True) if not kept]
+    return np.flatnonzero(magnitude <= tolerance * magnitude.max()).tolist()

@@ -23,6 +23,7 @@ from pmr.reduced import FullBody, ReducedModel
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
 from pmr.simulate import TimeStepping, ancf, exudyn
+from pmr.simulate.stepping import loads_at
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
 from pmr.snapshots.eigensolvers import eigensolver
@@ -118,7 +119,7 @@ def simulate(scene: Scene, reduced: ReducedModel, full: FullBody, clock: Clock |
     clock = clock or Clock()
     stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
     path, signals = scene.slider.path, [load.signal for load in scene.loads]
-    rate, loads = path.rate(stepping.times), _loads(scene, stepping.times)
+    rate, loads = path.rate(stepping.times), loads_at(signals, stepping.times)
     responses = {}
     with clock.stage("reduced"):
         trajectory = exudyn.simulate(reduced, path, signals, stepping)
@@ -145,10 +146,6 @@ def _ancf(scene: Scene, stepping: TimeStepping, x: Array, done: Callable[[float]
     )
     points = [ancf.PointLoad(load.at, load.signal) for load in scene.loads]
     return compare.respond_cable(cable, ancf.simulate(cable, scene.slider.path, points, stepping, x, done))
-
-
-def _loads(scene: Scene, t: Array) -> Array:
-    return np.stack([load.signal.value(t) for load in scene.loads], axis=1)
 
 
 def _frequency_curves(scene: Scene, reduction: Reduction) -> FrequencyCurves:
@@ -215,5 +212,5 @@ def _result(
 ) -> RunResult:
     t = responses["reduced"].t
     shapes = Shapes(reduction.basis.sigma, reduction.reduced.output_positions, reduction.reduced.outputs)
-    path = scene.slider.path
-    return RunResult(scene, summary, responses, path.value(t), path.rate(t), _loads(scene, t), shapes, curves)
+    path, loads = scene.slider.path, loads_at([load.signal for load in scene.loads], t)
+    return RunResult(scene, summary, responses, path.value(t), path.rate(t), loads, shapes, curves)

@@ -18,7 +18,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_valida
 from scipy.interpolate import Akima1DInterpolator
 
 Array = NDArray[np.float64]
-Floats = tuple[float, ...]
+Real = Annotated[float, Field(strict=True)]
+Floats = tuple[Real, ...]
 
 
 class SignalBase(BaseModel):
@@ -44,7 +45,7 @@ class Constant(SignalBase):
     """The same value at all times."""
 
     kind: Literal["constant"] = "constant"
-    amount: float
+    amount: Real
 
     def value(self, t: ArrayLike) -> Array:
         return np.full(np.shape(t), self.amount)
@@ -135,12 +136,19 @@ class Table(_Knots):
         path = Path(str(given.pop("file")))
         if not path.is_file():
             raise ValueError(f"no such file: {path}")
+        lines = [line for line in path.read_text().splitlines() if line.partition("#")[0].strip()]
         try:
-            columns = np.loadtxt(path, delimiter=",", comments="#", ndmin=2)
+            columns = np.array([[float(cell) for cell in line.partition("#")[0].split(",")] for line in lines])
         except ValueError as error:
-            raise ValueError(f"{path}: two columns of numbers separated by a comma are allowed ({error})") from error
-        if columns.shape[1] != 2:
-            raise ValueError(f"{path}: {columns.shape[1]} columns; two are allowed: time in s, value")
+            raise ValueError(
+                f"{path}: two columns of numbers are allowed, other lines begin with # ({error})"
+            ) from None
+        if columns.ndim != 2 or columns.shape[1] != 2 or len(columns) < 2:
+            raise ValueError(f"{path}: at least two lines of two columns are allowed: time in s, value")
+        if not np.isfinite(columns).all():
+            raise ValueError(f"{path}: line {int(np.argmin(np.isfinite(columns).all(axis=1))) + 1} is not finite")
+        if np.any(np.diff(columns[:, 0]) <= 0.0):
+            raise ValueError(f"{path}: times must increase")
         return {**given, "times": columns[:, 0].tolist(), "values": columns[:, 1].tolist()}
 
     def _held(self, t: ArrayLike) -> Array:
@@ -163,9 +171,9 @@ class Step(SignalBase):
     """``before`` until ``time`` (exclusive), ``after`` from then on."""
 
     kind: Literal["step"] = "step"
-    time: float
-    before: float = 0.0
-    after: float
+    time: Real
+    before: Real = 0.0
+    after: Real
 
     def value(self, t: ArrayLike) -> Array:
         return np.where(np.asarray(t, dtype=float) < self.time, self.before, self.after)
@@ -182,10 +190,10 @@ class Sine(SignalBase):
     """offset + amplitude sin(2 pi frequency t + phase); frequency in Hz, phase in rad."""
 
     kind: Literal["sine"] = "sine"
-    amplitude: float
-    frequency: float = Field(ge=0.0)
-    phase: float = 0.0
-    offset: float = 0.0
+    amplitude: Real
+    frequency: float = Field(ge=0.0, strict=True)
+    phase: Real = 0.0
+    offset: Real = 0.0
 
     def _angle(self, t: ArrayLike) -> Array:
         return 2.0 * np.pi * self.frequency * np.asarray(t, dtype=float) + self.phase
@@ -205,10 +213,10 @@ class Chirp(SignalBase):
     """
 
     kind: Literal["chirp"] = "chirp"
-    amplitude: float
+    amplitude: Real
     times: Floats = Field(min_length=2)
     frequencies: Floats = Field(min_length=2)
-    phase: float = 0.0
+    phase: Real = 0.0
 
     @model_validator(mode="after")
     def _knots(self) -> Chirp:

@@ -78,6 +78,11 @@ class Row:
         return np.einsum("td,td->t", entries, np.take_along_axis(q, dofs, axis=1))
 
     @property
+    def moves(self) -> bool:
+        """Whether the row depends on s."""
+        return len(self.breaks) > 2 or len(self.coefficients) > 1
+
+    @property
     def held(self) -> int | None:
         """The coordinate that the row holds at zero, where that is all it does."""
         alone = self.dofs.size == 1 and len(self.coefficients) == 1 and self.coefficients.flat[0] == 1.0

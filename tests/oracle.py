@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from textbook import LENGTH, beam_matrices
 
-from pmr.reduced import FullBody, ReducedModel, SlidingBody, independent_rows
+from pmr.reduced import FullBody, ReducedModel, SlidingBody, satisfied_rows
 from pmr.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulate import InitialState, TimeStepping
 from pmr.sliding import Row, Rows, fixed_row, stack
@@ -115,7 +115,8 @@ def paper_basis(full: FullBody, snapshots: int, modes: int, coordinates: int) ->
 def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
     """Galerkin projection on the columns of V (n, r), without the rows that V satisfies to `tolerance`."""
     rows = stack([row.project(V) for row in full.rows.rows], full.domain)
-    kept, left_out = independent_rows(rows, full.row_names, tolerance)
+    left_out = satisfied_rows(rows, tolerance)
+    kept = [i for i in range(len(full.row_names)) if i not in left_out]
     return ReducedModel(
         M=V.T @ (full.M @ V),
         D=V.T @ (full.D @ V),
@@ -126,7 +127,7 @@ def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
         input_names=full.input_names,
         row_names=tuple(full.row_names[i] for i in kept),
         output_positions=full.output_positions,
-        left_out=tuple(left_out),
+        left_out=tuple(full.row_names[i] for i in left_out),
     )
 
 

@@ -92,7 +92,8 @@ BAD = [
     (["run", SIMPLE, "--set", "body.bending_stiffness=-1"], "body.bending_stiffness = -1"),
     (["run", SIMPLE, "--set", "reduction.coordinates=31"], "snapshots * modes = 30"),
     (["run", SIMPLE, "--set", "reduction.snapshots=51", "--set", "time.end=0.1"], "at most 50"),
-    (["run", SIMPLE, "--out", "pyproject.toml"], "a folder is allowed"),
+    (["run", SIMPLE, "--set", "mesh.elements=2", "--set", "reduction.modes=10"], "6 free coordinates; ask for fewer"),
+    (["run", SIMPLE, "--out", "pyproject.toml"], "a folder that can be written to"),
     (["run", SIMPLE, SIMPLE], "names must differ"),
     (["export", "nowhere.npz"], "nowhere.npz: no such file"),
     (["export", SIMPLE], "not a reduced model"),
@@ -109,11 +110,25 @@ def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says
     assert says in done.stderr
 
 
-def test_too_many_modes_for_the_mesh_end_with_exit_code_1_and_advice() -> None:
-    done = pmr(
-        "run", SIMPLE, "--set", "mesh.elements=2", "--set", "reduction.snapshots=2", "--set", "reduction.modes=10"
-    )
-    assert done.returncode == 1 and "ask for fewer modes or refine" in done.stderr
+def test_the_place_for_results_is_tried_before_anything_is_computed(folder: Path) -> None:
+    for out in (f"{folder}/summary.json", f"{folder}/summary.json/x"):
+        done = pmr("run", SIMPLE, "--out", out)
+        assert done.returncode == 2 and "can be written to is allowed" in done.stderr and done.stdout == ""
+
+
+def test_an_export_replaces_no_model(folder: Path, tmp_path: Path) -> None:
+    model = folder / "reduced.npz"
+    content = model.read_bytes()
+    (tmp_path / "reduced.npz").write_bytes(b"another")
+    for out in (model, folder, tmp_path / "script.py"):
+        assert pmr("export", str(model), "--out", str(out)).returncode == 2
+    assert model.read_bytes() == content and (tmp_path / "reduced.npz").read_bytes() == b"another"
+
+
+def test_without_fenicsx_a_run_says_so_in_one_line() -> None:
+    blocked = "import sys; sys.modules['dolfinx'] = None; sys.argv = ['pmr', 'run', sys.argv[1]]; import pmr.__main__"
+    done = python("-c", blocked, SIMPLE)
+    assert done.returncode == 1 and "FEniCSx is not installed" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_help_teaches() -> None:

@@ -41,6 +41,7 @@ def test_nodes_are_read_in_any_order(tmp_path: Path, suffix: str, form: str) -> 
         ([0, 2, 2, 5], [[0, 1], [2, 3]], "line", 0.0, "two nodes at one place"),
         ([0, 2, 3, 5], [[0, 1], [2, 3]], "line", 0.0, "no single chain"),
         ([0, 2, 3, 5], [[0, 1], [1, 2], [0, 3]], "line", 0.0, "no single chain"),
+        ([0, np.nan, 5], [[0, 1], [1, 2]], "line", 0.0, "not finite"),
         ([0, 2, 5], [[0, 1], [1, 2], [2, 1]], "line", 0.0, "3 lines on 3 nodes that form no single chain"),
     ],
 )

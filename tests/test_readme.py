@@ -1,4 +1,4 @@
-"""What the README shows works, and what it states is what is measured."""
+"""What the README shows works, and what it points to exists."""
 
 from __future__ import annotations
 

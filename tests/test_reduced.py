@@ -12,7 +12,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
-from pmr.reduced import ReducedModel, independent_rows
+from pmr.reduced import ReducedModel, satisfied_rows
 
 RNG = np.random.default_rng(2)
 
@@ -77,10 +77,36 @@ def test_rows_satisfied_identically_are_recognised_relative_to_the_others() -> N
     c = np.zeros((2, 2, 3, 4))
     c[:, :, 0] = 1e-9
     c[1, 1, 2] = 1e3
-    keep, left_out = independent_rows(PPoly(c, [0.0, 1.0, 2.0]), ["pin", "zero", "slider"], tolerance=1e-10)
-    assert keep == [2] and left_out == ["pin", "zero"]
-    keep, _ = independent_rows(PPoly(c, [0.0, 1.0, 2.0]), ["pin", "zero", "slider"], tolerance=1e-13)
-    assert keep == [0, 2]
+    table = PPoly(c, [0.0, 1.0, 2.0])
+    assert satisfied_rows(table, tolerance=1e-10) == [0, 1]
+    assert satisfied_rows(table, tolerance=1e-13) == [1]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"M": np.full((4, 4), np.nan)}, "M is not finite"),
+        ({"K": np.eye(3)}, "K has shape (3, 3), (4, 4) is allowed"),
+        ({"input_names": ("F",)}, "B has shape (4, 2), (4, 1) is allowed"),
+        ({"row_names": ("slider",)}, "the rows have shape (2, 4)"),
+        ({"output_positions": np.arange(5.0)}, "outputs has shape (6, 4)"),
+    ],
+)
+def test_a_model_that_contradicts_itself_is_refused(
+    model: ReducedModel, tmp_path: Path, change: dict, says: str
+) -> None:
+    file = replace(model, **change).save(tmp_path / "m.npz")
+    with pytest.raises(InputError) as caught:
+        ReducedModel.load(file)
+    assert says in str(caught.value)
+
+
+def test_a_damaged_file_is_refused(model: ReducedModel, tmp_path: Path) -> None:
+    content = model.save(tmp_path / "m.npz").read_bytes()
+    for damaged in (b"", content[: len(content) // 2], content[:400] + bytes(80) + content[480:]):
+        (tmp_path / "m.npz").write_bytes(damaged)
+        with pytest.raises(InputError, match="not a reduced model"):
+            ReducedModel.load(tmp_path / "m.npz")
 
 
 def test_the_right_world_lives_without_fenicsx() -> None:

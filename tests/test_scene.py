@@ -65,6 +65,11 @@ REFUSED = [
     ("compare.against=['comsol']", "compare.against[0] = 'comsol'", "'full' or 'ancf'"),
     ("damping.mass=0.1", "compare.against", "no damping"),
     ("reduction", "--set: reduction", "section.key=value"),
+    ("slider.path={kind='step',time=1.0,before=1.25,after=1.5}", "slider.path", "jumps from 1.25 m to 1.5 m at 1 s"),
+    ("body.length=true", "body.length = True", "valid number"),
+    ("body.length='5'", "body.length = '5'", "valid number"),
+    ("mesh.grading=1e300", "mesh.grading = 1e+300", "less than or equal to 1000"),
+    ("time.end=1e9", "time.step = 0.001", "at most 1,000,000 steps"),
 ]
 
 
@@ -102,7 +107,13 @@ def test_a_signal_replaced_whole_is_the_later_files(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "says"),
-    [("extends = 'self.toml'", "extend itself"), ("a = ", "not valid TOML"), ("extends = 3", "name of a scene file")],
+    [
+        ("extends = 'none.toml'", "extends = 'none.toml': the name of a scene file is allowed; there is none"),
+        ("extends = ''", "there is none"),
+        ("extends = 'self.toml'", "extend itself"),
+        ("a = ", "not valid TOML"),
+        ("extends = 3", "name of a scene file"),
+    ],
 )
 def test_a_file_that_is_no_scene_is_refused(tmp_path: Path, text: str, says: str) -> None:
     file = tmp_path / "self.toml"

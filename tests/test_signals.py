@@ -70,6 +70,25 @@ def test_table_from_a_file_equals_the_inline_one(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "at least two lines"),
+        ("0, 1\n", "at least two lines"),
+        ("0\n1\n", "two columns"),
+        ("t, s\n0, 1\n1, 2\n", "other lines begin with #"),
+        ("0, 1\n1, nan\n", "line 2 is not finite"),
+        ("0, 1\n0, 2\n", "times must increase"),
+    ],
+)
+def test_a_file_that_is_no_table_is_refused_by_name(tmp_path, text: str, says: str) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text(text)
+    with pytest.raises(ValidationError) as caught:
+        signal.validate_python({"kind": "table", "file": str(file)})
+    assert says in str(caught.value) and "path.csv" in str(caught.value)
+
+
+@pytest.mark.parametrize(
     ("data", "says"),
     [
         ({"kind": "table", "file": "nowhere.csv"}, "no such file"),

@@ -111,19 +111,6 @@ class Beam2D:
     def _bending_dofs(self, e: int) -> list[int]:
         return [self._dof(n, d) for n in (e, e + 1) for d in ("y", "rotation")]
 
-    def dof(self, x: float, direction: str) -> int:
-        """Coordinate of the node at x.
-
-        Raises
-        ------
-        ValueError
-            If no node lies there.
-        """
-        node = int(np.argmin(np.abs(self.nodes - x)))
-        if abs(self.nodes[node] - x) > 1e-9 * self.body.length:
-            raise ValueError(f"no node at x = {x:g} m")
-        return self._dof(node, direction)
-
 
 #: N2, N3 / h, N5, N6 / h as polynomials in xi in [0, 1], highest power first.
 HERMITE = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])

@@ -92,6 +92,7 @@ def reasons(result: RunResult, table: list[Row]) -> list[str]:
 def _errors(result: RunResult) -> Iterator[Row]:
     published = result.scene.published
     decimals = _decimals(published) if published else 0
+    printed: Mapping[str, Any] = published.model_dump()["errors"] if published else {}
     errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
     for pair in (*(p for p in ORDER if p in errors), *(p for p in errors if p not in ORDER)):
         first, _, second = pair.partition("_vs_")
@@ -100,7 +101,7 @@ def _errors(result: RunResult) -> Iterator[Row]:
             if place not in errors[pair]:
                 continue
             here = float(errors[pair][place])
-            other = published.errors.get(pair, {}).get(place) if published else None
+            other = printed.get(pair, {}).get(place)
             row = Row(comparison, place, percent(here))
             if other is not None:
                 row = _compared(comparison, place, here, other, decimals)
@@ -121,7 +122,7 @@ def _compared(comparison: str, place: str, here: float, other: float, decimals: 
 def _lengths(result: RunResult) -> Iterator[Row]:
     published = result.scene.published
     for name, comparison, is_error in (
-        ("max_displacement", "largest displacement", False),
+        ("max_displacement", "largest transverse displacement", False),
         ("max_error", "largest difference, reduced to full", True),
     ):
         here = result.summary.get(name)

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from pmr.errors import InputError
 from pmr.scene.sections import SUPPORT_ROWS, Damping, Scene
+
+MOST_STEPS = 1_000_000
 
 
 def check(scene: Scene) -> None:
@@ -37,6 +41,9 @@ def _time(scene: Scene) -> None:
     time = scene.time
     if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
         raise _refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
+
+    if time.steps > MOST_STEPS:
+        raise _refusal("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
 
 
 def _reduction(scene: Scene) -> None:
@@ -75,6 +82,11 @@ def _places(scene: Scene) -> None:
 def _path(scene: Scene) -> None:
     length, (low, high) = scene.body.length, scene.path_bounds
     slack = 1e-9 * length
+    for at in scene.slider.path.breaks:
+        before, after = scene.slider.path.value([np.nextafter(at, -np.inf), at])
+        if abs(after - before) > slack:
+            allowed = f"the slider jumps from {before:g} m to {after:g} m at {at:g} s; continuous paths are allowed"
+            raise _refusal("slider.path", None, allowed)
     held = [support.at for support in scene.supports if "y" in SUPPORT_ROWS[support.kind]]
     if len(set(scene.slider.offsets)) != len(scene.slider.offsets):
         raise _refusal("slider.offsets", list(scene.slider.offsets), "sliders must not share an offset")

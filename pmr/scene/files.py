@@ -79,6 +79,8 @@ def _read(path: Path, origins: Origins, seen: tuple[Path, ...]) -> dict[str, Any
         extends = data.pop("extends")
         if not isinstance(extends, str):
             raise InputError(str(path), "extends", extends, "the name of a scene file is allowed")
+        if not (path.parent / extends).is_file():
+            raise InputError(str(path), "extends", extends, "the name of a scene file is allowed; there is none")
         base = _read(path.parent / extends, origins, (*seen, path.resolve()))
         base.pop("published", None)  # figures of another scene
     _merge(base, data, str(path), origins)

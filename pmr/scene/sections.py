@@ -9,10 +9,11 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from pmr.signals import Signal, bounds
+from pmr.signals import Real, Signal, bounds
 
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+Positive = Annotated[float, Field(gt=0.0, strict=True)]
+NotNegative = Annotated[float, Field(ge=0.0, strict=True)]
+Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
 Count = Annotated[int, Field(ge=1, strict=True)]
 SUPPORT_ROWS = {"pinned": ("x", "y"), "clamped": ("x", "y", "rotation"), "roller": ("y",)}
 
@@ -50,7 +51,7 @@ class MeshChoice(_Section):
     """
 
     elements: Count | None = None
-    grading: Positive = 1.0  # length of the last element over that of the first
+    grading: float = Field(default=1.0, ge=1e-3, le=1e3, strict=True)  # last element's length over the first's
     file: Path | None = None
 
     @field_validator("file")
@@ -78,7 +79,7 @@ class Slider(_Section):
     """One path s(t) and the sliders that travel with it, each at s + offset."""
 
     path: Signal  # m
-    offsets: tuple[float, ...] = Field(default=(0.0,), min_length=1)  # m
+    offsets: tuple[Real, ...] = Field(default=(0.0,), min_length=1)  # m
 
 
 class Load(_Section):
@@ -102,7 +103,7 @@ class TimeChoice(_Section):
 
     end: Positive  # s
     step: Positive  # s
-    rho_inf: float = Field(default=0.9, ge=0.0, le=1.0)  # spectral radius at infinite frequency
+    rho_inf: float = Field(default=0.9, ge=0.0, le=1.0, strict=True)  # spectral radius at infinite frequency
 
     @property
     def steps(self) -> int:
@@ -136,7 +137,7 @@ class Published(_Section):
     """Figures from a publication, shown beside ours; fractions and m."""
 
     source: str
-    errors: dict[str, dict[Literal["tip", "beam"], NotNegative]] = {}
+    errors: dict[Pair, dict[Literal["tip", "beam"], NotNegative]] = {}
     max_displacement: Positive | None = None
     max_error: Positive | None = None
     remarks: tuple[str, ...] = ()  # where and why our figures differ, for the report

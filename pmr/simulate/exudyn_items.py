@@ -31,7 +31,7 @@ from pmr.reduced import SlidingBody
 from pmr.signals import SignalBase
 from pmr.simulate.inputs import Inputs, SignalInputs, moving_rows
 from pmr.simulate.start import InitialState, consistent_start
-from pmr.simulate.stepping import Loads
+from pmr.simulate.stepping import Loads, path_at
 
 PreStep = Callable[[Any, float], bool]
 
@@ -97,7 +97,7 @@ def add_sliding_body(
     Raises
     ------
     InputError
-        If a load is missing, a size is wrong or the initial position violates the rows.
+        If a load is missing, a size is wrong, the path begins off the body or the initial position violates the rows.
     """
     return add_updated_body(mbs, body, SignalInputs(body, path, loads), _start(body, path, initial))
 
@@ -237,7 +237,8 @@ def _hold(mbs: Any, name: str, nBody: Any, coordinate: int, nGround: Any) -> Any
 
 
 def _start(body: SlidingBody, path: SignalBase, initial: InitialState | None) -> InitialState:
-    return consistent_start(body, float(path.value(0.0)), float(path.rate(0.0)), initial)
+    s = float(path_at(path, body.domain, np.zeros(1))[0])
+    return consistent_start(body, s, float(path.rate(0.0)), initial)
 
 
 def _matrix(A: Any) -> Any:

@@ -86,14 +86,18 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     Raises
     ------
     InputError
-        If the file is no reduced model or has no scene.
+        If the file is no reduced model or has no scene, or writing would replace a model.
     """
     npz_path, target = Path(npz_path), Path(target)
     text = exudyn_script(ReducedModel.load(npz_path), npz_path.name)
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(npz_path.name)
-    if not (beside.exists() and beside.samefile(npz_path)):
+    if target == beside:
+        raise InputError("command line", "--out", str(target), "a name other than the model's is allowed")
+    if not beside.exists():
         shutil.copyfile(npz_path, beside)
+    elif beside.read_bytes() != npz_path.read_bytes():
+        raise InputError("command line", "--out", str(target), f"{beside} is another model; another folder is allowed")
     target.write_text(text, encoding="utf-8")
     return target
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -116,8 +117,9 @@ def _warnings_logged() -> Iterator[None]:
         with redirect_stdout(printed):
             yield
     finally:
-        if text := " ".join(printed.getvalue().replace("*", "").split()):
-            _log.warning(text)
+        told = re.sub(r"Python WARNING \[file.*?\]:", "", printed.getvalue(), flags=re.S)  # not where in pmr it was
+        if text := " ".join(told.replace("*", "").split()):
+            _log.warning("Exudyn: %s", text.removeprefix("WARNING: "))
 
 
 def _where(number: int, t: float, position: Callable[[float], float]) -> str:

@@ -67,7 +67,10 @@ def eigenmode_snapshots(model: FullModel, scene: Scene, solver: EigenSolver | No
     ConvergenceError
         If too few modes exist or converge.
     """
-    solver = solver or eigensolver(model, scene.reduction.solver)
+    solver, free = solver or eigensolver(model, scene.reduction.solver), model.size - len(model.rows.names)
+    if scene.reduction.modes > free:
+        allowed = f"the mesh leaves {free} free coordinates; ask for fewer modes or refine it"
+        raise InputError("scene", "reduction.modes", scene.reduction.modes, allowed)
     at = positions(scene, model)
     modes = []
     for s in at:

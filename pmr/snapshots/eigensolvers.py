@@ -60,9 +60,12 @@ class EigenSolver(Protocol):
 
 def eigensolver(model: FullModel, choice: str) -> EigenSolver:
     """``"dense"``, ``"slepc"``, or ``"auto"``: dense up to `DENSE_UP_TO` coordinates."""
-    if choice == "auto":
-        choice = "dense" if model.size <= DENSE_UP_TO else "slepc"
-    return DenseEigenSolver(model) if choice == "dense" else SlepcEigenSolver(model)
+    return DenseEigenSolver(model) if is_dense(model, choice) else SlepcEigenSolver(model)
+
+
+def is_dense(model: FullModel, choice: str) -> bool:
+    """Whether ``"dense"``, ``"slepc"`` or ``"auto"`` means LAPACK for a model of this size."""
+    return choice == "dense" or (choice == "auto" and model.size <= DENSE_UP_TO)
 
 
 class DenseEigenSolver:

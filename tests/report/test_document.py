@@ -164,7 +164,10 @@ def test_page_says(page: Page, text: str) -> None:
         ),
         ("reduced against full, beam", ["1.05\u00a0%", "2.00\u00a0%", "−48\u00a0%", "better", "▲ better"]),
         ("full against ANCF, tip", ["0.0740\u00a0%", "0.07\u00a0%", "+5.7\u00a0%", "within", "= same when rounded"]),
-        ("largest displacement", ["50.00\u00a0mm", "50\u00a0mm", "+0\u00a0%", "within", "≈ within 5\u00a0%"]),
+        (
+            "largest transverse displacement",
+            ["50.00\u00a0mm", "50\u00a0mm", "+0\u00a0%", "within", "≈ within 5\u00a0%"],
+        ),
         (
             "largest difference, reduced to full",
             ["1.200\u00a0mm", "1\u00a0mm", "+20\u00a0%", "worse", "▼ worse"],

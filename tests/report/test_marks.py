@@ -43,7 +43,7 @@ def test_rows_stand_in_the_order_of_interest(whole: RunResult) -> None:
         "reduced against full",
         "reduced against ANCF",
         "full against ANCF",
-        "largest displacement",
+        "largest transverse displacement",
     ]
 
 
@@ -78,4 +78,4 @@ def test_an_unexplained_difference_is_said_to_be_so(make_result) -> None:
 
 def test_a_run_without_reference_has_no_error_to_show(make_result) -> None:
     result = make_result(responses=("reduced",), summary={"errors": {}, "max_displacement": 0.05, "max_error": None})
-    assert [row.comparison for row in rows(result)] == ["largest displacement"]
+    assert [row.comparison for row in rows(result)] == ["largest transverse displacement"]
