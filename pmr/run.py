@@ -165,8 +165,13 @@ def _frequency_curves(scene: Scene, reduction: Reduction) -> FrequencyCurves:
 
 def _provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
     units = "m and rad" + (" times sqrt(kg)" if basis.product == "mass" else "")
+    described = scene.model_dump(mode="json", exclude={"published"})
+    if scene.mesh.file is not None:
+        described["mesh"]["file"] = (
+            scene.mesh.file.name
+        )  # the model travels; its folders stay, the hash has the content
     return {
-        "scene": scene.model_dump(mode="json", exclude={"published"}),
+        "scene": described,
         "scene_hash": scene.hash,
         "basis": f"POD of eigenmodes with the slider held, orthonormal in the {basis.product} product; "
         f"coordinates carry {units}",

@@ -33,5 +33,6 @@ def test_the_graded_mesh_runs() -> None:
     short = ["time.end=0.5", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}"]
     outcome = run(scene.load(ROOT / "workflows" / "graded_mesh.toml", short))
     assert outcome is not None
+    assert outcome.reduced.provenance["scene"]["mesh"]["file"] == "graded_beam.msh"
     assert outcome.result.summary["coordinates"] == {"full": 183, "reduced": 20}
     assert outcome.result.summary["errors"]["reduced_vs_full"]["beam"] < 1e-3
