@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.reduced import SlidingBody, Trajectory
+from pmr.body import SlidingBody, Trajectory
 from pmr.results import Energy, Response
 from pmr.simulate import ancf
 
@@ -83,15 +83,21 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
         s'(t), for the residual at velocity level.
     loads : (T, i) array, N
     """
-    q, v, s = trajectory.q, trajectory.v, trajectory.s
-    violation = body.apply_rows(s, q)
+    q, v, s, multipliers = trajectory.q, trajectory.v, trajectory.s, trajectory.multipliers
+    displacement = np.asarray((body.outputs @ q.T).T)
+    violation = body.apply_rows(s, q) - body.row_compliance * multipliers
     drift = body.apply_rows(s, v) + path_rate[:, None] * body.apply_rows(s, q, derivative=1)
+    if body.flexibility is not None:
+        displacement = displacement + body.flexibility.displacement(s, multipliers, loads)
+        violation = violation + body.flexibility.row_motion(s, multipliers, loads)
+    if body.flexibility is not None or np.any(body.row_compliance):
+        drift = np.full_like(drift, np.nan)  # rows that give way have no equation at velocity level
     return Response(
         t=trajectory.t,
         x=body.output_positions,
-        displacement=np.asarray((body.outputs @ q.T).T),
+        displacement=displacement,
         energy=energy(body, trajectory, loads),
-        slider_force=trajectory.multipliers[:, body.moving],
+        slider_force=multipliers[:, body.moving],
         residual_position=np.abs(violation).max(axis=1),
         residual_velocity=np.abs(drift).max(axis=1),
         seconds=trajectory.seconds,
@@ -114,10 +120,18 @@ def respond_cable(cable: ancf.Cable, motion: ancf.CableMotion) -> Response:
 
 
 def energy(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Energy:
-    """v^T M v / 2, q^T K q / 2 and -q^T B f, each (T,) in J (Weyrer et al., equation for H(t))."""
-    q, v = trajectory.q, trajectory.v
+    """v^T M v / 2, q^T K q / 2 and -q^T B f, each (T,) in J (Weyrer et al., equation for H(t)).
+
+    Strain energy includes that of the pads, lambda^2 / (2 k), and of the residual flexibility; the residual part's
+    kinetic energy is neglected with its inertia.
+    """
+    q, v, s, multipliers = trajectory.q, trajectory.v, trajectory.s, trajectory.multipliers
 
     def half_form(A: Array, x: Array) -> Array:
         return np.einsum("tn,nt->t", x, np.asarray(A @ x.T)) / 2.0
 
-    return Energy(half_form(body.M, v), half_form(body.K, q), -np.einsum("ti,ti->t", q @ body.B, loads))
+    strain, motion = half_form(body.K, q) + multipliers**2 @ body.row_compliance / 2.0, q @ body.B
+    if body.flexibility is not None:
+        strain = strain + body.flexibility.strain_energy(s, multipliers, loads)
+        motion = motion + body.flexibility.input_motion(s, multipliers, loads)
+    return Energy(half_form(body.M, v), strain, -np.einsum("ti,ti->t", motion, loads))

@@ -10,11 +10,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.body import FullBody
 from pmr.dolfinx_compat import MPI, PETSc, assemble, cell_tables
 from pmr.mesh import BeamMesh, beam_mesh
 from pmr.models.beam2d import Beam2D
 from pmr.parallel import sparse
-from pmr.reduced import FullBody
 from pmr.scene import SUPPORT_ROWS, Scene
 from pmr.sliding import Row, Rows, fixed_row
 

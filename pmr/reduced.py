@@ -1,11 +1,14 @@
 r"""The reduced model: a small self-contained file that simulates without any finite-element library.
 
 .. math::
-    M \ddot p + D \dot p + K p + C(s)^T \lambda = B f(t), \qquad C(s)\, p = 0, \qquad y = O p
+    M \ddot p + D \dot p + K p + C(s)^T \lambda = B f(t), \qquad
+    C(s)\, p + H(s) f - (G(s) + 1/k)\, \lambda = 0, \qquad y = O p + W f - X(s) \lambda
 
 with r generalised coordinates p.  For mass-normalised modes the columns of V carry 1/sqrt(kg), so p is in
 m sqrt(kg); for orthonormal POD vectors V is dimensionless and p carries the unit of the coordinates (m, rad).
-lambda is in N: with rows that measure a displacement in m, -C^T lambda is the force of the sliders on the body.
+G, H, W and X are those of the residual flexibility (`pmr.flexibility`) and vanish without one; 1/k is the pads'
+compliance.  lambda is in N: with rows that measure a displacement in m, -C^T lambda is the force of the sliders on
+the body.
 """
 
 from __future__ import annotations
@@ -13,124 +16,22 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
-from pmr.sliding import Rows, evaluate
+from pmr.flexibility import Flexibility
+from pmr.sliding import evaluate
 
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 _MATRICES = ("M", "D", "K", "B", "outputs")
-
-
-class SlidingBody(Protocol):
-    """What a simulator asks of a body: constant matrices and a few rows that move with s.
-
-    `ReducedModel` is one (dense), `FullBody` another (sparse).  Shapes: M, D, K (n, n), B (n, i), outputs (o, n),
-    C(s) (m, n).
-    """
-
-    @property
-    def M(self) -> Any: ...
-    @property
-    def D(self) -> Any: ...
-    @property
-    def K(self) -> Any: ...
-    @property
-    def B(self) -> Any: ...
-    @property
-    def outputs(self) -> Any: ...
-    @property
-    def input_names(self) -> tuple[str, ...]: ...
-    @property
-    def row_names(self) -> tuple[str, ...]: ...
-    @property
-    def domain(self) -> tuple[float, float]: ...
-    @property
-    def size(self) -> int: ...
-    def C(self, s: float, derivative: int = 0) -> Any:
-        """Constraint rows (m, n) at the path coordinate s in m, or their derivative with respect to s."""
-        ...
-
-    @property
-    def output_positions(self) -> Array: ...
-    @property
-    def moving(self) -> list[int]:
-        """Numbers of the rows that depend on s: the sliders."""
-        ...
-
-    @property
-    def held(self) -> dict[int, int]:
-        """Rows that hold one coordinate and do nothing else: number of the row to that of the coordinate."""
-        ...
-
-    def dense_rows(self, s: Array) -> Array:
-        """C(s) (T, m, n) at several path coordinates (T,), dense."""
-        ...
-
-    def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
-        """C(s) q (T, m) along a trajectory, s (T,) and q (T, n); or with the derivative of C."""
-        ...
-
-
-@dataclass(frozen=True)
-class FullBody:
-    """The full model on one process, sparse: what the full-order reference simulates."""
-
-    M: sp.csr_matrix
-    D: sp.csr_matrix
-    K: sp.csr_matrix
-    B: Array
-    outputs: sp.csr_matrix
-    rows: Rows
-    input_names: tuple[str, ...]
-    output_positions: Array
-
-    @property
-    def size(self) -> int:
-        return int(self.M.shape[0])
-
-    @property
-    def row_names(self) -> tuple[str, ...]:
-        return self.rows.names
-
-    @property
-    def domain(self) -> tuple[float, float]:
-        return self.rows.domain
-
-    def C(self, s: float, derivative: int = 0) -> sp.csr_matrix:
-        """Rows (m, n) at s in m, or their derivative with respect to s."""
-        return self.rows.at(s, derivative)
-
-    @property
-    def moving(self) -> list[int]:
-        """Numbers of the rows that depend on s: the sliders."""
-        return [i for i, row in enumerate(self.rows.rows) if row.moves]
-
-    @property
-    def held(self) -> dict[int, int]:
-        """Rows of supports on nodes: number of the row to that of the coordinate it holds."""
-        return {i: row.held for i, row in enumerate(self.rows.rows) if row.held is not None}
-
-    def dense_rows(self, s: Array) -> Array:
-        """C(s) (T, m, n) at several path coordinates (T,): for a few at a time."""
-        result = np.zeros((len(s), len(self.rows.rows), self.size))
-        for i, row in enumerate(self.rows.rows):
-            dofs, entries = row.at(s)
-            np.put_along_axis(result[:, i], dofs, entries, axis=1)
-        return result
-
-    def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
-        """C(s) q (T, m) along a trajectory, or with the derivative of C."""
-        return np.stack([row.apply(s, q, derivative) for row in self.rows.rows], axis=1)
 
 
 @dataclass(frozen=True)
@@ -153,6 +54,10 @@ class ReducedModel:
         Rows that the basis satisfies identically (its vectors vanish there): they would make the system singular.
     provenance : dict
         How the model came about: scene hash, basis, versions.
+    pads : (m,) array, m/N, or None
+        Compliance 1/k of each row's pad; None where all are rigid.
+    flexibility : Flexibility, optional
+        What the coordinates leave out, quasi-static.
     """
 
     M: Array
@@ -166,11 +71,18 @@ class ReducedModel:
     output_positions: Array
     left_out: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+    pads: Array | None = None
+    flexibility: Flexibility | None = None
 
     @property
     def size(self) -> int:
         """Number of generalised coordinates r."""
         return len(self.M)
+
+    @property
+    def row_compliance(self) -> Array:
+        """1/k of each row's pad, (m,) in m/N."""
+        return np.zeros(len(self.row_names)) if self.pads is None else self.pads
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -205,6 +117,31 @@ class ReducedModel:
         """C(s) q (T, m) along a trajectory, or with the derivative of C."""
         return np.einsum("tmr,tr->tm", self.C(s, derivative), q)
 
+    def rows_on(self, V: Array) -> PPoly:
+        """C(s) V as a piecewise polynomial with values (m, k), for V (r, k)."""
+        return PPoly(np.ascontiguousarray(self.rows.c @ V), self.rows.x)
+
+    def leading(self, coordinates: int) -> ReducedModel:
+        """The model on the first `coordinates` vectors of its basis: POD bases are nested.
+
+        Raises
+        ------
+        ValueError
+            If it has a residual flexibility, which belongs to all of its coordinates.
+        """
+        if self.flexibility is not None:
+            raise ValueError("a residual flexibility belongs to all coordinates of its model")
+        r = coordinates
+        return replace(
+            self,
+            M=np.ascontiguousarray(self.M[:r, :r]),
+            D=np.ascontiguousarray(self.D[:r, :r]),
+            K=np.ascontiguousarray(self.K[:r, :r]),
+            B=self.B[:r],
+            outputs=np.ascontiguousarray(self.outputs[:, :r]),
+            rows=PPoly(np.ascontiguousarray(self.rows.c[..., :r]), self.rows.x),
+        )
+
     def save(self, path: str | Path) -> Path:
         """Write the model as npz with a JSON header; nothing in it is pickled."""
         path = Path(path)
@@ -217,7 +154,9 @@ class ReducedModel:
             "left_out": self.left_out,
             "provenance": self.provenance,
         }
-        arrays = {name: getattr(self, name) for name in _MATRICES}
+        arrays = {name: getattr(self, name) for name in _MATRICES} | {"pads": self.row_compliance}
+        if self.flexibility is not None:
+            arrays |= self.flexibility.arrays()
         with path.open("wb") as file:
             np.savez(
                 file,
@@ -256,6 +195,8 @@ class ReducedModel:
                     input_names=tuple(header["input_names"]),
                     row_names=tuple(header["row_names"]),
                     output_positions=np.asarray(data["output_positions"], dtype=float),
+                    pads=np.asarray(data["pads"], dtype=float) if "pads" in data else None,  # since version 2
+                    flexibility=Flexibility.from_arrays(data),
                     left_out=tuple(header["left_out"]),
                     provenance=dict(header["provenance"]),
                 )
@@ -280,32 +221,11 @@ class ReducedModel:
                 return f"{name} is not finite"
         if self.rows.c.shape[2:] != (m, r) or not np.isfinite(self.rows.c).all():
             return f"the rows have shape {self.rows.c.shape[2:]} or are not finite, {(m, r)} is allowed"
-        return None if np.all(np.diff(self.rows.x) > 0.0) else "the rows' breaks do not increase"
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """Coordinates of a simulated body over time.
-
-    Attributes
-    ----------
-    t : (T,) array, s
-    q, v : (T, n) arrays
-        Coordinates and their rates; n = r for a reduced model.
-    multipliers : (T, m) array, N
-        lambda; the sliders push with -lambda on the body.
-    s : (T,) array, m
-        Path coordinate.
-    seconds : float
-        Wall time of the solver alone.
-    """
-
-    t: Array
-    q: Array
-    v: Array
-    multipliers: Array
-    s: Array
-    seconds: float
+        if not np.all(np.diff(self.rows.x) > 0.0):
+            return "the rows' breaks do not increase"
+        if self.row_compliance.shape != (m,) or not np.all(self.row_compliance >= 0.0):
+            return f"pads has shape {self.row_compliance.shape} or negative values, {(m,)} from 0 on are allowed"
+        return self.flexibility.contradiction(m, i, o) if self.flexibility else None
 
 
 def satisfied_rows(C: PPoly, tolerance: float = 1e-10) -> list[int]:

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from pmr import compare, environment
 from pmr.basis import Basis, pod
+from pmr.body import FullBody
 from pmr.dolfinx_compat import MPI
 from pmr.dolfinx_compat import versions as fenicsx_versions
 from pmr.errors import SimulationError
 from pmr.frequencies import closed_form_frequencies, reduced_frequencies
 from pmr.operators import FullModel, full_model
 from pmr.projection import reduced_model, with_held_coordinates
-from pmr.reduced import FullBody, ReducedModel
+from pmr.reduced import ReducedModel
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
 from pmr.simulate import TimeStepping, ancf, exudyn

@@ -49,12 +49,15 @@ class Row:
         Columns that the row touches in each interval.
     coefficients : (degree + 1, k, d) array
         Highest power first, as in `scipy.interpolate.PPoly`.
+    compliance : float, m/N
+        1/k of a pad that gives way, C q = lambda / k; 0 for a rigid one.
     """
 
     name: str
     breaks: Array
     dofs: NDArray[np.int64]
     coefficients: Array
+    compliance: float = 0.0
 
     @cached_property
     def _polynomial(self) -> PPoly:

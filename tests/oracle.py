@@ -10,7 +10,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from textbook import LENGTH, beam_matrices
 
-from pmr.reduced import FullBody, ReducedModel, SlidingBody, satisfied_rows
+from pmr.body import FullBody, SlidingBody
+from pmr.reduced import ReducedModel, satisfied_rows
 from pmr.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulate import InitialState, TimeStepping
 from pmr.sliding import Row, Rows, fixed_row, stack

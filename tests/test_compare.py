@@ -5,8 +5,9 @@ import pytest
 import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
+from pmr.body import Trajectory
 from pmr.compare import absolute_error, energy, errors, nrms, respond
-from pmr.reduced import ReducedModel, Trajectory
+from pmr.reduced import ReducedModel
 from pmr.results import Energy, Response
 
 T = np.linspace(0.0, 1.0, 1001)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from pmr.reduced import SlidingBody, Trajectory
+from pmr.body import SlidingBody, Trajectory
 from pmr.signals import SignalBase
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Loads, Progress, TimeStepping

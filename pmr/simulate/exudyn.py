@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from exudyn.itemInterface import SensorNode, SensorObject
 
-from pmr.reduced import SlidingBody, Trajectory
+from pmr.body import SlidingBody, Trajectory
 from pmr.signals import SignalBase
 from pmr.simulate.exudyn_items import (
     SlidingBodyItems,

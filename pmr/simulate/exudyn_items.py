@@ -27,7 +27,7 @@ from exudyn.itemInterface import (
     ObjectGenericODE2,
 )
 
-from pmr.reduced import SlidingBody
+from pmr.body import SlidingBody
 from pmr.signals import SignalBase
 from pmr.simulate.inputs import Inputs, SignalInputs, moving_rows
 from pmr.simulate.start import InitialState, consistent_start

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.reduced import SlidingBody
+from pmr.body import SlidingBody
 from pmr.signals import SignalBase
 from pmr.simulate.stepping import Loads, TimeStepping, loads_at, one_for_each, path_at
 

@@ -3,7 +3,8 @@ from __future__ import annotations
 import pytest
 from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
-from pmr.reduced import FullBody, ReducedModel
+from pmr.body import FullBody
+from pmr.reduced import ReducedModel
 
 
 @pytest.fixture(params=CASES)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from oracle import nrms_error
 from textbook import EA, EI, LENGTH, RHO_A, TIP_DEFLECTION
 
+from pmr.body import FullBody
 from pmr.errors import InputError, SimulationError
-from pmr.reduced import FullBody
 from pmr.signals import Constant, Ramp, SmoothRamp, Step
 from pmr.simulate import TimeStepping, ancf, exudyn
 from pmr.simulate.ancf_items import add_sliding_cable

@@ -11,8 +11,9 @@ from exudyn.itemInterface import SensorNode
 from numpy.typing import NDArray
 from oracle import full_body, generalized_alpha, project
 
+from pmr.body import FullBody, SlidingBody, Trajectory
 from pmr.errors import InputError, SimulationError
-from pmr.reduced import FullBody, ReducedModel, SlidingBody, Trajectory
+from pmr.reduced import ReducedModel
 from pmr.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulate import InitialState, Simulator, TimeStepping, inputs
 from pmr.simulate import exudyn as simulator

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from oracle import project
 
+from pmr.body import FullBody
 from pmr.errors import InputError
-from pmr.reduced import FullBody, ReducedModel
+from pmr.reduced import ReducedModel
 from pmr.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulate import TimeStepping, exudyn
 from pmr.simulate.exudyn_script import exudyn_script, write_exudyn_script

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from oracle import CASES, Case, nrms_error, paper_basis, project
 from textbook import EA, EI, LENGTH, RHO_A
 
-from pmr.reduced import FullBody, ReducedModel, Trajectory
+from pmr.body import FullBody, Trajectory
+from pmr.reduced import ReducedModel
 from pmr.simulate import TimeStepping, ancf, exudyn
 
 pytestmark = pytest.mark.slow

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from oracle import project
 
+from pmr.body import FullBody, SlidingBody
 from pmr.errors import InputError
-from pmr.reduced import FullBody, SlidingBody
 from pmr.simulate import InitialState
 from pmr.simulate.start import consistent_start
 from pmr.sliding import Rows

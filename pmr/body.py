@@ -1,0 +1,174 @@
+"""What a simulator works on: a body with constant matrices and a few rows that move along a path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.flexibility import Flexibility
+from pmr.sliding import Rows, stack
+
+Array = NDArray[np.float64]
+
+
+class SlidingBody(Protocol):
+    r"""What a simulator asks of a body: constant matrices and a few rows that move with s.
+
+    .. math::
+        M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C q + H f - (G + 1/k) \lambda = 0
+
+    G and H come from the residual flexibility and vanish without one, 1/k is the rows' own compliance.
+    `ReducedModel` is such a body (dense), `FullBody` another (sparse).  Shapes: M, D, K (n, n), B (n, i),
+    outputs (o, n), C(s) (m, n).
+    """
+
+    @property
+    def M(self) -> Any: ...
+    @property
+    def D(self) -> Any: ...
+    @property
+    def K(self) -> Any: ...
+    @property
+    def B(self) -> Any: ...
+    @property
+    def outputs(self) -> Any: ...
+    @property
+    def input_names(self) -> tuple[str, ...]: ...
+    @property
+    def row_names(self) -> tuple[str, ...]: ...
+    @property
+    def domain(self) -> tuple[float, float]: ...
+    @property
+    def size(self) -> int: ...
+    def C(self, s: float, derivative: int = 0) -> Any:
+        """Constraint rows (m, n) at the path coordinate s in m, or their derivative with respect to s."""
+        ...
+
+    @property
+    def output_positions(self) -> Array: ...
+    @property
+    def row_compliance(self) -> Array:
+        """1/k of each row's pad, (m,) in m/N; 0 where it is rigid."""
+        ...
+
+    @property
+    def flexibility(self) -> Flexibility | None:
+        """What the coordinates leave out, quasi-static; None where nothing is added."""
+        ...
+
+    @property
+    def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
+        ...
+
+    @property
+    def held(self) -> dict[int, int]:
+        """Rows that hold one coordinate and do nothing else: number of the row to that of the coordinate."""
+        ...
+
+    def dense_rows(self, s: Array) -> Array:
+        """C(s) (T, m, n) at several path coordinates (T,), dense."""
+        ...
+
+    def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
+        """C(s) q (T, m) along a trajectory, s (T,) and q (T, n); or with the derivative of C."""
+        ...
+
+    def rows_on(self, V: Array) -> PPoly:
+        """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
+        ...
+
+
+@dataclass(frozen=True)
+class FullBody:
+    """The full model on one process, sparse: what the full-order reference simulates."""
+
+    M: sp.csr_matrix
+    D: sp.csr_matrix
+    K: sp.csr_matrix
+    B: Array
+    outputs: sp.csr_matrix
+    rows: Rows
+    input_names: tuple[str, ...]
+    output_positions: Array
+
+    @property
+    def size(self) -> int:
+        return int(self.M.shape[0])
+
+    @property
+    def row_compliance(self) -> Array:
+        """1/k of each row's pad, (m,) in m/N."""
+        return np.array([row.compliance for row in self.rows.rows])
+
+    @property
+    def flexibility(self) -> None:
+        """None: a full model leaves nothing out."""
+
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        return self.rows.names
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        return self.rows.domain
+
+    def C(self, s: float, derivative: int = 0) -> sp.csr_matrix:
+        """Rows (m, n) at s in m, or their derivative with respect to s."""
+        return self.rows.at(s, derivative)
+
+    @property
+    def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
+        return [i for i, row in enumerate(self.rows.rows) if row.moves]
+
+    @property
+    def held(self) -> dict[int, int]:
+        """Rows of supports on nodes: number of the row to that of the coordinate it holds."""
+        return {i: row.held for i, row in enumerate(self.rows.rows) if row.held is not None}
+
+    def dense_rows(self, s: Array) -> Array:
+        """C(s) (T, m, n) at several path coordinates (T,): for a few at a time."""
+        result = np.zeros((len(s), len(self.rows.rows), self.size))
+        for i, row in enumerate(self.rows.rows):
+            dofs, entries = row.at(s)
+            np.put_along_axis(result[:, i], dofs, entries, axis=1)
+        return result
+
+    def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
+        """C(s) q (T, m) along a trajectory, or with the derivative of C."""
+        return np.stack([row.apply(s, q, derivative) for row in self.rows.rows], axis=1)
+
+    def rows_on(self, V: Array) -> PPoly:
+        """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
+        return stack([row.project(V) for row in self.rows.rows], self.domain)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Coordinates of a simulated body over time.
+
+    Attributes
+    ----------
+    t : (T,) array, s
+    q, v : (T, n) arrays
+        Coordinates and their rates; n = r for a reduced model.
+    multipliers : (T, m) array, N
+        lambda; the sliders push with -lambda on the body.
+    s : (T,) array, m
+        Path coordinate.
+    seconds : float
+        Wall time of the solver alone.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    multipliers: Array
+    s: Array
+    seconds: float
