@@ -84,6 +84,14 @@ class SlidingBody(Protocol):
         ...
 
 
+def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, loads: Array) -> Array:
+    """Outputs O q + W f - X(s) lambda, (T, o) in m, of coordinates q (T, n) along a trajectory."""
+    result = np.asarray((body.outputs @ q.T).T)
+    if body.flexibility is not None:
+        result = result + body.flexibility.displacement(s, multipliers, loads)
+    return result
+
+
 @dataclass(frozen=True)
 class FullBody:
     """The full model on one process, sparse: what the full-order reference simulates."""

@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.body import SlidingBody, Trajectory
+from pmr.body import SlidingBody, Trajectory, displacement
 from pmr.results import Energy, Response
 from pmr.simulate import ancf
 
@@ -84,18 +84,16 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
     loads : (T, i) array, N
     """
     q, v, s, multipliers = trajectory.q, trajectory.v, trajectory.s, trajectory.multipliers
-    displacement = np.asarray((body.outputs @ q.T).T)
     violation = body.apply_rows(s, q) - body.row_compliance * multipliers
     drift = body.apply_rows(s, v) + path_rate[:, None] * body.apply_rows(s, q, derivative=1)
     if body.flexibility is not None:
-        displacement = displacement + body.flexibility.displacement(s, multipliers, loads)
         violation = violation + body.flexibility.row_motion(s, multipliers, loads)
     if body.flexibility is not None or np.any(body.row_compliance):
         drift = np.full_like(drift, np.nan)  # rows that give way have no equation at velocity level
     return Response(
         t=trajectory.t,
         x=body.output_positions,
-        displacement=displacement,
+        displacement=displacement(body, q, s, multipliers, loads),
         energy=energy(body, trajectory, loads),
         slider_force=multipliers[:, body.moving],
         residual_position=np.abs(violation).max(axis=1),

@@ -136,27 +136,33 @@ class Rows:
 
 def stack(rows: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:
     """Rows with their own breaks as one piecewise polynomial with values (m, r) on common breaks within `domain`."""
+    breaks = common_breaks(rows, domain)
+    degree = max(len(row.c) for row in rows) - 1
+    return PPoly(np.stack([rebased(row, breaks, degree).c for row in rows], axis=2), breaks)
+
+
+def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array:
+    """Breaks (k + 1,) in m within `domain`, such that every table is a polynomial between two of them."""
     low, high = domain
-    inner = np.concatenate([row.x for row in rows])
+    inner = np.concatenate([table.x for table in tables])
     breaks = np.unique(np.concatenate([[low, high], inner[(inner > low) & (inner < high)]]))
     apart = np.concatenate([[True], np.diff(breaks) > 1e-12 * (high - low)])
     apart[-1] = True
-    breaks = breaks[apart]
-    degree = max(len(row.c) for row in rows) - 1
-    return PPoly(np.stack([_rebased(row, breaks, degree) for row in rows], axis=2), breaks)
+    return np.asarray(breaks[apart])
 
 
-def _rebased(row: PPoly, breaks: Array, degree: int) -> Array:
-    """Coefficients (degree + 1, k, r) of `row` about the left end of each interval of finer `breaks`: exact."""
+def rebased(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
+    """The same piecewise polynomial on finer breaks, its degree raised to `degree`: exact."""
     middle = (breaks[1:] + breaks[:-1]) / 2.0
-    source = np.clip(np.searchsorted(row.x, middle, side="right") - 1, 0, len(row.x) - 2)
-    x = (breaks[:-1] - row.x[source])[:, None]
-    c = row.c[:, source].copy()
+    source = np.clip(np.searchsorted(table.x, middle, side="right") - 1, 0, len(table.x) - 2)
+    c = table.c[:, source].copy()
+    x = (breaks[:-1] - table.x[source]).reshape(-1, *[1] * (c.ndim - 2))
     # Taylor shift by repeated synthetic division (Knuth, TAOCP 2, 4.6.4).
     for last in range(len(c), 1, -1):
         for p in range(1, last):
             c[p] += c[p - 1] * x
-    return np.concatenate([np.zeros((degree + 1 - len(c), *c.shape[1:])), c])
+    missing = 0 if degree is None else degree + 1 - len(c)
+    return PPoly(np.concatenate([np.zeros((missing, *c.shape[1:])), c]), breaks)
 
 
 def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, what: str = "slider") -> Array:

@@ -65,12 +65,22 @@ def consistent_start(body: SlidingBody, s: float, s_rate: float, initial: Initia
     if initial is None:
         return InitialState.at_rest(body.size)
     q, v = (_vector(name, getattr(initial, name), body.size) for name in ("q", "v"))
-    C, C_s = _dense(body.C(s)), _dense(body.C(s, 1))
-    _check_position(C, q, body.row_names)
+    rigid = row_flexibility(body, s)[1]
+    names = tuple(name for name, stiff in zip(body.row_names, rigid, strict=True) if stiff)
+    C, C_s = _dense(body.C(s))[rigid], _dense(body.C(s, 1))[rigid]
+    _check_position(C, q, names)
     drift = C @ v + s_rate * (C_s @ q)
     if np.all(np.abs(drift) <= ROW_TOLERANCE * (_magnitude(C, v) + abs(s_rate) * _magnitude(C_s, q))):
         return InitialState(q, v)
-    return InitialState(q, v - _impulse(body, C, drift))
+    return InitialState(q, v - _impulse(body, C, drift, names))
+
+
+def row_flexibility(body: SlidingBody, s: float) -> tuple[Array, NDArray[np.bool_]]:
+    """G(s) + 1/k, (m, m) in m/N, and which rows (m,) are rigid: they alone ask for a consistent start."""
+    G = np.diag(body.row_compliance)
+    if body.flexibility is not None:
+        G = G + body.flexibility.rows(s)
+    return G, np.all(G == 0.0, axis=1)
 
 
 def _check_position(C: Array, q: Array, names: tuple[str, ...]) -> None:
@@ -80,7 +90,7 @@ def _check_position(C: Array, q: Array, names: tuple[str, ...]) -> None:
             raise InputError("initial state", "q", None, allowed)
 
 
-def _impulse(body: SlidingBody, C: Array, drift: Array) -> Array:
+def _impulse(body: SlidingBody, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
     """Change of velocity (n,) of least kinetic energy whose row values are `drift` (m,)."""
     right = np.concatenate([np.zeros(body.size), drift])
     if sp.issparse(body.M):
@@ -93,8 +103,7 @@ def _impulse(body: SlidingBody, C: Array, drift: Array) -> Array:
         solution = np.linalg.lstsq(kkt, right, rcond=None)[0]
     dv = solution[: body.size]
     if not np.allclose(C @ dv, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
-        names = ", ".join(body.row_names)
-        raise InputError("initial state", "v", None, f"the rows {names} depend on each other")
+        raise InputError("initial state", "v", None, f"the rows {', '.join(names)} depend on each other")
     return np.asarray(dv)
 
 

@@ -1,0 +1,76 @@
+"""Start of a march: accelerations and multipliers at t = 0, as Exudyn finds them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.body import SlidingBody
+from pmr.errors import InputError
+from pmr.reduced import ReducedModel
+from pmr.simulate.march_kernel import State
+from pmr.simulate.march_system import state
+from pmr.simulate.start import InitialState, consistent_start, row_flexibility
+
+Array = NDArray[np.float64]
+
+
+def starting_state(body: ReducedModel, s: float, s_rate: float, f: Array, initial: InitialState | None) -> State:
+    """State of a body in modal form at t = 0.
+
+    Where rows give way, the multipliers follow from the position; rigid rows hold the acceleration, their own motion
+    left out as in Exudyn.
+
+    Raises
+    ------
+    InputError
+        If the initial position violates a rigid row or a size is wrong.
+    """
+    start = consistent_start(body, s, s_rate, initial)
+    begun = state(body.size, len(body.row_names))
+    begun.z[:], begun.v[:] = start.q, start.v
+    C, free = body.C(s), body.B @ f - body.D @ start.v - np.diagonal(body.K) * start.q
+    begun.multipliers[:] = _multipliers(body, s, C, free, f, start.q)
+    begun.acceleration[:] = begun.a[:] = free - C.T @ begun.multipliers
+    return begun
+
+
+def _multipliers(body: ReducedModel, s: float, C: Array, free: Array, f: Array, z: Array) -> Array:
+    G, rigid = row_flexibility(body, s)
+    H = body.flexibility.inputs(s) if body.flexibility else np.zeros((len(C), len(f)))
+    A = np.where(rigid[:, None], C @ C.T, G)
+    right = np.where(rigid, C @ free, C @ z + H @ f)
+    return np.linalg.lstsq(A, right, rcond=None)[0]
+
+
+def check_stable(body: SlidingBody, s: Array, rho_inf: float) -> None:
+    """Refuse what is known to be unstable.
+
+    Raises
+    ------
+    InputError
+        If rigid rows shall move with ``rho_inf = 1``: nothing would damp their multipliers.
+    """
+    if rho_inf < 1.0 or np.all(s == s[0]):
+        return
+    rigid = [name for name, stiff in zip(body.row_names, row_flexibility(body, float(s[0]))[1], strict=True) if stiff]
+    if moving := [name for name in rigid if body.row_names.index(name) in body.moving]:
+        allowed = (
+            f"less than 1 is allowed while the rigid row {', '.join(moving)} moves: an algebraic constraint (index 3) "
+            "has multipliers that nothing damps, and they grow without bound; pads that give way, or a residual "
+            "flexibility, allow 1"
+        )
+        raise InputError("scene", "time.rho_inf", rho_inf, allowed)
+
+
+def dependent_rows(body: SlidingBody, s: float, failed: int) -> str:
+    """Which rows depend on each other at s, in words; row number `failed` (from 1) depends on those before it."""
+    C = np.asarray(body.C(s))[:failed]
+    size = np.linalg.norm(C, axis=1)
+    names = body.row_names
+    if size[-1] <= 1e-12 * size.max():
+        return f"the row {names[failed - 1]} vanishes"
+    unit = C / np.where(size > 0.0, size, 1.0)[:, None]
+    share = np.linalg.lstsq(unit[:-1].T, unit[-1], rcond=None)[0]
+    involved = [name for name, x in zip(names, share, strict=False) if abs(x) > 1e-3]
+    return f"the rows {', '.join([*involved, names[failed - 1]])} depend on each other"

@@ -1,0 +1,161 @@
+"""One step at a time, for a simulation in a loop of one's own: hardware, a controller, an operator.
+
+::
+
+    stepper = Stepper(ReducedModel.load("reduced.npz"), step=1e-3, s=1.25)
+    while running:
+        y = stepper.step(s, F)  # outputs in m at the end of the step
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba import typeof
+from numpy.typing import ArrayLike, NDArray
+
+from pmr.body import SlidingBody
+from pmr.errors import InputError, SimulationError
+from pmr.simulate import march_system
+from pmr.simulate.march_kernel import step_and_observe
+from pmr.simulate.march_start import dependent_rows, starting_state
+from pmr.simulate.modal import modal_form
+from pmr.simulate.start import InitialState, consistent_start
+
+Array = NDArray[np.float64]
+
+
+class Stepper:
+    """The compiled simulator of `pmr.simulate.march`, advanced from outside.
+
+    Neither the step nor its outputs allocate memory.  In compiled code of one's own (Numba), call
+    ``step_and_observe(*stepper.arguments, s, f, y)`` of `pmr.simulate.march_kernel`, which involves no Python.
+
+    Parameters
+    ----------
+    body : SlidingBody
+        Usually a `ReducedModel`.
+    step : float, s
+    s : float, m
+        Path coordinate at the start.
+    F : (i,) array or float, N
+        Loads at the start.
+    rho_inf : float
+        Less than 1 as long as rigid rows move.
+    outputs : sequence of int, optional
+        Numbers of the body's outputs that `step` returns; all by default.
+    initial : InitialState, optional
+        At rest and undeformed by default.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, or the initial position violates a rigid row.
+    """
+
+    def __init__(
+        self,
+        body: SlidingBody,
+        step: float,
+        s: float,
+        F: ArrayLike = 0.0,
+        rho_inf: float = 0.9,
+        outputs: Sequence[int] | None = None,
+        initial: InitialState | None = None,
+    ) -> None:
+        if not step > 0.0:
+            raise InputError("stepper", "step", step, "more than 0 s is allowed")
+        if not 0.0 <= rho_inf < 1.0:
+            raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
+        chosen = np.arange(len(body.output_positions)) if outputs is None else np.asarray(outputs, dtype=np.int64)
+        form = modal_form(body)
+        scheme = march_system.scheme(step, rho_inf)
+        self._form, self._step = form, step
+        self._low, self._high = body.domain
+        self._s, self._f = float(s), np.zeros(len(body.input_names))
+        self._check(self._s)
+        self._f[:] = F
+        start = form.start(consistent_start(body, self._s, 0.0, initial)) if initial else None
+        self._state = starting_state(form.body, self._s, 0.0, self._f, start)
+        self._y = np.zeros(len(chosen))
+        self._steps = 0
+        #: What `step_and_observe` takes before s (float), the loads f (i,) and the outputs y (o,).
+        self.arguments = (
+            march_system.system(form, scheme),
+            scheme,
+            march_system.outputs(form.body, chosen),
+            self._state,
+        )
+        self._advance = _compiled_for(*self.arguments, self._s, self._f, self._y)
+
+    def step(self, s: float, F: ArrayLike) -> Array:
+        """Advance by one step.
+
+        Parameters
+        ----------
+        s : float, m
+            Path coordinate at the end of the step.
+        F : (i,) array or float, N
+            Loads at the end of the step, one for each input.
+
+        Returns
+        -------
+        (o,) array, m
+            The chosen outputs; the same array in every step, copy what is to be kept.
+
+        Raises
+        ------
+        InputError
+            If s lies off the path.
+        SimulationError
+            If rows depend on each other, or the state is no longer finite.
+        """
+        if not self._low <= s <= self._high:
+            self._check(s)
+        self._f[:] = F
+        failed = self._advance(*self.arguments, s, self._f, self._y)
+        if failed:
+            raise SimulationError(f"{self._where(s)}: {dependent_rows(self._form.body, s, failed)}")
+        self._steps += 1
+        return self._y
+
+    @property
+    def time(self) -> float:
+        """Time in s since the start."""
+        return self._steps * self._step
+
+    @property
+    def q(self) -> Array:
+        """Coordinates (n,) of the body."""
+        return self._form.X @ self._state.z
+
+    @property
+    def v(self) -> Array:
+        """Their rates (n,)."""
+        return self._form.X @ self._state.v
+
+    @property
+    def multipliers(self) -> Array:
+        """Multipliers (m,) in N; the sliders push with their negative."""
+        return self._state.multipliers.copy()
+
+    def check_finite(self) -> None:
+        """Raise SimulationError if the state is not finite: loads may have been NaN."""
+        if not np.all(np.isfinite(self._state.z)):
+            raise SimulationError(f"{self._where(self._s)}: not finite")
+
+    def _check(self, s: float) -> None:
+        if not self._low <= s <= self._high:
+            raise InputError("stepper", "s", s, f"{self._low:g} to {self._high:g} m is allowed")
+
+    def _where(self, s: float) -> str:
+        return f"march failed at step {self._steps + 1}, t = {self.time + self._step:g} s, slider at {s:g} m"
+
+
+def _compiled_for(*arguments: Any) -> Any:
+    """`step_and_observe` compiled for these types, without the look at types that each call would take otherwise."""
+    signature = tuple(typeof(argument) for argument in arguments)
+    step_and_observe.compile(signature)
+    return step_and_observe.overloads[signature].entry_point
