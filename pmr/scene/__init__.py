@@ -4,7 +4,7 @@
 allowed raises `pmr.errors.InputError` with file, key, value and what is allowed.
 """
 
-from pmr.scene.files import load
+from pmr.scene.files import load, vary
 from pmr.scene.sections import SUPPORT_ROWS, Body, Damping, Load, Published, Reduction, Scene
 
-__all__ = ["SUPPORT_ROWS", "Body", "Damping", "Load", "Published", "Reduction", "Scene", "load"]
+__all__ = ["SUPPORT_ROWS", "Body", "Damping", "Load", "Published", "Reduction", "Scene", "load", "vary"]
