@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import logging
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
-from rich.console import Console
 from rich.logging import RichHandler
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from pmr import environment
 from pmr import scene as scenes
+from pmr.cli_study import study
+from pmr.console import ensure_writable, err, out, say
 from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.reduced import ReducedModel
 
@@ -34,7 +34,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-out, err = Console(), Console(stderr=True)
+app.command()(study)
 
 
 @app.command()
@@ -64,7 +64,7 @@ def run(
     if len({file.stem for file in scene_files}) != len(scene_files):
         raise InputError("command line", "SCENE", [file.stem for file in scene_files], "names must differ")
     folder = out_dir or Path("reports", scene_files[0].stem)
-    _writable(folder)
+    ensure_writable(folder)
     try:
         from pmr.dolfinx_compat import MPI
     except ImportError as error:
@@ -116,7 +116,7 @@ def export(
     target = out_file or model.with_name("sliding_body.py")
     if target.is_dir():
         raise InputError("command line", "--out", str(target), "the name of a file is allowed")
-    _writable(target.parent)
+    ensure_writable(target.parent)
     written = write_exudyn_script(model, target)
     out.print(str(written), highlight=False, soft_wrap=True)
 
@@ -152,17 +152,6 @@ def info(
     for key, value in rows.items():
         table.add_row(key, value)
     out.print(table, highlight=False)
-
-
-def _writable(folder: Path) -> None:
-    """Make sure of the folder before anything is computed."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        allowed = f"a folder that can be written to is allowed ({error.strerror})"
-        raise InputError("command line", "--out", str(folder), allowed) from None
 
 
 def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
@@ -260,12 +249,10 @@ def main() -> None:
 
 
 def _leave(message: str, code: int) -> NoReturn:
-    err.print(f"pmr: {message}", highlight=False, soft_wrap=True, markup=False)
+    say(err, f"pmr: {message}")
     err.file.flush()
     if _ranks() > 1:
-        from pmr.dolfinx_compat import MPI
-
-        MPI.COMM_WORLD.Abort(code)
+        sys.modules["mpi4py.MPI"].COMM_WORLD.Abort(code)
     sys.exit(code)
 
 

@@ -68,6 +68,20 @@ class Response:
         """Transverse displacement of the free end, (T,) m."""
         return self.displacement[:, -1]
 
+    def arrays(self) -> dict[str, Array]:
+        """Everything by name, as an npz file holds it."""
+        energy = {f"energy.{part}": getattr(self.energy, part) for part in _ENERGIES}
+        return {name: getattr(self, name) for name in _RESPONSE_ARRAYS} | {"seconds": np.array(self.seconds)} | energy
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Array]) -> Response:
+        """The response that `arrays` was made from."""
+        return cls(
+            **{name: arrays[name] for name in _RESPONSE_ARRAYS},
+            energy=Energy(*(arrays[f"energy.{part}"] for part in _ENERGIES)),
+            seconds=float(arrays["seconds"]),
+        )
+
 
 @dataclass(frozen=True)
 class Shapes:
@@ -121,11 +135,7 @@ class RunResult:
         for name in ("s", "full", "reduced", "closed_form"):
             arrays[f"frequencies.{name}"] = getattr(self.frequencies, name)
         for simulator, response in self.responses.items():
-            for name in _RESPONSE_ARRAYS:
-                arrays[f"{simulator}.{name}"] = getattr(response, name)
-            arrays[f"{simulator}.seconds"] = np.array(response.seconds)
-            for name in ("kinetic", "strain", "external"):
-                arrays[f"{simulator}.energy.{name}"] = getattr(response.energy, name)
+            arrays |= {f"{simulator}.{name}": array for name, array in response.arrays().items()}
         with (folder / "trajectories.npz").open("wb") as file:
             np.savez(file, **arrays)
 
@@ -134,13 +144,12 @@ class RunResult:
         """Read what `save` wrote."""
         summary = json.loads((folder / "summary.json").read_text())
         with np.load(folder / "trajectories.npz", allow_pickle=False) as data:
+            simulators = sorted({key.split(".")[0] for key in data.files if key.endswith(".displacement")})
             responses = {
-                simulator: Response(
-                    **{name: data[f"{simulator}.{name}"] for name in _RESPONSE_ARRAYS},
-                    energy=Energy(*(data[f"{simulator}.energy.{part}"] for part in ("kinetic", "strain", "external"))),
-                    seconds=float(data[f"{simulator}.seconds"]),
+                simulator: Response.from_arrays(
+                    {key.removeprefix(f"{simulator}."): data[key] for key in data if key.startswith(f"{simulator}.")}
                 )
-                for simulator in sorted({key.split(".")[0] for key in data.files if key.endswith(".displacement")})
+                for simulator in simulators
             }
             return cls(
                 scene=Scene.model_validate_json((folder / "scene.json").read_text()),
@@ -156,4 +165,5 @@ class RunResult:
             )
 
 
+_ENERGIES = ("kinetic", "strain", "external")
 _RESPONSE_ARRAYS = ("t", "x", "displacement", "slider_force", "residual_position", "residual_velocity")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pmr import compare, environment
 from pmr.basis import Basis, pod
-from pmr.body import FullBody
+from pmr.body import FullBody, SlidingBody
 from pmr.dolfinx_compat import MPI
 from pmr.dolfinx_compat import versions as fenicsx_versions
 from pmr.errors import SimulationError
@@ -102,11 +102,16 @@ def run(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = Non
 def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
     """From a scene to its reduced model; collective."""
     clock = clock or Clock()
-    choice = scene.reduction
     with clock.stage("assemble"):
         model = full_model(scene, comm)
     with clock.stage("snapshots"):
         snapshots = eigenmode_snapshots(model, scene)
+    return reduce_with(scene, model, snapshots, clock)
+
+
+def reduce_with(scene: Scene, model: FullModel, snapshots: Snapshots, clock: Clock | None = None) -> Reduction:
+    """From a model and its snapshots to the scene's reduced model; collective."""
+    clock, choice = clock or Clock(), scene.reduction
     with clock.stage("pod"):
         basis = pod(model, snapshots, choice.coordinates, choice.product, choice.solver)
         reduced = reduced_model(model, basis, _provenance(scene, basis))
@@ -118,24 +123,35 @@ def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = 
 def simulate(scene: Scene, reduced: ReducedModel, full: FullBody, clock: Clock | None = None) -> dict[str, Response]:
     """Responses of the reduced model and of the references that the scene asks for, keyed as in `RunResult`."""
     clock = clock or Clock()
-    stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
-    path, signals = scene.slider.path, [load.signal for load in scene.loads]
-    rate, loads = path.rate(stepping.times), loads_at(signals, stepping.times)
-    responses = {}
-    with clock.stage("reduced"):
-        trajectory = exudyn.simulate(reduced, path, signals, stepping)
-        responses["reduced"] = compare.respond(reduced, trajectory, rate, loads)
-    if "full" in scene.compare.against:
-        with clock.stage("full") as done:
-            trajectory = exudyn.simulate(full, path, signals, stepping, progress=done)
-            responses["full"] = compare.respond(full, trajectory, rate, loads)
-    if "ancf" in scene.compare.against:
-        with clock.stage("ancf") as done:
-            responses["ancf"] = _ancf(scene, stepping, full.output_positions, done)
-    return responses
+    asked = [name for name in ("full", "ancf") if name in scene.compare.against]
+    return {"reduced": simulate_reduced(scene, reduced, clock)} | {
+        name: simulate_reference(name, scene, full, clock) for name in asked
+    }
 
 
-def _ancf(scene: Scene, stepping: TimeStepping, x: Array, done: Callable[[float], None]) -> Response:
+def simulate_reduced(scene: Scene, reduced: ReducedModel, clock: Clock | None = None) -> Response:
+    """Response of a reduced model to the scene's path and loads."""
+    with (clock or Clock()).stage("reduced"):
+        return _respond(scene, reduced)
+
+
+def simulate_reference(name: str, scene: Scene, full: FullBody, clock: Clock | None = None) -> Response:
+    """Response of ``"full"`` or ``"ancf"``, what the reduced model is compared with."""
+    with (clock or Clock()).stage(name) as done:
+        return _respond(scene, full, done) if name == "full" else _ancf(scene, full.output_positions, done)
+
+
+def _respond(scene: Scene, body: SlidingBody, done: Callable[[float], None] | None = None) -> Response:
+    stepping, path, signals = _stepping(scene), scene.slider.path, [load.signal for load in scene.loads]
+    trajectory = exudyn.simulate(body, path, signals, stepping, progress=done)
+    return compare.respond(body, trajectory, path.rate(stepping.times), loads_at(signals, stepping.times))
+
+
+def _stepping(scene: Scene) -> TimeStepping:
+    return TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
+
+
+def _ancf(scene: Scene, x: Array, done: Callable[[float], None]) -> Response:
     body = scene.body
     assert body.axial_stiffness is not None  # the scene's check
     cable = ancf.Cable(
@@ -146,21 +162,31 @@ def _ancf(scene: Scene, stepping: TimeStepping, x: Array, done: Callable[[float]
         elements=scene.compare.ancf_elements,
     )
     points = [ancf.PointLoad(load.at, load.signal) for load in scene.loads]
-    return compare.respond_cable(cable, ancf.simulate(cable, scene.slider.path, points, stepping, x, done))
+    return compare.respond_cable(cable, ancf.simulate(cable, scene.slider.path, points, _stepping(scene), x, done))
+
+
+def visited_positions(scene: Scene) -> Array:
+    """Path coordinates (S,) in m, evenly over the stretch that the path visits, at which frequencies are compared."""
+    low, high = scene.path_bounds
+    return np.linspace(low, high, FREQUENCY_POSITIONS) if high > low else np.array([low])
+
+
+def full_frequencies(scene: Scene, model: FullModel, s: Array) -> Array:
+    """Lowest frequencies (S, f) of the full model in rad/s with the sliders at s (S,) m; collective."""
+    count = min(FREQUENCY_CURVES, model.size - len(model.rows.names))
+    solver = eigensolver(model, scene.reduction.solver)
+    return np.array([solver.lowest(float(at), count).omega for at in s])
 
 
 def _frequency_curves(scene: Scene, reduction: Reduction) -> FrequencyCurves:
     """Lowest frequencies over the stretch that the path visits."""
-    model, reduced = reduction.model, reduction.reduced
-    low, high = scene.path_bounds
-    s = np.linspace(low, high, FREQUENCY_POSITIONS) if high > low else np.array([low])
-    count = min(FREQUENCY_CURVES, model.size - len(model.rows.names))
-    solver = eigensolver(model, scene.reduction.solver)
+    s = visited_positions(scene)
+    full = full_frequencies(scene, reduction.model, s)
     return FrequencyCurves(
         s,
-        full=np.array([solver.lowest(float(at), count).omega for at in s]),
-        reduced=reduced_frequencies(reduced, s, count),
-        closed_form=closed_form_frequencies(scene, s, count),
+        full,
+        reduced=reduced_frequencies(reduction.reduced, s, full.shape[1]),
+        closed_form=closed_form_frequencies(scene, s, full.shape[1]),
     )
 
 

@@ -40,6 +40,14 @@ class Dialect:
     own: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Change:
+    """Nested tables to lay over a file, and where they were written, which is named if a value is refused."""
+
+    tables: Mapping[str, Any]
+    source: str
+
+
 @dataclass
 class TomlFile:
     """What a file and everything that it extends say, and where each key was written."""
@@ -62,12 +70,19 @@ class TomlFile:
         file.data = file._with_base(file.path, seen=())
         return file
 
-    def change(self, changes: Mapping[str, Any], source: str) -> None:
-        """Lay nested tables over the data; `source` is named where one of their values is refused."""
-        for key, value in changes.items():
+    def apply(self, change: Change) -> None:
+        """Lay a change over the data.
+
+        Raises
+        ------
+        InputError
+            If it is meant for a part of a list.
+        """
+        for key, value in change.tables.items():
             if isinstance(self.data.get(key), list) and isinstance(value, Mapping):
-                raise InputError(source, *_leaf(key, value), "lists can't be changed in part; set the list as a whole")
-        _merge(self.data, deepcopy(dict(changes)), source, self.origins)
+                allowed = "lists can't be changed in part; set the list as a whole"
+                raise InputError(change.source, *_leaf(key, value), allowed)
+        _merge(self.data, deepcopy(dict(change.tables)), change.source, self.origins)
 
     def validated(self, model: type[Model]) -> Model:
         """The data as a pydantic model.
@@ -133,8 +148,14 @@ class TomlFile:
         return InputError(self.origin(location), _dotted(location), value, allowed[:1].lower() + allowed[1:])
 
 
-def parse_override(text: str) -> dict[str, Any]:
-    """Nested tables from ``"section.key=value"``."""
+def override(text: str) -> Change:
+    """The change that ``"section.key=value"`` asks for, the value in TOML notation or a bare word.
+
+    Raises
+    ------
+    InputError
+        If the text is no such thing.
+    """
     key, equals, value = text.partition("=")
     keys = key.strip().split(".")
     if not equals or not all(keys):
@@ -145,7 +166,7 @@ def parse_override(text: str) -> dict[str, Any]:
         nested = value.strip()
     for part in reversed(keys):
         nested = {part: nested}
-    return dict(nested)
+    return Change(nested, OPTION)
 
 
 def _anchor(data: Any, folder: Path, references: tuple[str, ...]) -> None:

@@ -126,7 +126,7 @@ def test_an_export_replaces_no_model(folder: Path, tmp_path: Path) -> None:
 
 
 def test_without_fenicsx_a_run_says_so_in_one_line() -> None:
-    blocked = "import sys; sys.modules['dolfinx'] = None; sys.argv = ['pmr', 'run', sys.argv[1]]; import pmr.__main__"
+    blocked = "import sys; sys.modules['dolfinx'] = None; sys.argv = ['pmr', 'run', sys.argv[1]]; from pmr.cli import main; main()"
     done = python("-c", blocked, SIMPLE)
     assert done.returncode == 1 and "FEniCSx is not installed" in done.stderr and "Traceback" not in done.stderr
 

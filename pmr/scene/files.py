@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from pmr.errors import InputError
 from pmr.scene.checks import check
 from pmr.scene.sections import Scene
-from pmr.tomlfiles import OPTION, Dialect, TomlFile, parse_override
+from pmr.tomlfiles import Change, Dialect, TomlFile, override
 
 #: Published figures are those of one scene, not of the ones that extend it.
 DIALECT = Dialect("scene file", own=("published",))
@@ -30,11 +29,11 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     InputError
         One line: file, key, value, what is allowed.
     """
-    return vary(path, [parse_override(override) for override in overrides], OPTION)
+    return vary(path, [override(text) for text in overrides])
 
 
-def vary(path: str | Path, changes: Sequence[Mapping[str, Any]], source: str) -> Scene:
-    """Read a scene file and lay nested tables over it, one after the other; `source` is where these were written.
+def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
+    """Read a scene file and lay changes over it, one after the other.
 
     Raises
     ------
@@ -49,7 +48,7 @@ def vary(path: str | Path, changes: Sequence[Mapping[str, Any]], source: str) ->
     except InputError:
         as_it_stands = ""  # a change may mend it
     for change in changes:
-        file.change(change, source)
+        file.apply(change)
     scene = _scene(file)
     if scene.hash != as_it_stands:
         scene = scene.model_copy(update={"published": None})  # published figures are those of the file as it stands

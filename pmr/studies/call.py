@@ -1,0 +1,68 @@
+"""One call of ``pmr study``: from the parts of a project to their tables."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pmr import environment
+from pmr.studies.files import Project
+from pmr.studies.graph import open_nodes
+from pmr.studies.pools import Pool
+from pmr.studies.results import RunRecord, StudyResults
+from pmr.studies.runner import Watch, run
+from pmr.studies.store import Store
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Results of each part, by name, and how many tasks this call computed itself."""
+
+    results: Mapping[str, StudyResults]
+    computed: int
+
+    @property
+    def is_complete(self) -> bool:
+        return all(results.is_complete for results in self.results.values())
+
+
+def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome:
+    """Compute what is not there yet, and write the tables: into `folder`, or a folder in it for each part."""
+    store, code = Store(folder / "tasks"), code_digest()
+    store.prepare()
+    nodes = open_nodes([part.plan for part in project.parts], code, store.sound)
+    failures = run(nodes, store, pool, watch)
+    results = {}
+    for part in project.parts:
+        results[part.name] = StudyResults.collect(folder / part.name, part.plan, code, store, failures)
+        results[part.name].save(_summary(part.study.title, part.study.kind))
+    if "" not in results:
+        all_runs = StudyResults(folder, tuple(run for name, result in results.items() for run in _named(name, result)))
+        all_runs.save_summary(_summary(project.title, project.kind) | {"studies": list(results)})
+    return Outcome(results, len(nodes) - len(failures))
+
+
+def code_digest() -> str:
+    """What results depend on beside their arguments: pmr's sources but for reports, and the packages in use."""
+    return environment.source_digest(leave_out=("report", "cli.py")) + str(sorted(environment.versions().items()))
+
+
+def _named(name: str, results: StudyResults) -> list[RunRecord]:
+    """Runs as seen from the folder above."""
+    return [
+        replace(run, key=f"{name}/{run.key}", file=run.file and os.path.normpath(os.path.join(name, run.file)))
+        for run in results.runs
+    ]
+
+
+def _summary(title: str, kind: str) -> dict[str, Any]:
+    return {
+        "title": title,
+        "kind": kind,
+        "versions": environment.versions(),
+        "commit": environment.commit(),
+        "machine": environment.machine(),
+    }

@@ -1,0 +1,113 @@
+"""Reading a study file: its kind decides what it may say; a collection names other study files."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from pmr.errors import InputError
+from pmr.studies import kinds
+from pmr.studies.study import StudyBase
+from pmr.studies.task import Plan
+from pmr.tomlfiles import Change, Dialect, TomlFile, override
+
+DIALECT = Dialect("study file", references=("file", "files", "scene", "scenes"))
+COLLECTION = "collection"
+
+
+class Collection(BaseModel):
+    """Several studies in one call: `files`, and by a file's name without suffix what to change in it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    kind: Literal["collection"]
+    title: str
+    files: Annotated[tuple[Path, ...], Field(min_length=1)]
+    change: dict[str, dict[str, Any]] = {}
+
+
+@dataclass(frozen=True)
+class Part:
+    """One study of a call and its plan; `name` is its folder, empty for a study that stands alone."""
+
+    name: str
+    study: StudyBase
+    plan: Plan
+
+
+@dataclass(frozen=True)
+class Project:
+    """What one call of ``pmr study`` computes."""
+
+    title: str
+    kind: str
+    parts: tuple[Part, ...]
+
+
+def kind_names() -> list[str]:
+    """All kinds of studies."""
+    return sorted([*(module.name for module in pkgutil.iter_modules(kinds.__path__)), COLLECTION])
+
+
+def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
+    """Read a study file, and those it names, down to their plans.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML file with a ``kind``; names of files in it are relative to it, ``extends`` names a base file.
+    overrides : sequence of str
+        ``"section.key=value"``.
+
+    Raises
+    ------
+    InputError
+        One line: file, key, value, what is allowed.
+    """
+    file = _read(path, [override(text) for text in overrides])
+    if file.data["kind"] != COLLECTION:
+        part = _part("", file)
+        return Project(part.study.title, part.study.kind, (part,))
+    collection = file.validated(Collection)
+    names = [entry.stem for entry in collection.files]
+    if len(set(names)) != len(names):
+        raise InputError(file.origin("files"), "files", names, "names must differ")
+    unknown = sorted(set(collection.change) - set(names))
+    if unknown:
+        allowed = f"one of the files' names is allowed: {', '.join(names)}"
+        raise InputError(file.origin(["change", unknown[0]]), "change", unknown[0], allowed)
+    parts = []
+    for name, entry in zip(names, collection.files, strict=True):
+        changes = [Change(collection.change.get(name, {}), file.origin(["change", name]))]
+        member = _read(entry, changes)
+        if member.data["kind"] == COLLECTION:
+            raise InputError(file.origin("files"), "files", str(entry), "a collection can't hold another one")
+        parts.append(_part(name, member))
+    return Project(collection.title, collection.kind, tuple(parts))
+
+
+def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
+    file = TomlFile.read(path, DIALECT)
+    for change in changes:
+        file.apply(change)
+    kind = file.data.get("kind")
+    if kind not in kind_names():
+        raise InputError(file.origin("kind"), "kind", kind, f"one of {', '.join(kind_names())} is allowed")
+    return file
+
+
+def _part(name: str, file: TomlFile) -> Part:
+    model: type[StudyBase] = importlib.import_module(f"{kinds.__name__}.{file.data['kind']}").Study
+    study = file.validated(model)
+    try:
+        return Part(name, study, study.plan())
+    except InputError as error:
+        if error.source != "study":
+            raise
+        raise InputError(file.origin(error.key), error.key, error.value, error.allowed) from None

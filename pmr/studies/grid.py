@@ -1,0 +1,85 @@
+"""Grids in study files: lists under the keys they vary, and their cartesian product."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pmr.errors import InputError
+from pmr.studies.task import KEY, Scalar
+from pmr.tomlfiles import Change
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One list of a grid, under its dotted key; `name` is the shortest that tells it from the others."""
+
+    key: str
+    name: str
+    values: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One combination: the changes it asks for, and what they are called in keys of tasks and in the table."""
+
+    changes: tuple[Change, ...]
+    words: tuple[str, ...]
+    parameters: Mapping[str, Scalar]
+
+
+def points(grid: Mapping[str, Any]) -> Iterator[Point]:
+    """All combinations of a grid's lists, the last list varying fastest; of an empty grid the one without changes.
+
+    ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has four, the first called ``modes=4`` and
+    ``coordinates=10``.
+
+    Raises
+    ------
+    InputError
+        With source ``"study"``, if something else than a list with values stands at the end of a key.
+    """
+    found = axes(grid)
+    for numbers in itertools.product(*(range(len(axis.values)) for axis in found)):
+        chosen = [(axis, number, axis.values[number]) for axis, number in zip(found, numbers, strict=True)]
+        yield Point(
+            tuple(Change(_nested(axis.key, value), "grid") for axis, _, value in chosen),
+            tuple(f"{axis.name}={_word(value, number)}" for axis, number, value in chosen),
+            {axis.key: value if _is_plain(value) else json.dumps(value) for axis, _, value in chosen},
+        )
+
+
+def axes(grid: Mapping[str, Any]) -> list[Axis]:
+    """The lists of a grid in their order; errors as for `points`."""
+    lists = dict(_lists(grid, ""))
+    last = [key.rpartition(".")[2] for key in lists]
+    names = [key if last.count(name) > 1 else name for key, name in zip(lists, last, strict=True)]
+    return [Axis(key, name, tuple(values)) for (key, values), name in zip(lists.items(), names, strict=True)]
+
+
+def _lists(tables: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Sequence[Any]]]:
+    for key, value in tables.items():
+        if isinstance(value, Mapping):
+            yield from _lists(value, f"{prefix}{key}.")
+        elif isinstance(value, list) and value:
+            yield f"{prefix}{key}", value
+        else:
+            raise InputError("study", f"grid.{prefix}{key}", value, "a list of values is allowed, one for each run")
+
+
+def _nested(key: str, value: Any) -> dict[str, Any]:
+    for part in reversed(key.split(".")):
+        value = {part: value}
+    return dict(value)
+
+
+def _is_plain(value: Any) -> bool:
+    return isinstance(value, (float, int, str))
+
+
+def _word(value: Any, number: int) -> str:
+    """A value as part of a key; where it can't be, its place in the list."""
+    return str(value) if _is_plain(value) and KEY.fullmatch(f"0{value}") else f"no{number + 1}"

@@ -1,0 +1,132 @@
+"""A parameter study: scenes, each with keys changed as asked, reduced, simulated and compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from pmr import scene as scenes
+from pmr.errors import InputError
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.studies import grid, shared
+from pmr.studies.study import StudyBase
+from pmr.studies.task import KEY, Plan, Scalar, Task, TaskResult
+from pmr.tomlfiles import Change
+
+COMPARED_FREQUENCIES = 3
+
+
+class Case(BaseModel):
+    """A named change of the scene."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: Annotated[str, Field(pattern=f"^{KEY.pattern}$")]
+    change: dict[str, Any] = {}
+
+
+class Study(StudyBase):
+    """All combinations of `scenes`, `cases` and `grid`; `change` goes before and holds for all.
+
+    A list in `grid` is what its key takes one after the other: ``[grid] reduction.coordinates = [10, 14, 20]``.
+    """
+
+    kind: Literal["scenes"]
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)]
+    change: dict[str, Any] = {}
+    cases: tuple[Case, ...] = ()
+    grid: dict[str, Any] = {}
+
+    def plan(self) -> Plan:
+        runs, common = [], dict[str, Task]()
+        for point in self._points():
+            scene = self._scene(point)
+            needs = shared.modes_tasks(scene) | {"frequencies": shared.frequencies_task(scene)}
+            needs |= {name: shared.reference_task(scene, name) for name in scene.compare.against}
+            common |= {task.key: task for task in needs.values()}
+            keys = {name: task.key for name, task in needs.items()}
+            runs.append(Task(point.key, run_case, shared.scene_arguments(scene), keys, point.parameters))
+        return Plan(tuple(runs), tuple(common.values()))
+
+    def _points(self) -> Iterator[_Point]:
+        for file in self.scenes:
+            of_scene: dict[str, Scalar] = {"scene": file.stem} if len(self.scenes) > 1 else {}
+            for i, case in enumerate(self.cases or [None]):
+                of_case: dict[str, Scalar] = {"case": case.name} if case else {}
+                before = [Change(self.change, "change")]
+                before += [Change(case.change, f"cases[{i}].change")] if case else []
+                for point in grid.points(self.grid):
+                    words = (*map(str, (of_scene | of_case).values()), *point.words)
+                    parameters = {**of_scene, **of_case, **point.parameters}
+                    yield _Point(",".join(words) or file.stem, file, (*before, *point.changes), parameters)
+
+    def _scene(self, point: _Point) -> Scene:
+        try:
+            return scenes.vary(point.file, point.changes)
+        except InputError as error:
+            source, key = error.source, error.key
+            if source in {change.source for change in point.changes}:
+                source, key = "study", f"{source}.{key}"
+            raise InputError(source, key, error.value, f"{error.allowed} (run {point.key})") from None
+
+
+@dataclass(frozen=True)
+class _Point:
+    """One run: its key, its scene file, what to change in it, and that as columns of the table."""
+
+    key: str
+    file: Path
+    changes: tuple[Change, ...]
+    parameters: Mapping[str, Scalar]
+
+
+def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: one run, from eigenmodes and references to errors.
+
+    Figures: ``errors.<a>_vs_<b>.<place>`` (e_NRMS), ``max_displacement`` and ``max_error`` (m), ``coordinates.full``
+    and ``.reduced``, ``basis.kappa``, and ``frequency_error.<i>``, the largest relative error of the i-th frequency
+    over the path.  Arrays: ``t`` (s), ``tip`` (m), ``singular_values``, ``frequencies.s`` (m), ``.full``, ``.reduced``
+    (rad/s).
+    """
+    from pmr import compare
+    from pmr.frequencies import reduced_frequencies
+    from pmr.run import reduce_with, simulate_reduced
+
+    scene = shared.scene_of(arguments)
+    reduction = reduce_with(scene, shared.model_of(scene), shared.snapshots_from(scene, needs))
+    responses = {"reduced": simulate_reduced(scene, reduction.reduced)}
+    responses |= {name: shared.response_from(needs[name]) for name in scene.compare.against}
+    s, full = (needs["frequencies"].arrays[name] for name in ("s", "omega"))
+    reduced = reduced_frequencies(reduction.reduced, s, full.shape[1])
+    record: dict[str, Scalar] = {
+        f"errors.{pair}.{place}": error
+        for pair, places in compare.errors(responses).items()
+        for place, error in places.items()
+    }
+    record |= _sizes(responses)
+    record |= {
+        "coordinates.full": reduction.model.size,
+        "coordinates.reduced": reduction.reduced.size,
+        "basis.kappa": reduction.basis.kappa(),
+    }
+    for i in range(min(COMPARED_FREQUENCIES, full.shape[1])):
+        off = np.abs(reduced[:, i] / full[:, i] - 1.0).max()
+        record[f"frequency_error.{i + 1}"] = float(off) if np.isfinite(off) else None  # fewer coordinates are free
+    response = responses["reduced"]
+    arrays = {"t": response.t, "tip": response.tip, "singular_values": reduction.basis.sigma}
+    arrays |= {"frequencies.s": s, "frequencies.full": full, "frequencies.reduced": reduced}
+    return TaskResult(record, arrays, {f"simulate.{name}": r.seconds for name, r in responses.items()})
+
+
+def _sizes(responses: Mapping[str, Response]) -> dict[str, Scalar]:
+    reduced, reference = responses["reduced"].displacement, responses.get("full", responses["reduced"]).displacement
+    sizes: dict[str, Scalar] = {"max_displacement": float(np.abs(reference).max())}
+    if "full" in responses:
+        sizes["max_error"] = float(np.abs(reduced - reference).max())
+    return sizes

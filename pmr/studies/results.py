@@ -1,0 +1,157 @@
+"""What a study leaves behind: one table of its runs, their measured seconds, a summary; read again by reports.
+
+``runs.csv`` and ``runs.npz`` hold the runs in the order of the plan: key, status, reason, parameters, figures.  They
+are the same to the last byte however many workers there were and however often the study was cut off; times, which
+differ each time, stand in ``seconds.csv``.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.studies.graph import digests
+from pmr.studies.runner import Failure
+from pmr.studies.store import Store, write_arrays
+from pmr.studies.task import Plan, Scalar
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run: what was varied, how it went, and what came out.
+
+    `figures` are empty where `status` is ``"failed"`` or ``"skipped"``; `file` is where its arrays are.
+    """
+
+    key: str
+    status: str
+    parameters: Mapping[str, Scalar]
+    figures: Mapping[str, Scalar]
+    seconds: Mapping[str, float]
+    reason: str = ""
+    detail: str = ""
+    notes: tuple[str, ...] = ()
+    file: str = ""
+
+    @property
+    def row(self) -> dict[str, Scalar]:
+        """Its row of the table."""
+        head = {"run": self.key, "status": self.status, "reason": self.reason}
+        return {**head, **self.parameters, **self.figures}
+
+
+@dataclass(frozen=True)
+class StudyResults:
+    """All runs of one study, in the order of its plan, and the folder in which they are kept."""
+
+    folder: Path
+    runs: tuple[RunRecord, ...]
+
+    @classmethod
+    def collect(
+        cls, folder: Path, plan: Plan, code: str, store: Store, failures: Mapping[str, Failure]
+    ) -> StudyResults:
+        """Records of a plan's runs, from the store and from what failed."""
+        digest = digests(plan, code)
+        runs = []
+        for task in plan.runs:
+            failure = failures.get(digest[task.key])
+            if failure is not None:
+                record = RunRecord(task.key, failure.status, task.parameters, {}, {}, failure.reason, failure.detail)
+            else:
+                stored = store.headline(digest[task.key])
+                file = os.path.relpath(store.path(digest[task.key]), folder)
+                record = RunRecord(
+                    task.key,
+                    "done",
+                    task.parameters,
+                    stored.result.record,
+                    stored.result.seconds,
+                    notes=stored.notes,
+                    file=file,
+                )
+            runs.append(record)
+        return cls(folder, tuple(runs))
+
+    @classmethod
+    def load(cls, folder: Path) -> StudyResults:
+        """Read what `save` wrote."""
+        runs = json.loads((folder / "summary.json").read_text())["runs"]
+        return cls(folder, tuple(RunRecord(**(run | {"notes": tuple(run["notes"])})) for run in runs))
+
+    @property
+    def is_complete(self) -> bool:
+        return all(run.status == "done" for run in self.runs)
+
+    def arrays(self, key: str) -> Mapping[str, NDArray[Any]]:
+        """Arrays of one run."""
+        file = next(run.file for run in self.runs if run.key == key)
+        path = self.folder / file
+        return Store(path.parent).read(path.stem).result.arrays
+
+    def column(self, name: str) -> NDArray[Any]:
+        """One column of the table; NaN (or an empty text) where a run has no such figure."""
+        return _column([run.row.get(name) for run in self.runs])
+
+    def save(self, summary: Mapping[str, Any]) -> None:
+        """Write runs.csv, runs.npz, seconds.csv and summary.json, which holds `summary` and the runs."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        rows = [run.row for run in self.runs]
+        names = _names(rows)
+        _write(self.folder / "runs.csv", _csv(names, rows))
+        write_arrays(self.folder / "runs.npz", {name: self.column(name) for name in names})
+        times: list[dict[str, Scalar]] = [{"run": run.key} | dict(run.seconds) for run in self.runs]
+        _write(self.folder / "seconds.csv", _csv(_names(times), times))
+        self.save_summary(summary)
+
+    def save_summary(self, summary: Mapping[str, Any]) -> None:
+        """Write summary.json alone."""
+        runs = [
+            vars(run) | {n: dict(getattr(run, n)) for n in ("parameters", "figures", "seconds")} for run in self.runs
+        ]
+        _write(self.folder / "summary.json", json.dumps({**summary, "runs": runs}, indent=1, allow_nan=False))
+
+
+def _names(rows: Iterable[Mapping[str, Scalar]]) -> list[str]:
+    """All columns, in the order in which they come up."""
+    return list(dict.fromkeys(name for row in rows for name in row))
+
+
+def _csv(names: Sequence[str], rows: Iterable[Mapping[str, Scalar]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([_cell(row.get(name)) for name in names] for row in rows)
+    return text.getvalue()
+
+
+def _cell(value: Scalar) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value if isinstance(value, str) else repr(value)
+
+
+def _column(values: Sequence[Scalar]) -> NDArray[Any]:
+    given = [value for value in values if value is not None]
+    if any(isinstance(value, str) for value in given):
+        return np.array(["" if value is None else str(value) for value in values])
+    if len(given) == len(values) and given:
+        return np.array(given)  # bool, int or float, whichever holds all
+    return np.array([np.nan if value is None else float(value) for value in values])
+
+
+def _write(path: Path, text: str) -> None:
+    part = path.with_name(f"{path.name}.part")
+    part.write_text(text, encoding="utf-8")
+    os.replace(part, path)

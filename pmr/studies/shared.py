@@ -1,0 +1,131 @@
+"""Tasks that runs of many kinds have in common: eigenmodes at a slider position, references, frequencies.
+
+Each is planned from a scene that keeps only what decides the result.  So runs that differ in anything else share it,
+within a study and across the studies of a collection.  The functions import the finite-element world when they are
+called: planning does without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmr.results import Response
+from pmr.scene import Damping, Reduction, Scene
+from pmr.scene.sections import Compare, TimeChoice
+from pmr.signals import Constant
+from pmr.studies.task import Task, TaskFunction, TaskResult
+
+if TYPE_CHECKING:
+    from pmr.operators import FullModel
+    from pmr.snapshots import Snapshots
+
+#: Rough effort in s for the paper's beam.
+COSTS = {"modes": 0.05, "full": 4.0, "ancf": 3.0, "frequencies": 0.5}
+NOTHING = Constant(amount=0.0)
+
+
+def scene_arguments(scene: Scene) -> dict[str, Any]:
+    """A scene as arguments of a task; the hash stands for the content of files that the scene names."""
+    plain = scene.model_copy(update={"title": "", "published": None})
+    return {"scene": plain.model_dump(mode="json"), "hash": plain.hash}
+
+
+def scene_of(arguments: Mapping[str, Any]) -> Scene:
+    """The scene that `scene_arguments` was given."""
+    return Scene.model_validate(arguments["scene"])
+
+
+@lru_cache(maxsize=4)
+def model_of(scene: Scene) -> FullModel:
+    """The scene's full model, kept for the next task of this process."""
+    from pmr.operators import full_model
+
+    return full_model(scene)
+
+
+def modes_tasks(scene: Scene) -> dict[str, Task]:
+    """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions."""
+    choice = scene.reduction
+    kept = Reduction(snapshots=choice.snapshots, modes=choice.modes, positions=choice.positions, solver=choice.solver)
+    held = _unloaded(scene).model_copy(update={"reduction": kept})
+    if choice.positions != "path":  # then neither the path nor its time span decides where modes are taken
+        update = {"slider": scene.slider.model_copy(update={"path": NOTHING}), "time": TimeChoice(end=1.0, step=1.0)}
+        held = held.model_copy(update=update)
+    named = f"modes-{choice.snapshots}x{choice.modes}"
+    return {f"modes{k}": _task(modes_at, "modes", f"{named}-{k}", held, position=k) for k in range(choice.snapshots)}
+
+
+def reference_task(scene: Scene, name: str) -> Task:
+    """``"full"`` or ``"ancf"``: the response that a reduced model is compared with."""
+    compared = Compare(against=(name,), ancf_elements=scene.compare.ancf_elements if name == "ancf" else 1)
+    alone = scene.model_copy(update={"reduction": Reduction(), "compare": compared})
+    return _task(reference, name, name, alone, simulator=name)
+
+
+def frequencies_task(scene: Scene) -> Task:
+    """The full model's lowest frequencies over the path."""
+    return _task(frequencies, "frequencies", "frequencies", _unloaded(scene))
+
+
+def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
+    """The scene's snapshots, from the results of its `modes_tasks`."""
+    from pmr.parallel import tall
+    from pmr.snapshots import Snapshots
+
+    taken = [needs[f"modes{k}"].arrays for k in range(scene.reduction.snapshots)]
+    phi = np.concatenate([modes["phi"] for modes in taken], axis=1)
+    omega, s, residuals = (np.concatenate([modes[name] for modes in taken]) for name in ("omega", "s", "residuals"))
+    return Snapshots(tall(phi, model_of(scene).M), omega, s, residuals, source="eigenmodes")
+
+
+def response_from(result: TaskResult) -> Response:
+    """The response of a `reference_task`."""
+    return Response.from_arrays(result.arrays)
+
+
+def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: eigenmodes with the slider held at one of the scene's positions."""
+    from pmr.snapshots.eigenmodes import positions
+    from pmr.snapshots.eigensolvers import eigensolver
+
+    scene = scene_of(arguments)
+    model = model_of(scene)
+    s = float(positions(scene, model)[arguments["position"]])
+    modes = eigensolver(model, scene.reduction.solver).lowest(s, scene.reduction.modes)
+    at = np.full(len(modes.omega), s)
+    return TaskResult(arrays={"phi": modes.phi, "omega": modes.omega, "residuals": modes.residuals, "s": at})
+
+
+def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: response of the full model or of the ANCF cable."""
+    from pmr.run import simulate_reference
+
+    scene = scene_of(arguments)
+    full = model_of(scene).gather()
+    assert full is not None
+    response = simulate_reference(arguments["simulator"], scene, full)
+    return TaskResult(arrays=response.arrays(), seconds={"simulate": response.seconds})
+
+
+def frequencies(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: the full model's lowest frequencies in rad/s, ``omega`` (S, f), over the path, ``s`` (S,)."""
+    from pmr.run import full_frequencies, visited_positions
+
+    scene = scene_of(arguments)
+    s = visited_positions(scene)
+    return TaskResult(arrays={"s": s, "omega": full_frequencies(scene, model_of(scene), s)})
+
+
+def _unloaded(scene: Scene) -> Scene:
+    loads = tuple(load.model_copy(update={"signal": NOTHING}) for load in scene.loads)
+    update = {"loads": loads, "damping": Damping(), "compare": Compare(against=())}
+    return scene.model_copy(update=update | {"reduction": Reduction(solver=scene.reduction.solver)})
+
+
+def _task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
+    arguments = scene_arguments(scene) | more
+    return Task(f"{name}-{arguments['hash']}", function, arguments, cost=COSTS[kind])

@@ -1,0 +1,134 @@
+"""Results of tasks on disk, one npz file with a JSON header each, named by the digest of what decides the result.
+
+A file appears under its name only when it is complete, and a damaged one counts as none; so a study that was cut off
+goes on with what is there.  Equal tasks of several studies share a file.  Nothing in it is pickled.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.studies.task import TaskResult
+
+FORMAT = "pmr-task-result"
+FORMAT_VERSION = 1
+STALE_AFTER = 3600.0  # s, age at which a file under construction counts as abandoned
+_DAMAGE = (OSError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error, EOFError)
+
+
+class DamagedError(ValueError):
+    """A stored result can't be read."""
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A result as read back, with the key it was computed under and the warnings that came up."""
+
+    key: str
+    result: TaskResult
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Store:
+    """The folder of results."""
+
+    folder: Path
+
+    def path(self, digest: str) -> Path:
+        """File of the result with this digest."""
+        return self.folder / f"{digest}.npz"
+
+    def prepare(self) -> None:
+        """Make the folder, and clear away what interrupted processes left half-written."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for file in self.folder.glob("*.part"):
+            if time.time() - file.stat().st_mtime > STALE_AFTER:
+                file.unlink(missing_ok=True)
+
+    def sound(self, digest: str) -> bool:
+        """Whether the result is there, and undamaged to the last byte."""
+        try:
+            with zipfile.ZipFile(self.path(digest)) as file:
+                return file.testzip() is None and _header(file, digest) is not None
+        except _DAMAGE:
+            return False
+
+    def write(self, digest: str, stored: Stored) -> None:
+        """Put a result in its place, all of it or nothing."""
+        result = stored.result
+        header = {
+            "format": FORMAT,
+            "version": FORMAT_VERSION,
+            "digest": digest,
+            "key": stored.key,
+            "record": dict(result.record),
+            "seconds": dict(result.seconds),
+            "notes": list(stored.notes),
+        }
+        text = np.array(json.dumps(header, allow_nan=False))
+        write_arrays(self.path(digest), {"header": text} | {f"array.{k}": v for k, v in result.arrays.items()})
+
+    def read(self, digest: str) -> Stored:
+        """The result with this digest; its arrays are read-only.
+
+        Raises
+        ------
+        DamagedError
+            If the file is missing or damaged.
+        """
+        path = self.path(digest)
+        try:
+            with zipfile.ZipFile(path) as file:
+                header = _header(file, digest)
+                names = [name for name in file.namelist() if name.startswith("array.")]
+                arrays = {name.removeprefix("array.").removesuffix(".npy"): _array(file, name) for name in names}
+            result = TaskResult(header["record"], arrays, header["seconds"])
+            return Stored(header["key"], result, tuple(header["notes"]))
+        except _DAMAGE as error:
+            raise DamagedError(f"{path.name} is missing or damaged ({error})") from None
+
+    def headline(self, digest: str) -> Stored:
+        """As `read`, without the arrays."""
+        try:
+            with zipfile.ZipFile(self.path(digest)) as file:
+                header = _header(file, digest)
+            return Stored(header["key"], TaskResult(header["record"], {}, header["seconds"]), tuple(header["notes"]))
+        except _DAMAGE as error:
+            raise DamagedError(f"{self.path(digest).name} is missing or damaged ({error})") from None
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write an npz file in one step; equal arrays give equal bytes."""
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    with zipfile.ZipFile(part, "w", zipfile.ZIP_STORED) as file:
+        for name, array in arrays.items():
+            content = BytesIO()
+            np.lib.format.write_array(content, np.asanyarray(array), allow_pickle=False)
+            file.writestr(zipfile.ZipInfo(f"{name}.npy"), content.getvalue())
+    os.replace(part, path)
+
+
+def _header(file: zipfile.ZipFile, digest: str) -> dict[str, Any]:
+    header = json.loads(str(_array(file, "header.npy")))
+    if (header["format"], header["version"], header["digest"]) != (FORMAT, FORMAT_VERSION, digest):
+        raise ValueError("another file's header")
+    return dict(header)
+
+
+def _array(file: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    array = np.lib.format.read_array(BytesIO(file.read(name)), allow_pickle=False)
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,116 @@
+"""What a study is made of: tasks, each a function call with a name, and the plan that lists them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import NDArray
+
+#: What stands in one cell of the table.
+Scalar = float | int | bool | str | None
+KEY = re.compile(r"[A-Za-z0-9][A-Za-z0-9._=,+-]{0,119}")
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """What a task returns.
+
+    Attributes
+    ----------
+    record : mapping of str to scalar
+        Figures, one column of the table each; the same on every machine that computes alike, so no seconds.  A float
+        must be finite; None leaves the cell empty.
+    arrays : mapping of str to array
+        Whatever tasks that need this one, or the report, read; numbers or strings, no objects.
+    seconds : mapping of str to float
+        Measured times, kept apart from the record because they differ from run to run.
+    """
+
+    record: Mapping[str, Scalar] = field(default_factory=dict)
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+#: Arguments, and the results of what the task needs, by the names under which it needs them.
+TaskFunction = Callable[[Mapping[str, Any], Mapping[str, TaskResult]], TaskResult]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One call of a function, in a process of its own.
+
+    Attributes
+    ----------
+    key : str
+        Name of the task, unique in its plan: letters, digits and ``._=,+-``.
+    function : TaskFunction
+        A function of a module, called with `arguments` and the results of `needs`.  It sees one MPI process and one
+        thread, and what it computes depends on nothing else.
+    arguments : mapping
+        What JSON can hold.  Where a file is read, its digest belongs here too.
+    needs : mapping of str to str
+        Name for the function -> key of the task whose result it reads.
+    parameters : mapping of str to scalar
+        What was varied: the table's first columns, there for failed runs too.
+    cost : float
+        Expected effort in any unit; long ones start first, and the time left is estimated by it.
+    """
+
+    key: str
+    function: TaskFunction
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    needs: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)
+    cost: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not KEY.fullmatch(self.key):
+            raise ValueError(f"task key {self.key!r}: {KEY.pattern} is allowed")
+        if "." in self.function.__qualname__:
+            raise ValueError(f"task {self.key}: {self.address} is no function of a module")
+
+    @property
+    def address(self) -> str:
+        """``"module:name"`` of the function."""
+        return f"{self.function.__module__}:{self.function.__qualname__}"
+
+    def digest(self, code: str, needs: Mapping[str, str]) -> str:
+        """Digest of what decides the result: code, function, arguments and, by name, the digests of what it needs."""
+        content = [code, self.address, self.arguments, needs]
+        return hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode()).hexdigest()[:24]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The tasks of one study.
+
+    Attributes
+    ----------
+    runs : tuple of Task
+        One row of the table each, in this order.
+    shared : tuple of Task
+        What several runs need and nobody wants a row of; computed once, and only if a run still needs it.
+    """
+
+    runs: tuple[Task, ...]
+    shared: tuple[Task, ...] = ()
+
+    def __post_init__(self) -> None:
+        keys = [task.key.casefold() for task in self]
+        twice = {key for key in keys if keys.count(key) > 1} if len(set(keys)) < len(keys) else set()
+        if twice:
+            raise ValueError(f"task keys are not unique: {', '.join(sorted(twice))}")
+        known = {task.key for task in self}
+        for task in self:
+            missing = set(task.needs.values()) - known
+            if missing:
+                raise ValueError(f"task {task.key} needs {', '.join(sorted(missing))}, which the plan lacks")
+
+    def __iter__(self) -> Iterator[Task]:
+        """Everything, what is shared first."""
+        return iter((*self.shared, *self.runs))
