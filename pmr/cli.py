@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import sys
 from collections.abc import Iterator
@@ -22,9 +23,9 @@ from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.reduced import ReducedModel
 
 if TYPE_CHECKING:
+    from pmr.clock import Progress as Report
     from pmr.report.marks import Row
     from pmr.run import Outcome
-    from pmr.run import Progress as Report
 
 app = typer.Typer(
     help="Reduce beams that slide: from a scene file to a reduced model, checked against full references, in a report.",
@@ -46,6 +47,10 @@ def run(
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; repeatable.")
     ] = None,
+    simulators: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...", help="Simulate the reduced model by each: march, exudyn, exudyn-callback."),
+    ] = None,
 ) -> None:
     """Run scenes the whole way: operators, snapshots, basis, reduced model, simulations, comparison, report.
 
@@ -58,9 +63,12 @@ def run(
 
         pmr run workflows/paper_evolved.toml --set reduction.coordinates=10
 
+        pmr run workflows/paper_evolved.toml --simulators march,exudyn,exudyn-callback
+
         mpirun -n 2 pmr run SCENE.toml --set reduction.solver=slepc
     """
-    loaded = [(file, scenes.load(file, overrides or ())) for file in scene_files]
+    asked = [*(overrides or ()), *([_simulators(simulators)] if simulators is not None else ())]
+    loaded = [(file, scenes.load(file, asked)) for file in scene_files]
     if len({file.stem for file in scene_files}) != len(scene_files):
         raise InputError("command line", "SCENE", [file.stem for file in scene_files], "names must differ")
     folder = out_dir or Path("reports", scene_files[0].stem)
@@ -69,8 +77,8 @@ def run(
         from pmr.dolfinx_compat import MPI
     except ImportError as error:
         _leave(f"FEniCSx is not installed ({error}); reduced models simulate without it, new ones need it", 1)
+    from pmr.clock import Clock
     from pmr.report.document import write_report
-    from pmr.run import Clock
     from pmr.run import run as run_scene
 
     first = MPI.COMM_WORLD.rank == 0
@@ -154,6 +162,11 @@ def info(
     out.print(table, highlight=False)
 
 
+def _simulators(names: str) -> str:
+    """The override that ``--simulators a,b`` stands for."""
+    return f"simulation.simulators={json.dumps([name.strip() for name in names.split(',')])}"
+
+
 def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
     low, high = scene.path_bounds
     return {
@@ -204,11 +217,14 @@ def _print_table(outcome: Outcome) -> None:
         verdict = [row.published or "", _verdict(row)] if len(table.columns) > 3 else []
         table.add_row(row.comparison, row.place, row.here, *verdict)
     out.print(table)
-    seconds = ", ".join(f"{name} {value:.2f} s" for name, value in summary["seconds"]["simulate"].items())
+    seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = summary["coordinates"]
     out.print(
-        f"{coordinates['full']} -> {coordinates['reduced']} coordinates; simulated in: {seconds}\n", highlight=False
+        f"{coordinates['full']} -> {coordinates['reduced']} coordinates; simulated in: {seconds}", highlight=False
     )
+    for pair, length in summary["agreement"].items():
+        out.print(f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m", highlight=False)
+    out.print()
 
 
 def _verdict(row: Row) -> str:

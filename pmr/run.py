@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,30 +11,25 @@ from numpy.typing import NDArray
 
 from pmr import compare, environment
 from pmr.basis import Basis, pod
-from pmr.body import FullBody, SlidingBody
+from pmr.clock import Clock
 from pmr.dolfinx_compat import MPI
 from pmr.dolfinx_compat import versions as fenicsx_versions
-from pmr.errors import SimulationError
 from pmr.frequencies import closed_form_frequencies, reduced_frequencies
 from pmr.operators import FullModel, full_model
 from pmr.projection import reduced_model, with_held_coordinates
 from pmr.reduced import ReducedModel
+from pmr.responses import Simulations, simulate
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
-from pmr.simulate import TimeStepping, ancf, exudyn
 from pmr.simulate.stepping import loads_at
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
 from pmr.snapshots.eigensolvers import eigensolver
 
 Array = NDArray[np.float64]
-#: Called with a stage's name and the share of it that is done.
-Progress = Callable[[str, float], None]
 
 FREQUENCY_CURVES = 6
 FREQUENCY_POSITIONS = 49
-#: Keys of ``seconds.simulate`` in the summary: the reduced model's simulator goes by its own name.
-SIMULATORS = {"reduced": "exudyn", "full": "full", "ancf": "ancf"}
 
 
 @dataclass(frozen=True)
@@ -57,26 +50,6 @@ class Outcome:
     reduced: ReducedModel
 
 
-@dataclass
-class Clock:
-    """Wall seconds of each stage, and whoever wants to be told of them."""
-
-    progress: Progress = lambda stage, share: None
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[Callable[[float], None]]:
-        """Time a stage; what is yielded takes the share of it that is done."""
-        self.progress(name, 0.0)
-        start = time.perf_counter()
-        try:
-            yield lambda share: self.progress(name, share)
-        except SimulationError as error:
-            raise SimulationError(f"{name}: {error}") from None
-        self.seconds[name] = time.perf_counter() - start
-        self.progress(name, 1.0)
-
-
 def run(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Outcome | None:
     """Run a scene on `comm`; simulations run on rank 0, the other ranks get None.
 
@@ -94,9 +67,9 @@ def run(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = Non
     body = reduction.model.gather()
     if body is None:
         return None
-    responses = simulate(scene, reduction.reduced, body, clock)
-    summary = _summary(scene, reduction, responses, clock.seconds)
-    return Outcome(_result(scene, summary, responses, reduction, curves), reduction.reduced)
+    simulations = simulate(scene, reduction.reduced, body, clock)
+    summary = _summary(scene, reduction, simulations, clock.seconds)
+    return Outcome(_result(scene, summary, simulations.responses, reduction, curves), reduction.reduced)
 
 
 def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
@@ -118,51 +91,6 @@ def reduce_with(scene: Scene, model: FullModel, snapshots: Snapshots, clock: Clo
         if choice.support_rows == "hold":
             reduced = with_held_coordinates(reduced)
     return Reduction(model, snapshots, basis, reduced)
-
-
-def simulate(scene: Scene, reduced: ReducedModel, full: FullBody, clock: Clock | None = None) -> dict[str, Response]:
-    """Responses of the reduced model and of the references that the scene asks for, keyed as in `RunResult`."""
-    clock = clock or Clock()
-    asked = [name for name in ("full", "ancf") if name in scene.compare.against]
-    return {"reduced": simulate_reduced(scene, reduced, clock)} | {
-        name: simulate_reference(name, scene, full, clock) for name in asked
-    }
-
-
-def simulate_reduced(scene: Scene, reduced: ReducedModel, clock: Clock | None = None) -> Response:
-    """Response of a reduced model to the scene's path and loads."""
-    with (clock or Clock()).stage("reduced"):
-        return _respond(scene, reduced)
-
-
-def simulate_reference(name: str, scene: Scene, full: FullBody, clock: Clock | None = None) -> Response:
-    """Response of ``"full"`` or ``"ancf"``, what the reduced model is compared with."""
-    with (clock or Clock()).stage(name) as done:
-        return _respond(scene, full, done) if name == "full" else _ancf(scene, full.output_positions, done)
-
-
-def _respond(scene: Scene, body: SlidingBody, done: Callable[[float], None] | None = None) -> Response:
-    stepping, path, signals = _stepping(scene), scene.slider.path, [load.signal for load in scene.loads]
-    trajectory = exudyn.simulate(body, path, signals, stepping, progress=done)
-    return compare.respond(body, trajectory, path.rate(stepping.times), loads_at(signals, stepping.times))
-
-
-def _stepping(scene: Scene) -> TimeStepping:
-    return TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
-
-
-def _ancf(scene: Scene, x: Array, done: Callable[[float], None]) -> Response:
-    body = scene.body
-    assert body.axial_stiffness is not None  # the scene's check
-    cable = ancf.Cable(
-        length=body.length,
-        axial_stiffness=body.axial_stiffness,
-        bending_stiffness=body.bending_stiffness,
-        mass_per_length=body.mass_per_length,
-        elements=scene.compare.ancf_elements,
-    )
-    points = [ancf.PointLoad(load.at, load.signal) for load in scene.loads]
-    return compare.respond_cable(cable, ancf.simulate(cable, scene.slider.path, points, _stepping(scene), x, done))
 
 
 def visited_positions(scene: Scene) -> Array:
@@ -207,9 +135,8 @@ def _provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
     }
 
 
-def _summary(
-    scene: Scene, reduction: Reduction, responses: dict[str, Response], seconds: dict[str, float]
-) -> dict[str, Any]:
+def _summary(scene: Scene, reduction: Reduction, simulations: Simulations, seconds: dict[str, float]) -> dict[str, Any]:
+    responses = simulations.responses
     reference = responses.get("full", responses["reduced"]).displacement
     error = float(np.abs(responses["reduced"].displacement - reference).max()) if "full" in responses else None
     return {
@@ -227,7 +154,9 @@ def _summary(
             "rows_left_out": list(reduction.reduced.left_out),
         },
         "seconds": {name: seconds[name] for name in ("assemble", "snapshots", "pod")}
-        | {"simulate": {SIMULATORS[name]: response.seconds for name, response in responses.items()}},
+        | {"simulate": dict(simulations.seconds)},
+        "simulators": dict(simulations.simulators),
+        "agreement": dict(simulations.agreement),
         "versions": environment.versions() | fenicsx_versions(),
         "commit": environment.commit(),
         "machine": environment.machine(),
@@ -238,7 +167,7 @@ def _summary(
 def _result(
     scene: Scene,
     summary: dict[str, Any],
-    responses: dict[str, Response],
+    responses: Mapping[str, Response],
     reduction: Reduction,
     curves: FrequencyCurves,
 ) -> RunResult:

@@ -47,7 +47,7 @@ def test_the_summary_keeps_its_contract(folder: Path) -> None:
     assert summary["coordinates"] == {"full": 63, "reduced": 20}
     assert 0.999 < summary["basis"]["kappa"] <= 1.0 and len(summary["basis"]["singular_values"]) == 30
     assert {"assemble", "snapshots", "pod", "simulate"} == set(summary["seconds"])
-    assert {"exudyn", "full", "ancf"} == set(summary["seconds"]["simulate"])
+    assert {"march", "exudyn", "full", "ancf"} == set(summary["seconds"]["simulate"])
     assert {"pmr", "dolfinx", "PETSc", "SLEPc", "exudyn"} <= set(summary["versions"])
     assert len(summary["scene_hash"]) == 16
 
@@ -125,9 +125,27 @@ def test_an_export_replaces_no_model(folder: Path, tmp_path: Path) -> None:
     assert model.read_bytes() == content and (tmp_path / "reduced.npz").read_bytes() == b"another"
 
 
+def test_several_simulators_say_how_far_they_agree(tmp_path: Path) -> None:
+    short = ("--set", "time.end=0.2", "--set", "slider.path=1.3", "--set", "compare.against=[]")
+    done = pmr("run", SIMPLE, *short, "--simulators", "exudyn-callback, march,exudyn", "--out", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert list(summary["seconds"]["simulate"]) == ["exudyn-callback", "march", "exudyn"]
+    assert summary["simulators"] == {"reduced": "exudyn-callback"}
+    pairs = ["exudyn-callback_vs_march", "exudyn-callback_vs_exudyn", "march_vs_exudyn"]
+    assert list(summary["agreement"]) == pairs and 0.0 < max(summary["agreement"].values()) < 1e-9
+    assert "march and exudyn agree to" in done.stdout
+
+
+@pytest.mark.parametrize(("names", "says"), [("march,euler", "'march', 'exudyn' or 'exudyn-callback'"), ("", "exudyn")])
+def test_unknown_simulators_are_refused(names: str, says: str) -> None:
+    done = pmr("run", SIMPLE, "--simulators", names)
+    assert done.returncode == 2 and says in done.stderr and "simulation.simulators" in done.stderr
+
+
 def test_without_fenicsx_a_run_says_so_in_one_line() -> None:
-    blocked = "import sys; sys.modules['dolfinx'] = None; sys.argv = ['pmr', 'run', sys.argv[1]]; from pmr.cli import main; main()"
-    done = python("-c", blocked, SIMPLE)
+    blocked = "import sys; sys.modules['dolfinx'] = None; sys.argv[0] = 'pmr'; from pmr.cli import main; main()"
+    done = python("-c", blocked, "run", SIMPLE)
     assert done.returncode == 1 and "FEniCSx is not installed" in done.stderr and "Traceback" not in done.stderr
 
 

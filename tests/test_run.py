@@ -7,10 +7,11 @@ import pytest
 from processes import python
 from textbook import TIP_DEFLECTION
 
+from pmr.clock import Clock
 from pmr.dolfinx_compat import MPI
 from pmr.reduced import ReducedModel
 from pmr.results import RunResult
-from pmr.run import SIMULATORS, Clock, reduce, run
+from pmr.run import reduce, run
 from pmr.simulate import TimeStepping, exudyn
 
 SHORT = ("time.end=0.5", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}")
@@ -25,15 +26,17 @@ def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
         assert outcome is None
         return
     assert outcome is not None
-    assert 0.5 in {round(share, 2) for stage, share in stages if stage == "full"}
+    assert 0.5 in {round(share, 2) for stage, share in stages if stage == "ancf"}
     result, summary = outcome.result, outcome.result.summary
     assert list(dict.fromkeys(stage for stage, share in stages if share == 1.0)) == [
-        "assemble", "snapshots", "pod", "frequencies", "reduced", "full", "ancf"
+        "assemble", "snapshots", "pod", "frequencies", "reduced, march", "reduced, exudyn", "full", "ancf"
     ]  # fmt: skip
     assert set(summary["errors"]) == {"reduced_vs_full", "full_vs_ancf", "reduced_vs_ancf"}
     assert summary["coordinates"] == {"full": 63, "reduced": 20} and summary["scene_hash"] == scene.hash
     assert set(summary["seconds"]) == {"assemble", "snapshots", "pod", "simulate"}
-    assert set(summary["seconds"]["simulate"]) == set(SIMULATORS.values())
+    assert set(summary["seconds"]["simulate"]) == {"march", "exudyn", "full", "ancf"}
+    assert set(summary["agreement"]) == {"march_vs_exudyn"} and 0.0 < summary["agreement"]["march_vs_exudyn"] < 1e-11
+    assert summary["simulators"] == {"reduced": "march", "full": "march"}
     assert all(
         np.isfinite(r.displacement).all() and r.displacement.shape == (501, 21) for r in result.responses.values()
     )

@@ -126,6 +126,28 @@ class Reduction(_Section):
     support_rows: Literal["drop", "hold"] = "drop"
 
 
+SimulatorName = Literal["march", "exudyn", "exudyn-callback"]
+
+
+class Simulation(_Section):
+    """Who simulates.
+
+    The reduced model goes through every one of `simulators`: the first one's motion is compared and drawn, the others
+    say how far they agree with it.  ``march`` is the compiled engine, ``exudyn-callback`` the paper's way.
+    """
+
+    simulators: tuple[SimulatorName, ...] = Field(default=("march", "exudyn"), min_length=1)
+    repeats: Count = 3  # of each simulator of the reduced model; seconds are their median
+    full: Literal["auto", "march", "exudyn"] = "auto"
+
+    @field_validator("simulators")
+    @classmethod
+    def _different(cls, simulators: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(simulators)) < len(simulators):
+            raise ValueError("each simulator once is allowed")
+        return simulators
+
+
 class Compare(_Section):
     """References to compare the reduced beam with."""
 
@@ -155,6 +177,7 @@ class Scene(_Section):
     damping: Damping = Damping()
     time: TimeChoice
     reduction: Reduction = Reduction()
+    simulation: Simulation = Simulation()
     compare: Compare = Compare()
     published: Published | None = None
 
@@ -166,8 +189,8 @@ class Scene(_Section):
 
     @property
     def hash(self) -> str:
-        """Digest of what decides the result; title and published figures do not count."""
-        content = self.model_dump(mode="json", exclude={"title", "published"})
+        """Digest of what decides the result: all but title, published figures and who simulates."""
+        content = self.model_dump(mode="json", exclude={"title", "published", "simulation"})
         if self.mesh.file is not None:
             content["mesh"]["file"] = hashlib.sha256(self.mesh.file.read_bytes()).hexdigest()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

@@ -102,7 +102,7 @@ def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
 
 def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: response of the full model or of the ANCF cable."""
-    from pmr.run import simulate_reference
+    from pmr.responses import simulate_reference
 
     scene = scene_of(arguments)
     full = model_of(scene).gather()

@@ -96,7 +96,8 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     """
     from pmr import compare
     from pmr.frequencies import reduced_frequencies
-    from pmr.run import reduce_with, simulate_reduced
+    from pmr.responses import simulate_reduced
+    from pmr.run import reduce_with
 
     scene = shared.scene_of(arguments)
     reduction = reduce_with(scene, shared.model_of(scene), shared.snapshots_from(scene, needs))

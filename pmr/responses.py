@@ -1,0 +1,145 @@
+"""Simulations of a scene: the reduced model by one simulator or several, and the references it asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr import compare
+from pmr.body import FullBody, SlidingBody
+from pmr.clock import Clock
+from pmr.reduced import ReducedModel
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.signals import SignalBase
+from pmr.simulate import Simulator, TimeStepping, ancf, exudyn, march
+from pmr.simulate.modal import modal_form
+from pmr.simulate.stepping import loads_at
+
+Array = NDArray[np.float64]
+Done = Callable[[float], None]
+Respond = Callable[[Scene, SlidingBody, Done | None], Response]
+
+#: A full model of more coordinates than this is simulated by Exudyn's sparse solver: diagonalising costs more.
+MARCHED_UP_TO = 400
+
+
+@dataclass(frozen=True)
+class Simulations:
+    """What the simulators say.
+
+    Attributes
+    ----------
+    responses : mapping
+        ``reduced`` (by the first simulator that the scene names) and, as asked, ``full`` and ``ancf``.
+    seconds : mapping
+        Solver seconds: of each simulator of the reduced model, the median of its repeats; of ``full`` and ``ancf``.
+    agreement : mapping
+        ``<a>_vs_<b>``: largest difference of displacements in m between two simulators of the reduced model.
+    simulators : mapping
+        Which one simulated ``reduced`` and ``full``.
+    """
+
+    responses: Mapping[str, Response]
+    seconds: Mapping[str, float]
+    agreement: Mapping[str, float]
+    simulators: Mapping[str, str]
+
+
+def simulate(scene: Scene, reduced: ReducedModel, full: FullBody, clock: Clock | None = None) -> Simulations:
+    """Simulate the reduced model by every simulator that the scene names, and the references it asks for."""
+    clock = clock or Clock()
+    found = {}
+    for name in scene.simulation.simulators:
+        label = "reduced" if len(scene.simulation.simulators) == 1 else f"reduced, {name}"
+        with clock.stage(label):
+            found[name] = _repeated(scene, reduced, name)
+    first = scene.simulation.simulators[0]
+    responses = {"reduced": found[first]}
+    responses |= {
+        reference: simulate_reference(reference, scene, full, clock)
+        for reference in ("full", "ancf")
+        if reference in scene.compare.against
+    }
+    seconds = {str(name): response.seconds for name, response in found.items()}
+    seconds |= {name: response.seconds for name, response in responses.items() if name != "reduced"}
+    agreement = {
+        f"{a}_vs_{b}": float(np.abs(found[a].displacement - found[b].displacement).max())
+        for a, b in combinations(found, 2)
+    }
+    simulators = {"reduced": first} | ({"full": full_simulator(scene, full)} if "full" in responses else {})
+    return Simulations(responses, seconds, agreement, simulators)
+
+
+def simulate_reduced(scene: Scene, reduced: ReducedModel, clock: Clock | None = None) -> Response:
+    """Response of a reduced model to the scene's path and loads, by the first simulator that the scene names."""
+    with (clock or Clock()).stage("reduced"):
+        return _RESPOND[scene.simulation.simulators[0]](scene, reduced, None)
+
+
+def simulate_reference(name: str, scene: Scene, full: FullBody, clock: Clock | None = None) -> Response:
+    """Response of ``"full"`` or ``"ancf"``, what the reduced model is compared with."""
+    with (clock or Clock()).stage(name) as done:
+        if name == "ancf":
+            return _ancf(scene, full.output_positions, done)
+        return _RESPOND[full_simulator(scene, full)](scene, full, done)
+
+
+def full_simulator(scene: Scene, full: FullBody) -> str:
+    """Which simulator takes the full model: the one that the scene names, or the faster one for its size."""
+    if scene.simulation.full != "auto":
+        return scene.simulation.full
+    return "march" if full.size <= MARCHED_UP_TO else "exudyn"
+
+
+def _repeated(scene: Scene, reduced: ReducedModel, simulator: str) -> Response:
+    responses = [_RESPOND[simulator](scene, reduced, None) for _ in range(scene.simulation.repeats)]
+    return replace(responses[0], seconds=median(response.seconds for response in responses))
+
+
+def _in_exudyn(integrate: Simulator) -> Respond:
+    def respond(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
+        path, signals, stepping = _course(scene)
+        trajectory = integrate(body, path, signals, stepping, progress=done)
+        return compare.respond(body, trajectory, path.rate(stepping.times), loads_at(signals, stepping.times))
+
+    return respond
+
+
+def _in_march(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
+    """In modal coordinates throughout: what a response holds does not depend on them."""
+    path, signals, stepping = _course(scene)
+    form = modal_form(body)
+    trajectory = march.simulate_modal(form, path, signals, stepping, progress=done)
+    return compare.respond(form.body, trajectory, path.rate(stepping.times), loads_at(signals, stepping.times))
+
+
+_RESPOND: dict[str, Respond] = {
+    "march": _in_march,
+    "exudyn": _in_exudyn(exudyn.simulate),
+    "exudyn-callback": _in_exudyn(exudyn.simulate_with_callbacks),
+}
+
+
+def _course(scene: Scene) -> tuple[SignalBase, list[SignalBase], TimeStepping]:
+    stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
+    return scene.slider.path, [load.signal for load in scene.loads], stepping
+
+
+def _ancf(scene: Scene, x: Array, done: Done) -> Response:
+    body, (path, _, stepping) = scene.body, _course(scene)
+    assert body.axial_stiffness is not None  # the scene's check
+    cable = ancf.Cable(
+        length=body.length,
+        axial_stiffness=body.axial_stiffness,
+        bending_stiffness=body.bending_stiffness,
+        mass_per_length=body.mass_per_length,
+        elements=scene.compare.ancf_elements,
+    )
+    points = [ancf.PointLoad(load.at, load.signal) for load in scene.loads]
+    return compare.respond_cable(cable, ancf.simulate(cable, path, points, stepping, x, done))
