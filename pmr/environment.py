@@ -12,19 +12,14 @@ from importlib import metadata
 from pathlib import Path
 
 _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "weasyprint")
+_NUMERICAL = ("numpy", "scipy", "numba", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
 
 
 def versions() -> dict[str, str]:
     """Versions of pmr, Python and the packages that a result depends on."""
     from pmr import __version__
 
-    found = {"pmr": __version__, "python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    return {"pmr": __version__, "python": platform.python_version()} | {name: _version(name) for name in _PACKAGES}
 
 
 def commit() -> str | None:
@@ -41,14 +36,26 @@ def commit() -> str | None:
     return head.stdout.strip() + (" with changes" if changed.stdout.strip() else "")
 
 
-def source_digest(leave_out: Sequence[str] = ()) -> str:
-    """Digest of pmr's own source files, except those in the folders, or of the names, in `leave_out`."""
+def code_digest(leave_out: Sequence[str] = ()) -> str:
+    """Digest of what computes: pmr's own source files and the versions of the numerical packages.
+
+    Files whose path within pmr begins with one of `leave_out` do not count.
+    """
     root, digest = Path(__file__).resolve().parent, hashlib.sha256()
     for file in sorted(root.rglob("*.py")):
-        name = file.relative_to(root)
-        if name.parts[0] not in leave_out:
-            digest.update(name.as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
+        name = file.relative_to(root).as_posix()
+        if not name.startswith(tuple(leave_out)):
+            digest.update(name.encode() + b"\0" + file.read_bytes() + b"\0")
+    numerical = {package: _version(package) for package in _NUMERICAL} | {"python": platform.python_version()}
+    digest.update(repr(numerical).encode())
     return digest.hexdigest()[:16]
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def machine() -> dict[str, str]:

@@ -16,6 +16,9 @@ from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.runner import Watch, run
 from pmr.studies.store import Store
 
+#: What no result depends on, so that a change there computes nothing again; a task counts the module of its function.
+NOT_COMPUTING = ("report/", "studies/kinds/", "cli", "console")
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -31,7 +34,7 @@ class Outcome:
 
 def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome:
     """Compute what is not there yet, and write the tables: into `folder`, or a folder in it for each part."""
-    store, code = Store(folder / "tasks"), code_digest()
+    store, code = Store(folder / "tasks"), environment.code_digest(leave_out=NOT_COMPUTING)
     store.prepare()
     nodes = open_nodes([part.plan for part in project.parts], code, store.sound)
     failures = run(nodes, store, pool, watch)
@@ -43,11 +46,6 @@ def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome
         all_runs = StudyResults(folder, tuple(run for name, result in results.items() for run in _named(name, result)))
         all_runs.save_summary(_summary(project.title, project.kind) | {"studies": list(results)})
     return Outcome(results, len(nodes) - len(failures))
-
-
-def code_digest() -> str:
-    """What results depend on beside their arguments: pmr's sources but for reports, and the packages in use."""
-    return environment.source_digest(leave_out=("report", "cli.py")) + str(sorted(environment.versions().items()))
 
 
 def _named(name: str, results: StudyResults) -> list[RunRecord]:

@@ -122,8 +122,16 @@ def frequencies(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -
 
 def _unloaded(scene: Scene) -> Scene:
     loads = tuple(load.model_copy(update={"signal": NOTHING}) for load in scene.loads)
-    update = {"loads": loads, "damping": Damping(), "compare": Compare(against=())}
-    return scene.model_copy(update=update | {"reduction": Reduction(solver=scene.reduction.solver)})
+    end = scene.time.end  # the path is visited up to it
+    return scene.model_copy(
+        update={
+            "loads": loads,
+            "damping": Damping(),
+            "time": TimeChoice(end=end, step=end),
+            "compare": Compare(against=()),
+            "reduction": Reduction(solver=scene.reduction.solver),
+        }
+    )
 
 
 def _task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:

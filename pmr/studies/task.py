@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import re
+import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from numpy.typing import NDArray
@@ -80,9 +84,16 @@ class Task:
         return f"{self.function.__module__}:{self.function.__qualname__}"
 
     def digest(self, code: str, needs: Mapping[str, str]) -> str:
-        """Digest of what decides the result: code, function, arguments and, by name, the digests of what it needs."""
-        content = [code, self.address, self.arguments, needs]
+        """Digest of what decides the result: the code, the source of the function's module, its arguments and, by name,
+        the digests of what it needs.
+        """
+        content = [code, self.address, _source(self.function.__module__), self.arguments, needs]
         return hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode()).hexdigest()[:24]
+
+
+@lru_cache
+def _source(module: str) -> str:
+    return inspect.getsource(sys.modules[module])
 
 
 @dataclass(frozen=True)
@@ -101,10 +112,9 @@ class Plan:
     shared: tuple[Task, ...] = ()
 
     def __post_init__(self) -> None:
-        keys = [task.key.casefold() for task in self]
-        twice = {key for key in keys if keys.count(key) > 1} if len(set(keys)) < len(keys) else set()
+        twice = [key for key, count in Counter(task.key.casefold() for task in self).items() if count > 1]
         if twice:
-            raise ValueError(f"task keys are not unique: {', '.join(sorted(twice))}")
+            raise ValueError(f"task keys are not unique: {', '.join(twice)}")
         known = {task.key for task in self}
         for task in self:
             missing = set(task.needs.values()) - known

@@ -1,0 +1,107 @@
+"""The parameter study: the same figures as single runs, with nothing computed twice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr import scene
+from pmr.run import run
+from pmr.studies import files, pools
+from pmr.studies.call import compute
+from pmr.studies.results import StudyResults
+from pmr.studies.task import Plan
+
+SCENE = Path(__file__).parents[3] / "workflows" / "paper_simple.toml"
+SHORT = """
+kind = "scenes"
+title = "Short"
+scenes = ["{scene}"]
+[change]
+time.end = 0.5
+mesh.elements = 20
+slider.path = {{ kind = "ramp", times = [0.1, 0.4], values = [1.25, 1.6] }}
+compare.against = ["full"]
+{rest}
+"""
+
+
+def plan(folder: Path, rest: str) -> Plan:
+    file = folder / "study.toml"
+    file.write_text(SHORT.format(scene=SCENE, rest=rest))
+    (part,) = files.load(file).parts
+    return part.plan
+
+
+def shared(folder: Path, rest: str) -> dict[str, int]:
+    """How many tasks of each function the runs share."""
+    names = [task.function.__name__ for task in plan(folder, rest).shared]
+    return {name: names.count(name) for name in names}
+
+
+def test_runs_share_what_is_equal(tmp_path: Path) -> None:
+    once = {"modes_at": 5, "frequencies": 1, "reference": 1}
+    sizes = "[grid]\nreduction.coordinates = [10, 20]\nreduction.product = ['euclidean', 'mass']"
+    assert shared(tmp_path, sizes) == once
+    assert shared(tmp_path, "[grid]\ntime.rho_inf = [0.5, 0.9]") == once | {"reference": 2}
+    forces = "[grid]\nloads = [[{at = 5.0, signal = 1.0}], [{at = 5.0, signal = 2.0}]]"
+    assert shared(tmp_path, forces) == once | {"reference": 2}
+    assert shared(tmp_path, "[grid]\nreduction.modes = [5, 6]") == once | {"modes_at": 10}
+    assert shared(tmp_path, "[grid]\nmesh.elements = [20, 30]") == {name: 2 * n for name, n in once.items()}
+    assert shared(tmp_path, "[grid]\ncompare.against = [['full', 'ancf']]") == once | {"reference": 2}
+    later = "[grid]\nslider.path = [{kind = 'constant', amount = 2.0}, {kind = 'constant', amount = 3.0}]"
+    assert shared(tmp_path, later) == {"modes_at": 5, "frequencies": 2, "reference": 2}
+    on_path = later + "\nreduction.positions = ['path']\nreduction.snapshots = [1]\nreduction.coordinates = [6]"
+    assert shared(tmp_path, on_path) == {"modes_at": 2, "frequencies": 2, "reference": 2}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    """Three sizes of basis, with the pin's rows held and dropped."""
+    folder = tmp_path_factory.mktemp("study")
+    plan(folder, "[grid]\nreduction.coordinates = [4, 10, 20]\nreduction.support_rows = ['hold', 'drop']")
+    with pools.local_pool(1) as pool:
+        outcome = compute(files.load(folder / "study.toml"), folder, pool, lambda progress: None)
+    assert outcome.is_complete and outcome.computed == 6 + 7
+    return outcome.results[""]
+
+
+@pytest.mark.slow
+def test_a_study_has_the_figures_of_single_runs(results: StudyResults) -> None:
+    changes = ["time.end=0.5", "mesh.elements=20", "compare.against=['full']", "reduction.support_rows=drop"]
+    changes.append("slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}")
+    outcome = run(scene.load(SCENE, changes))
+    assert outcome is not None
+    summary = outcome.result.summary
+    of_study = next(run for run in results.runs if run.key == "coordinates=20,support_rows=drop")
+    figures = of_study.figures
+    for place in ("tip", "beam"):
+        assert figures[f"errors.reduced_vs_full.{place}"] == pytest.approx(
+            summary["errors"]["reduced_vs_full"][place], rel=1e-9
+        )
+    assert figures["max_displacement"] == pytest.approx(summary["max_displacement"], rel=1e-12)
+    assert figures["max_error"] == pytest.approx(summary["max_error"], rel=1e-9)
+    assert (figures["coordinates.full"], figures["coordinates.reduced"]) == (63, 20)
+    assert figures["basis.kappa"] == summary["basis"]["kappa"]
+    curves = outcome.result.frequencies
+    off = np.abs(curves.reduced / curves.full - 1.0).max(axis=0)
+    assert figures["frequency_error.1"] == pytest.approx(off[0], rel=1e-4)
+    arrays = results.arrays(of_study.key)
+    assert np.allclose(arrays["tip"], outcome.result.responses["reduced"].tip, rtol=0.0, atol=1e-12)
+    assert np.allclose(arrays["frequencies.full"], curves.full, rtol=1e-9)
+
+
+def test_errors_fall_with_the_number_of_coordinates(results: StudyResults) -> None:
+    rows, error = results.column("reduction.support_rows"), results.column("errors.reduced_vs_full.beam")
+    for kind in ("hold", "drop"):
+        four, ten, twenty = error[rows == kind]
+        assert twenty < 0.1 * ten < 0.1 * four
+    assert np.all(error[rows == "drop"] <= error[rows == "hold"])
+
+
+def test_what_too_few_coordinates_lack_is_left_empty(results: StudyResults) -> None:
+    held = next(run for run in results.runs if run.key == "coordinates=4,support_rows=hold")
+    assert held.figures["frequency_error.1"] is not None
+    assert held.figures["frequency_error.2"] is None and held.status == "done"  # 4 - 3 rows leave one

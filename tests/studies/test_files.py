@@ -1,0 +1,126 @@
+"""Study files: what they may say, and the one line that says what they may not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pmr.errors import InputError
+from pmr.studies import files
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+SCENE = WORKFLOWS / "paper_simple.toml"
+GOOD = f'kind = "scenes"\ntitle = "T"\nscenes = ["{SCENE}"]\n'
+
+
+def study(folder: Path, text: str) -> Path:
+    file = folder / "study.toml"
+    file.write_text(text)
+    return file
+
+
+def keys(path: Path, *overrides: str) -> list[str]:
+    return [task.key for part in files.load(path, overrides).parts for task in part.plan.runs]
+
+
+@pytest.mark.parametrize("file", sorted((WORKFLOWS / "studies").glob("*.toml")), ids=lambda file: file.stem)
+def test_every_study_that_comes_with_pmr_can_be_planned(file: Path) -> None:
+    project = files.load(file)
+    assert project.title and file.read_text().startswith("# ")
+    assert all(part.plan.runs for part in project.parts)
+
+
+def test_scenes_cases_and_grid_are_combined(tmp_path: Path) -> None:
+    text = (
+        GOOD + '[grid]\nreduction.modes = [5, 6]\n[[cases]]\nname = "a"\n[[cases]]\nname = "b"\nchange.time.end = 1.0\n'
+    )
+    assert keys(study(tmp_path, text)) == ["a,modes=5", "a,modes=6", "b,modes=5", "b,modes=6"]
+    assert keys(study(tmp_path, GOOD)) == ["paper_simple"]
+    both = study(tmp_path, GOOD.replace("simple.toml", 'simple.toml", "paper_evolved.toml'))
+    (tmp_path / "paper_evolved.toml").write_text(f'extends = "{SCENE}"\n')
+    assert keys(both) == ["paper_simple", "paper_evolved"]
+
+
+def test_options_change_a_study(tmp_path: Path) -> None:
+    text = GOOD + "[grid]\nreduction.modes = [5, 6]\n"
+    assert keys(study(tmp_path, text), "grid.reduction.modes=[7]") == ["modes=7"]
+
+
+def test_names_of_scenes_are_relative_to_the_study(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "mine.toml").write_text(f'extends = "{SCENE}"\n')
+    text = GOOD.replace(str(SCENE), "../mine.toml")
+    assert keys(study(tmp_path / "sub", text)) == ["mine"]
+
+
+REFUSED = [
+    ("kind = 'scene'", "study.toml: kind = 'scene': one of collection, scenes"),
+    ("title = 'T'", "study.toml: kind: one of"),
+    ("kind = ", "not valid TOML"),
+    (GOOD + "jobs = 3", "jobs = 3: unknown key; allowed: kind, title, scenes, change, cases, grid, extends"),
+    (GOOD + "gird = 3", "did you mean 'grid'"),
+    (GOOD.replace("title", "titel"), "titel = 'T': unknown key; did you mean 'title'"),
+    ("kind = 'scenes'\ntitle = 'T'\nscenes = []", "scenes = []: tuple should have at least 1 item"),
+    ("kind = 'scenes'\ntitle = 'T'\nscenes = ['none.toml']", "none.toml: no such scene file (run none)"),
+    (GOOD + "[grid]\nreduction.modes = 5", "study.toml: grid.reduction.modes = 5: a list of values"),
+    (GOOD + "[grid]\nreduction.mods = [5]", "study.toml: grid.reduction.mods = 5: unknown key; did you mean 'modes'"),
+    (GOOD + "[grid]\nreduction.modes = [5, 0]", "grid.reduction.modes = 0: input should be greater"),
+    (GOOD + "[grid]\nreduction.modes = [5, 0]", "(run modes=0)"),
+    (
+        GOOD + "[change]\nreduction.coordinates = 40",
+        "change.reduction.coordinates = 40: at most snapshots",
+    ),
+    (GOOD + "[grid]\nreduction.modes = [2]", "paper_base.toml: reduction.coordinates = 20: at most"),
+    (GOOD + "[[cases]]\nname = 'a b'", "cases[0].name = 'a b': string should match"),
+    (GOOD + "[[cases]]\nname = 'a'\nchange.body.length = -1", "cases[0].change.body.length = -1: input should be"),
+    (GOOD + "[grid]\ntime.end = [1.0, 1.0]", "study.toml: two runs are called end=1.0; scenes"),
+    (GOOD + "[[cases]]\nname = 'a'\n[[cases]]\nname = 'a'", "study.toml: two runs are called a; scenes"),
+]
+
+
+@pytest.mark.parametrize(("text", "says"), REFUSED, ids=[says for _, says in REFUSED])
+def test_what_is_not_allowed_is_refused_in_one_line(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        files.load(study(tmp_path, text))
+    assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_bad_option_is_said_of_the_option(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        files.load(study(tmp_path, GOOD), ["grid.reduction.modes=[0]"])
+    assert str(caught.value).startswith("--set: grid.reduction.modes = 0: input should be greater")
+
+
+COLLECTION = 'kind = "collection"\ntitle = "Both"\nfiles = ["one.toml", "two.toml"]\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.toml").write_text(GOOD)
+    return tmp_path
+
+
+def test_a_collection_plans_its_studies(folder: Path) -> None:
+    text = COLLECTION + "[change.two]\ngrid.reduction.modes = [5, 6]\n"
+    project = files.load(study(folder, text))
+    assert [(part.name, len(part.plan.runs)) for part in project.parts] == [("one", 1), ("two", 2)]
+    assert keys(study(folder, text), "change.one.grid.time.end=[1.0]") == ["end=1.0", "modes=5", "modes=6"]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (COLLECTION.replace("two", "three"), "three.toml: no such study file"),
+        (COLLECTION.replace("two", "one"), "files = ['one', 'one']: names must differ"),
+        (COLLECTION.replace("two", "study"), "can't hold another one"),
+        (COLLECTION + "[change.tow]\ntitle = 'x'", "change = 'tow': one of the files' names is allowed: one, two"),
+        (COLLECTION + "[change.two]\ntitel = 'x'", "study.toml: titel = 'x': unknown key; did you mean 'title'"),
+        (COLLECTION.replace("files", "studies"), "unknown key"),
+    ],
+)
+def test_a_bad_collection_is_refused(folder: Path, text: str, says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        files.load(study(folder, text))
+    assert says in str(caught.value) and "\n" not in str(caught.value)

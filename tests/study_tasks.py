@@ -1,0 +1,110 @@
+"""Small tasks for studies, real functions in processes of their own; also a study of them as a program::
+
+python study_tasks.py FOLDER JOBS          (under mpiexec: the ranks are the workers)
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from pmr.errors import SimulationError
+from pmr.studies import pools
+from pmr.studies.call import Outcome, compute
+from pmr.studies.files import Part, Project
+from pmr.studies.study import StudyBase
+from pmr.studies.task import Plan, Task, TaskResult
+
+Needs = Mapping[str, TaskResult]
+COUNT = 12
+
+
+def square(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    """x^2, and a line in the log of calls."""
+    if "log" in arguments:
+        with open(arguments["log"], "a") as log:
+            log.write(f"{arguments['x']}\n")
+    time.sleep(arguments.get("seconds", 0.0))
+    x = float(arguments["x"])
+    return TaskResult({"square": x * x, "is_large": x > 3.0}, {"powers": x ** np.arange(4)}, {"slept": 0.1})
+
+
+def add(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    """Sum of the squares that it needs."""
+    total = sum(float(need.arrays["powers"][2]) for need in needs.values())
+    return TaskResult({"total": total})
+
+
+def fail(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    raise SimulationError("step 17:\n the bearing broke")
+
+
+def not_finite(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    return TaskResult({"fine": 1.0, "error": np.float64("nan")})
+
+
+def die(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    print("last words", flush=True)
+    if arguments["how"] == "exit":
+        os._exit(3)
+    os.kill(os.getpid(), signal.SIGKILL)
+    return TaskResult()
+
+
+def surroundings(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    """What the task's process looks like."""
+    from mpi4py import MPI
+
+    threads = {os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")}
+    found = {"threads": ",".join(map(str, threads)), "ranks": MPI.COMM_WORLD.size, "input": sys.stdin.read()}
+    return TaskResult(found)
+
+
+class Squares(StudyBase):
+    """Numbers, each squared once, and sums of neighbours that need them."""
+
+    kind: Literal["squares"] = "squares"
+    title: str = "Squares"
+    log: Path
+    seconds: float = 0.0
+
+    def plan(self) -> Plan:
+        common = {"log": str(self.log), "seconds": self.seconds}
+        squares = [Task(f"x={x}", square, {"x": x} | common, parameters={"x": x}) for x in range(COUNT)]
+        sums = [
+            Task(f"sum-{x}", add, {}, {"left": f"x={x}", "right": f"x={x + 1}"}, {"x": x}) for x in range(COUNT - 1)
+        ]
+        return Plan((*sums, *squares[:3]), tuple(squares[3:]))
+
+
+def project(*studies: StudyBase) -> Project:
+    """Studies as one call; a single one stands alone."""
+    names = [""] if len(studies) == 1 else [f"part{i}" for i in range(len(studies))]
+    parts = [Part(name, study, study.plan()) for name, study in zip(names, studies, strict=True)]
+    return Project("Test", "test", tuple(parts))
+
+
+def run(folder: Path, *studies: StudyBase, jobs: int = 2) -> Outcome:
+    with pools.local_pool(jobs) as pool:
+        return compute(project(*studies), folder, pool, lambda progress: None)
+
+
+def main(folder: Path, jobs: int) -> None:
+    ranks = pools.launched_ranks()
+    with pools.rank_pool() if ranks > 1 else pools.local_pool(jobs) as pool:
+        if pool is not None:
+            study = Squares(log=folder / "calls", seconds=0.1)
+            compute(project(study), folder, pool, lambda progress: None)
+
+
+if __name__ == "__main__":
+    import study_tasks  # the workers import this module by its name
+
+    study_tasks.main(Path(sys.argv[1]), int(sys.argv[2]))
