@@ -11,7 +11,7 @@ LAPACK.  Volkwein: Model Reduction using Proper Orthogonal Decomposition, 2011, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pmr.dolfinx_compat import PETSc, SLEPc
 from pmr.errors import InputError
 from pmr.operators import FullModel, gather
-from pmr.parallel import fix_signs, tall
+from pmr.parallel import fix_signs, inner, tall, times
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigensolvers import is_dense
 
@@ -103,6 +103,46 @@ def pod(model: FullModel, snapshots: Snapshots, size: int, product: str = "eucli
             "scene", "reduction.coordinates", size, f"the snapshots span {rank} dimensions only; at most that many"
         )
     return Basis(tall(fix_signs(local[:, :size], model.comm), model.M), sigma, product)
+
+
+def modal_basis(model: FullModel, modes: Snapshots) -> Basis:
+    """Modes as they are: M-orthonormal, so that their singular values in the mass product are all 1."""
+    return Basis(modes.S, np.ones(modes.S.getSize()[1]), "mass")
+
+
+def with_rigid_modes(
+    model: FullModel, snapshots: Snapshots, rigid: Array, size: int, product: str = "euclidean", solver: str = "auto"
+) -> Basis:
+    """Rigid-body modes first, then the POD of what the pool holds beside them; `size` vectors in all, collective.
+
+    A residual flexibility can't stand in for a rigid-body motion, so the basis has to hold all of them exactly; a POD
+    basis of modes with the slider held does so to a few digits only.
+
+    Parameters
+    ----------
+    rigid : (n_local, count) array
+        This rank's rows of the rigid-body modes, M-orthonormal.
+    size, product, solver
+        As for `pod`; the rigid-body modes' singular values are those of the share that the pool has in them.
+
+    Raises
+    ------
+    InputError
+        If `size` leaves no room for other vectors, or exceeds what the pool holds.
+    """
+    count = rigid.shape[1]
+    if count == 0:
+        return pod(model, snapshots, size, product, solver)
+    if size <= count:
+        allowed = f"the fixed supports leave {count} rigid-body modes free; more than these are allowed"
+        raise InputError("scene", "reduction.coordinates", size, allowed)
+    S = np.array(snapshots.S.getDenseArray())
+    share = inner(times(model.M, rigid), S, model.comm)
+    rest = pod(model, replace(snapshots, S=tall(S - rigid @ share, model.M)), size - count, product, solver)
+    V = np.hstack([rigid, np.array(rest.V.getDenseArray())])
+    gram = np.eye(count) if product == "mass" else inner(rigid, rigid, model.comm)
+    held = np.linalg.svd(np.linalg.cholesky(gram).T @ share, compute_uv=False)
+    return Basis(tall(V, model.M), np.concatenate([held, rest.sigma]), product)
 
 
 def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:

@@ -41,6 +41,13 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) ->
     InputError
         If the basis is too small, or too poor, for the rows that remain.
     """
+    reduced = galerkin(model, basis, provenance)
+    _check_rank(reduced.rows, reduced.row_names, basis.size)
+    return reduced
+
+
+def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+    """The same where rows may depend on each other in the reduced space: a residual flexibility separates them."""
     comm = model.comm
     V = np.array(basis.V.getDenseArray())
     first = basis.V.getOwnershipRange()[0]
@@ -49,11 +56,11 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) ->
         row.c[:] = comm.allreduce(row.c)
     rows = stack(projected, model.rows.domain)
     satisfied = satisfied_rows(rows, tolerance=min(1e2 * basis.accuracy, 1e-3))
-    left_out = [i for i in satisfied if not model.rows.rows[i].moves]  # a slider's row is never without meaning
+    # A row that moves or gives way is never without meaning.
+    left_out = [i for i in satisfied if model.rows.rows[i].rigid and not model.rows.rows[i].moves]
     keep = [i for i in range(len(model.rows.rows)) if i not in left_out]
     rows.c = np.ascontiguousarray(rows.c[:, :, keep])
-    names = tuple(model.rows.names[i] for i in keep)
-    _check_rank(rows, names, basis.size)
+    pads = np.array([model.rows.rows[i].compliance for i in keep])
     return ReducedModel(
         M=_symmetric(inner(V, times(model.M, V), comm)),
         D=_symmetric(inner(V, times(model.D, V), comm)),
@@ -62,10 +69,11 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) ->
         outputs=np.asarray(comm.allreduce((V.T @ local_csr(model.outputs)).T)),
         rows=rows,
         input_names=model.input_names,
-        row_names=names,
+        row_names=tuple(model.rows.names[i] for i in keep),
         output_positions=model.output_positions,
         left_out=tuple(model.rows.names[i] for i in left_out),
         provenance=provenance,
+        pads=pads if pads.any() else None,
     )
 
 

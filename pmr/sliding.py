@@ -9,7 +9,7 @@ the dense piecewise polynomial of a reduced model.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -89,7 +89,12 @@ class Row:
     def held(self) -> int | None:
         """The coordinate that the row holds at zero, where that is all it does."""
         alone = self.dofs.size == 1 and len(self.coefficients) == 1 and self.coefficients.flat[0] == 1.0
-        return int(self.dofs.flat[0]) if alone else None
+        return int(self.dofs.flat[0]) if alone and self.rigid else None
+
+    @property
+    def rigid(self) -> bool:
+        """Whether nothing gives way between body and ground, C q = 0."""
+        return self.compliance == 0.0
 
     def project(self, V: Array, first: int = 0) -> PPoly:
         """C(s) V as a piecewise polynomial with values (r,).
@@ -101,6 +106,11 @@ class Row:
         entries = np.where(owned[..., None], V[np.where(owned, self.dofs - first, 0)], 0.0) if len(V) else 0.0
         c = np.einsum("pkd,kdr->pkr", self.coefficients, entries * np.ones((*self.dofs.shape, V.shape[1])))
         return PPoly(c, self.breaks)
+
+    def refined(self, breaks: Array) -> Row:
+        """The same row on finer breaks, which hold all of its own within their range: exact."""
+        finer = rebased(self._polynomial, breaks)
+        return replace(self, breaks=finer.x, dofs=self.dofs[_around(finer.x, self.breaks)], coefficients=finer.c)
 
 
 def fixed_row(name: str, dofs: ArrayLike, entries: ArrayLike, domain: tuple[float, float]) -> Row:
@@ -127,6 +137,8 @@ class Rows:
 
     def at(self, s: float, derivative: int = 0) -> sp.csr_matrix:
         """C(s) as a sparse matrix (m, n), or its derivative with respect to s."""
+        if not self.rows:
+            return sp.csr_matrix((0, self.size))
         parts = [row.at(s, derivative) for row in self.rows]
         counts = np.cumsum([0] + [len(dofs) for dofs, _ in parts])
         columns = np.concatenate([dofs for dofs, _ in parts])
@@ -153,8 +165,7 @@ def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array
 
 def rebased(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
     """The same piecewise polynomial on finer breaks, its degree raised to `degree`: exact."""
-    middle = (breaks[1:] + breaks[:-1]) / 2.0
-    source = np.clip(np.searchsorted(table.x, middle, side="right") - 1, 0, len(table.x) - 2)
+    source = _around(breaks, table.x)
     c = table.c[:, source].copy()
     x = (breaks[:-1] - table.x[source]).reshape(-1, *[1] * (c.ndim - 2))
     # Taylor shift by repeated synthetic division (Knuth, TAOCP 2, 4.6.4).
@@ -163,6 +174,12 @@ def rebased(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
             c[p] += c[p - 1] * x
     missing = 0 if degree is None else degree + 1 - len(c)
     return PPoly(np.concatenate([np.zeros((missing, *c.shape[1:])), c]), breaks)
+
+
+def _around(fine: Array, coarse: Array) -> NDArray[np.int64]:
+    """Number (k,) of the coarse interval around each of k finer ones."""
+    middle = (fine[1:] + fine[:-1]) / 2.0
+    return np.clip(np.searchsorted(coarse, middle, side="right") - 1, 0, len(coarse) - 2)
 
 
 def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, what: str = "slider") -> Array:

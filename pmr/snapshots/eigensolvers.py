@@ -226,8 +226,9 @@ def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
     held = np.zeros((len(touched), len(omega2)))
     held[mine] = residual[touched[mine] - first]
     held = comm.allreduce(held)
-    balanced = held - dense.T @ np.linalg.lstsq(dense.T, held, rcond=None)[0]
-    residual[touched[mine] - first] = balanced[mine]
+    if len(touched):
+        balanced = held - dense.T @ np.linalg.lstsq(dense.T, held, rcond=None)[0]
+        residual[touched[mine] - first] = balanced[mine]
     norm_K, norm_M = (A.norm(PETSc.NormType.NORM_INFINITY) for A in (model.K, model.M))
     largest = np.array(
         comm.allgather([np.abs(residual).max(axis=0, initial=0.0), np.abs(phi).max(axis=0, initial=0.0)])

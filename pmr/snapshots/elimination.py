@@ -69,7 +69,7 @@ def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:
     """
     touched = np.unique(C.indices[C.data != 0.0])
     A = C[:, touched].toarray()
-    scale = np.abs(A).max(axis=1)
+    scale = np.abs(A).max(axis=1, initial=0.0)
     left, pivots = list(range(len(A))), {}
     while left:
         block = np.abs(A[left]) / scale[left, None]
@@ -83,4 +83,4 @@ def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:
         pivots[i] = int(column)
     columns = [pivots[i] for i in range(len(A))]
     rest = np.setdiff1d(np.arange(len(touched)), columns)
-    return Elimination(C.shape[1], touched[columns].astype(np.int64), touched[rest].astype(np.int64), A[:, rest])
+    return Elimination(C.shape[1], touched[np.array(columns, int)].astype(np.int64), touched[rest].astype(np.int64), A[:, rest])

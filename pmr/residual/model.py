@@ -1,0 +1,90 @@
+"""A reduced model with the residual flexibility of its basis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.basis import Basis
+from pmr.errors import InputError
+from pmr.operators import FullModel
+from pmr.projection import RANK_CHECKS, galerkin
+from pmr.reduced import ReducedModel
+from pmr.residual.operator import ResidualFlexibility
+from pmr.residual.tables import quadratic, tables
+
+Array = NDArray[np.float64]
+
+#: Rows whose flexibilities, scaled to a unit diagonal, have a smaller eigenvalue depend on each other.
+INDEPENDENT = 1e-9
+#: Least flexibility of a row over the one that the basis itself has there; see `_with_floor`.
+FLOOR = float(np.sqrt(np.finfo(float).eps))
+
+
+def flexible_model(
+    model: FullModel, basis: Basis, provenance: dict[str, Any], solver: str = "auto"
+) -> ReducedModel:
+    """Galerkin projection on `basis` with tables of the flexibility that it leaves out; the same on every rank.
+
+    Parameters
+    ----------
+    model : FullModel
+    basis : Basis
+        Holds all rigid-body modes that the fixed rows leave free: `pmr.basis.modal_basis` of free modes, or
+        `pmr.basis.with_rigid_modes`.
+    provenance : dict
+    solver : ``"auto"``, ``"dense"`` or ``"slepc"``
+        LAPACK, or MUMPS on the distributed stiffness.
+
+    Raises
+    ------
+    InputError
+        If rows depend on each other.
+    """
+    reduced = galerkin(model, basis, provenance)
+    held = [row for row in model.rows.rows if row.name in reduced.left_out]
+    rows = [row for row in model.rows.rows if row.name not in reduced.left_out]
+    residual = ResidualFlexibility(model, np.array(basis.V.getDenseArray()), held, solver)
+    flexible = _with_floor(replace(reduced, flexibility=tables(model, residual, rows, reduced.rows.x)))
+    _check_independence(flexible)
+    return flexible
+
+
+def _with_floor(model: ReducedModel) -> ReducedModel:
+    """Where a row's flexibility falls short of `FLOOR`, G + FLOOR C K^+ C^T over the whole path.
+
+    A basis of modes with the slider held answers a force at those positions itself and leaves nothing out there.  The
+    stiffness C^T G^-1 C of such a row would drown the body's own in round-off; with the floor, both round-off and what
+    the row gives way by are some 1e-8 of the displacement.
+    """
+    assert model.flexibility is not None
+    G, C = model.flexibility.rows, model.rows
+    own = quadratic(C.c, np.linalg.pinv(model.K, rcond=1e-12, hermitian=True))
+    s = np.sort(np.concatenate([C.x, _spread(model)]))
+    left, held = (np.einsum("tmm->tm", table(s)) for table in (G, PPoly(own, C.x)))
+    if np.all(left >= FLOOR * held):
+        return model
+    return replace(model, flexibility=replace(model.flexibility, rows=PPoly(G.c + FLOOR * own, G.x)))
+
+
+def _check_independence(model: ReducedModel) -> None:
+    """G + 1/k must be positive definite over the path, ends excepted: there a slider may sit on a support."""
+    assert model.flexibility is not None
+    for s in _spread(model):
+        G = model.flexibility.rows(s) + np.diag(model.row_compliance)
+        scale = np.sqrt(np.diag(G))
+        if scipy.linalg.eigvalsh(G / np.outer(scale, scale))[0] < INDEPENDENT:
+            names = ", ".join(model.row_names)
+            allowed = f"the rows {names} depend on each other at s = {s:.4g} m; other sliders or supports are allowed"
+            raise InputError("scene", "slider.offsets", None, allowed)
+
+
+def _spread(model: ReducedModel) -> Array:
+    """Path coordinates within the domain."""
+    low, high = model.domain
+    return low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS

@@ -1,0 +1,76 @@
+r"""The flexibility that a basis leaves out, applied and never formed.
+
+With rigid-body modes Z (Z^T M Z = I) and the rest of the basis W, made K-orthonormal (W^T K W = I),
+
+.. math::
+    R = P\, K^+ P^T, \qquad P = I - Z (M Z)^T - W (K W)^T
+
+P^T takes from a load what the basis answers and makes it self-equilibrated, so K^+ may be a solve with the rigid-body
+modes held at any statically determinate set of coordinates; P takes the basis out of the answer.  For eigenmodes R is
+the sum of phi phi^T / omega^2 over the modes left out; for any other basis K^-1 - V (V^T K V)^-1 V^T.  The basis and
+what R answers are K-orthogonal in any case; eigenmodes make them M-orthogonal too.
+MacNeal: A hybrid method of component mode synthesis, Computers & Structures 1, 1971, pp. 581-601; Craig and Kurdila:
+Fundamentals of Structural Dynamics, 2nd ed., 2006, section 17.6 (inertia relief).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from pmr.operators import FullModel
+from pmr.parallel import inner, times
+from pmr.residual.statics import static_solver
+from pmr.sliding import Row, fixed_row
+from pmr.snapshots.free_modes import rigid_bodies
+
+Array = NDArray[np.float64]
+
+#: Projections are repeated: what round-off leaves after the first is gone after the second.
+TWICE = 2
+
+
+class ResidualFlexibility:
+    """R of a model on its `held` rows for the basis V, given by this rank's rows (n_local, r); collective."""
+
+    def __init__(self, model: FullModel, V: Array, held: Sequence[Row], solver: str = "auto") -> None:
+        self._comm = model.comm
+        rigid = rigid_bodies(model, V)
+        Z, W = V[:, rigid], V[:, ~rigid]
+        Z = _orthonormal(Z, times(model.M, Z), self._comm)
+        MZ = times(model.M, Z)
+        W = W - Z @ inner(MZ, W, self._comm)
+        W = _orthonormal(W, times(model.K, W), self._comm)
+        self._basis, self._dual = np.hstack([Z, W]), np.hstack([MZ, times(model.K, W)])
+        self._solver = static_solver(model, [*held, *_anchors(model, Z)], solver)
+
+    def apply(self, g: Array) -> Array:
+        """R g, this rank's rows (n_local, k) in m, of loads given likewise in N."""
+        for _ in range(TWICE):
+            g = g - self._dual @ inner(self._basis, g, self._comm)
+        x = self._solver.solve(g)
+        for _ in range(TWICE):
+            x = x - self._basis @ inner(self._dual, x, self._comm)
+        return x
+
+
+def _orthonormal(X: Array, AX: Array, comm: object) -> Array:
+    """Columns of X made A-orthonormal by Cholesky's factor of X^T A X."""
+    if X.shape[1] == 0:
+        return X
+    L = np.linalg.cholesky(inner(X, AX, comm))
+    return np.ascontiguousarray(scipy.linalg.solve_triangular(L, X.T, lower=True).T)
+
+
+def _anchors(model: FullModel, Z: Array) -> list[Row]:
+    """Rows that hold as many coordinates as there are rigid-body modes Z, those that pin them down best.
+
+    Pivoted QR of the modes, each coordinate weighted by the square root of its mass.
+    """
+    weighted = Z * np.sqrt(model.M.getDiagonal().getArray())[:, None]
+    everywhere = np.concatenate(model.comm.allgather(weighted))
+    pivots = scipy.linalg.qr(everywhere.T, mode="r", pivoting=True)[1][: Z.shape[1]]
+    return [fixed_row(f"coordinate {i}", int(i), 1.0, model.rows.domain) for i in pivots]

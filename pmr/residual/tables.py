@@ -1,0 +1,103 @@
+"""Residual flexibility as exact piecewise polynomials in s: products of the rows' polynomials with R on the path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.flexibility import Flexibility
+from pmr.operators import FullModel, local_csr
+from pmr.residual.operator import ResidualFlexibility
+from pmr.sliding import Row
+
+Array = NDArray[np.float64]
+
+#: Loads answered at a time; bounds memory at this many vectors of full length.
+BLOCK = 64
+
+
+def tables(model: FullModel, residual: ResidualFlexibility, rows: Sequence[Row], breaks: Array) -> Flexibility:
+    """Tables of the `rows` between common `breaks` (k + 1,) m, which hold all of the rows' own; collective.
+
+    R is had on the coordinates that the rows touch and on the inputs: one static solve each.
+    """
+    rows = [row.refined(breaks) for row in rows]
+    touched = np.unique(np.concatenate([row.dofs.ravel() for row in rows]))
+    first, last = model.M.getOwnershipRange()
+    path = sp.csr_matrix((np.ones(len(touched)), (touched, np.arange(len(touched)))), (model.size, len(touched)))
+    loads = sp.hstack([path[first:last], local_csr(model.inputs)], format="csc")
+    seen = sp.hstack([loads, local_csr(model.outputs)], format="csr").T
+    blocks = [seen @ residual.apply(loads[:, k : k + BLOCK].toarray()) for k in range(0, loads.shape[1], BLOCK)]
+    R = np.asarray(model.comm.allreduce(np.hstack(blocks)))
+    own, outputs = R[: loads.shape[1]], R[loads.shape[1] :]
+    own = (own + own.T) / 2.0
+    C, p = _stacked(rows, touched), len(touched)
+    return Flexibility(
+        rows=PPoly(_squared(C, own[:p, :p]), breaks),
+        inputs=PPoly(C.times(own[:p, p:]), breaks),
+        outputs=PPoly(C.times(outputs[:, :p].T).swapaxes(2, 3), breaks),
+        direct=outputs[:, p:],
+        energy=own[p:, p:],
+    )
+
+
+def quadratic(C: Array, A: Array) -> Array:
+    """Coefficients (2 powers - 1, k, m, m) of C(s) A C(s)^T for those of C, (powers, k, m, r), and A (r, r)."""
+    result = np.zeros((2 * len(C) - 1, *C.shape[1:3], C.shape[2]))
+    for p, Cp in enumerate(C):
+        for q, Cq in enumerate(C):
+            result[p + q] += Cp @ A @ Cq.swapaxes(1, 2)
+    return (result + result.swapaxes(2, 3)) / 2.0
+
+
+@dataclass(frozen=True)
+class _Polynomials:
+    """Coefficients of m rows on k intervals, one sparse row for each interval, row and power, in this order."""
+
+    entries: sp.csr_matrix
+    shape: tuple[int, int, int]
+
+    def times(self, X: Array) -> Array:
+        """Coefficients (powers, k, m, c) of C(s) X."""
+        return np.moveaxis((self.entries @ X).reshape(*self.shape, X.shape[1]), 2, 0)
+
+    def on(self, interval: int) -> sp.csr_matrix:
+        """Those of one interval, (m powers, touched)."""
+        size = self.shape[1] * self.shape[2]
+        return self.entries[interval * size : (interval + 1) * size]
+
+
+def _stacked(rows: Sequence[Row], touched: NDArray[np.int64]) -> _Polynomials:
+    powers = max(len(row.coefficients) for row in rows)
+    k, m = len(rows[0].breaks) - 1, len(rows)
+    parts = []
+    for a, row in enumerate(rows):
+        lacking = powers - len(row.coefficients)
+        p, j, d = np.indices(row.coefficients.shape)
+        parts.append(
+            (
+                row.coefficients.ravel(),
+                ((j * m + a) * powers + p + lacking).ravel(),
+                np.searchsorted(touched, row.dofs[j, d]).ravel(),
+            )
+        )
+    values, at, columns = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return _Polynomials(sp.csr_matrix((values, (at, columns)), (k * m * powers, len(touched))), (k, m, powers))
+
+
+def _squared(C: _Polynomials, R: Array) -> Array:
+    """Coefficients (2 powers - 1, k, m, m) of C(s) R C(s)^T."""
+    k, m, powers = C.shape
+    result = np.zeros((2 * powers - 1, k, m, m))
+    for j in range(k):
+        Cj = C.on(j)
+        product = (Cj @ (Cj @ R).T).reshape(m, powers, m, powers)
+        for p in range(powers):
+            for q in range(powers):
+                result[p + q, j] += product[:, p, :, q]
+    return (result + result.swapaxes(2, 3)) / 2.0

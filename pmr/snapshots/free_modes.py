@@ -1,0 +1,136 @@
+r"""Free-interface modes: eigenmodes on the fixed supports with all sliders and pads released.
+
+.. math::
+    K \phi = \omega^2 M \phi, \qquad C_{fixed}\, \phi = 0
+
+Rigid-body modes, where the fixed supports leave any, come first with omega = 0.  MacNeal: A hybrid method of component
+mode synthesis, Computers & Structures 1, 1971, pp. 581-601; Rubin: Improved component-mode representation for
+structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.operators import FullModel, local_csr
+from pmr.parallel import sparse, tall, times
+from pmr.sliding import Row, Rows
+from pmr.snapshots import Snapshots
+from pmr.snapshots.eigensolvers import Modes, eigensolver
+
+Array = NDArray[np.float64]
+
+#: A vector whose strain energy exceeds its round-off no more than this many times is a rigid-body mode.  A bending mode
+#: exceeds it 1e9 times on 50 elements and 1e3 times on 1500, from where on a mesh is called too fine.
+RIGID = 32.0
+
+#: A load or a row that does less work on a mode than this share of its work on another one does not excite it.
+UNREACHED = 1e-8
+
+
+def fixed_rows(model: FullModel) -> tuple[Row, ...]:
+    """The rows that neither move nor give way: what holds the body while its sliders are released."""
+    return tuple(row for row in model.rows.rows if row.rigid and not row.moves)
+
+
+def free_modes(model: FullModel, count: int, solver: str = "auto") -> Snapshots:
+    """The `count` lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes included; collective.
+
+    Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act
+    across it.  They are left out.
+
+    Parameters
+    ----------
+    model : FullModel
+    count : int
+        At least as many as there are rigid-body modes, fewer than all: flexibility has to be left.
+    solver : ``"auto"``, ``"dense"`` or ``"slepc"``
+
+    Raises
+    ------
+    InputError
+        If `count` is out of this range.
+    ConvergenceError
+        If too few modes converge.
+    """
+    modes = _excited(model, count + 1, solver)  # one more tells whether all rigid-body modes are among them
+    found = len(modes.omega)
+    if found <= count:
+        allowed = f"loads and sliders excite {found} modes of this mesh; fewer than these are allowed"
+        raise InputError("scene", "reduction.coordinates", count, allowed)
+    rigid = rigid_bodies(model, modes.phi)
+    if rigid.all():
+        allowed = f"the fixed supports leave at least {found} rigid-body modes free; at least as many are allowed"
+        raise InputError("scene", "reduction.coordinates", count, allowed)
+    return Snapshots(
+        S=tall(np.ascontiguousarray(modes.phi[:, :count]), model.M),
+        omega=np.where(rigid, 0.0, modes.omega)[:count],
+        s=np.full(count, np.nan),
+        residuals=modes.residuals[:count],
+        source="eigenmodes on the fixed supports, sliders released",
+    )
+
+
+def _excited(model: FullModel, count: int, solver: str) -> Modes:
+    """The `count` lowest modes that are excited; fewer if there are no more."""
+    held = _with_rows(model, fixed_rows(model))
+    free, solve, asked = model.size - len(held.rows.rows), eigensolver(held, solver), count
+    while True:
+        asked = min(asked, free)
+        modes = solve.lowest(_somewhere(held), asked)
+        chosen = np.flatnonzero(excited(model, modes.phi))[:count]
+        if len(chosen) == count or asked == free:
+            return Modes(modes.omega[chosen], np.ascontiguousarray(modes.phi[:, chosen]), modes.residuals[chosen])
+        asked = 2 * asked
+
+
+def excited(model: FullModel, phi: Array) -> NDArray[np.bool_]:
+    """Which columns (k,) of the modes, given by this rank's rows, a load or a released row does work on."""
+    first = model.M.getOwnershipRange()[0]
+    work = [local_csr(model.inputs).T @ phi]
+    for row in model.rows.rows:
+        if row.moves or not row.rigid:
+            c = row.project(phi, first).c * np.diff(row.breaks)[:, None] ** np.arange(len(row.coefficients) - 1, -1, -1)[:, None, None]
+            work.append(c.reshape(-1, phi.shape[1]))
+    size = np.abs(model.comm.allreduce(np.concatenate(work)))
+    return np.asarray(np.any(size > UNREACHED * size.max(axis=1, keepdims=True), axis=0))
+
+
+def rigid_modes(model: FullModel, solver: str = "auto") -> Array:
+    """All rigid-body modes that the fixed supports leave free, M-orthonormal; this rank's rows (n_local, count)."""
+    for count in (2, 7):  # a planar body on a pin has one, a free one in space six
+        held = _with_rows(model, fixed_rows(model))
+        phi = eigensolver(held, solver).lowest(_somewhere(held), count).phi
+        rigid = rigid_bodies(model, phi)
+        if not rigid.all():
+            break
+    return np.ascontiguousarray(phi[:, rigid])
+
+
+def rigid_bodies(model: FullModel, local: Array) -> NDArray[np.bool_]:
+    r"""Which columns (k,) are rigid-body motions: their strain energy is what round-off in K leaves of it.
+
+    .. math:: x^T K x \le c\, \epsilon\, |x|^T |K| |x|
+
+    The right-hand side bounds the error of the left one, so the comparison needs no frequency to compare with.
+    """
+    size = sparse(abs(local_csr(model.K)), model.K)
+    energy, scale = model.comm.allreduce(
+        np.array(
+            [np.sum(local * times(model.K, local), axis=0), np.sum(abs(local) * times(size, abs(local)), axis=0)]
+        )
+    )
+    return np.asarray(energy <= RIGID * np.finfo(float).eps * scale)
+
+
+def _with_rows(model: FullModel, rows: tuple[Row, ...]) -> FullModel:
+    return replace(model, rows=Rows(rows, model.size))
+
+
+def _somewhere(model: FullModel) -> float:
+    """A path coordinate at which the rows, none of which moves, can be evaluated."""
+    return float(model.rows.domain[0]) if model.rows.rows else 0.0
