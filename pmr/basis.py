@@ -105,7 +105,7 @@ def pod(model: FullModel, snapshots: Snapshots, size: int, product: str = "eucli
     return Basis(tall(fix_signs(local[:, :size], model.comm), model.M), sigma, product)
 
 
-def modal_basis(model: FullModel, modes: Snapshots) -> Basis:
+def modal_basis(modes: Snapshots) -> Basis:
     """Modes as they are: M-orthonormal, so that their singular values in the mass product are all 1."""
     return Basis(modes.S, np.ones(modes.S.getSize()[1]), "mass")
 

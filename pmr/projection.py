@@ -11,6 +11,7 @@ exactly the last coordinates (1.79 %; published: 1.82 %), which is reproducible.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -41,39 +42,46 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) ->
     InputError
         If the basis is too small, or too poor, for the rows that remain.
     """
-    reduced = galerkin(model, basis, provenance)
+    whole = galerkin(model, basis, provenance)
+    satisfied = satisfied_rows(whole.rows, tolerance=min(1e2 * basis.accuracy, 1e-3))
+    reduced = without_rows(whole, [i for i in satisfied if model.rows.rows[i].fixed])
     _check_rank(reduced.rows, reduced.row_names, basis.size)
     return reduced
 
 
 def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
-    """The same where rows may depend on each other in the reduced space: a residual flexibility separates them."""
+    """The same with all rows, whether they mean anything in the reduced space or not."""
     comm = model.comm
     V = np.array(basis.V.getDenseArray())
     first = basis.V.getOwnershipRange()[0]
     projected = [row.project(V, first) for row in model.rows.rows]
     for row in projected:
         row.c[:] = comm.allreduce(row.c)
-    rows = stack(projected, model.rows.domain)
-    satisfied = satisfied_rows(rows, tolerance=min(1e2 * basis.accuracy, 1e-3))
-    # A row that moves or gives way is never without meaning.
-    left_out = [i for i in satisfied if model.rows.rows[i].rigid and not model.rows.rows[i].moves]
-    keep = [i for i in range(len(model.rows.rows)) if i not in left_out]
-    rows.c = np.ascontiguousarray(rows.c[:, :, keep])
-    pads = np.array([model.rows.rows[i].compliance for i in keep])
+    pads = np.array([row.compliance for row in model.rows.rows])
     return ReducedModel(
         M=_symmetric(inner(V, times(model.M, V), comm)),
         D=_symmetric(inner(V, times(model.D, V), comm)),
         K=_symmetric(inner(V, times(model.K, V), comm)),
         B=np.asarray(comm.allreduce(V.T @ local_csr(model.inputs))),
         outputs=np.asarray(comm.allreduce((V.T @ local_csr(model.outputs)).T)),
-        rows=rows,
+        rows=stack(projected, model.rows.domain),
         input_names=model.input_names,
-        row_names=tuple(model.rows.names[i] for i in keep),
+        row_names=model.rows.names,
         output_positions=model.output_positions,
-        left_out=tuple(model.rows.names[i] for i in left_out),
         provenance=provenance,
         pads=pads if pads.any() else None,
+    )
+
+
+def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:
+    """The model without some of its rows, which it names as left out."""
+    keep = [i for i in range(len(model.row_names)) if i not in numbers]
+    return replace(
+        model,
+        rows=PPoly(np.ascontiguousarray(model.rows.c[:, :, keep]), model.rows.x),
+        row_names=tuple(model.row_names[i] for i in keep),
+        pads=None if model.pads is None else model.pads[keep],
+        left_out=(*model.left_out, *(model.row_names[i] for i in numbers)),
     )
 
 

@@ -26,7 +26,7 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.flexibility import Flexibility
-from pmr.sliding import evaluate
+from pmr.sliding import contributions, evaluate
 
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
@@ -234,6 +234,5 @@ def satisfied_rows(C: PPoly, tolerance: float = 1e-10) -> list[int]:
     Those are the rows none of whose coefficients, times its interval to the matching power, exceeds `tolerance` times
     the largest one of all rows; `tolerance` is the round-off to expect in the basis.
     """
-    size = np.diff(C.x)[None, :] ** np.arange(len(C.c) - 1, -1, -1)[:, None]
-    magnitude = np.abs(C.c * size[:, :, None, None]).max(axis=(0, 1, 3))
+    magnitude = np.abs(contributions(C)).max(axis=(0, 1, 3))
     return np.flatnonzero(magnitude <= tolerance * magnitude.max()).tolist()

@@ -10,20 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr import compare, environment
-from pmr.basis import Basis, pod
+from pmr.basis import Basis
 from pmr.clock import Clock
 from pmr.dolfinx_compat import MPI
 from pmr.dolfinx_compat import versions as fenicsx_versions
 from pmr.frequencies import closed_form_frequencies, reduced_frequencies
 from pmr.operators import FullModel, full_model
-from pmr.projection import reduced_model, with_held_coordinates
 from pmr.reduced import ReducedModel
+from pmr.reduction import build_basis, description, project, take_snapshots
 from pmr.responses import Simulations, simulate
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
 from pmr.simulate.stepping import loads_at
 from pmr.snapshots import Snapshots
-from pmr.snapshots.eigenmodes import eigenmode_snapshots
 from pmr.snapshots.eigensolvers import eigensolver
 
 Array = NDArray[np.float64]
@@ -78,18 +77,16 @@ def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = 
     with clock.stage("assemble"):
         model = full_model(scene, comm)
     with clock.stage("snapshots"):
-        snapshots = eigenmode_snapshots(model, scene)
+        snapshots = take_snapshots(scene, model)
     return reduce_with(scene, model, snapshots, clock)
 
 
 def reduce_with(scene: Scene, model: FullModel, snapshots: Snapshots, clock: Clock | None = None) -> Reduction:
     """From a model and its snapshots to the scene's reduced model; collective."""
-    clock, choice = clock or Clock(), scene.reduction
+    clock = clock or Clock()
     with clock.stage("pod"):
-        basis = pod(model, snapshots, choice.coordinates, choice.product, choice.solver)
-        reduced = reduced_model(model, basis, _provenance(scene, basis))
-        if choice.support_rows == "hold":
-            reduced = with_held_coordinates(reduced)
+        basis = build_basis(scene, model, snapshots)
+        reduced = project(scene, model, basis, _provenance(scene, basis))
     return Reduction(model, snapshots, basis, reduced)
 
 
@@ -119,7 +116,6 @@ def _frequency_curves(scene: Scene, reduction: Reduction) -> FrequencyCurves:
 
 
 def _provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
-    units = "m and rad" + (" times sqrt(kg)" if basis.product == "mass" else "")
     described = scene.model_dump(mode="json", exclude={"published"})
     if scene.mesh.file is not None:
         described["mesh"]["file"] = (
@@ -128,8 +124,7 @@ def _provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
     return {
         "scene": described,
         "scene_hash": scene.hash,
-        "basis": f"POD of eigenmodes with the slider held, orthonormal in the {basis.product} product; "
-        f"coordinates carry {units}",
+        "basis": description(scene, basis),
         "kappa": basis.kappa(),
         "versions": environment.versions() | fenicsx_versions(),
     }
@@ -148,6 +143,7 @@ def _summary(scene: Scene, reduction: Reduction, simulations: Simulations, secon
         "max_error": error,
         "coordinates": {"full": reduction.model.size, "reduced": reduction.reduced.size},
         "basis": {
+            "kind": description(scene, reduction.basis),
             "kappa": reduction.basis.kappa(),
             "singular_values": reduction.basis.sigma.tolist(),
             "largest_residual": float(reduction.snapshots.residuals.max()),

@@ -89,12 +89,12 @@ class Row:
     def held(self) -> int | None:
         """The coordinate that the row holds at zero, where that is all it does."""
         alone = self.dofs.size == 1 and len(self.coefficients) == 1 and self.coefficients.flat[0] == 1.0
-        return int(self.dofs.flat[0]) if alone and self.rigid else None
+        return int(self.dofs.flat[0]) if alone and self.fixed else None
 
     @property
-    def rigid(self) -> bool:
-        """Whether nothing gives way between body and ground, C q = 0."""
-        return self.compliance == 0.0
+    def fixed(self) -> bool:
+        """Whether the row neither moves nor gives way: a support, whose meaning a basis may hold once and for all."""
+        return self.compliance == 0.0 and not self.moves
 
     def project(self, V: Array, first: int = 0) -> PPoly:
         """C(s) V as a piecewise polynomial with values (r,).
@@ -174,6 +174,13 @@ def rebased(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
             c[p] += c[p - 1] * x
     missing = 0 if degree is None else degree + 1 - len(c)
     return PPoly(np.concatenate([np.zeros((missing, *c.shape[1:])), c]), breaks)
+
+
+def contributions(table: PPoly) -> Array:
+    """Coefficients (p, k, ...) times their interval's length to the matching power: the most that each adds."""
+    powers = np.arange(len(table.c) - 1, -1, -1)
+    size = np.diff(table.x)[None, :] ** powers[:, None]
+    return np.asarray(table.c * size.reshape(*size.shape, *[1] * (table.c.ndim - 2)))
 
 
 def _around(fine: Array, coarse: Array) -> NDArray[np.int64]:

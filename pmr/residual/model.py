@@ -13,22 +13,23 @@ from scipy.interpolate import PPoly
 from pmr.basis import Basis
 from pmr.errors import InputError
 from pmr.operators import FullModel
-from pmr.projection import RANK_CHECKS, galerkin
-from pmr.reduced import ReducedModel
+from pmr.projection import RANK_CHECKS, galerkin, without_rows
+from pmr.reduced import ReducedModel, satisfied_rows
 from pmr.residual.operator import ResidualFlexibility
 from pmr.residual.tables import quadratic, tables
+from pmr.snapshots.free_modes import rigid_bodies
 
 Array = NDArray[np.float64]
 
+#: What a basis may leave of a fixed row, over the largest row.
+SATISFIED = 1e-6
 #: Rows whose flexibilities, scaled to a unit diagonal, have a smaller eigenvalue depend on each other.
 INDEPENDENT = 1e-9
 #: Least flexibility of a row over the one that the basis itself has there; see `_with_floor`.
 FLOOR = float(np.sqrt(np.finfo(float).eps))
 
 
-def flexible_model(
-    model: FullModel, basis: Basis, provenance: dict[str, Any], solver: str = "auto"
-) -> ReducedModel:
+def flexible_model(model: FullModel, basis: Basis, provenance: dict[str, Any], solver: str = "auto") -> ReducedModel:
     """Galerkin projection on `basis` with tables of the flexibility that it leaves out; the same on every rank.
 
     Parameters
@@ -45,14 +46,28 @@ def flexible_model(
     ------
     InputError
         If rows depend on each other.
+    ValueError
+        If the basis violates a fixed row.
     """
-    reduced = galerkin(model, basis, provenance)
-    held = [row for row in model.rows.rows if row.name in reduced.left_out]
-    rows = [row for row in model.rows.rows if row.name not in reduced.left_out]
-    residual = ResidualFlexibility(model, np.array(basis.V.getDenseArray()), held, solver)
-    flexible = _with_floor(replace(reduced, flexibility=tables(model, residual, rows, reduced.rows.x)))
+    whole = galerkin(model, basis, provenance)
+    fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
+    violated = set(fixed) - set(satisfied_rows(whole.rows, SATISFIED))
+    if violated:
+        raise ValueError(f"the basis violates {', '.join(model.rows.names[i] for i in sorted(violated))}")
+    V = np.array(basis.V.getDenseArray())
+    reduced = _without_round_off(without_rows(whole, fixed), rigid_bodies(model, V))
+    residual = ResidualFlexibility(model, V, solver)
+    released = [row for row in model.rows.rows if not row.fixed]
+    flexible = _with_floor(replace(reduced, flexibility=tables(model, residual, released, reduced.rows.x)))
     _check_independence(flexible)
     return flexible
+
+
+def _without_round_off(model: ReducedModel, rigid: NDArray[np.bool_]) -> ReducedModel:
+    """No stiffness for rigid-body modes: what round-off leaves of it is a spring, or a negative one, to ground."""
+    K = model.K.copy()
+    K[rigid] = K[:, rigid] = 0.0
+    return replace(model, K=K)
 
 
 def _with_floor(model: ReducedModel) -> ReducedModel:

@@ -15,8 +15,6 @@ Fundamentals of Structural Dynamics, 2nd ed., 2006, section 17.6 (inertia relief
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
@@ -25,7 +23,7 @@ from pmr.operators import FullModel
 from pmr.parallel import inner, times
 from pmr.residual.statics import static_solver
 from pmr.sliding import Row, fixed_row
-from pmr.snapshots.free_modes import rigid_bodies
+from pmr.snapshots.free_modes import fixed_rows, rigid_bodies, rigid_modes
 
 Array = NDArray[np.float64]
 
@@ -34,18 +32,20 @@ TWICE = 2
 
 
 class ResidualFlexibility:
-    """R of a model on its `held` rows for the basis V, given by this rank's rows (n_local, r); collective."""
+    """R of a model on its fixed rows for the basis V, given by this rank's rows (n_local, r); collective.
 
-    def __init__(self, model: FullModel, V: Array, held: Sequence[Row], solver: str = "auto") -> None:
+    V holds those rigid-body modes that loads or rows excite.
+    """
+
+    def __init__(self, model: FullModel, V: Array, solver: str = "auto") -> None:
         self._comm = model.comm
-        rigid = rigid_bodies(model, V)
-        Z, W = V[:, rigid], V[:, ~rigid]
-        Z = _orthonormal(Z, times(model.M, Z), self._comm)
+        Z = rigid_modes(model, solver)
         MZ = times(model.M, Z)
+        W = V[:, ~rigid_bodies(model, V)]
         W = W - Z @ inner(MZ, W, self._comm)
         W = _orthonormal(W, times(model.K, W), self._comm)
         self._basis, self._dual = np.hstack([Z, W]), np.hstack([MZ, times(model.K, W)])
-        self._solver = static_solver(model, [*held, *_anchors(model, Z)], solver)
+        self._solver = static_solver(model, [*fixed_rows(model), *_anchors(model, Z)], solver)
 
     def apply(self, g: Array) -> Array:
         """R g, this rank's rows (n_local, k) in m, of loads given likewise in N."""

@@ -30,7 +30,9 @@ class StaticSolver(Protocol):
 
 
 def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -> StaticSolver:
-    """``"dense"``, ``"slepc"`` (MUMPS) or ``"auto"``, as for the eigenmodes; the `held` rows must leave no rigid motion.
+    """``"dense"``, ``"slepc"`` (MUMPS) or ``"auto"``, as for the eigenmodes.
+
+    The `held` rows must leave no rigid motion.
 
     Raises
     ------

@@ -47,10 +47,27 @@ def _time(scene: Scene) -> None:
 
 
 def _reduction(scene: Scene) -> None:
-    choice, rows, sliders = scene.reduction, scene.row_count, len(scene.slider.offsets)
+    choice = scene.reduction
+    if choice.support_rows == "hold" and (choice.flexibility or choice.basis == "free_modes"):
+        allowed = "'drop' is allowed with free modes and with flexibility: their supports hold without coordinates"
+        raise _refusal("reduction.support_rows", choice.support_rows, allowed)
+    if choice.basis == "eigenmodes":
+        _pool(scene)
+    if not choice.flexibility:
+        _row_count(scene)
+
+
+def _pool(scene: Scene) -> None:
+    choice = scene.reduction
     pool = choice.snapshots * choice.modes
     if choice.coordinates > pool:
         raise _refusal("reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed")
+    if not isinstance(choice.positions, str) and len(choice.positions) != choice.snapshots:
+        raise _refusal("reduction.snapshots", choice.snapshots, f"{len(choice.positions)} positions are given")
+
+
+def _row_count(scene: Scene) -> None:
+    choice, rows, sliders = scene.reduction, scene.row_count, len(scene.slider.offsets)
     if choice.coordinates < rows:
         raise _refusal(
             "reduction.coordinates",
@@ -58,8 +75,6 @@ def _reduction(scene: Scene) -> None:
             f"at least as many as constraint rows are allowed: {rows} ({rows - sliders} of supports, "
             f"{sliders} of sliders)",
         )
-    if not isinstance(choice.positions, str) and len(choice.positions) != choice.snapshots:
-        raise _refusal("reduction.snapshots", choice.snapshots, f"{len(choice.positions)} positions are given")
 
 
 def _places(scene: Scene) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -111,12 +111,19 @@ class TimeChoice(_Section):
 
 
 class Reduction(_Section):
-    """Snapshots (eigenmodes at several slider positions), compressed by POD to `coordinates` vectors.
+    """What the reduced model's `coordinates` multiply.
+
+    `basis`: ``eigenmodes`` takes `modes` of them with the slider held at each of several `positions`, compressed by
+    POD; ``free_modes`` the lowest ones with the sliders released (free-interface modes), which need neither.
+    `flexibility` adds what the basis leaves out, quasi-static, as tables in s: far fewer coordinates do then, 6 being
+    the default for free modes.
 
     `support_rows` says what becomes of a support's row that the basis satisfies already: ``drop`` leaves it out;
     ``hold`` lets it take one coordinate, the weakest of the basis, as it does in the paper (`pmr.projection`).
     """
 
+    basis: Literal["eigenmodes", "free_modes"] = "eigenmodes"
+    flexibility: bool = Field(default=False, strict=True)
     snapshots: Count = 5
     modes: Count = 6
     coordinates: Count = 20
@@ -124,6 +131,13 @@ class Reduction(_Section):
     solver: Literal["auto", "dense", "slepc"] = "auto"
     product: Literal["euclidean", "mass"] = "euclidean"
     support_rows: Literal["drop", "hold"] = "drop"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fewer_do_with_flexibility(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("basis") == "free_modes" and data.get("flexibility") is True:
+            return {"coordinates": 6} | data
+        return data
 
 
 SimulatorName = Literal["march", "exudyn", "exudyn-callback"]

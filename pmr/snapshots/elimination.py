@@ -81,6 +81,6 @@ def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:
         for other in set(range(len(A))) - {i}:
             A[other] -= A[other, column] * A[i]
         pivots[i] = int(column)
-    columns = [pivots[i] for i in range(len(A))]
+    columns = np.array([pivots[i] for i in range(len(A))], np.int64)
     rest = np.setdiff1d(np.arange(len(touched)), columns)
-    return Elimination(C.shape[1], touched[np.array(columns, int)].astype(np.int64), touched[rest].astype(np.int64), A[:, rest])
+    return Elimination(C.shape[1], touched[columns].astype(np.int64), touched[rest].astype(np.int64), A[:, rest])

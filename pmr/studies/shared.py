@@ -15,7 +15,7 @@ import numpy as np
 
 from pmr.results import Response
 from pmr.scene import Damping, Reduction, Scene
-from pmr.scene.sections import Compare, TimeChoice
+from pmr.scene.sections import Compare, Simulation, TimeChoice
 from pmr.signals import Constant
 from pmr.studies.task import Task, TaskFunction, TaskResult
 
@@ -48,8 +48,10 @@ def model_of(scene: Scene) -> FullModel:
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:
-    """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions."""
+    """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions; none for free modes."""
     choice = scene.reduction
+    if choice.basis == "free_modes":
+        return {}
     kept = Reduction(snapshots=choice.snapshots, modes=choice.modes, positions=choice.positions, solver=choice.solver)
     held = _unloaded(scene).model_copy(update={"reduction": kept})
     if choice.positions != "path":  # then neither the path nor its time span decides where modes are taken
@@ -62,7 +64,8 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
 def reference_task(scene: Scene, name: str) -> Task:
     """``"full"`` or ``"ancf"``: the response that a reduced model is compared with."""
     compared = Compare(against=(name,), ancf_elements=scene.compare.ancf_elements if name == "ancf" else 1)
-    alone = scene.model_copy(update={"reduction": Reduction(), "compare": compared})
+    chosen = Simulation(full=scene.simulation.full)
+    alone = scene.model_copy(update={"reduction": Reduction(), "compare": compared, "simulation": chosen})
     return _task(reference, name, name, alone, simulator=name)
 
 
@@ -72,10 +75,13 @@ def frequencies_task(scene: Scene) -> Task:
 
 
 def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
-    """The scene's snapshots, from the results of its `modes_tasks`."""
+    """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
     from pmr.parallel import tall
+    from pmr.reduction import take_snapshots
     from pmr.snapshots import Snapshots
 
+    if scene.reduction.basis == "free_modes":
+        return take_snapshots(scene, model_of(scene))
     taken = [needs[f"modes{k}"].arrays for k in range(scene.reduction.snapshots)]
     phi = np.concatenate([modes["phi"] for modes in taken], axis=1)
     omega, s, residuals = (np.concatenate([modes[name] for modes in taken]) for name in ("omega", "s", "residuals"))
@@ -129,6 +135,7 @@ def _unloaded(scene: Scene) -> Scene:
             "damping": Damping(),
             "time": TimeChoice(end=end, step=end),
             "compare": Compare(against=()),
+            "simulation": Simulation(),
             "reduction": Reduction(solver=scene.reduction.solver),
         }
     )

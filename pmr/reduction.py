@@ -1,0 +1,74 @@
+"""What a scene asks of its reduction: snapshots, basis, and the flexibility that the basis leaves out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pmr.basis import Basis, modal_basis, pod, with_rigid_modes
+from pmr.operators import FullModel
+from pmr.projection import reduced_model, with_held_coordinates
+from pmr.reduced import ReducedModel
+from pmr.residual.model import flexible_model
+from pmr.scene import Scene
+from pmr.snapshots import Snapshots
+from pmr.snapshots.eigenmodes import eigenmode_snapshots
+from pmr.snapshots.free_modes import free_modes, rigid_modes
+
+
+def take_snapshots(scene: Scene, model: FullModel) -> Snapshots:
+    """Eigenmodes with the slider held at several positions, or with the sliders released.
+
+    Raises
+    ------
+    InputError
+        If the mesh can't give what is asked for.
+    ConvergenceError
+        If a solver fails.
+    """
+    if scene.reduction.basis == "free_modes":
+        return free_modes(model, scene.reduction.coordinates, scene.reduction.solver)
+    return eigenmode_snapshots(model, scene)
+
+
+def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
+    """The POD of the snapshots, with the rigid-body modes where flexibility is added; free modes as they are.
+
+    Raises
+    ------
+    InputError
+        If the snapshots span too little.
+    """
+    choice = scene.reduction
+    if choice.basis == "free_modes":
+        return modal_basis(snapshots)
+    if choice.flexibility:
+        rigid = rigid_modes(model, choice.solver)
+        return with_rigid_modes(model, snapshots, rigid, choice.coordinates, choice.product, choice.solver)
+    return pod(model, snapshots, choice.coordinates, choice.product, choice.solver)
+
+
+def project(scene: Scene, model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+    """The reduced model, with tables of the flexibility that the basis leaves out where the scene asks for it.
+
+    Raises
+    ------
+    InputError
+        If rows depend on each other.
+    """
+    if scene.reduction.flexibility:
+        return flexible_model(model, basis, provenance, scene.reduction.solver)
+    reduced = reduced_model(model, basis, provenance)
+    return with_held_coordinates(reduced) if scene.reduction.support_rows == "hold" else reduced
+
+
+def description(scene: Scene, basis: Basis) -> str:
+    """The basis in words."""
+    choice = scene.reduction
+    if choice.basis == "free_modes":
+        kind = "eigenmodes on the fixed supports with the sliders released, M-orthonormal"
+    else:
+        rigid = "rigid-body modes of the body without its sliders and " if choice.flexibility else ""
+        kind = f"{rigid}POD of eigenmodes with the slider held, orthonormal in the {basis.product} product"
+    added = "; residual flexibility of what they leave out" if choice.flexibility else ""
+    units = "m and rad" + (" times sqrt(kg)" if basis.product == "mass" else "")
+    return f"{kind}{added}; coordinates carry {units}"
