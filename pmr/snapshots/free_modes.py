@@ -24,9 +24,9 @@ from pmr.snapshots.eigensolvers import Modes, eigensolver
 
 Array = NDArray[np.float64]
 
-#: A vector whose strain energy exceeds its round-off no more than this many times is a rigid-body mode.  Measured: these
-#: stay below 0.2 times, the softest mode of a cantilever exceeds it 2e8 times on 50 elements and 200 times on 1500, from
-#: where on a mesh is called too fine.
+#: A vector whose strain energy exceeds its round-off no more than this many times is a rigid-body mode.  Measured:
+#: these stay below 0.2 times, the softest mode of a cantilever exceeds it 2e8 times on 50 elements and 200 times on
+#: 1500, from where on a mesh is called too fine.
 RIGID = 8.0
 
 #: A load or a row that does less work on a mode than this share of its work on another one does not excite it.
