@@ -176,10 +176,15 @@ def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
         "slider": f"{len(scene.slider.offsets)} row(s), s from {low:g} to {high:g} m",
         "loads": ", ".join(f"{load.name} at {load.at:g} m along {load.direction}" for load in scene.loads),
         "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
-        "reduction": f"{scene.reduction.coordinates} coordinates from {scene.reduction.snapshots} x "
-        f"{scene.reduction.modes} eigenmodes",
+        "reduction": f"{scene.reduction.coordinates} coordinates: {_describe_reduction(scene.reduction)}",
         "compared with": ", ".join(scene.compare.against) or "nothing",
     }
+
+
+def _describe_reduction(reduction: scenes.Reduction) -> str:
+    pool = f"POD of {reduction.snapshots} x {reduction.modes} eigenmodes"
+    basis = "free modes" if reduction.basis == "free_modes" else pool
+    return f"{basis} and residual flexibility" if reduction.flexibility else basis
 
 
 def _describe_model(model: ReducedModel) -> dict[str, str]:

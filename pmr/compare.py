@@ -56,16 +56,22 @@ def absolute_error(signal: Array, reference: Array) -> float:
 def errors(
     responses: Mapping[str, Response], measure: Measure = nrms, order: tuple[str, ...] = ("reduced", "full", "ancf")
 ) -> dict[str, dict[str, float]]:
-    """Error of tip and beam for all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ...}, ...}``.
+    """Errors of all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ..., "slider_force": ...}, ...}``.
 
-    `measure` is `nrms` (fractions) or `absolute_error` (m).  The later one in `order` is the reference.  The pinned
-    node, which does not move, counts in no pair.
+    `measure` is `nrms` (fractions) or `absolute_error` (m, and N for the force).  The later one in `order` is the
+    reference.  The pinned node, which does not move, counts in no pair.
+
+    A kink of the path strikes the beam, and what of the blow a reduced model can't follow rings on at frequencies
+    above its own; the force sees that, displacements hardly do.  Evolved case of the paper, six free modes with
+    residual flexibility: 18 % over all frequencies against 0.2 % of the beam; twenty modes 8 %, of which 0.002 %
+    lie below 50 Hz.
     """
     present = [name for name in order if name in responses]
     return {
         f"{a}_vs_{b}": {
             "tip": measure(responses[a].tip, responses[b].tip),
             "beam": measure(responses[a].displacement, responses[b].displacement),
+            "slider_force": measure(responses[a].slider_force, responses[b].slider_force),
         }
         for a, b in combinations(present, 2)
     }

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pmr import closed_form
 from pmr.reduced import ReducedModel
 from pmr.scene import Scene
+from pmr.yielding import Yielding
 
 Array = NDArray[np.float64]
 
@@ -17,13 +18,21 @@ def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
     """The `count` lowest frequencies (S, count) in rad/s at the path coordinates s (S,) m.
 
     Where fewer coordinates are free than asked for, the rest is NaN.
+
+    Raises
+    ------
+    SimulationError
+        If rows that give way do so by nothing at one of the s.
     """
     result = np.full((len(s), count), np.nan)
+    yielding = Yielding(model)
+    firm = [i for i in range(len(model.row_names)) if i not in yielding.numbers]
+    K = yielding.system(s)[:, :, : model.size] if yielding.numbers else np.repeat(model.K[None], len(s), axis=0)
     for i, at in enumerate(s):
-        Z = scipy.linalg.null_space(model.C(at))
+        Z = scipy.linalg.null_space(model.C(at)[firm]) if firm else np.eye(model.size)
         if Z.shape[1] == 0:
             continue
-        omega2 = scipy.linalg.eigh(Z.T @ model.K @ Z, Z.T @ model.M @ Z, eigvals_only=True)[:count]
+        omega2 = scipy.linalg.eigh(Z.T @ K[i] @ Z, Z.T @ model.M @ Z, eigvals_only=True)[:count]
         result[i, : len(omega2)] = np.sqrt(np.maximum(omega2, 0.0))
     return result
 

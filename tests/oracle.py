@@ -139,29 +139,40 @@ def generalized_alpha(
 
     The initial acceleration leaves out the rows' own motion, as Exudyn does.
     """
-    M, D, K, C = (A.toarray() if sp.issparse(A) else A for A in (body.M, body.D, body.K, body.C(s[0])))
+    M, D, K = (A.toarray() if sp.issparse(A) else A for A in (body.M, body.D, body.K))
     h, rho = stepping.step, stepping.rho_inf
     a_m, a_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     gamma = 0.5 + a_f - a_m
     beta = (gamma + 0.5) ** 2 / 4.0
     to_v, to_q = gamma * h * (1.0 - a_f) / (1.0 - a_m), beta * h**2 * (1.0 - a_f) / (1.0 - a_m)
 
-    def solve(A: Array, C: Array, right: Array, g: Array) -> tuple[Array, Array]:
-        m = len(C)
-        x = np.linalg.solve(np.block([[A, C.T], [C, np.zeros((m, m))]]), np.concatenate([right, g]))
-        return x[:-m], x[-m:]
+    def rows(s_k: float, f_k: Array) -> tuple[Array, Array, Array]:
+        """C, F = G + 1/k and H f."""
+        C, F = body.C(s_k).toarray() if sp.issparse(body.K) else body.C(s_k), np.diag(body.row_compliance)
+        if body.flexibility is None:
+            return C, F, np.zeros(len(C))
+        return C, F + body.flexibility.rows(s_k), body.flexibility.inputs(s_k) @ f_k
+
+    def solve(A: Array, C: Array, F: Array, right: Array, g: Array) -> tuple[Array, Array]:
+        x = np.linalg.solve(np.block([[A, C.T], [C, -F]]), np.concatenate([right, g]))
+        return x[: len(A)], x[len(A) :]
 
     q, v = start.q, start.v
-    acceleration, multiplier = solve(M, C, body.B @ f[0] - K @ q - D @ v, np.zeros(len(C)))
+    C, F, Hf = rows(s[0], f[0])
+    multiplier = np.linalg.lstsq(F, C @ q + Hf, rcond=1e-14)[0]  # of the rows that give way
+    firm = np.all(F == 0.0, axis=1)
+    right = body.B @ f[0] - K @ q - D @ v - C.T @ multiplier
+    acceleration, multiplier[firm] = solve(M, C[firm], F[np.ix_(firm, firm)], right, np.zeros(firm.sum()))
     a = acceleration
     kept = [(q, v, multiplier)]
     for s_k, f_k in zip(s[1:], f[1:], strict=True):
-        C = body.C(s_k).toarray() if sp.issparse(body.K) else body.C(s_k)
+        C, F, Hf = rows(s_k, f_k)
         a_next = (a_f * acceleration - a_m * a) / (1.0 - a_m)
         q = q + h * v + h**2 * ((0.5 - beta) * a + beta * a_next)
         v = v + h * ((1.0 - gamma) * a + gamma * a_next)
         effective, right = M + to_v * D + to_q * K, body.B @ f_k - K @ q - D @ v
-        acceleration, multiplier = solve(effective, C, right, -C @ q / to_q)  # C (q + to_q acceleration) = 0
+        # C (q + to_q acceleration) + H f - F lambda = 0
+        acceleration, multiplier = solve(effective, C, F / to_q, right, -(C @ q + Hf) / to_q)
         q, v, a = (
             q + to_q * acceleration,
             v + to_v * acceleration,

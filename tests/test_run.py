@@ -108,7 +108,8 @@ def test_the_papers_cases_give_the_papers_errors(load_scene, name: str, tip: flo
     outcome = run(load_scene(name))
     assert outcome is not None
     summary, responses = outcome.result.summary, outcome.result.responses
-    assert summary["errors"]["reduced_vs_full"] == pytest.approx({"tip": tip, "beam": beam}, rel=0.03)
+    found = summary["errors"]["reduced_vs_full"]
+    assert (found["tip"], found["beam"]) == pytest.approx((tip, beam), rel=0.03)
     assert summary["errors"]["full_vs_ancf"]["tip"] <= full_vs_ancf[0]
     assert summary["errors"]["full_vs_ancf"]["beam"] <= full_vs_ancf[1]
     assert summary["coordinates"] == {"full": 153, "reduced": 20}
@@ -129,9 +130,8 @@ def test_dropping_the_held_rows_is_better_with_the_same_coordinates(load_scene) 
     """What the note on the pin's rows says: 1.49 % instead of 1.79 % of the beam, evolved case."""
     outcome = run(load_scene("paper_evolved", ["reduction.support_rows=drop", "compare.against=['full']"]))
     assert outcome is not None
-    assert outcome.result.summary["errors"]["reduced_vs_full"] == pytest.approx(
-        {"tip": 0.0092, "beam": 0.0149}, rel=0.01
-    )
+    found = outcome.result.summary["errors"]["reduced_vs_full"]
+    assert (found["tip"], found["beam"]) == pytest.approx((0.0092, 0.0149), rel=0.01)
     assert outcome.reduced.left_out == ("support x at 0 m", "support y at 0 m")
 
 

@@ -15,7 +15,7 @@ from pmr.signals import SignalBase
 _STEPS = {
     "assemble": "full model",
     "snapshots": "snapshots",
-    "pod": "basis (POD)",
+    "pod": "basis, projection",
     "exudyn": "simulation, Exudyn",
     "march": "simulation, compiled",
     "reduced": "simulation, reduced",
@@ -110,11 +110,16 @@ def _method(scene: Scene) -> Iterator[tuple[str, str]]:
     yield "simulated time", f"{plain(time.end)}{SPACE}s"
     yield "step", f"{plain(1e3 * time.step)}{SPACE}ms, {plain(time.steps)} steps"
     yield "integrator", f"generalised-α, ρ∞ = {plain(time.rho_inf)}"
-    positions = reduction.positions
-    where = positions if isinstance(positions, str) else f"{', '.join(plain(s) for s in positions)}{SPACE}m"
-    yield "snapshots", f"{reduction.modes} modes at {reduction.snapshots} positions ({where})"
-    yield "basis", f"POD, {reduction.coordinates} vectors, {reduction.product} product"
-    yield "satisfied rows of supports", {"drop": "dropped", "hold": "held"}.get(reduction.support_rows, "")
+    if reduction.basis == "free_modes":
+        yield "basis", f"{reduction.coordinates} eigenmodes on the fixed supports, sliders released"
+    else:
+        positions = reduction.positions
+        where = positions if isinstance(positions, str) else f"{', '.join(plain(s) for s in positions)}{SPACE}m"
+        yield "snapshots", f"{reduction.modes} modes at {reduction.snapshots} positions ({where})"
+        yield "basis", f"POD, {reduction.coordinates} vectors, {reduction.product} product"
+        yield "satisfied rows of supports", {"drop": "dropped", "hold": "held"}.get(reduction.support_rows, "")
+    if reduction.flexibility:
+        yield "residual flexibility", "added, quasi-static"
     if "ancf" in scene.compare.against:
         yield "ANCF elements", str(scene.compare.ancf_elements)
 

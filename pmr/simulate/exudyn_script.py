@@ -1,7 +1,7 @@
 """Export of a reduced model, with its scene, as a standalone Python script for Exudyn.
 
-The script consists of functions copied from `exudyn_script_signals` and `exudyn_script_body`, where they are
-tested, and of what the scene says: path, loads and time stepping.
+The script consists of functions copied from `exudyn_script_signals` and from `exudyn_script_body` (or, where rows give
+way, `exudyn_script_yielding`), and of what the scene says: path, loads and time stepping.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from pydantic import TypeAdapter
 from pmr.errors import InputError
 from pmr.reduced import ReducedModel
 from pmr.signals import Constant, Signal, SignalBase, Sum
-from pmr.simulate import exudyn_script_body, exudyn_script_signals
+from pmr.simulate import exudyn_script_body, exudyn_script_signals, exudyn_script_yielding
 from pmr.simulate.stepping import TimeStepping, one_for_each
+from pmr.yielding import yielding_rows
 
 _WIDTH = 88
 _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
@@ -28,7 +29,7 @@ _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
 _SCRIPT = '''\
 """{title}: a reduced model in Exudyn.
 
-    M p'' + D p' + K p + C(s)^T lambda = B f(t),    C(s) p = 0,    y = outputs p
+{equations}
 
 with {size} reduced coordinates p, the slider at s(t) and the transverse displacements y; SI units throughout.
 The rows of C:
@@ -70,6 +71,12 @@ if __name__ == "__main__":
 '''
 
 
+_FIRM = "    M p'' + D p' + K p + C(s)^T lambda = B f(t),    C(s) p = 0,    y = outputs p"
+_YIELDING = """\
+    M p'' + D p' + K p + C(s)^T lambda = B f(t),    C(s) p + H(s) f - (G(s) + pads) lambda = 0,
+    y = outputs p + W f - X(s) lambda"""
+
+
 def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     """Write a script that simulates a saved reduced model under its scene's path and loads.
 
@@ -108,19 +115,24 @@ def exudyn_script(model: ReducedModel, file_name: str) -> str:
     Raises
     ------
     InputError
-        If the model's provenance has no usable scene.
+        If the model's provenance has no usable scene, or only some of its rows give way.
     """
-    scene = _scene(model, file_name)
+    scene, yielding = _scene(model, file_name), yielding_rows(model)
+    if 0 < len(yielding) < len(model.row_names):
+        names = ", ".join(model.row_names[i] for i in yielding)
+        raise InputError(file_name, "rows", None, f"only {names} give way; all rows or none are allowed in a script")
+    module: Any = exudyn_script_yielding if yielding else exudyn_script_body
     signals = scene.kinds | ({"akima"} if "table" in scene.kinds else set())
     return _SCRIPT.format(
         title=scene.title,
+        equations=_YIELDING if yielding else _FIRM,
         size=model.size,
         rows="\n".join(f"    {name}" for name in model.row_names),
         file_name=file_name,
-        imports=_imports(scene.kinds),
+        imports=_imports(scene.kinds, module),
         scene=scene.text(),
         signals=_sources(exudyn_script_signals, signals),
-        body=_sources(exudyn_script_body, {"read_model", "add_sliding_body", "simulate"}),
+        body=_sources(module, {"read_model", "multipliers", "system", "add_sliding_body", "simulate"}),
     )
 
 
@@ -207,11 +219,11 @@ def _sources(module: Any, names: set[str]) -> str:
     return "\n\n\n".join(inspect.getsource(f).rstrip() for name, f in vars(module).items() if name in names)
 
 
-def _imports(kinds: set[str]) -> str:
-    """What the copied functions need; the items as `exudyn_script_body` imports them."""
+def _imports(kinds: set[str], body: Any) -> str:
+    """What the copied functions need; the items as the module `body` imports them."""
     items = "".join(
         f"    {name},\n"
-        for name, value in vars(exudyn_script_body).items()
+        for name, value in vars(body).items()
         if getattr(value, "__module__", None) == "exudyn.itemInterface"
     )
     cache = "from functools import lru_cache\n" if "table" in kinds else ""

@@ -1,10 +1,11 @@
-"""What drives a sliding body, as a simulator asks for it at a time t: path, loads and constraint rows.
+"""What drives a sliding body, as a simulator asks for it at a time t: path, loads, and what depends on the path.
 
 `SignalInputs` evaluates at any time; `TabulatedInputs` looks up what it evaluated beforehand at the steps.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -16,23 +17,27 @@ from pmr.simulate.stepping import Loads, TimeStepping, loads_at, one_for_each, p
 
 Array = NDArray[np.float64]
 
-#: Entries of C(s) that are held at once; bounds the memory of a long simulation.
+#: Entries of what depends on s that are held at once; bounds the memory of a long simulation.
 ENTRIES_AHEAD = 1_000_000
 
 
+#: Something of s that a simulator needs at every step: ``evaluate(s (T,)) -> (T, ...)``.
+OfPath = Callable[[Array], Array]
+
+
 class Inputs(Protocol):
-    """Path, loads and rows over time."""
+    """Path and loads over time, and whatever else depends on the path coordinate."""
 
     def position(self, t: float) -> float:
         """Path coordinate s(t) in m."""
         ...
 
-    def rows(self, t: float) -> Array:
-        """The rows of C(s(t)) that are no mere supports (`moving_rows`), as a dense array (m', n)."""
-        ...
-
     def loads(self, t: float) -> tuple[float, ...]:
         """One value an input, in N (or N m)."""
+        ...
+
+    def along(self, evaluate: OfPath, entries: int) -> Callable[[float], Array]:
+        """`evaluate` at s(t) as a function of t; `entries` is how many numbers it gives for each s."""
         ...
 
 
@@ -42,7 +47,7 @@ def moving_rows(body: SlidingBody) -> list[int]:
 
 
 class SignalInputs:
-    """Evaluates the signals whenever asked; the rows only where s has changed since the last time.
+    """Evaluates the signals whenever asked; what depends on s only where s has changed since the last time.
 
     Raises
     ------
@@ -51,25 +56,29 @@ class SignalInputs:
     """
 
     def __init__(self, body: SlidingBody, path: SignalBase, loads: Loads) -> None:
-        self._body, self._path, self._loads = body, path, one_for_each(loads, body.input_names)
-        self._moving = moving_rows(body)
-        self._last: tuple[float, Array] | None = None
+        self._path, self._loads = path, one_for_each(loads, body.input_names)
 
     def position(self, t: float) -> float:
         return float(self._path.value(t))
 
-    def rows(self, t: float) -> Array:
-        s = self.position(t)
-        if self._last is None or s != self._last[0]:
-            self._last = s, self._body.dense_rows(np.array([s]))[0, self._moving]
-        return self._last[1]
-
     def loads(self, t: float) -> tuple[float, ...]:
         return tuple(float(load.value(t)) for load in self._loads)
 
+    def along(self, evaluate: OfPath, entries: int) -> Callable[[float], Array]:
+        last: tuple[float, Array] | None = None
+
+        def value(t: float) -> Array:
+            nonlocal last
+            s = self.position(t)
+            if last is None or s != last[0]:
+                last = s, evaluate(np.array([s]))[0]
+            return last[1]
+
+        return value
+
 
 class TabulatedInputs:
-    """Path and loads at all steps, the rows a block of steps ahead: for a simulation with a known time grid.
+    """Path and loads at all steps, what depends on s a block of steps ahead: where the time grid is known.
 
     Raises
     ------
@@ -80,12 +89,10 @@ class TabulatedInputs:
     def __init__(self, body: SlidingBody, path: SignalBase, loads: Loads, stepping: TimeStepping) -> None:
         signals = one_for_each(loads, body.input_names)
         self.s = path_at(path, body.domain, stepping.times)
+        self.f = loads_at(signals, stepping.times)
         self._positions = self.s.tolist()
-        self._loads = [tuple(f) for f in loads_at(signals, stepping.times).tolist()]
+        self._loads = [tuple(f) for f in self.f.tolist()]
         self._step = stepping.step
-        self._body, self._moving = body, moving_rows(body)
-        self._block = max(1, ENTRIES_AHEAD // (len(body.row_names) * body.size))
-        self._first, self._rows, self._index = 0, np.empty(0), np.empty(0, int)
 
     def position(self, t: float) -> float:
         return self._positions[round(t / self._step)]
@@ -93,10 +100,17 @@ class TabulatedInputs:
     def loads(self, t: float) -> tuple[float, ...]:
         return self._loads[round(t / self._step)]
 
-    def rows(self, t: float) -> Array:
-        k = round(t / self._step)
-        if not self._first <= k < self._first + len(self._index):
-            self._first = k
-            visited, self._index = np.unique(self.s[k : k + self._block], return_inverse=True)
-            self._rows = self._body.dense_rows(visited)[:, self._moving]
-        return self._rows[self._index[k - self._first]]
+    def along(self, evaluate: OfPath, entries: int) -> Callable[[float], Array]:
+        block = max(1, ENTRIES_AHEAD // max(entries, 1))
+        first, values, index = 0, np.empty(0), np.empty(0, int)
+
+        def value(t: float) -> Array:
+            nonlocal first, values, index
+            k = round(t / self._step)
+            if not first <= k < first + len(index):
+                first = k
+                visited, index = np.unique(self.s[k : k + block], return_inverse=True)
+                values = evaluate(visited)
+            return np.asarray(values[index[k - first]])
+
+        return value

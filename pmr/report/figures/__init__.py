@@ -58,11 +58,12 @@ def _figures(result: RunResult) -> Iterator[tuple[str, Figure, str]]:
         figure = histories.residual(result, what, f"Residual of {name} in {unit}")
         yield f"residual-{name}", figure, captions.residual(result, what, name)
     yield "basis", shapes.basis(result), captions.basis(result)
-    yield (
-        "singular-values",
-        spectra.singular_values(result),
-        "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps.",
-    )
+    if result.scene.reduction.basis != "free_modes":  # M-orthonormal modes have singular values of 1, all of them
+        yield (
+            "singular-values",
+            spectra.singular_values(result),
+            "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps.",
+        )
     if result.frequencies.reduced.size:
         yield "frequencies", spectra.frequencies(result), captions.frequencies(result)
 
