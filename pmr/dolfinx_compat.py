@@ -40,7 +40,11 @@ from petsc4py import PETSc
 slepc4py.init()
 from slepc4py import SLEPc
 
-__all__ = ["MPI", "PETSc", "SLEPc", "assemble", "cell_tables", "constant", "hermite_space", "interval_mesh", "versions"]
+__all__ = [
+    "MPI", "PETSc", "SLEPc", "assemble", "cell_coordinates", "cell_dofs", "cell_topology", "cellwise", "constant",
+    "create_mesh", "hermite_space", "interval_mesh", "lagrange_rule", "lagrange_space", "original_cells", "shell_space",
+    "versions",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
@@ -77,47 +81,101 @@ def versions() -> dict[str, str]:
 
 def interval_mesh(comm: MPI.Comm, nodes: Array) -> Any:
     """A dolfinx mesh of the x axis with the given increasing nodes (m), distributed over `comm`."""
+    start = np.arange(len(nodes) - 1)
+    return create_mesh(comm, "interval", np.asarray(nodes, float)[:, None], np.column_stack([start, start + 1]))
+
+
+def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int64]) -> Any:
+    """A dolfinx mesh of linear cells, distributed over `comm`; rank 0 gives points and cells.
+
+    Parameters
+    ----------
+    cell : ``"interval"``, ``"triangle"``, ``"tetrahedron"`` or ``"hexahedron"``
+    points : (N, d) array, m
+        d may exceed the cells' dimension: shells in space.
+    cells : (C, k) integer array
+        Vertices in dolfinx' order (hexahedra: as a tensor product).
+    """
     first = comm.rank == 0
-    x = np.asarray(nodes, float)[:, None] if first else np.empty((0, 1))
-    count = len(nodes) - 1 if first else 0
-    cells = np.column_stack([np.arange(count), np.arange(1, count + 1)]).astype(np.int64).reshape(count, 2)
+    d = points.shape[1]
+    x = np.ascontiguousarray(points, float) if first else np.empty((0, d))
+    mine = np.ascontiguousarray(cells if first else cells[:0], np.int64)
     if VERSION < (0, 7):
-        cell = ufl.Cell("interval", geometric_dimension=1)
-        return dolfinx.mesh.create_mesh(comm, cells, x, ufl.Mesh(ufl.VectorElement("Lagrange", cell, 1)))
-    element = basix.ufl.element("Lagrange", "interval", 1, shape=(1,))
+        shape = ufl.Cell(cell, geometric_dimension=d)
+        return dolfinx.mesh.create_mesh(comm, mine, x, ufl.Mesh(ufl.VectorElement("Lagrange", shape, 1)))
+    element = basix.ufl.element("Lagrange", cell, 1, shape=(d,))
     if VERSION < (0, 10):
-        return dolfinx.mesh.create_mesh(comm, cells, x, ufl.Mesh(element))
-    return dolfinx.mesh.create_mesh(comm, cells, element, x)
+        return dolfinx.mesh.create_mesh(comm, mine, x, ufl.Mesh(element))
+    return dolfinx.mesh.create_mesh(comm, mine, element, x)
 
 
-def hermite_space(mesh: Any, axial: bool) -> Any:
-    """Function space with components [u,] w_A, theta_B on an interval mesh.
+def cell_topology(cell: str) -> list[list[list[int]]]:
+    """Vertices of each sub-entity of the reference cell, by dimension."""
+    return [[list(entity) for entity in part] for part in basix.topology(getattr(basix.CellType, cell))]
+
+
+def lagrange_rule(cell: str, nodes: int, degree: int) -> tuple[Array, Array, Array]:
+    """Weights (q,), functions (q, k) and their derivatives (d, q, k) of a Lagrange element on its reference cell.
+
+    `nodes` is the element's polynomial degree, `degree` the one that the quadrature rule integrates exactly.
+    """
+    if cell == "point":
+        return np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1))
+    kind = getattr(basix.CellType, cell)
+    points, weights = _quadrature(kind, degree)
+    element = basix.create_element(basix.ElementFamily.P, kind, nodes, basix.LagrangeVariant.gll_warped)
+    table = np.asarray(element.tabulate(1, points))[..., 0]
+    return np.asarray(weights), table[0], table[1:]
+
+
+def _quadrature(kind: Any, degree: int) -> Any:
+    if _WRAPPED:
+        return basix.make_quadrature(basix.QuadratureType.Default, kind, degree)
+    return basix.make_quadrature(kind, degree)
+
+
+def lagrange_space(mesh: Any, degree: int) -> Any:
+    """Continuous vectors of the mesh's geometric dimension, polynomials of `degree` in each component."""
+    d = mesh.geometry.dim
+    if _WRAPPED:
+        return dolfinx.fem.FunctionSpace(mesh, ufl.VectorElement("Lagrange", mesh.ufl_cell(), degree, dim=d))
+    element = basix.ufl.element("Lagrange", mesh.topology.cell_name(), degree, shape=(d,))
+    return dolfinx.fem.functionspace(mesh, element)
+
+
+def shell_space(mesh: Any) -> Any:
+    """Quadratic displacement and Crouzeix-Raviart rotation, three components each, on triangles in space."""
+    if _WRAPPED:
+        cell = mesh.ufl_cell()
+        u, theta = ufl.VectorElement("Lagrange", cell, 2, dim=3), ufl.VectorElement("CR", cell, 1, dim=3)
+        return dolfinx.fem.FunctionSpace(mesh, ufl.MixedElement(u, theta))
+    u = basix.ufl.element("Lagrange", "triangle", 2, shape=(3,))
+    theta = basix.ufl.element("CR", "triangle", 1, shape=(3,))
+    return dolfinx.fem.functionspace(mesh, basix.ufl.mixed_element([u, theta]))
+
+
+def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
+    """Function space on an interval mesh: `linear` components u, then w_A, theta_B for each of the bending planes.
 
     Cubic Hermite functions as two elements with one degree of freedom at each vertex: A spans the value functions
     N2 and N5, B the slope functions N3 and N6 of the unit interval.  With J = dx/dX the deflection is
-    ``w = w_A + J theta_B``; it is C1 on graded meshes, and theta_B is the physical slope.  `axial` adds linear u.
+    ``w = w_A + J theta_B``; it is C1 on graded meshes, and theta_B is the physical slope.
     """
     # Complete degrees (A holds the constants, B does not) also keep the two apart for FFCx, which in 0.5 compares
     # custom elements by little else.
     value = _vertex_element((lambda X: 1 - 3 * X**2 + 2 * X**3, lambda X: 3 * X**2 - 2 * X**3), 0, 0)
     slope = _vertex_element((lambda X: X - 2 * X**2 + X**3, lambda X: -(X**2) + X**3), 1, -1)
-    parts = [value, slope]
     if _WRAPPED:
-        if axial:
-            parts.insert(0, ufl.FiniteElement("Lagrange", "interval", 1))
+        parts = [ufl.FiniteElement("Lagrange", "interval", 1)] * linear + [value, slope] * planes
         return dolfinx.fem.FunctionSpace(mesh, ufl.MixedElement(*parts))
-    if axial:
-        parts.insert(0, basix.ufl.element("Lagrange", "interval", 1))
+    parts = [basix.ufl.element("Lagrange", "interval", 1)] * linear + [value, slope] * planes
     return dolfinx.fem.functionspace(mesh, basix.ufl.mixed_element(parts))
 
 
 def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> Any:
     """Custom cubic element on the unit interval with two functions and a value or slope dof at each vertex."""
     interval = basix.CellType.interval
-    if _WRAPPED:
-        points, weights = basix.make_quadrature(basix.QuadratureType.Default, interval, 6)
-    else:
-        points, weights = basix.make_quadrature(interval, 6)
+    points, weights = _quadrature(interval, 6)
     legendre = np.asarray(basix.tabulate_polynomials(basix.PolynomialType.legendre, interval, 3, points))
     coefficients = np.array([legendre @ (weights * f(points[:, 0])) for f in functions])
     nothing = np.zeros((0, 1))
@@ -148,20 +206,50 @@ def assemble(form: Any) -> PETSc.Mat:
     return matrix
 
 
-def cell_tables(space: Any) -> tuple[Array, list[NDArray[np.int64]]]:
-    """Vertex coordinates x (cells, 2) of this rank's cells and, for each component, its global dofs (cells, 2)."""
-    mesh = space.mesh
-    mesh.topology.create_connectivity(1, 1)
-    count = mesh.topology.index_map(1).size_local
+def cellwise(mesh: Any, values: Array) -> Any:
+    """A function that is constant in each cell, from one value for each cell that the mesh was created from."""
+    if VERSION < (0, 8):
+        function = dolfinx.fem.Function(dolfinx.fem.FunctionSpace(mesh, ("DG", 0)))
+    else:
+        function = dolfinx.fem.Function(dolfinx.fem.functionspace(mesh, ("DG", 0)))
+    function.x.array[_table(function.function_space.dofmap).ravel()] = values[original_cells(mesh)]
+    return function
+
+
+def original_cells(mesh: Any) -> NDArray[np.int64]:
+    """Numbers, in the input of `create_mesh`, of the cells that this rank knows: its own, then ghosts."""
+    return np.asarray(mesh.topology.original_cell_index, np.int64)
+
+
+def cell_coordinates(mesh: Any) -> Array:
+    """Vertex coordinates (cells, k, d) of the cells that this rank knows, in the order of the reference cell, in m."""
     geometry = mesh.geometry
     if VERSION < (0, 7):
-        at = np.array([geometry.dofmap.links(c) for c in range(count)], dtype=np.int64).reshape(count, 2)
+        at = np.asarray(geometry.dofmap.array).reshape(geometry.dofmap.num_nodes, -1)
     else:
-        at = np.asarray(geometry.dofmap if VERSION < (0, 10) else geometry.dofmaps[0])[:count]
-    index_map = space.dofmap.index_map
-    components = []
-    for i in range(space.num_sub_spaces):
-        dofs = space.sub(i).dofmap
-        local = np.array([dofs.cell_dofs(c) for c in range(count)], dtype=np.int32).reshape(count, 2)
-        components.append(index_map.local_to_global(local.ravel()).astype(np.int64).reshape(count, 2))
-    return geometry.x[:, 0][at], components
+        at = np.asarray(geometry.dofmap if VERSION < (0, 10) else geometry.dofmaps[0])
+    return np.asarray(geometry.x[at][..., : geometry.dim])
+
+
+def cell_dofs(space: Any) -> list[NDArray[np.int64]]:
+    """Global dofs (cells, d) of each scalar component on the cells that this rank knows."""
+    index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
+    tables = []
+    for part in _scalar_parts(space):
+        local = _table(part.dofmap)
+        ids = index_map.local_to_global((local // block).ravel().astype(np.int32)).astype(np.int64)
+        tables.append(ids.reshape(local.shape) * block + local % block)
+    return tables
+
+
+def _scalar_parts(space: Any) -> list[Any]:
+    if space.num_sub_spaces == 0:
+        return [space]
+    return [part for i in range(space.num_sub_spaces) for part in _scalar_parts(space.sub(i))]
+
+
+def _table(dofmap: Any) -> NDArray[np.int64]:
+    table = dofmap.list
+    if VERSION < (0, 7):
+        return np.asarray(table.array, np.int64).reshape(table.num_nodes, -1)
+    return np.asarray(table, np.int64)

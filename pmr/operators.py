@@ -10,8 +10,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.assembly import assemble_model
 from pmr.body import FullBody
-from pmr.dolfinx_compat import MPI, PETSc, assemble, cell_tables
+from pmr.dolfinx_compat import MPI, PETSc
 from pmr.mesh import BeamMesh, beam_mesh
 from pmr.models.beam2d import Beam2D
 from pmr.parallel import sparse
@@ -95,18 +96,14 @@ def beam_model(scene: Scene, mesh: BeamMesh) -> FullModel:
             "fewer elements are more accurate",
             model.round_off,
         )
-    space = model.space(mesh.domain)
-    order = _canonical_order(model, space)
-    M, K = (_reordered(assemble(form), order) for form in model.forms(space))
-    D = M.duplicate(copy=True)
-    D.scale(scene.damping.mass)
-    D.axpy(scene.damping.stiffness, K, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    operators = assemble_model(model, mesh.domain)
+    M, K = operators.M, operators.K
     return FullModel(
         M,
-        D,
+        operators.damping(scene.damping),
         K,
-        inputs=_columns(M, [model.point(load.at, load.direction) for load in scene.loads]),
-        outputs=_columns(M, [model.point(x, "y") for x in mesh.nodes]),
+        inputs=columns(M, [model.point(load.at, load.direction) for load in scene.loads]),
+        outputs=columns(M, [model.point(x, "y") for x in mesh.nodes]),
         rows=Rows((*_support_rows(scene, model), *_slider_rows(scene, model)), model.size),
         input_names=tuple(load.name for load in scene.loads),
         output_positions=mesh.nodes,
@@ -137,28 +134,7 @@ def _path_domain(scene: Scene) -> tuple[float, float]:
     return 0.0 - min(offsets), scene.body.length - max(offsets)
 
 
-def _canonical_order(model: Beam2D, space: Any) -> NDArray[np.int64]:
-    """PETSc's global index of each coordinate in the model's order (n,), the same on every rank."""
-    x, components = cell_tables(space)
-    node = np.searchsorted(model.nodes, x - 1e-9 * np.diff(model.nodes).min())
-    pairs = [np.stack([model.per_node * node.ravel() + i, dofs.ravel()], axis=1) for i, dofs in enumerate(components)]
-    everyone = np.concatenate(space.mesh.comm.allgather(np.concatenate(pairs)))
-    order = np.full(model.size, -1, np.int64)
-    order[everyone[:, 0]] = everyone[:, 1]
-    if not np.array_equal(np.sort(order), np.arange(model.size)):
-        raise RuntimeError("mesh and dofmap do not match: nodes closer than round-off?")
-    return order
-
-
-def _reordered(A: PETSc.Mat, order: NDArray[np.int64]) -> PETSc.Mat:
-    """A with rows and columns in the model's order, in consecutive shares of about equal size."""
-    comm = A.comm.tompi4py()
-    first, last = np.array([comm.rank, comm.rank + 1]) * len(order) // comm.size
-    share = PETSc.IS().createGeneral(order[first:last].astype(PETSc.IntType), comm=comm)
-    return A.createSubMatrix(share, share)
-
-
-def _columns(like: PETSc.Mat, columns: list[tuple[NDArray[np.int64], Array]]) -> PETSc.Mat:
+def columns(like: PETSc.Mat, columns: list[tuple[NDArray[np.int64], Array]]) -> PETSc.Mat:
     """Sparse matrix (n, len(columns)) with rows distributed as those of `like`."""
     number = np.repeat(np.arange(len(columns)), [len(dofs) for dofs, _ in columns])
     dofs, entries = (np.concatenate(parts) for parts in zip(*columns, strict=True))

@@ -1,1 +1,103 @@
-"""Structural models, one file each: weak forms, point rows and slider rows."""
+"""Structural models, one file each: weak forms, and displacements at places as rows on their coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import MPI
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Displacements along and rotations about the axes, in the order of the rows of `StructuralModel.motion`.
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Forms:
+    """Mass and stiffness as UFL forms of a trial and a test function."""
+
+    mass: Any
+    stiffness: Any
+
+
+class StructuralModel(Protocol):
+    """What the rooms further on ask of a beam, a shell or a solid.
+
+    A model numbers its coordinates by itself, from its mesh alone: rows, loads and results are the same on any number
+    of ranks and on every version of dolfinx.
+    """
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates n, supports not yet held."""
+        ...
+
+    @property
+    def reference_frequency(self) -> float:
+        """Scale of the lowest frequencies in rad/s; eigensolvers shift by it."""
+        ...
+
+    def domain(self, comm: MPI.Comm) -> Any:
+        """The mesh in dolfinx, spread over `comm`; collective."""
+        ...
+
+    def space(self, domain: Any) -> Any:
+        """Function space on `domain`."""
+        ...
+
+    def forms(self, space: Any) -> Forms:
+        """Mass and stiffness."""
+        ...
+
+    def element_coordinates(self, cells: Indices) -> list[Indices]:
+        """Numbers (c, d), for each scalar component of the space, of its coordinates on the given cells.
+
+        Cells are counted as in the mesh that `domain` was created from.  They are the model's coordinates, or, where
+        there is a `transformation`, those that it is applied to.
+        """
+        ...
+
+    @property
+    def transformation(self) -> sp.csr_matrix | None:
+        """T (n_e, n), where the space's coordinates are T q; None where they are q."""
+        ...
+
+    @property
+    def directions(self) -> tuple[str, ...]:
+        """What a place can do: `DIRECTIONS` in space, some of ``x``, ``y``, ``rotation`` in the plane."""
+        ...
+
+    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        """Rows (len(directions), n) that measure displacement (m) and rotation (rad) of a place.
+
+        A place is a named group, whose mean counts, or on beams also the distance from the first end in m.  `about`
+        (3,) m is a point that moves with the place, by default its centroid.  The rows also apply a force (N) or
+        moment (N m): a load spread over the group in the way that the mean weighs it.
+
+        Raises
+        ------
+        InputError
+            If there is no such place.
+        """
+        ...
+
+    def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        """Numbers of all coordinates along some of the `directions` on a named group.
+
+        Raises
+        ------
+        InputError
+            If there is no such place.
+        """
+        ...
+
+    def rigid_motions(self) -> Array:
+        """Coordinates (n, k) of the rigid motions, one for each of the `directions`; rotations about the origin."""
+        ...

@@ -11,18 +11,26 @@ Matrices, 2020.  Coordinates are ordered node by node: [u,] w, theta.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 import ufl
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import constant, hermite_space
+from pmr.dolfinx_compat import MPI, constant, hermite_space, interval_mesh
+from pmr.errors import InputError
+from pmr.models import Forms
 from pmr.scene import Body
 from pmr.sliding import Row
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Named places, as shares of the length.
+ENDS = {"tail": 0.0, "tip": 1.0}
 
 
 @dataclass(frozen=True)
@@ -55,11 +63,22 @@ class Beam2D:
         """
         return float(2e-17 * (self.body.length / np.diff(self.nodes).min()) ** 4)
 
+    @property
+    def directions(self) -> tuple[str, ...]:
+        return self.body.directions
+
+    @property
+    def transformation(self) -> None:
+        """None: the space's coordinates are the model's."""
+
+    def domain(self, comm: MPI.Comm) -> Any:
+        return interval_mesh(comm, self.nodes)
+
     def space(self, domain: Any) -> Any:
         """Function space on a dolfinx interval mesh."""
-        return hermite_space(domain, self.body.axial)
+        return hermite_space(domain, linear=int(self.body.axial))
 
-    def forms(self, space: Any) -> tuple[Any, Any]:
+    def forms(self, space: Any) -> Forms:
         """Mass and stiffness as UFL forms."""
         mesh, body = space.mesh, self.body
         trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
@@ -74,7 +93,7 @@ class Beam2D:
             u, du = trial[0], test[0]
             mass += rhoA * u * du * dx
             stiffness += constant(mesh, body.axial_stiffness) * u.dx(0) * du.dx(0) * dx
-        return mass, stiffness
+        return Forms(mass, stiffness)
 
     def point(self, x: float, direction: str) -> tuple[NDArray[np.int64], Array]:
         """Coordinates (d,) and weights (d,) of the displacement (or slope) at x: exact interpolation.
@@ -95,6 +114,35 @@ class Beam2D:
                 values /= h
         used = np.abs(values) > 1e-14
         return np.array(dofs, np.int64)[used], values[used]
+
+    def element_coordinates(self, cells: Indices) -> list[Indices]:
+        first = self.per_node * cells[:, None] + np.array([0, self.per_node])
+        return [first + i for i in range(self.per_node)]
+
+    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        x = ENDS[place] * self.body.length if place in ENDS else place
+        if about is not None or isinstance(x, str) or not 0.0 <= x <= self.body.length:
+            raise InputError(
+                "scene", "place", place, f"tail, tip or a number from 0 to {self.body.length:g} m is allowed"
+            )
+        rows = np.zeros((self.per_node, self.size))
+        for i, direction in enumerate(self.directions):
+            dofs, weights = self.point(x, direction)
+            rows[i, dofs] = weights
+        return sp.csr_matrix(rows)
+
+    def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        if place not in ENDS:
+            raise InputError("scene", "place", place, "tail or tip is allowed")
+        node = round(ENDS[place] * (len(self.nodes) - 1))
+        return np.array([self._dof(node, d) for d in self.directions if d in directions], np.int64)
+
+    def rigid_motions(self) -> Array:
+        motions = np.zeros((self.size, self.per_node))
+        for i, direction in enumerate(self.directions):
+            motions[self.directions.index(direction) :: self.per_node, i] = 1.0
+        motions[self.directions.index("y") :: self.per_node, -1] = self.nodes
+        return motions
 
     def slider(self, offset: float = 0.0, name: str = "slider") -> Row:
         """The row w(s + offset) = 0 as an exact piecewise cubic in s; its multiplier is a force in N."""

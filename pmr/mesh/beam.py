@@ -1,4 +1,4 @@
-"""Meshes: generated or read through meshio, handed on as dolfinx meshes."""
+"""Meshes of a straight planar beam: generated, or a chain of line cells from a file."""
 
 from __future__ import annotations
 

@@ -1,0 +1,77 @@
+"""From a structural model's forms to matrices in its own order of coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import PETSc, assemble, cell_dofs, original_cells
+from pmr.models import StructuralModel
+from pmr.parallel import sparse
+from pmr.scene import Damping
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Operators:
+    """Mass and stiffness (n, n), distributed in consecutive shares of the model's coordinates."""
+
+    M: PETSc.Mat
+    K: PETSc.Mat
+
+    def damping(self, rayleigh: Damping) -> PETSc.Mat:
+        """D = a M + b K."""
+        D = self.M.duplicate(copy=True)
+        D.scale(rayleigh.mass)
+        D.axpy(rayleigh.stiffness, self.K, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        return D
+
+
+def assemble_model(model: StructuralModel, domain: Any) -> Operators:
+    """Mass and stiffness of a model on its distributed mesh, free of boundary conditions; collective."""
+    space = model.space(domain)
+    forms, order = model.forms(space), model_order(model, space)
+    matrices = [reordered(assemble(form), order) for form in (forms.mass, forms.stiffness)]
+    T = model.transformation
+    if T is not None:
+        first, last = matrices[0].getOwnershipRange()
+        columns = share(T.shape[1], matrices[0].comm.tompi4py())
+        P = sparse(T.tocsr()[first:last], matrices[0], columns=int(columns[1] - columns[0]))
+        matrices = [A.PtAP(P) for A in matrices]
+    return Operators(*matrices)
+
+
+def model_order(model: StructuralModel, space: Any) -> Indices:
+    """PETSc's global index of each of the space's coordinates in the model's order, the same on every rank.
+
+    Raises
+    ------
+    RuntimeError
+        If the model's numbers do not fit the space.
+    """
+    ours = model.element_coordinates(original_cells(space.mesh))
+    theirs = cell_dofs(space)
+    pairs = np.concatenate([np.stack([a.ravel(), b.ravel()]) for a, b in zip(ours, theirs, strict=True)], axis=1)
+    everyone = np.concatenate(space.mesh.comm.allgather(np.unique(pairs, axis=1)), axis=1)
+    order = np.full(space.dofmap.index_map.size_global * space.dofmap.index_map_bs, -1, np.int64)
+    order[everyone[0]] = everyone[1]
+    if not np.array_equal(np.sort(order), np.arange(len(order))):
+        raise RuntimeError("the model's coordinates and the space's do not match")
+    return order
+
+
+def reordered(A: PETSc.Mat, order: Indices) -> PETSc.Mat:
+    """A with rows and columns in the model's order, in consecutive shares of about equal size."""
+    comm = A.comm.tompi4py()
+    first, last = share(len(order), comm)
+    mine = PETSc.IS().createGeneral(order[first:last].astype(PETSc.IntType), comm=comm)
+    return A.createSubMatrix(mine, mine)
+
+
+def share(size: int, comm: Any) -> Indices:
+    """First and last coordinate (excluded) of this rank's share."""
+    return np.array([comm.rank, comm.rank + 1]) * size // comm.size

@@ -1,0 +1,118 @@
+r"""Numbers of a finite-element space's coordinates that depend on the mesh alone, not on ranks or library.
+
+A node sits on each vertex, edge, face or cell that the elements use: P2 triangles have nodes on vertices and edges, Q2
+hexahedra on everything.  Nodes are ordered by their vertices, which are numbered along the mesh's longest extent; the
+components of a node are neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import cell_topology
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+def codes(entities: Indices, points: int) -> Indices:
+    """One number for each entity (e, k) with sorted vertices: its three lowest vertices tell it from all others."""
+    code = np.zeros(len(entities), np.int64)
+    for column in range(3):
+        code = code * (points + 1) + (entities[:, column] + 1 if column < entities.shape[1] else 0)
+    return code
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """Nodes of a space on a mesh.
+
+    Attributes
+    ----------
+    components : mapping of dimension to tuple of int
+        Which components the nodes on entities of each dimension carry.
+    codes, first : mappings of dimension to (e,) integer arrays
+        The entities of each dimension (ascending `codes`) and the first coordinate of their nodes.
+    in_cell : mapping of dimension to (C, k) integer arrays
+        The entities of each cell, in the order of the reference cell.
+    at : (n, 3) array, m
+        Place of each coordinate's node.
+    component : (n,) integer array
+        0, 1, 2 for displacements along x, y, z; 3, 4, 5 for rotations about them.
+    """
+
+    components: Mapping[int, tuple[int, ...]]
+    codes: Mapping[int, Indices]
+    first: Mapping[int, Indices]
+    in_cell: Mapping[int, Indices]
+    at: Array
+    component: NDArray[np.int64]
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates n."""
+        return len(self.component)
+
+    def of(self, entities: Indices, dim: int, points: int) -> Indices:
+        """First coordinate of the node on each of the entities (e, k) of dimension `dim`.
+
+        Raises
+        ------
+        KeyError
+            If one of them is no entity of the mesh.
+        """
+        wanted = codes(np.sort(entities, axis=1), points)
+        place = np.clip(np.searchsorted(self.codes[dim], wanted), 0, len(self.codes[dim]) - 1)
+        absent = self.codes[dim][place] != wanted
+        if np.any(absent):
+            raise KeyError(f"{np.sum(absent)} of {len(wanted)} entities are not part of any cell")
+        return self.first[dim][place]
+
+    def per_component(self, cells: Indices) -> list[Indices]:
+        """Coordinates (c, d) of each component on the given cells, ordered as an element orders its functions."""
+        tables = []
+        for component in sorted({c for carried in self.components.values() for c in carried}):
+            parts = [
+                self.first[dim][self.in_cell[dim][cells]] + carried.index(component)
+                for dim, carried in sorted(self.components.items())
+                if component in carried
+            ]
+            tables.append(np.concatenate(parts, axis=1))
+        return tables
+
+
+def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[int, tuple[int, ...]]) -> Nodes:
+    """Number the nodes of a space with the given components on the entities of each dimension."""
+    topology = cell_topology(cell)
+    code, in_cell, keys, places = {}, {}, [], []
+    for dim in sorted(components):
+        vertices = np.sort(cells[:, topology[dim]], axis=-1)
+        flat = vertices.reshape(-1, vertices.shape[-1])
+        code[dim], once, inverse = np.unique(
+            _codes(flat, dim, cells, len(points)), return_index=True, return_inverse=True
+        )
+        in_cell[dim] = inverse.reshape(vertices.shape[:2])
+        places.append(points[flat[once]].mean(axis=1))
+        padded = np.full((len(once), cells.shape[1]), -1, np.int64)
+        padded[:, : flat.shape[1]] = flat[once]
+        keys.append(padded)
+    carried = np.concatenate([np.full(len(code[dim]), len(components[dim])) for dim in sorted(components)])
+    order = np.lexsort(np.concatenate(keys).T[::-1])
+    start = np.empty(len(order), np.int64)
+    start[order] = np.cumsum(carried[order]) - carried[order]
+    split = np.split(start, np.cumsum([len(code[dim]) for dim in sorted(components)])[:-1])
+    first = dict(zip(sorted(components), split, strict=True))
+    at, component = np.empty((carried.sum(), 3)), np.empty(carried.sum(), np.int64)
+    for dim, place in zip(sorted(components), places, strict=True):
+        for i, c in enumerate(components[dim]):
+            at[first[dim] + i], component[first[dim] + i] = place, c
+    return Nodes(components, code, first, in_cell, at, component)
+
+
+def _codes(flat: Indices, dim: int, cells: Indices, points: int) -> Indices:
+    """As `codes`; cells of dimension three go by their own number, for they share three vertices with neighbours."""
+    return np.arange(len(cells), dtype=np.int64) if dim == 3 else codes(flat, points)

@@ -1,0 +1,162 @@
+r"""Displacements on a named group: at quadrature points, on the mean, and as a rigid body's.
+
+.. math::
+    \bar u = \frac{1}{|\Gamma|} \int_\Gamma u \, d\Gamma, \qquad
+    \bar\theta = J^{-1} \int_\Gamma r \times u \, d\Gamma, \qquad
+    J = \int_\Gamma (r \cdot r) I - r r^T \, d\Gamma, \qquad r = x - \bar x
+
+Mean and rotation are those of the rigid motion nearest to u in the mean square; they are conjugate in work to a force
+spread evenly over the group and to a moment spread in proportion to the distance from its centroid.  This is the
+interpolation element (RBE3) of structural codes with the group's measure as weight.  MSC Nastran Linear Static Analysis
+User's Guide, chapter on R-type elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import cell_topology, lagrange_rule
+from pmr.errors import InputError
+from pmr.mesh.named import Group, NamedMesh
+from pmr.mesh.nodes import Nodes
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+ENTITY_KINDS = {(0, 1): "point", (1, 2): "interval", (2, 3): "triangle", (2, 4): "quadrilateral",
+                (3, 4): "tetrahedron", (3, 8): "hexahedron"}  # fmt: skip
+QUADRATURE_DEGREE = 4
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A field's values on a group.
+
+    Attributes
+    ----------
+    points : (q, 3) array, m
+    weights : (q,) array
+        Quadrature weights in m^dim, Jacobian included: they add up to the group's measure (points: to their number).
+    values : three (q, n) sparse matrices
+        Displacement along x, y, z at the points.
+    """
+
+    points: Array
+    weights: Array
+    values: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]
+
+    @property
+    def measure(self) -> float:
+        """Number, length, area or volume: m^dim."""
+        return float(self.weights.sum())
+
+    @property
+    def centroid(self) -> Array:
+        """(3,) m."""
+        return np.asarray(self.weights @ self.points / self.measure)
+
+    def mean(self, weights: Array | None = None) -> sp.csr_matrix:
+        """Mean displacement as rows (3, n); with a weight for each point (q,), the weighted mean."""
+        w = self.weights if weights is None else self.weights * weights
+        return sp.vstack([sp.csr_matrix((w / w.sum()) @ component) for component in self.values], format="csr")
+
+    def motion(self, about: Array | None = None) -> sp.csr_matrix:
+        """Displacement of a point that follows the group (by default its centroid), and rotation: rows (6, n).
+
+        Raises
+        ------
+        ValueError
+            If the group's points lie on a line, which leaves a rotation open.
+        """
+        r, w = self.points - self.centroid, self.weights
+        J = np.eye(3) * (w @ (r**2).sum(axis=1)) - (r.T * w) @ r
+        if np.linalg.eigvalsh(J)[0] <= 1e-9 * max(np.trace(J), 1e-300):
+            raise ValueError("points on a line leave the rotation about it open")
+        x, y, z = (r * w[:, None]).T
+        ux, uy, uz = self.values
+        moments = sp.csr_matrix(np.stack([uz.T @ y - uy.T @ z, ux.T @ z - uz.T @ x, uy.T @ x - ux.T @ y]))
+        rotation = sp.csr_matrix(np.linalg.inv(J)) @ moments
+        arm = np.zeros(3) if about is None else np.asarray(about, float) - self.centroid
+        return sp.vstack([self.mean() + sp.csr_matrix(-_cross(arm)) @ rotation, rotation], format="csr")
+
+
+def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int) -> Trace:
+    """Displacements of a Lagrange space of the given polynomial degree on a named group.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no such group, or the group is no part of its cells.
+    """
+    group = _group(mesh, name)
+    kind = ENTITY_KINDS[group.dim, group.entities.shape[1]]
+    weights, shape, _ = lagrange_rule(kind, degree, QUADRATURE_DEGREE)
+    _, linear, slopes = lagrange_rule(kind, 1, QUADRATURE_DEGREE)
+    corners = mesh.points[group.entities]
+    jacobian = np.einsum("dqk,eki->eqid", slopes, corners)
+    measure = np.sqrt(np.linalg.det(np.einsum("eqid,eqif->eqdf", jacobian, jacobian))) if group.dim else np.ones((1, 1))
+    first = _nodes_of(mesh, nodes, name, kind)
+    rows = np.repeat(np.arange(first.shape[0] * len(weights)), first.shape[1])
+    columns = np.repeat(first[:, None, :], len(weights), axis=1).ravel()
+    entries = np.tile(shape.ravel(), len(first))
+    size = (len(first) * len(weights), nodes.size)
+    return Trace(
+        points=np.einsum("qk,eki->eqi", linear, corners).reshape(-1, 3),
+        weights=(measure * weights * np.ones((len(first), 1))).ravel(),
+        values=tuple(sp.csr_matrix((entries, (rows, columns + c)), shape=size) for c in range(3)),
+    )
+
+
+def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequence[int]) -> Indices:
+    """Numbers, ascending, of the coordinates with the given components whose nodes lie on a named group.
+
+    Raises
+    ------
+    InputError
+        As `trace`.
+    """
+    group = _group(mesh, name)
+    topology = cell_topology(ENTITY_KINDS[group.dim, group.entities.shape[1]]) if group.dim else [[[0]]]
+    found = []
+    for dim, parts in enumerate(topology):
+        carried = len(nodes.components.get(dim, ()))
+        if carried:
+            found.append((_of(mesh, nodes, name, parts)[..., None] + np.arange(carried)).ravel())
+    on = np.unique(np.concatenate(found))
+    return on[np.isin(nodes.component[on], components)]
+
+
+def _group(mesh: NamedMesh, name: str) -> Group:
+    mesh.require([name])
+    return mesh.groups[name]
+
+
+def _nodes_of(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
+    """First coordinates (e, k) of the displacement nodes on each entity, ordered as its Lagrange functions."""
+    topology = cell_topology(kind) if mesh.groups[name].dim else [[[0]]]
+    tables = [_of(mesh, nodes, name, parts) for dim, parts in enumerate(topology) if 0 in nodes.components.get(dim, ())]
+    return np.concatenate(tables, axis=1)
+
+
+def _of(mesh: NamedMesh, nodes: Nodes, name: str, parts: list[list[int]]) -> Indices:
+    """First coordinates (e, p) of the nodes on the given parts (vertices) of each of a group's entities."""
+    entities = mesh.groups[name].entities
+    vertices = entities[:, parts]
+    dim = {1: 0, 2: 1}.get(vertices.shape[2], mesh.groups[name].dim if len(parts) == 1 else 2)
+    if dim == 3:
+        return nodes.first[3][mesh.regions[name]][:, None]
+    try:
+        found = nodes.of(vertices.reshape(-1, vertices.shape[2]), dim, len(mesh.points))
+    except KeyError as error:
+        raise InputError(mesh.source, "", None, f"group {name}: {error.args[0]}") from None
+    return found.reshape(vertices.shape[:2])
+
+
+def _cross(a: Array) -> Array:
+    """Matrix of the cross product a x (.)."""
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])

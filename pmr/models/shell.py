@@ -1,0 +1,157 @@
+r"""Linear shell on flat triangles: quadratic displacement u, Crouzeix-Raviart rotation theta, in space.
+
+With the triangle's frame e_1, e_2, e_3 and the surface gradient :math:`\nabla_t`
+
+.. math::
+    \varepsilon = \mathrm{sym}(\nabla_t u_t), \quad
+    \kappa = \mathrm{sym}(\nabla_t (e_3 \times \theta)), \quad
+    \gamma = \nabla_t u_3 - e_3 \times \theta, \quad
+    \varpi = (u_{2,1} - u_{1,2}) / 2 - \theta_3
+
+.. math::
+    k = \int t\, \varepsilon : A : \delta\varepsilon + \frac{t^3}{12} \kappa : A : \delta\kappa
+        + \frac{5}{6} G t\, \gamma \cdot \delta\gamma + \frac{E t^3}{h^2} \varpi\, \delta\varpi \, dA, \qquad
+    m = \int \rho t\, u \cdot \delta u + \frac{\rho t^3}{12} \theta \cdot \delta\theta \, dA
+
+A is the plane-stress stiffness.  The last term of k ties the drilling rotation theta_3, which has no stiffness of its
+own, to that of the surface; h is the triangle's diameter.  Its rotary inertia, of no consequence, keeps m definite.
+
+The pair of spaces does not lock in shear: Campello, Pimenta, Wriggers: A triangular finite shell element based on a
+fully nonlinear shell formulation, Computational Mechanics 31, 2003, 505-518 (element T6-3i).  The linear form with
+stabilised drilling in UFL: Bleyer, Numerical Tours of Computational Mechanics with FEniCSx, "Linear shell model", 2024.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import ufl
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import MPI, cellwise, shell_space
+from pmr.mesh.named import NamedMesh
+from pmr.mesh.nodes import Nodes, number_nodes
+from pmr.mesh.trace import Trace, coordinates_on, trace
+from pmr.models import DIRECTIONS, Forms
+from pmr.models.regions import by_region, frequency_scale, rigid_motions
+from pmr.scene.structures import Plate, ShellBody
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+KINDS = ("triangle",)
+SHEAR_CORRECTION = 5.0 / 6.0
+
+
+@dataclass(frozen=True)
+class Shell:
+    """The model on a mesh of triangles."""
+
+    body: ShellBody
+    mesh: NamedMesh
+
+    @cached_property
+    def nodes(self) -> Nodes:
+        """Displacements on vertices and edges, rotations on edges."""
+        return number_nodes("triangle", self.mesh.points, self.mesh.cells, {0: (0, 1, 2), 1: (0, 1, 2, 3, 4, 5)})
+
+    @cached_property
+    def plates(self) -> list[Plate]:
+        """Of each cell."""
+        return by_region(self.mesh, self.body.plate, self.body.regions)
+
+    @property
+    def size(self) -> int:
+        return self.nodes.size
+
+    @property
+    def reference_frequency(self) -> float:
+        plate = self.body.plate
+        return frequency_scale(self.mesh.points, plate.material, plate.thickness)
+
+    @property
+    def directions(self) -> tuple[str, ...]:
+        return DIRECTIONS
+
+    @property
+    def transformation(self) -> None:
+        """None: the space's coordinates are the model's."""
+
+    def domain(self, comm: MPI.Comm) -> Any:
+        return self.mesh.distribute(comm)
+
+    def space(self, domain: Any) -> Any:
+        return shell_space(domain)
+
+    def forms(self, space: Any) -> Forms:
+        mesh = space.mesh
+        E, nu, rho, t = (
+            cellwise(mesh, np.array(values))
+            for values in zip(
+                *((p.material.young, p.material.poisson, p.material.density, p.thickness) for p in self.plates),
+                strict=True,
+            )
+        )
+        e1, e2, e3 = _frame(mesh)
+        in_plane = ufl.as_matrix([[e[i] for i in range(3)] for e in (e1, e2)])
+
+        def surface_gradient(field: Any) -> Any:
+            return ufl.dot(ufl.grad(field), ufl.transpose(in_plane))
+
+        def strains(u: Any, theta: Any) -> tuple[Any, Any, Any, Any]:
+            H = ufl.dot(in_plane, surface_gradient(u))
+            director = ufl.cross(e3, theta)
+            return (
+                ufl.sym(H),
+                ufl.sym(ufl.dot(in_plane, surface_gradient(director))),
+                surface_gradient(ufl.dot(u, e3)) - ufl.dot(in_plane, director),
+                (H[1, 0] - H[0, 1]) / 2 - ufl.dot(theta, e3),
+            )
+
+        def plane_stress(strain: Any) -> Any:
+            return E / (1 - nu**2) * ((1 - nu) * strain + nu * ufl.tr(strain) * ufl.Identity(2))
+
+        (u, theta), (du, dtheta) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
+        epsilon, kappa, gamma, drilling = strains(u, theta)
+        d_epsilon, d_kappa, d_gamma, d_drilling = strains(du, dtheta)
+        G, h = E / (2 * (1 + nu)), ufl.CellDiameter(mesh)
+        dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 2})
+        stiffness = (
+            t * ufl.inner(plane_stress(epsilon), d_epsilon)
+            + t**3 / 12 * ufl.inner(plane_stress(kappa), d_kappa)
+            + SHEAR_CORRECTION * G * t * ufl.dot(gamma, d_gamma)
+            + E * t**3 / h**2 * drilling * d_drilling
+        ) * dx
+        dm = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
+        mass = (rho * t * ufl.dot(u, du) + rho * t**3 / 12 * ufl.dot(theta, dtheta)) * dm
+        return Forms(mass, stiffness)
+
+    def element_coordinates(self, cells: Indices) -> list[Indices]:
+        return self.nodes.per_component(cells)
+
+    def trace(self, place: str) -> Trace:
+        """Displacements on a named group."""
+        return trace(self.mesh, self.nodes, place, degree=2)
+
+    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        return self.trace(str(place)).motion(about)
+
+    def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
+
+    def rigid_motions(self) -> Array:
+        return rigid_motions(self.nodes)
+
+
+def _frame(mesh: Any) -> tuple[Any, Any, Any]:
+    """Unit vectors of each triangle: along its first edge, across in its plane, normal to it."""
+    J = ufl.Jacobian(mesh)
+    first, second = ufl.as_vector([J[i, 0] for i in range(3)]), ufl.as_vector([J[i, 1] for i in range(3)])
+    normal = ufl.cross(first, second)
+    e1, e3 = first / ufl.sqrt(ufl.dot(first, first)), normal / ufl.sqrt(ufl.dot(normal, normal))
+    return e1, ufl.cross(e3, e1), e3

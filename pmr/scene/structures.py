@@ -1,0 +1,88 @@
+"""Sections of a scene that describe bodies in space: materials, thicknesses, beam sections, attached masses."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from pmr.scene.sections import Damping, NotNegative, Positive, _Section
+from pmr.signals import Real
+
+Vector = tuple[Real, Real, Real]
+
+
+class Material(_Section):
+    """Isotropic and linear elastic; structural steel by default."""
+
+    young: Positive = 210.0e9  # E, Pa
+    poisson: Annotated[float, Field(gt=-1.0, lt=0.5, strict=True)] = 0.3
+    density: Positive = 7850.0  # kg/m^3
+
+    @property
+    def shear_modulus(self) -> float:
+        """G = E / (2 (1 + nu)) in Pa."""
+        return self.young / (2.0 * (1.0 + self.poisson))
+
+
+class Plate(_Section):
+    """Material and thickness of a region of a shell."""
+
+    material: Material = Material()
+    thickness: Positive  # m
+
+
+class PointMass(_Section):
+    """A rigid body attached to a named group (or, on a beam, to a place along it).
+
+    `average`: it follows the group's mean motion, which leaves the group free to deform; `rigid`: the group moves
+    as one with it.
+    """
+
+    name: str
+    on: str
+    mass: NotNegative  # kg
+    inertia: tuple[NotNegative, NotNegative, NotNegative] = (0.0, 0.0, 0.0)  # about its own centre, kg m^2
+    at: Vector | None = None  # its centre, m; by default the group's centroid
+    coupling: Literal["average", "rigid"] = "average"
+
+
+class BoxProfile(_Section):
+    """A rectangular tube, by the dimensions of its mid-surface; width along y, height along z."""
+
+    width: Positive  # m
+    height: Positive  # m
+    wall: Positive  # m
+
+    @model_validator(mode="after")
+    def _hollow(self) -> BoxProfile:
+        if self.wall >= min(self.width, self.height):
+            raise ValueError("the wall must be thinner than width and height")
+        return self
+
+
+def rayleigh(ratio: float, first: float, second: float) -> Damping:
+    """Rayleigh damping with the given damping ratio at two frequencies in Hz; less in between, more outside.
+
+    zeta = (a / omega + b omega) / 2 at both gives a = 2 zeta omega_1 omega_2 / (omega_1 + omega_2), b = 2 zeta /
+    (omega_1 + omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.
+    """
+    one, two = 2.0 * np.pi * first, 2.0 * np.pi * second
+    return Damping(mass=2.0 * ratio * one * two / (one + two), stiffness=2.0 * ratio / (one + two))
+
+
+class ShellBody(_Section):
+    """A shell: its plate, and other ones in named regions of the mesh."""
+
+    model: Literal["shell"] = "shell"
+    plate: Plate
+    regions: dict[str, Plate] = {}
+
+
+class SolidBody(_Section):
+    """A solid: its material, and other ones in named regions of the mesh."""
+
+    model: Literal["solid"] = "solid"
+    material: Material = Material()
+    regions: dict[str, Material] = {}
