@@ -27,7 +27,7 @@ class Operators:
         """D = a M + b K."""
         D = self.M.duplicate(copy=True)
         D.scale(rayleigh.mass)
-        D.axpy(rayleigh.stiffness, self.K, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        D.axpy(rayleigh.stiffness, self.K, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         return D
 
 

@@ -136,8 +136,8 @@ def _path_domain(scene: Scene) -> tuple[float, float]:
 
 def columns(like: PETSc.Mat, columns: list[tuple[NDArray[np.int64], Array]]) -> PETSc.Mat:
     """Sparse matrix (n, len(columns)) with rows distributed as those of `like`."""
-    number = np.repeat(np.arange(len(columns)), [len(dofs) for dofs, _ in columns])
-    dofs, entries = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+    number = np.repeat(np.arange(len(columns)), np.array([len(dofs) for dofs, _ in columns], int))
+    dofs, entries = (np.concatenate([np.empty(0, int), *(column[i] for column in columns)]) for i in (0, 1))
     first, last = like.getOwnershipRange()
     whole = sp.csr_matrix((entries, (dofs, number)), shape=(like.getSize()[0], len(columns)))
     return sparse(whole[first:last], like)

@@ -88,6 +88,10 @@ class StructuralModel(Protocol):
         """
         ...
 
+    def centroid(self, place: str | float) -> Array:
+        """Where a place is, (3,) m."""
+        ...
+
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         """Numbers of all coordinates along some of the `directions` on a named group.
 

@@ -131,6 +131,9 @@ class Beam2D:
             rows[i, dofs] = weights
         return sp.csr_matrix(rows)
 
+    def centroid(self, place: str | float) -> Array:
+        return np.array([station(place, self.body.length), 0.0, 0.0])
+
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         if place not in ENDS:
             raise InputError("scene", "place", place, "tail or tip is allowed")
@@ -158,6 +161,21 @@ class Beam2D:
 
     def _bending_dofs(self, e: int) -> list[int]:
         return [self._dof(n, d) for n in (e, e + 1) for d in ("y", "rotation")]
+
+
+def station(place: str | float, length: float) -> float:
+    """Distance of a place from the beam's first end in m.
+
+    Raises
+    ------
+    InputError
+        If it is not on the beam.
+    """
+    at = ENDS[place] * length if isinstance(place, str) and place in ENDS else place
+    slack = 1e-9 * length  # round-off of a caller's arithmetic
+    if isinstance(at, str) or not -slack <= at <= length + slack:
+        raise InputError("scene", "place", place, f"tail, tip or a number from 0 to {length:g} m is allowed")
+    return float(np.clip(at, 0.0, length))
 
 
 #: N2, N3 / h, N5, N6 / h as polynomials in xi in [0, 1], highest power first.

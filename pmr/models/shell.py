@@ -141,6 +141,9 @@ class Shell:
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         return self.trace(str(place)).motion(about)
 
+    def centroid(self, place: str | float) -> Array:
+        return self.trace(str(place)).centroid
+
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
 

@@ -86,3 +86,51 @@ class SolidBody(_Section):
     model: Literal["solid"] = "solid"
     material: Material = Material()
     regions: dict[str, Material] = {}
+
+
+class BeamSection(_Section):
+    """Properties of a cross-section about its centroid; z points up in the section, y across."""
+
+    area: Positive  # A, m^2
+    second_moment_y: Positive  # I_y, m^4: resists bending along z
+    second_moment_z: Positive  # I_z, m^4: resists bending along y
+    torsion_constant: Positive  # m^4
+    shear_area_y: Positive | None = None  # kappa A for forces along y, m^2
+    shear_area_z: Positive | None = None  # kappa A for forces along z, m^2
+
+    @property
+    def polar_moment(self) -> float:
+        """I_y + I_z in m^4, for rotary inertia about the axis."""
+        return self.second_moment_y + self.second_moment_z
+
+
+class Beam3DBody(_Section):
+    """A beam in space along a polyline, with one section; `shear` adds shear deformation and rotary inertia."""
+
+    model: Literal["beam3d"] = "beam3d"
+    points: Annotated[tuple[Vector, ...], Field(min_length=2)]  # corners of the axis, m
+    up: Vector = (0.0, 0.0, 1.0)  # the section's z axis lies in the plane of this and the beam's axis
+    section: BeamSection | None = None
+    profile: BoxProfile | None = None
+    material: Material = Material()
+    shear: bool = False
+    elements: Annotated[int, Field(ge=1, strict=True)] = 60  # over the whole length
+
+    @model_validator(mode="after")
+    def _described_once(self) -> Beam3DBody:
+        if (self.section is None) == (self.profile is None):
+            raise ValueError("give section or profile, one of them")
+        if self.shear and self.section is not None and None in (self.section.shear_area_y, self.section.shear_area_z):
+            raise ValueError("shear = true needs section.shear_area_y and section.shear_area_z in m^2")
+        return self
+
+    @model_validator(mode="after")
+    def _frames_exist(self) -> Beam3DBody:
+        steps = np.diff(np.array(self.points), axis=0)
+        lengths = np.linalg.norm(steps, axis=1)
+        if np.any(lengths <= 0.0):
+            raise ValueError("two points in a row are the same")
+        across = np.linalg.norm(np.cross(steps / lengths[:, None], self.up), axis=1)
+        if np.any(across <= 1e-6 * float(np.linalg.norm(self.up))):
+            raise ValueError("up must not be parallel to the beam")
+        return self

@@ -1,0 +1,208 @@
+r"""A structure in space as a full model: clamps, loads, gravity, attached masses, outputs.
+
+Clamps and rigid couplings leave the coordinates z of a structural model, q = T z; attached bodies of mass m and
+inertia J follow a place's motion g = G q:
+
+.. math::
+    M = T^T \bigl(M_q + G^T \operatorname{diag}(m, J)\, G\bigr) T, \qquad K = T^T K_q T, \qquad B = T^T B_q
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.assembly import Operators, assemble_model, share
+from pmr.dolfinx_compat import MPI, PETSc
+from pmr.errors import InputError
+from pmr.models import StructuralModel
+from pmr.operators import FullModel, columns
+from pmr.parallel import sparse
+from pmr.scene import Damping
+from pmr.scene.structures import PointMass
+from pmr.sliding import Rows
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+GRAVITY = 9.80665  # m/s^2
+
+
+@dataclass(frozen=True)
+class Clamp:
+    """Coordinates on a named group that are held at zero: by default all."""
+
+    on: str
+    directions: tuple[str, ...] = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Action:
+    """A unit force (moment) along `direction` on a place, or what is measured there: displacement (rotation)."""
+
+    name: str
+    on: str | float
+    direction: str
+
+
+@dataclass(frozen=True)
+class Weight:
+    """A load that accelerates everything, attached masses too, by one m/s^2 along `direction` (3,); input in m/s^2."""
+
+    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    name: str = "gravity"
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A structural model and what is attached to it."""
+
+    model: StructuralModel
+    clamps: tuple[Clamp, ...] = ()
+    masses: tuple[PointMass, ...] = ()
+    loads: tuple[Action | Weight, ...] = ()
+    outputs: tuple[Action, ...] = ()
+    damping: Damping = Damping()
+
+
+def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
+    """Assemble a structure on `comm`; it has no rows, for what is clamped is left out.
+
+    Raises
+    ------
+    InputError
+        If a place does not exist, or a rigid coupling meets a clamp or another one.
+    """
+    model = structure.model
+    base = assemble_model(model, model.domain(comm))
+    coupling = couple(structure)
+    attached = coupling.attached_mass()
+    operators = Operators(_reduced(base.M, coupling.T, attached), _reduced(base.K, coupling.T, 0.0 * attached))
+    return FullModel(
+        operators.M,
+        operators.damping(structure.damping),
+        operators.K,
+        inputs=columns(operators.M, [_sparse_column(coupling.load(load, base.M)) for load in structure.loads]),
+        outputs=columns(operators.M, [_sparse_column(coupling.row(output)) for output in structure.outputs]),
+        rows=Rows((), coupling.T.shape[1]),
+        input_names=tuple(load.name for load in structure.loads),
+        output_positions=np.array([model.centroid(output.on)[0] for output in structure.outputs]),
+        reference_frequency=model.reference_frequency,
+    )
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """Coordinates z of a structure.
+
+    Attributes
+    ----------
+    T : (n, n') sparse matrix
+        The model's coordinates are T z: its free ones in their order, then the motions of rigidly coupled masses.
+    motions : tuple of (k, n') sparse matrices
+        Motion of each attached mass, k directions of the model.
+    inertias : tuple of (k,) arrays
+        Mass in kg and inertia in kg m^2 along those directions.
+    """
+
+    model: StructuralModel
+    T: sp.csr_matrix
+    motions: tuple[sp.csr_matrix, ...]
+    inertias: tuple[Array, ...]
+
+    def attached_mass(self) -> sp.csr_matrix:
+        """Sum of G^T diag(m, J) G, (n', n')."""
+        total = sp.csr_matrix((self.T.shape[1], self.T.shape[1]))
+        for G, inertia in zip(self.motions, self.inertias, strict=True):
+            total += G.T @ sp.diags(inertia) @ G
+        return total.tocsr()
+
+    def row(self, action: Action) -> Array:
+        """Entries (n',) of the row that an action is or measures.
+
+        Raises
+        ------
+        InputError
+            If the model has no such direction.
+        """
+        if action.direction not in self.model.directions:
+            allowed = f"{', '.join(self.model.directions)} are allowed"
+            raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
+        motion = self.model.motion(action.on)[self.model.directions.index(action.direction)]
+        return np.asarray((motion @ self.T).toarray()).ravel()
+
+    def load(self, load: Action | Weight, M: PETSc.Mat) -> Array:
+        """Entries (n',) of a load's column; collective."""
+        if isinstance(load, Action):
+            return self.row(load)
+        along = dict(zip("xyz", load.direction, strict=True))
+        acceleration = np.array([along.get(direction, 0.0) for direction in self.model.directions])
+        x, f = M.createVecRight(), M.createVecLeft()
+        first, last = M.getOwnershipRange()
+        x.getArray()[:] = (self.model.rigid_motions() @ acceleration)[first:last]
+        M.mult(x, f)
+        column = self.T.T @ np.concatenate(M.comm.tompi4py().allgather(f.getArray()))
+        for G, inertia in zip(self.motions, self.inertias, strict=True):
+            column += G.T @ (inertia * acceleration)
+        return np.asarray(column)
+
+
+def couple(structure: Structure) -> Coupling:
+    """Eliminate clamps and rigid couplings."""
+    model = structure.model
+    owner = np.full(model.size, "", dtype=object)
+    for clamp in structure.clamps:
+        owner[model.coordinates_on(clamp.on, clamp.directions)] = f"the clamp at {clamp.on}"
+    rigid = [mass for mass in structure.masses if mass.coupling == "rigid"]
+    blocks = []
+    for mass in rigid:
+        on = model.coordinates_on(mass.on, model.directions)
+        taken = next((name for name in owner[on] if name), "")
+        if taken:
+            raise InputError("scene", f"masses.{mass.name}.on", mass.on, f"shares coordinates with {taken}")
+        owner[on] = mass.name
+        R = model.rigid_motions()
+        follows = R @ np.linalg.inv(model.motion(mass.on, _centre(mass)) @ R)
+        block = sp.lil_matrix((model.size, R.shape[1]))
+        block[on] = follows[on]
+        blocks.append(block)
+    free = np.flatnonzero(owner == "")
+    selection = sp.csr_matrix((np.ones(len(free)), (free, np.arange(len(free)))), shape=(model.size, len(free)))
+    T = sp.hstack([selection, *blocks], format="csr")
+    motions = []
+    for mass in structure.masses:
+        if mass.coupling == "rigid":
+            k = len(model.directions)
+            motions.append(sp.eye(k, T.shape[1], k=len(free) + k * rigid.index(mass), format="csr"))
+        else:
+            motions.append((model.motion(mass.on, _centre(mass)) @ T).tocsr())
+    return Coupling(model, T, tuple(motions), tuple(_inertia(mass, model.directions) for mass in structure.masses))
+
+
+def _centre(mass: PointMass) -> Array | None:
+    return None if mass.at is None else np.array(mass.at)
+
+
+def _inertia(mass: PointMass, directions: Sequence[str]) -> Array:
+    """Mass or inertia along each direction; the planar rotation is one about z."""
+    about = dict(zip(("rx", "ry", "rz"), mass.inertia, strict=True)) | {"rotation": mass.inertia[2]}
+    return np.array([about.get(direction, mass.mass) for direction in directions])
+
+
+def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
+    """T^T A T + added, distributed in consecutive shares; entries of `added` keep their place even if zero."""
+    first, last = A.getOwnershipRange()
+    low, high = share(T.shape[1], A.comm.tompi4py())
+    result = A.PtAP(sparse(T[first:last], A, columns=int(high - low)))
+    if added.nnz:
+        result.axpy(1.0, sparse(added[low:high], result), structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    return result
+
+
+def _sparse_column(column: Array) -> tuple[Indices, Array]:
+    dofs = np.flatnonzero(column)
+    return dofs, column[dofs]

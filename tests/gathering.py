@@ -1,0 +1,13 @@
+"""Distributed matrices as dense copies on every rank."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pmr.dolfinx_compat import MPI
+from pmr.operators import gather
+
+
+def gathered(A) -> np.ndarray:
+    matrix = gather(A)
+    return MPI.COMM_WORLD.bcast(None if matrix is None else matrix.toarray())
