@@ -1,0 +1,135 @@
+"""Structured patches drawn and meshed with gmsh, and written with their named groups."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Entity = tuple[int, int]  # dimension and tag
+
+#: gmsh's element types: meshio's name and number of vertices.
+ELEMENTS = {1: ("line", 2), 2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8)}
+
+
+class Drawing:
+    """A gmsh model in which equal points and lines are one; a context, for gmsh is global to the process."""
+
+    def __enter__(self) -> Drawing:
+        import gmsh
+
+        gmsh.initialize(interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+        self._model: Any = gmsh.model
+        self._finalize = gmsh.finalize
+        self._points: dict[tuple[float, ...], int] = {}
+        self._curves: dict[frozenset[int], int] = {}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._finalize()
+
+    def point(self, x: float, y: float, z: float) -> int:
+        """A point at a place in m."""
+        key = tuple(round(c, 9) + 0.0 for c in (x, y, z))
+        if key not in self._points:
+            self._points[key] = self._model.geo.addPoint(x, y, z)
+        return self._points[key]
+
+    def line(self, start: int, end: int, divisions: int) -> int:
+        """A straight line, divided evenly."""
+        return self._curve(start, end, divisions, lambda: self._model.geo.addLine(start, end))
+
+    def arc(self, start: int, centre: int, end: int, divisions: int) -> int:
+        """A circular arc, divided evenly."""
+        return self._curve(start, end, divisions, lambda: self._model.geo.addCircleArc(start, centre, end))
+
+    def _curve(self, start: int, end: int, divisions: int, draw: Any) -> int:
+        key = frozenset((start, end))
+        if key not in self._curves:
+            self._curves[key] = draw()
+            self._model.geo.mesh.setTransfiniteCurve(self._curves[key], divisions + 1)
+        return self._curves[key]
+
+    def patch(self, sides: Sequence[int], quads: bool) -> Entity:
+        """A surface with four sides, meshed in rows and columns: rectangles, or triangles."""
+        geo = self._model.geo
+        surface = geo.addPlaneSurface([geo.addCurveLoop(sides, reorient=True)])
+        geo.mesh.setTransfiniteSurface(surface)
+        if quads:
+            geo.mesh.setRecombine(2, surface)
+        return 2, surface
+
+    def sweep(self, entities: Sequence[Entity], distance: float, size: float, quads: bool) -> list[Entity]:
+        """Sweep curves or surfaces along x in layers of about `size`; what gmsh made, in its order."""
+        layers = max(1, round(distance / size))
+        return list(self._model.geo.extrude(list(entities), distance, 0, 0, [layers], recombine=quads))
+
+    def strips(self, outer: Sequence[int], inner: Sequence[int], divisions: int) -> list[Entity]:
+        """Patches between pairs of curves that run side by side."""
+        self._model.geo.synchronize()
+        patches = []
+        for one, other in zip(outer, inner, strict=True):
+            (a, b), (c, d) = (
+                [tag for _, tag in self._model.getBoundary([(1, curve)], oriented=False)] for curve in (one, other)
+            )
+            if self._distance(a, c) + self._distance(b, d) > self._distance(a, d) + self._distance(b, c):
+                c, d = d, c
+            patches.append(self.patch([one, self.line(b, d, divisions), other, self.line(c, a, divisions)], quads=True))
+        return patches
+
+    def _distance(self, a: int, b: int) -> float:
+        p, q = (np.array(self._model.getValue(0, tag, [])) for tag in (a, b))
+        return float(np.linalg.norm(p - q))
+
+    def boundary(self, entities: Sequence[Entity]) -> list[Entity]:
+        """Faces that bound the entities as a whole."""
+        self._model.geo.synchronize()
+        return list(self._model.getBoundary(list(entities), combined=True, oriented=False))
+
+    def bounds(self, entity: Entity) -> tuple[Array, Array]:
+        """Opposite corners (3,) m of an entity's bounding box."""
+        box = np.array(self._model.getBoundingBox(*entity))
+        return box[:3], box[3:]
+
+    def write(self, groups: Mapping[str, Sequence[Entity]], file: Path) -> None:
+        """Mesh and write, with `groups` as physical groups; rectangles of a surface become four triangles each."""
+        import meshio
+
+        self._model.geo.synchronize()
+        top = max(dim for members in groups.values() for dim, _ in members)
+        self._model.mesh.generate(top)
+        tags, coordinates, _ = self._model.mesh.getNodes()
+        number = np.zeros(int(tags.max()) + 1, np.int64)
+        number[tags.astype(np.int64)] = np.arange(len(tags))
+        points = coordinates.reshape(-1, 3)
+        cells, physical, field_data = [], [], {}
+        for tag, (name, members) in enumerate(groups.items(), 1):
+            field_data[name] = np.array([tag, members[0][0]])
+            for entity in members:
+                for element, _, nodes in zip(*self._model.mesh.getElements(*entity), strict=True):
+                    kind, vertices = ELEMENTS[int(element)]
+                    block = number[nodes.astype(np.int64)].reshape(-1, vertices)
+                    if kind == "quad" and top == 2:
+                        points, block = crossed(points, block)
+                        kind = "triangle"
+                    cells.append((kind, block))
+                    physical.append(np.full(len(block), tag))
+        data = {"gmsh:physical": physical, "gmsh:geometrical": physical}
+        mesh = meshio.Mesh(points, cells, cell_data=data, field_data=field_data)
+        meshio.write(file, mesh, file_format="gmsh22", binary=False)
+
+
+def crossed(points: Array, quads: Indices) -> tuple[Array, Indices]:
+    """Each quadrilateral as four triangles around its centre; the centres are added to the points."""
+    centre = len(points) + np.arange(len(quads))
+    triangles = [np.stack([quads[:, i], quads[:, (i + 1) % 4], centre], axis=1) for i in range(4)]
+    return np.concatenate([points, points[quads].mean(axis=1)]), np.stack(triangles, axis=1).reshape(-1, 3)
