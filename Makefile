@@ -3,7 +3,7 @@
 .NOTPARALLEL:
 SHELL := /bin/bash
 
-PINS := $(wildcard requirements/*.txt) pyproject.toml
+PINS := $(filter-out requirements/snakemake.txt, $(wildcard requirements/*.txt)) pyproject.toml
 
 # The form compiler calls cc at run time, WeasyPrint loads Pango and HarfBuzz, and on Debian's default BLAS
 # a MUMPS factor takes six times as long as on OpenBLAS.
@@ -71,8 +71,15 @@ test: lint test-suite test-mpi ## lint, the whole suite, two ranks; in CI the wh
 	else $(MAKE) --no-print-directory test-wheel; fi
 
 .PHONY: test-suite
-test-suite: setup
+test-suite: setup .venv-snakemake/.ready
 	$(call pytest,.venv)
+
+# Only the tests of workflows/Snakefile want it.
+.venv-snakemake/.ready: requirements/snakemake.txt
+	@echo "installing Snakemake into .venv-snakemake"
+	@/usr/bin/python3 -m venv .venv-snakemake
+	@.venv-snakemake/bin/python -m pip install -q -r requirements/snakemake.txt
+	@touch $@
 
 .PHONY: test-fast
 test-fast: setup ## the suite without the slow tests
@@ -108,6 +115,6 @@ test-wheel: .venv-wheel/.ready ## the suite and the two ranks on the wheel stack
 	$(call ranks,.venv-wheel,mpirun)
 
 .PHONY: clean
-clean: ## remove what make and the tests made, the two venvs too
-	rm -rf .venv .venv-wheel build dist reports/paper .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+clean: ## remove what make and the tests made, the venvs too
+	rm -rf .venv .venv-wheel .venv-snakemake .snakemake build dist reports/paper .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 	find pmr tests -name __pycache__ -prune -exec rm -rf {} +

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +15,7 @@ from rich.progress import Progress as Bars
 from pmr.console import ensure_writable, err, out, say
 from pmr.errors import InputError
 from pmr.studies import files, pools
-from pmr.studies.call import Outcome, compute
+from pmr.studies.call import Outcome, compute, save
 from pmr.studies.runner import Progress, Watch
 
 LOGGED_EVERY = 30.0  # s, where there is no terminal
@@ -33,6 +33,11 @@ def study(
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the study; repeatable.")
     ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="RUN", help="Compute this run alone, and no table yet; repeatable."),
+    ] = None,
+    listed: Annotated[bool, typer.Option("--list", help="Name all runs, a line each, and compute nothing.")] = False,
 ) -> None:
     """Compute many runs, several at a time, and make one table of them.
 
@@ -42,6 +47,9 @@ def study(
 
     A run that fails is recorded with its reason and the others go on; the exit code is then 1.
 
+    Batch systems may take the runs one by one: --list names them, --only computes one of them into DIR, and a last
+    call without either makes the table.
+
     Examples
     --------
         pmr study workflows/studies/coordinates.toml --jobs 2
@@ -50,24 +58,39 @@ def study(
 
         mpiexec -n 9 python -m mpi4py.futures -m pmr study workflows/studies/coordinates.toml    (8 workers)
     """
-    ranks = pools.launched_ranks()
-    if ranks > 1 and jobs:
-        raise InputError("command line", "--jobs", jobs, f"the {ranks - 1} ranks beside the first are the workers")
+    if listed:
+        for name in files.load(study_file, overrides or ()).runs:
+            say(out, name)
+        return
+    folder = out_dir or Path("reports", study_file.stem)
     try:
-        with pools.rank_pool() if ranks > 1 else pools.local_pool(jobs or pools.cores()) as pool:
+        with _pool(jobs) as pool:
             if pool is None:
                 return  # a rank that has worked for the first one
             project = files.load(study_file, overrides or ())
-            folder = out_dir or Path("reports", study_file.stem)
+            asked = project.only(only) if only else project
             ensure_writable(folder)
             with _watching() as watch:
-                outcome = compute(project, folder, pool, watch)
+                outcome = compute(asked, folder, pool, watch)
     except KeyboardInterrupt:
         say(err, "interrupted; the same command goes on from here")
         raise typer.Exit(130) from None
-    _tell(outcome, folder)
+    _tell_failures(outcome)
+    if not only:
+        save(project, outcome, folder)
+        for results in outcome.results.values():
+            say(out, f"table  {results.folder}/runs.csv")
+    say(out, f"{outcome.done} of {len(asked.runs)} runs are there; {outcome.computed} tasks were computed now")
     if not outcome.is_complete:
         raise typer.Exit(1)
+
+
+def _pool(jobs: int | None) -> AbstractContextManager[pools.Pool | None]:
+    if pools.launched_ranks() == 1:
+        return pools.local_pool(jobs or pools.cores())
+    if jobs:
+        raise InputError("command line", "--jobs", jobs, "under MPI all ranks but the first are workers; leave it out")
+    return pools.rank_pool()
 
 
 @contextmanager
@@ -93,14 +116,14 @@ class _LogLines:
             self._next = time.monotonic() + LOGGED_EVERY
 
 
-def _tell(outcome: Outcome, folder: Path) -> None:
-    runs = [(name, run) for name, results in outcome.results.items() for run in results.runs]
-    wrong = [(name, run) for name, run in runs if run.status != "done"]
-    for name, run in wrong[:SHOWN_FAILURES]:
-        say(err, f"{run.status}: {f'{name}/' if name else ''}{run.key}: {run.reason}")
+def _tell_failures(outcome: Outcome) -> None:
+    wrong = [
+        f"{record.status}: {f'{name}/' if name else ''}{record.key}: {record.reason}"
+        for name, results in outcome.results.items()
+        for record in results.runs
+        if record.status != "done"
+    ]
+    for line in wrong[:SHOWN_FAILURES]:
+        say(err, line)
     if len(wrong) > SHOWN_FAILURES:
-        say(err, f"and {len(wrong) - SHOWN_FAILURES} more, see runs.csv")
-    for results in outcome.results.values():
-        say(out, f"table  {results.folder}/runs.csv")
-    done = len(runs) - len(wrong)
-    say(out, f"{done} of {len(runs)} runs are there; {outcome.computed} tasks were computed now")
+        say(err, f"and {len(wrong) - SHOWN_FAILURES} more")

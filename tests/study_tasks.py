@@ -17,7 +17,7 @@ import numpy as np
 
 from pmr.errors import SimulationError
 from pmr.studies import pools
-from pmr.studies.call import Outcome, compute
+from pmr.studies.call import Outcome, compute, save
 from pmr.studies.files import Part, Project
 from pmr.studies.study import StudyBase
 from pmr.studies.task import Plan, Task, TaskResult
@@ -58,6 +58,13 @@ def die(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
     return TaskResult()
 
 
+def sleep(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    """Leave the number of its process, then take long."""
+    Path(arguments["file"]).write_text(str(os.getpid()))
+    time.sleep(100.0)
+    return TaskResult()
+
+
 def surroundings(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
     """What the task's process looks like."""
     from mpi4py import MPI
@@ -68,7 +75,7 @@ def surroundings(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
 
 
 class Squares(StudyBase):
-    """Numbers, each squared once, and sums of neighbours that need them."""
+    """Numbers, each squared once, sums of neighbours that need them, and what a process looks like."""
 
     kind: Literal["squares"] = "squares"
     title: str = "Squares"
@@ -81,7 +88,7 @@ class Squares(StudyBase):
         sums = [
             Task(f"sum-{x}", add, {}, {"left": f"x={x}", "right": f"x={x + 1}"}, {"x": x}) for x in range(COUNT - 1)
         ]
-        return Plan((*sums, *squares[:3]), tuple(squares[3:]))
+        return Plan((*sums, *squares[:3], Task("here", surroundings)), tuple(squares[3:]))
 
 
 def project(*studies: StudyBase) -> Project:
@@ -92,16 +99,20 @@ def project(*studies: StudyBase) -> Project:
 
 
 def run(folder: Path, *studies: StudyBase, jobs: int = 2) -> Outcome:
+    """Compute studies on this machine and write their tables."""
+    asked = project(*studies)
     with pools.local_pool(jobs) as pool:
-        return compute(project(*studies), folder, pool, lambda progress: None)
+        outcome = compute(asked, folder, pool, lambda progress: None)
+    save(asked, outcome, folder)
+    return outcome
 
 
 def main(folder: Path, jobs: int) -> None:
     ranks = pools.launched_ranks()
     with pools.rank_pool() if ranks > 1 else pools.local_pool(jobs) as pool:
         if pool is not None:
-            study = Squares(log=folder / "calls", seconds=0.1)
-            compute(project(study), folder, pool, lambda progress: None)
+            asked = project(Squares(log=folder / "calls", seconds=0.1))
+            save(asked, compute(asked, folder, pool, lambda progress: None), folder)
 
 
 if __name__ == "__main__":

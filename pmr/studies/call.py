@@ -22,10 +22,18 @@ NOT_COMPUTING = ("report/", "studies/kinds/", "cli", "console")
 
 @dataclass(frozen=True)
 class Outcome:
-    """Results of each part, by name, and how many tasks this call computed itself."""
+    """What a call computed, and what is there of all that was asked for.
+
+    `results` are those of each part, by name; `computed` is the number of tasks that this call computed itself.
+    """
 
     results: Mapping[str, StudyResults]
     computed: int
+
+    @property
+    def done(self) -> int:
+        """Number of runs that are there."""
+        return sum(record.status == "done" for results in self.results.values() for record in results.runs)
 
     @property
     def is_complete(self) -> bool:
@@ -33,19 +41,26 @@ class Outcome:
 
 
 def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome:
-    """Compute what is not there yet, and write the tables: into `folder`, or a folder in it for each part."""
+    """Compute what is not there yet; results of tasks go into a folder of `folder`, no table is written."""
     store, code = Store(folder / "tasks"), environment.code_digest(leave_out=NOT_COMPUTING)
     store.prepare()
     nodes = open_nodes([part.plan for part in project.parts], code, store.sound)
     failures = run(nodes, store, pool, watch)
-    results = {}
-    for part in project.parts:
-        results[part.name] = StudyResults.collect(folder / part.name, part.plan, code, store, failures)
-        results[part.name].save(_summary(part.study.title, part.study.kind))
-    if "" not in results:
-        all_runs = StudyResults(folder, tuple(run for name, result in results.items() for run in _named(name, result)))
-        all_runs.save_summary(_summary(project.title, project.kind) | {"studies": list(results)})
+    results = {
+        part.name: StudyResults.collect(folder / part.name, part.plan, code, store, failures) for part in project.parts
+    }
     return Outcome(results, len(nodes) - len(failures))
+
+
+def save(project: Project, outcome: Outcome, folder: Path) -> None:
+    """Write the tables: into `folder`, or for a collection into a folder in it for each part."""
+    for part in project.parts:
+        outcome.results[part.name].save(_summary(part.study.title, part.study.kind))
+    if "" not in outcome.results:
+        runs = tuple(record for name, results in outcome.results.items() for record in _named(name, results))
+        StudyResults(folder, runs).save_summary(
+            _summary(project.title, project.kind) | {"studies": list(outcome.results)}
+        )
 
 
 def _named(name: str, results: StudyResults) -> list[RunRecord]:

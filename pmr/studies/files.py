@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import pkgutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pmr.errors import InputError
 from pmr.studies import kinds
 from pmr.studies.study import StudyBase
-from pmr.studies.task import Plan
+from pmr.studies.task import Plan, Task
 from pmr.tomlfiles import Change, Dialect, TomlFile, override
 
 DIALECT = Dialect("study file", references=("file", "files", "scene", "scenes"))
@@ -48,6 +49,34 @@ class Project:
     title: str
     kind: str
     parts: tuple[Part, ...]
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """Names of all runs: their keys, in a collection behind that of the part."""
+        return tuple(_run_name(part, run) for part in self.parts for run in part.plan.runs)
+
+    def only(self, names: Sequence[str]) -> Project:
+        """The same with the named runs alone.
+
+        Raises
+        ------
+        InputError
+            If there is no such run.
+        """
+        unknown = sorted(set(names) - set(self.runs))
+        if unknown:
+            close = difflib.get_close_matches(unknown[0], self.runs, n=1)
+            hint = f"did you mean {close[0]!r}? " if close else ""
+            raise InputError("command line", "--only", unknown[0], f"no such run; {hint}--list shows them all")
+        parts = [
+            replace(part, plan=replace(part.plan, runs=tuple(r for r in part.plan.runs if _run_name(part, r) in names)))
+            for part in self.parts
+        ]
+        return replace(self, parts=tuple(part for part in parts if part.plan.runs))
+
+
+def _run_name(part: Part, run: Task) -> str:
+    return f"{part.name}/{run.key}" if part.name else run.key
 
 
 def kind_names() -> list[str]:

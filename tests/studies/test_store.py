@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -65,10 +66,21 @@ def test_objects_are_not_stored(store: Store) -> None:
 def test_equal_arrays_give_equal_files(tmp_path: Path) -> None:
     for name in "ab":
         write_arrays(tmp_path / name, ARRAYS)
-        time.sleep(0.01)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    with zipfile.ZipFile(tmp_path / "a") as file:
+        assert {info.date_time[0] for info in file.infolist()} == {1980}  # and not the time of writing
     with np.load(tmp_path / "a", allow_pickle=False) as data:
         assert np.array_equal(data["x"], ARRAYS["x"])
+
+
+def test_a_file_is_replaced_in_one_step(store: Store) -> None:
+    with store.path("abc").open("rb") as reader:  # someone reads while another one writes
+        beginning = reader.read(100)
+        store.write("abc", Stored("other", TaskResult(), ()))
+        assert beginning + reader.read() != store.path("abc").read_bytes()
+        reader.seek(0)
+        assert reader.read(100) == beginning
+    assert store.read("abc").key == "other"
 
 
 def test_what_was_left_half_written_is_cleared_away_later(store: Store) -> None:
