@@ -82,4 +82,5 @@ def _is_plain(value: Any) -> bool:
 
 def _word(value: Any, number: int) -> str:
     """A value as part of a key; where it can't be, its place in the list."""
-    return str(value) if _is_plain(value) and KEY.fullmatch(f"0{value}") else f"no{number + 1}"
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    return text if _is_plain(value) and KEY.fullmatch(f"0{text}") else f"no{number + 1}"

@@ -7,6 +7,8 @@ called: planning does without it.
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from pmr.snapshots import Snapshots
 
 #: Rough effort in s for the paper's beam.
-COSTS = {"modes": 0.05, "full": 4.0, "ancf": 3.0, "frequencies": 0.5}
+COSTS = {"modes": 0.05, "full": 0.5, "ancf": 3.0, "frequencies": 0.5}
 NOTHING = Constant(amount=0.0)
 
 
@@ -48,24 +50,33 @@ def model_of(scene: Scene) -> FullModel:
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:
-    """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions; none for free modes."""
+    """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions; free modes are one task."""
     choice = scene.reduction
-    if choice.basis == "free_modes":
-        return {}
-    kept = Reduction(snapshots=choice.snapshots, modes=choice.modes, positions=choice.positions, solver=choice.solver)
+    kept = Reduction(basis=choice.basis, solver=choice.solver, coordinates=choice.coordinates)
+    if choice.basis == "eigenmodes":
+        kept = Reduction(
+            snapshots=choice.snapshots, modes=choice.modes, positions=choice.positions, solver=choice.solver
+        )
     held = _unloaded(scene).model_copy(update={"reduction": kept})
-    if choice.positions != "path":  # then neither the path nor its time span decides where modes are taken
+    if choice.basis != "eigenmodes" or choice.positions != "path":  # then the path decides nothing, nor its time span
         update = {"slider": scene.slider.model_copy(update={"path": NOTHING}), "time": TimeChoice(end=1.0, step=1.0)}
         held = held.model_copy(update=update)
+    if choice.basis != "eigenmodes":
+        return {"modes0": _task(modes_released, "modes", f"{choice.basis}-{choice.coordinates}", held)}
     named = f"modes-{choice.snapshots}x{choice.modes}"
     return {f"modes{k}": _task(modes_at, "modes", f"{named}-{k}", held, position=k) for k in range(choice.snapshots)}
 
 
 def reference_task(scene: Scene, name: str) -> Task:
     """``"full"`` or ``"ancf"``: the response that a reduced model is compared with."""
-    compared = Compare(against=(name,), ancf_elements=scene.compare.ancf_elements if name == "ancf" else 1)
-    chosen = Simulation(full=scene.simulation.full)
-    alone = scene.model_copy(update={"reduction": Reduction(), "compare": compared, "simulation": chosen})
+    is_ancf = name == "ancf"
+    alone = scene.model_copy(
+        update={
+            "reduction": Reduction(),
+            "simulation": Simulation(full="auto" if is_ancf else scene.simulation.full),
+            "compare": Compare(against=(name,), ancf_elements=scene.compare.ancf_elements if is_ancf else 1),
+        }
+    )
     return _task(reference, name, name, alone, simulator=name)
 
 
@@ -82,10 +93,10 @@ def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
 
     if scene.reduction.basis == "free_modes":
         return take_snapshots(scene, model_of(scene))
-    taken = [needs[f"modes{k}"].arrays for k in range(scene.reduction.snapshots)]
+    taken = [needs[f"modes{k}"].arrays for k in range(sum(name.startswith("modes") for name in needs))]
     phi = np.concatenate([modes["phi"] for modes in taken], axis=1)
     omega, s, residuals = (np.concatenate([modes[name] for modes in taken]) for name in ("omega", "s", "residuals"))
-    return Snapshots(tall(phi, model_of(scene).M), omega, s, residuals, source="eigenmodes")
+    return Snapshots(tall(phi, model_of(scene).M), omega, s, residuals, source=scene.reduction.basis)
 
 
 def response_from(result: TaskResult) -> Response:
@@ -104,6 +115,16 @@ def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     modes = eigensolver(model, scene.reduction.solver).lowest(s, scene.reduction.modes)
     at = np.full(len(modes.omega), s)
     return TaskResult(arrays={"phi": modes.phi, "omega": modes.omega, "residuals": modes.residuals, "s": at})
+
+
+def modes_released(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: the modes of a scene whose basis needs no slider positions."""
+    from pmr.reduction import take_snapshots
+
+    scene = scene_of(arguments)
+    taken = take_snapshots(scene, model_of(scene))
+    phi = np.array(taken.S.getDenseArray())
+    return TaskResult(arrays={"phi": phi, "omega": taken.omega, "residuals": taken.residuals, "s": taken.s})
 
 
 def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -143,4 +164,5 @@ def _unloaded(scene: Scene) -> Scene:
 
 def _task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
     arguments = scene_arguments(scene) | more
-    return Task(f"{name}-{arguments['hash']}", function, arguments, cost=COSTS[kind])
+    digest = hashlib.sha256(json.dumps(arguments, sort_keys=True).encode()).hexdigest()[:12]
+    return Task(f"{name}-{digest}", function, arguments, cost=COSTS[kind])

@@ -30,6 +30,7 @@ def test_names_are_as_long_as_they_must_be() -> None:
 def test_a_value_that_fits_no_file_name_goes_by_its_number() -> None:
     paths = [{"kind": "constant", "amount": 2.0}, "a/b", [1.0, 2.0]]
     found = list(points({"slider": {"path": [{"kind": "ramp"}, *paths[1:]]}}))
+    assert next(points({"body": {"axial": [True]}})).words == ("axial=true",)
     assert [point.words for point in found] == [("path=no1",), ("path=no2",), ("path=no3",)]
     assert (
         found[0].parameters == {"slider.path": '{"kind": "ramp"}'}

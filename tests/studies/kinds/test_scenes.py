@@ -57,6 +57,20 @@ def test_runs_share_what_is_equal(tmp_path: Path) -> None:
     assert shared(tmp_path, on_path) == {"modes_at": 2, "frequencies": 2, "reference": 2}
 
 
+def test_who_simulates_is_shared_where_it_matters_only(tmp_path: Path) -> None:
+    once = {"modes_at": 5, "frequencies": 1, "reference": 1}
+    assert shared(tmp_path, "[grid]\nsimulation.simulators = [['march'], ['exudyn']]") == once
+    assert shared(tmp_path, "[grid]\nsimulation.full = ['march', 'exudyn']") == once | {"reference": 2}
+
+
+def test_free_modes_depend_on_their_number_alone(tmp_path: Path) -> None:
+    free = "[grid]\nreduction.basis = ['free_modes']\nreduction.flexibility = [false, true]\n"
+    free += "reduction.support_rows = ['drop']\n"
+    once = {"modes_released": 1, "frequencies": 1, "reference": 1}
+    assert shared(tmp_path, free + "reduction.modes = [5, 6]\nreduction.coordinates = [6]") == once
+    assert shared(tmp_path, free + "reduction.coordinates = [6, 8]") == once | {"modes_released": 2}
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     """Three sizes of basis, with the pin's rows held and dropped."""
@@ -91,6 +105,18 @@ def test_a_study_has_the_figures_of_single_runs(results: StudyResults) -> None:
     arrays = results.arrays(of_study.key)
     assert np.allclose(arrays["tip"], outcome.result.responses["reduced"].tip, rtol=0.0, atol=1e-12)
     assert np.allclose(arrays["frequencies.full"], curves.full, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_six_free_modes_with_flexibility_beat_ten_coordinates(results: StudyResults, tmp_path: Path) -> None:
+    choice = "{ basis = 'free_modes', flexibility = true, coordinates = 6, support_rows = 'drop' }"
+    plan(tmp_path, f"[[cases]]\nname = 'free'\nchange.reduction = {choice}")
+    with pools.local_pool(1) as pool:
+        outcome = compute(files.load(tmp_path / "study.toml"), tmp_path, pool, lambda progress: None)
+    (six,) = outcome.results[""].runs
+    (ten,) = [run for run in results.runs if run.key == "coordinates=10,support_rows=drop"]
+    errors = [run.figures["errors.reduced_vs_full.beam"] for run in (six, ten)]
+    assert six.figures["coordinates.reduced"] == 6 and 0.0 < 5.0 * float(errors[0] or 0.0) < float(errors[1] or 0.0)
 
 
 def test_errors_fall_with_the_number_of_coordinates(results: StudyResults) -> None:
