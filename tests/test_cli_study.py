@@ -74,6 +74,15 @@ def test_called_again_it_goes_on(small: Path, done: Path) -> None:
     assert tables(done) == before
 
 
+def test_runs_can_be_named_and_computed_one_by_one(small: Path, done: Path) -> None:
+    names = [f"support_rows=drop,coordinates={r}" for r in (10, 20)]
+    assert pmr(str(small), "--list").stdout.split() == names
+    before = tables(done)
+    one = pmr(str(small), "--out", str(done), "--only", names[1])
+    assert one.returncode == 0 and one.stdout == "1 of 1 runs are there; 0 tasks were computed now\n"
+    assert tables(done) == before
+
+
 def test_a_failing_run_leaves_exit_code_1_and_the_other_runs(small: Path, done: Path) -> None:
     more = "change.reduction.snapshots=21"  # more than the mesh has nodes for
     failed = pmr(str(small), "--out", str(done.with_name("failed")), "--set", more, "--jobs", "1")
