@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import runpy
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,23 @@ import pytest
 from pmr import scene
 from pmr.mesh import read_nodes
 from pmr.run import run
+from pmr.studies import files
 
 ROOT = Path(__file__).parents[1]
-COMPLETE = [file for file in sorted((ROOT / "workflows").glob("*.toml")) if file.stem != "paper_base"]
+STUDIES = [file for file in (ROOT / "workflows").rglob("*.toml") if "kind" in tomllib.loads(file.read_text())]
+COMPLETE = sorted({*(ROOT / "workflows").glob("*.toml")} - {*STUDIES, ROOT / "workflows" / "paper_base.toml"})
 
 
 @pytest.mark.parametrize("file", COMPLETE, ids=lambda file: file.stem)
 def test_every_scene_is_valid_and_says_what_it_is(file: Path) -> None:
     assert scene.load(file).title and file.read_text().startswith("# ")
+
+
+@pytest.mark.parametrize("file", sorted(STUDIES), ids=lambda file: file.stem)
+def test_every_study_can_be_planned(file: Path) -> None:
+    project = files.load(file)
+    assert project.title and file.read_text().startswith("# ")
+    assert project.parts and all(part.plan.runs for part in project.parts)
 
 
 def test_the_mesh_is_what_its_script_writes(tmp_path: Path) -> None:

@@ -24,13 +24,6 @@ def keys(path: Path, *overrides: str) -> list[str]:
     return [task.key for part in files.load(path, overrides).parts for task in part.plan.runs]
 
 
-@pytest.mark.parametrize("file", sorted((WORKFLOWS / "studies").glob("*.toml")), ids=lambda file: file.stem)
-def test_every_study_that_comes_with_pmr_can_be_planned(file: Path) -> None:
-    project = files.load(file)
-    assert project.title and file.read_text().startswith("# ")
-    assert all(part.plan.runs for part in project.parts)
-
-
 def test_scenes_cases_and_grid_are_combined(tmp_path: Path) -> None:
     text = (
         GOOD + '[grid]\nreduction.modes = [5, 6]\n[[cases]]\nname = "a"\n[[cases]]\nname = "b"\nchange.time.end = 1.0\n'
