@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.body import SlidingBody
 from pmr.errors import SimulationError
-from pmr.sliding import evaluate
+from pmr.sliding import contributions, evaluate
 
 Array = NDArray[np.float64]
 
@@ -37,6 +37,10 @@ class Yielding:
 
     def __init__(self, body: SlidingBody) -> None:
         self._body, self.numbers = body, yielding_rows(body)
+        self._round_off = np.zeros(len(self.numbers))
+        if body.flexibility is not None:
+            largest = np.abs(contributions(body.flexibility.rows)).max(axis=(0, 1))
+            self._round_off = 4.0 * np.finfo(float).eps * np.diag(largest)[self.numbers]
 
     def flexibility(self, s: Array) -> Array:
         """F(s) = G(s) + 1/k, (T, m', m') in m/N, at s (T,) m.
@@ -50,8 +54,9 @@ class Yielding:
         F = np.broadcast_to(np.diag(body.row_compliance)[which], (len(s), len(self.numbers), len(self.numbers)))
         if body.flexibility is not None:
             F = F + evaluate(body.flexibility.rows, s)[:, which[0], which[1]]
-        scale = np.sqrt(np.maximum(np.einsum("tmm->tm", F), 0.0))
-        regular = scale.all(axis=1)
+        scale = np.einsum("tmm->tm", F)
+        regular = np.all(scale > self._round_off, axis=1)
+        scale = np.sqrt(np.maximum(scale, 0.0))
         scaled = F[regular] / (scale[regular, :, None] * scale[regular, None, :])
         regular[regular] = np.linalg.eigvalsh(scaled)[:, 0] > REGULAR
         if not regular.all():

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.interpolate import PPoly
 from textbook import LENGTH, beam_matrices
 
 from pmr.body import FullBody, SlidingBody
+from pmr.flexibility import Flexibility
 from pmr.reduced import ReducedModel, satisfied_rows
 from pmr.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulate import InitialState, TimeStepping
@@ -129,6 +132,51 @@ def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
         row_names=tuple(full.row_names[i] for i in kept),
         output_positions=full.output_positions,
         left_out=tuple(full.row_names[i] for i in left_out),
+    )
+
+
+def free_modes(full: FullBody, count: int) -> tuple[Array, Array]:
+    """The `count` lowest modes (n, count) on the supports, sliders released, and R (n, n) of all the others."""
+    M, K = full.M.toarray(), full.K.toarray()
+    free = np.setdiff1d(np.arange(full.size), list(full.held.values()))
+    omega2, shapes = scipy.linalg.eigh(K[np.ix_(free, free)], M[np.ix_(free, free)])
+    phi = np.zeros((full.size, len(free)))
+    phi[free] = shapes
+    rest = phi[:, count:] / np.sqrt(omega2[count:])
+    return phi[:, :count], rest @ rest.T
+
+
+def polynomial(values: Callable[[float], Array], breaks: Array, degree: int) -> PPoly:
+    """What is a polynomial of this degree between any two breaks, fitted through points inside."""
+    x = (1.0 - np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))) / 2.0
+    c = []
+    for low, size in zip(breaks[:-1], np.diff(breaks), strict=True):
+        found = np.array([values(low + size * point) for point in x])
+        fit = np.linalg.solve(np.vander(x), found.reshape(len(x), -1))
+        c.append(fit.reshape(found.shape) / size ** np.arange(degree, -1, -1).reshape(-1, *[1] * (found.ndim - 1)))
+    return PPoly(np.stack(c, axis=1), breaks)
+
+
+def flexible(full: FullBody, count: int) -> ReducedModel:
+    """`count` free modes with the residual flexibility of the others."""
+    V, R = free_modes(full, count)
+    plain = project(full, V)
+    kept = [full.row_names.index(name) for name in plain.row_names]
+
+    def C(s: float) -> Array:
+        return full.dense_rows(np.array([s]))[0, kept]
+
+    O, B = full.outputs.toarray(), full.B
+    return replace(
+        plain,
+        pads=full.row_compliance[kept],
+        flexibility=Flexibility(
+            rows=polynomial(lambda s: C(s) @ R @ C(s).T, plain.rows.x, 6),
+            inputs=polynomial(lambda s: C(s) @ R @ B, plain.rows.x, 3),
+            outputs=polynomial(lambda s: O @ R @ C(s).T, plain.rows.x, 3),
+            direct=O @ R @ B,
+            energy=B.T @ R @ B,
+        ),
     )
 
 

@@ -40,6 +40,18 @@ def test_overrides_take_toml_values_and_bare_words() -> None:
     assert (s.reduction.coordinates, s.reduction.solver, s.body.length) == (10, "slepc", 5.5)
 
 
+def test_free_modes_with_flexibility_need_few_coordinates_and_no_pool(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    text = (WORKFLOWS / "paper_base.toml").read_text().split("[reduction]")[0]
+    file.write_text(f"{text}[slider]\npath = 2.0\n[[loads]]\nat = 5.0\nsignal = 1.0\n[reduction]\nbasis = 'free_modes'")
+    assert scene.load(file).reduction.coordinates == 20
+    assert scene.load(file, ["reduction.flexibility=true"]).reduction.coordinates == 6
+    assert scene.load(file, ["reduction.flexibility=true", "reduction.coordinates=1"]).reduction.coordinates == 1
+    assert scene.load(file, ["reduction.coordinates=70"]).reduction.coordinates == 70  # more than any pool would hold
+    with pytest.raises(InputError, match="at least as many as constraint rows"):
+        scene.load(file, ["reduction.coordinates=2"])
+
+
 REFUSED = [
     ("body.lenght=3", "body.lenght = 3", "did you mean 'length'"),
     ("body.bending_stiffness=-5", "body.bending_stiffness = -5", "greater than 0"),
@@ -56,6 +68,10 @@ REFUSED = [
     ("reduction.coordinates=2.5", "reduction.coordinates = 2.5", "integer"),
     ("reduction.positions=[1.0,2.0]", "reduction.snapshots = 5", "2 positions"),
     ("reduction.positions=[1.0,2.0,3.0,4.0,6.0]", "reduction.positions", "0 to 5 m"),
+    ("reduction.flexibility=1", "reduction.flexibility = 1", "boolean"),
+    ("reduction.flexibility=true", "reduction.support_rows = 'hold'", "'drop' is allowed"),
+    ("reduction.basis=free_modes", "reduction.support_rows = 'hold'", "'drop' is allowed"),
+    ("reduction.basis=craig", "reduction.basis = 'craig'", "'eigenmodes' or 'free_modes'"),
     ("time.step=0.7", "time.step = 0.7", "whole number of steps"),
     ("time.rho_inf=1.1", "time.rho_inf = 1.1", "less than or equal to 1"),
     ("mesh.file='none.msh'", "mesh.file", "no such file"),

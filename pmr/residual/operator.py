@@ -70,6 +70,8 @@ def _anchors(model: FullModel, Z: Array) -> list[Row]:
 
     Pivoted QR of the modes, each coordinate weighted by the square root of its mass.
     """
+    if Z.shape[1] == 0:
+        return []
     weighted = Z * np.sqrt(model.M.getDiagonal().getArray())[:, None]
     everywhere = np.concatenate(model.comm.allgather(weighted))
     pivots = scipy.linalg.qr(everywhere.T, mode="r", pivoting=True)[1][: Z.shape[1]]

@@ -119,7 +119,7 @@ def rigid_bodies(model: FullModel, local: Array) -> NDArray[np.bool_]:
 
     The right-hand side bounds the error of the left one, so the comparison needs no frequency to compare with.
     """
-    size = sparse(abs(local_csr(model.K)), model.K)
+    size = sparse(abs(local_csr(model.K)), model.K, columns=model.K.getLocalSize()[1])
     energy, scale = model.comm.allreduce(
         np.array([np.sum(local * times(model.K, local), axis=0), np.sum(abs(local) * times(size, abs(local)), axis=0)])
     )

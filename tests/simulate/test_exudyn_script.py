@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from oracle import project
+from oracle import flexible, project
 
-from pmr.body import FullBody
+from pmr.body import FullBody, displacement
 from pmr.errors import InputError
 from pmr.reduced import ReducedModel
 from pmr.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp, Step, Sum, Table
@@ -95,6 +95,35 @@ def test_it_runs_alone_and_tells_the_tip(script: Path) -> None:
     assert done.stdout.startswith("Displacement at x = 5 m over 0.2 s:\n  smallest: -")
     assert done.stdout.count(" mm\n") == 3
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("pads", ["none", "some", "alone"])
+def test_a_flexible_model_moves_as_pmr_has_it(rich: FullBody, tmp_path: Path, pads: str) -> None:
+    model = flexible(rich, 8)
+    if pads != "none":
+        model = replace(model, pads=np.array([2e-6, 3e-6]))
+    if pads == "alone":
+        model = replace(model, flexibility=None)
+    model = replace(model, provenance={"scene": scene(PATH, *LOADS)})
+    script = write_exudyn_script(model.save(tmp_path / "beam.npz"), tmp_path / "beam.py")
+    text = script.read_text()
+    assert "ObjectConnectorCoordinateVector" not in text and "X(s) lambda" in text
+    assert max(len(line) for line in text.splitlines()) <= 120
+    names = runpy.run_path(str(script))
+    read = names["read_model"](script.with_name("beam.npz"))
+    t, w = names["simulate"](
+        read, names["slider_position"], names["LOADS"], names["END"], names["STEP"], names["RHO_INF"]
+    )
+    expected = exudyn.simulate(model, PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8))
+    loads = np.stack([load.value(t) for load in LOADS], axis=1)
+    motion = displacement(model, expected.q, expected.s, expected.multipliers, loads)
+    assert np.abs(w).max() > 1e-5
+    np.testing.assert_allclose(w, motion, rtol=0.0, atol=1e-9 * np.abs(w).max())
+
+
+def test_a_script_of_a_model_only_part_of_which_gives_way_is_refused(model: ReducedModel) -> None:
+    with pytest.raises(InputError, match="only slider 0.8 give way"):
+        exudyn_script(replace(model, pads=np.array([0.0, 3e-6])), "beam.npz")
 
 
 def test_it_needs_numpy_scipy_and_exudyn_only(script: Path) -> None:
