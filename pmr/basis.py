@@ -68,15 +68,17 @@ def kappa(sigma: Array, r: int) -> float:
     return float(1.0 - squares[: len(sigma) - r].sum() / squares.sum())
 
 
-def pod(model: FullModel, snapshots: Snapshots, size: int, product: str = "euclidean", solver: str = "auto") -> Basis:
+def pod(
+    model: FullModel, snapshots: Snapshots, size: int | None, product: str = "euclidean", solver: str = "auto"
+) -> Basis:
     """POD of a pool, truncated to `size` vectors; collective.
 
     Parameters
     ----------
     model : FullModel
         Gives the mass matrix for ``product = "mass"``.
-    size : int
-        r, at most the rank of the pool.
+    size : int or None
+        r, at most the numerical rank of the pool; None for as many.
     product : ``"euclidean"`` or ``"mass"``
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
         LAPACK on rank 0 (reproducible), or SLEPc on the distributed matrix: block TSQR for the euclidean product,
@@ -98,6 +100,7 @@ def pod(model: FullModel, snapshots: Snapshots, size: int, product: str = "eucli
     local = np.zeros((len(whole), compact.shape[1]))
     local[moving] = compact
     rank = int(np.sum(sigma > sigma[0] * np.finfo(float).eps * max(snapshots.S.getSize())))
+    size = rank if size is None else size
     if size > rank:
         raise InputError(
             "scene", "reduction.coordinates", size, f"the snapshots span {rank} dimensions only; at most that many"

@@ -8,7 +8,7 @@ from itertools import combinations
 from statistics import median
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pmr import compare
 from pmr.body import FullBody, SlidingBody
@@ -131,15 +131,25 @@ def _course(scene: Scene) -> tuple[SignalBase, list[SignalBase], TimeStepping]:
     return scene.slider.path, [load.signal for load in scene.loads], stepping
 
 
-def _ancf(scene: Scene, x: Array, done: Done) -> Response:
-    body, (path, _, stepping) = scene.body, _course(scene)
+def cable_of(scene: Scene) -> ancf.Cable:
+    """The scene's beam as an ANCF cable."""
+    body = scene.body
     assert body.axial_stiffness is not None  # the scene's check
-    cable = ancf.Cable(
+    return ancf.Cable(
         length=body.length,
         axial_stiffness=body.axial_stiffness,
         bending_stiffness=body.bending_stiffness,
         mass_per_length=body.mass_per_length,
         elements=scene.compare.ancf_elements,
     )
+
+
+def simulate_cable(scene: Scene, x: ArrayLike, done: Done | None = None) -> ancf.CableMotion:
+    """Motion of that cable at the material points x (o,) in m."""
+    path, _, stepping = _course(scene)
     points = [ancf.PointLoad(load.at, load.signal) for load in scene.loads]
-    return compare.respond_cable(cable, ancf.simulate(cable, path, points, stepping, x, done))
+    return ancf.simulate(cable_of(scene), path, points, stepping, np.asarray(x, dtype=float), done)
+
+
+def _ancf(scene: Scene, x: Array, done: Done) -> Response:
+    return compare.respond_cable(cable_of(scene), simulate_cable(scene, x, done))

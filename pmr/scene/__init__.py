@@ -5,6 +5,18 @@ allowed raises `pmr.errors.InputError` with file, key, value and what is allowed
 """
 
 from pmr.scene.files import load, vary
-from pmr.scene.sections import SUPPORT_ROWS, Body, Damping, Load, Published, Reduction, Scene
+from pmr.scene.sections import SUPPORT_ROWS, Body, Compare, Damping, Load, MeshChoice, Published, Reduction, Scene
 
-__all__ = ["SUPPORT_ROWS", "Body", "Damping", "Load", "Published", "Reduction", "Scene", "load", "vary"]
+__all__ = [
+    "SUPPORT_ROWS",
+    "Body",
+    "Compare",
+    "Damping",
+    "Load",
+    "MeshChoice",
+    "Published",
+    "Reduction",
+    "Scene",
+    "load",
+    "vary",
+]

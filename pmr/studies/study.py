@@ -3,10 +3,46 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
-from pmr.studies.task import Plan
+from pmr.studies.task import Plan, Scalar
+
+if TYPE_CHECKING:
+    from pmr.studies.results import StudyResults
+
+Count = Annotated[int, Field(ge=1, strict=True)]
+
+
+class Statement(BaseModel):
+    """What a publication says of something that the study finds out too.
+
+    Attributes
+    ----------
+    figure : str
+        Name of the study's own figure.
+    text : str
+        What it is.
+    value : float, str or None
+        Published; in SI units, per cent as a fraction.
+    words : str
+        As it is published, where a number alone would say too much (``"approximately 16 %"``).
+    quantity : str
+        How numbers are printed: a share in per cent, a length, another quantity in its SI unit, or a plain number.
+    why : str
+        Why the two differ, as far as is known.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    figure: str
+    text: str
+    value: float | str | None = None
+    words: str = ""
+    quantity: Literal["share", "length", "energy", "seconds", "ratio", "number"] = "number"
+    why: str = ""
 
 
 class StudyBase(BaseModel):
@@ -20,6 +56,8 @@ class StudyBase(BaseModel):
 
     kind: str
     title: str
+    source: str = ""  # publication whose statements these are
+    published: tuple[Statement, ...] = ()
 
     @abstractmethod
     def plan(self) -> Plan:
@@ -30,3 +68,11 @@ class StudyBase(BaseModel):
         InputError
             With source ``"study"`` for a key of the study file; the reader of the file replaces it.
         """
+
+    def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
+        """What the runs say together, once they are all there: goes into summary.json, for reports."""
+        return {}
+
+    def statements(self) -> tuple[Statement, ...]:
+        """Published statements on the study's figures."""
+        return self.published

@@ -1,0 +1,119 @@
+"""Selected combinations of snapshots and modes, with every number of coordinates up to all that their pools hold.
+
+Weyrer et al., section "Selected Combinations Investigation".  Errors are those against the full model's motion:
+e_NRMS of the transverse displacement along the beam, and the absolute error of the strain energy summed over all
+steps, in J.  Each is given for the three treatments of the supports' rows (`pmr.studies.nested`): ``kept`` is the
+paper's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from pmr import compare
+from pmr import scene as scenes
+from pmr.errors import SimulationError
+from pmr.studies import marching, nested, shared
+from pmr.studies.results import RunRecord, StudyResults
+from pmr.studies.study import Count, StudyBase
+from pmr.studies.task import Plan, Scalar, Task, TaskResult
+
+#: What is no longer the largest error possible, 1.
+BELOW_MAXIMUM = 0.999
+#: Coordinates for which kappa is stated.
+STATED = 20
+
+
+class Study(StudyBase):
+    """`combinations` of snapshots and modes, from `fewest` coordinates on.
+
+    Figures, for each combination and treatment, such as ``10x10.kept``: ``.first`` number of coordinates whose error is
+    below the maximum, ``.beam`` and ``.strain`` errors with all coordinates; for each combination ``.kappa``.
+    """
+
+    kind: Literal["combinations"]
+    scene: Path
+    combinations: Annotated[tuple[tuple[Count, Count], ...], Field(min_length=1)]
+    fewest: Count = 3
+
+    def plan(self) -> Plan:
+        scene = scenes.load(self.scene)
+        nested.check(scene, [n for n, _ in self.combinations], [m for _, m in self.combinations], "combinations")
+        library = nested.library_task(scene, [n for n, _ in self.combinations], max(m for _, m in self.combinations))
+        reference = marching.full_task(scene)
+        bases, runs = list[Task](), list[Task]()
+        for snapshots, modes in self.combinations:
+            chosen = {"snapshots": snapshots, "modes": modes}
+            arguments = shared.scene_arguments(marching.resting(scene)) | chosen
+            bases.append(Task(_name(chosen), basis, arguments, {"library": library.key}, chosen, cost=0.1))
+            needs = {"basis": bases[-1].key, "full": reference.key}
+            for coordinates in range(self.fewest, snapshots * modes + 1):
+                arguments = shared.scene_arguments(marching.driven(scene)) | {"coordinates": coordinates}
+                key, parameters = f"{_name(chosen)}-{coordinates}", chosen | {"coordinates": coordinates}
+                runs.append(Task(key, errors, arguments, needs, parameters, cost=0.1))
+        return Plan((*bases, *runs), (library, reference))
+
+    def figures(self, results: StudyResults) -> dict[str, Scalar]:
+        found: dict[str, Scalar] = {}
+        for snapshots, modes in self.combinations:
+            name = _name({"snapshots": snapshots, "modes": modes})
+            found[f"{name}.kappa"] = next(run.figures["kappa"] for run in results.runs if run.key == name)
+            runs = [run for run in results.runs if run.key.startswith(f"{name}-")]
+            for treatment in nested.TREATMENTS:
+                found |= {f"{name}.{treatment}.{key}": value for key, value in _key_figures(runs, treatment)}
+        return found
+
+
+def basis(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: one combination's basis; ``rank`` of its pool, ``kappa`` of 20 coordinates (or all), singular values."""
+    from pmr.basis import kappa
+
+    scene = shared.scene_of(arguments)
+    found = nested.global_basis(scene, needs["library"], arguments["snapshots"], arguments["modes"])
+    arrays = {"singular_values": found.sigma}
+    for treatment, models in found.models.items():
+        arrays |= models.arrays(treatment)
+    record = {"rank": found.rank, "kappa": kappa(found.sigma, min(STATED, len(found.sigma)))}
+    return TaskResult(record, arrays)
+
+
+def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: ``<treatment>.beam`` (e_NRMS) and ``<treatment>.strain`` (J) with so many coordinates.
+
+    None where the model can't be simulated (noted), or where the pool spans fewer dimensions: what further vectors
+    there are is round-off.
+    """
+    drive = marching.Drive.of(shared.scene_of(arguments))
+    full, arrays = marching.full_motion(needs["full"]), needs["basis"].arrays
+    record: dict[str, Scalar] = {}
+    for treatment in nested.TREATMENTS:
+        models = nested.NestedModels.from_arrays(arrays, treatment)
+        record |= {f"{treatment}.beam": None, f"{treatment}.strain": None}
+        if arguments["coordinates"] - models.spent > models.longest.size:
+            continue
+        try:
+            model = models.of(arguments["coordinates"])
+            found = marching.still(full) if model is None else marching.motion(model, drive)
+        except SimulationError as error:
+            nested.note(treatment, error)
+            continue
+        record[f"{treatment}.beam"] = compare.nrms(found.displacement, full.displacement)
+        record[f"{treatment}.strain"] = compare.absolute_error(found.strain.sum(), full.strain.sum())
+    return TaskResult(record)
+
+
+def _name(parameters: Mapping[str, Scalar]) -> str:
+    return f"{parameters['snapshots']}x{parameters['modes']}"
+
+
+def _key_figures(runs: list[RunRecord], treatment: str) -> Iterator[tuple[str, Scalar]]:
+    known = [run for run in runs if run.figures[f"{treatment}.beam"] is not None]
+    below = [run for run in known if run.figures[f"{treatment}.beam"] < BELOW_MAXIMUM]
+    if known:
+        yield "first", below[0].parameters["coordinates"] if below else None
+        yield "beam", known[-1].figures[f"{treatment}.beam"]
+        yield "strain", known[-1].figures[f"{treatment}.strain"]

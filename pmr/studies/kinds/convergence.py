@@ -1,0 +1,107 @@
+"""Convergence with the mesh: the full beam and the ANCF cable with more and more elements.
+
+Weyrer et al., section "Convergence Analysis": the absolute error e_abs of the transverse tip displacement, the norm of
+its difference over all steps to that of the finest discretisation of the same approach, in m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator
+
+from pmr import compare
+from pmr import scene as scenes
+from pmr.errors import InputError
+from pmr.simulate import march
+from pmr.simulate.modal import modal_form
+from pmr.studies import marching, shared
+from pmr.studies.results import StudyResults
+from pmr.studies.study import Count, StudyBase
+from pmr.studies.task import Plan, Scalar, Task, TaskResult
+
+#: Rough effort in s of one element.
+COSTS = {"ancf": 0.1, "full": 0.01}
+#: Coordinates of one node of the cable: position and slope, each in the plane.
+CABLE_NODE = 4
+
+
+class Study(StudyBase):
+    """Numbers of elements of the full beam and of the ANCF cable, at least two each.
+
+    Figures, for each approach: ``chosen.<approach>``, the error in m with the elements that the scene asks for, and
+    ``least.<approach>``, the smallest of all.
+    """
+
+    kind: Literal["convergence"]
+    scene: Path
+    full: Annotated[tuple[Count, ...], Field(min_length=2)]
+    ancf: Annotated[tuple[Count, ...], Field(min_length=2)]
+
+    @field_validator("full", "ancf")
+    @classmethod
+    def _increasing(cls, elements: tuple[int, ...]) -> tuple[int, ...]:
+        if list(elements) != sorted(set(elements)):
+            raise ValueError("numbers of elements must increase")
+        return elements
+
+    def plan(self) -> Plan:
+        scene = scenes.load(self.scene)
+        if scene.mesh.file is not None or scene.body.axial_stiffness is None:
+            allowed = "a scene with mesh.elements and body.axial_stiffness is allowed"
+            raise InputError("study", "scene", str(self.scene), allowed)
+        return Plan((*self._runs(scene, "ancf", self.ancf), *self._runs(scene, "full", self.full)))
+
+    def _runs(self, scene: scenes.Scene, approach: str, elements: tuple[int, ...]) -> list[Task]:
+        function = {"ancf": cable_tip, "full": beam_tip}[approach]
+        runs = []
+        for count in elements:
+            meshed = marching.driven(scene).model_copy(update={"mesh": scenes.MeshChoice(elements=count)})
+            arguments = shared.scene_arguments(meshed)
+            needs = {"finest": f"{approach}-{elements[-1]}"} if count != elements[-1] else {}
+            parameters = {"approach": approach, "elements": count}
+            cost = COSTS[approach] * count
+            runs.append(Task(f"{approach}-{count}", function, arguments, needs, parameters, cost))
+        return runs
+
+    def figures(self, results: StudyResults) -> dict[str, Scalar]:
+        scene, found = scenes.load(self.scene), dict[str, Scalar]()
+        for approach, chosen in (("ancf", scene.compare.ancf_elements), ("full", scene.mesh.elements)):
+            runs = [run for run in results.runs if run.parameters["approach"] == approach]
+            errors = {run.parameters["elements"]: run.figures["e_abs"] for run in runs}
+            found[f"chosen.{approach}"] = errors.get(chosen)
+            found[f"least.{approach}"] = min(error for error in errors.values() if error is not None)
+        return found
+
+
+def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full beam's tip; its displacement ``tip`` (T,) in m."""
+    scene = shared.scene_of(arguments)
+    body = shared.model_of(scene).gather()
+    assert body is not None
+    drive = marching.Drive.of(scene)
+    last = len(body.output_positions) - 1
+    tip = march.observe(modal_form(body), drive.path, drive.loads, drive.stepping, outputs=[last]).y[:, 0]
+    return _compared(tip, body.size, needs)
+
+
+def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: as `beam_tip`, for the ANCF cable."""
+    from pmr.run import simulate_cable
+
+    scene = shared.scene_of(arguments)
+    elements = scene.mesh.elements
+    assert elements is not None  # the plan's check
+    compared = scene.compare.model_copy(update={"ancf_elements": elements})
+    motion = simulate_cable(scene.model_copy(update={"compare": compared}), [scene.body.length])
+    return _compared(motion.displacement[:, -1], CABLE_NODE * (elements + 1), needs)
+
+
+def _compared(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) -> TaskResult:
+    record: dict[str, Scalar] = {"coordinates": coordinates, "e_abs": None, "e_nrms": None}
+    if "finest" in needs:
+        finest = needs["finest"].arrays["tip"]
+        record |= {"e_abs": compare.absolute_error(tip, finest), "e_nrms": compare.nrms(tip, finest)}
+    return TaskResult(record, {"tip": tip})

@@ -1,0 +1,100 @@
+"""Beams on the compiled simulator, for studies that take hundreds of simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.body import SlidingBody
+from pmr.scene import Damping, Reduction, Scene
+from pmr.scene.sections import Compare
+from pmr.signals import SignalBase
+from pmr.simulate import TimeStepping, march
+from pmr.simulate.modal import modal_form
+from pmr.studies import shared
+from pmr.studies.task import Task, TaskResult
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What moves a beam: slider path in m, loads in N, and the time grid."""
+
+    path: SignalBase
+    loads: tuple[SignalBase, ...]
+    stepping: TimeStepping
+
+    @classmethod
+    def of(cls, scene: Scene) -> Drive:
+        """Path, loads and time grid of a scene."""
+        stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
+        return cls(scene.slider.path, tuple(load.signal for load in scene.loads), stepping)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Transverse displacement (T, o) in m at the outputs, and strain energy (T,) in J."""
+
+    displacement: Array
+    strain: Array
+
+
+def displacement(body: SlidingBody, drive: Drive) -> Array:
+    """Transverse displacement (T, o) in m at the body's outputs.
+
+    Raises
+    ------
+    InputError, SimulationError
+        As for `pmr.simulate.Simulator`.
+    """
+    return march.observe(modal_form(body), drive.path, drive.loads, drive.stepping).y
+
+
+def motion(body: SlidingBody, drive: Drive) -> Motion:
+    """Displacement and, from the modal coordinates z, the strain energy sum_i omega_i^2 z_i^2 / 2; errors likewise."""
+    form = modal_form(body)
+    z = march.simulate_modal(form, drive.path, drive.loads, drive.stepping).q
+    return Motion(z @ form.body.outputs.T, z**2 @ form.omega2 / 2.0)
+
+
+def still(like: Motion) -> Motion:
+    """No motion at all, over the same steps: what a beam does whose coordinates are all held."""
+    return Motion(np.zeros_like(like.displacement), np.zeros_like(like.strain))
+
+
+def full_task(scene: Scene) -> Task:
+    """The full model's motion, the same task for all scenes that differ in their reduction only."""
+    arguments = shared.scene_arguments(driven(scene))
+    return Task(f"march-{arguments['hash']}", full, arguments, cost=1.0)
+
+
+def full(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: ``t`` (T,) in s, ``x`` (o,) in m, ``displacement`` (T, o) in m and ``strain`` (T,) in J of the full model."""
+    scene = shared.scene_of(arguments)
+    body = shared.model_of(scene).gather()
+    assert body is not None
+    drive = Drive.of(scene)
+    found = motion(body, drive)
+    arrays = {"t": drive.stepping.times, "x": body.output_positions}
+    return TaskResult(arrays=arrays | {"displacement": found.displacement, "strain": found.strain})
+
+
+def full_motion(result: TaskResult) -> Motion:
+    """The motion of a `full_task`."""
+    return Motion(result.arrays["displacement"], result.arrays["strain"])
+
+
+def driven(scene: Scene) -> Scene:
+    """The scene without what the full model's motion does not depend on: reduction, comparison."""
+    return scene.model_copy(update={"reduction": Reduction(), "compare": Compare(against=())})
+
+
+def resting(scene: Scene) -> Scene:
+    """The scene without what eigenmodes do not depend on: loads, damping, comparison."""
+    loads = tuple(load.model_copy(update={"signal": shared.NOTHING}) for load in scene.loads)
+    return scene.model_copy(update={"loads": loads, "damping": Damping(), "compare": Compare(against=())})

@@ -1,0 +1,201 @@
+r"""Reduced models of every size on one global basis: POD bases are nested, so one decomposition serves all sizes.
+
+Supports make the difference between three ways to count coordinates, because POD vectors of eigenmodes vanish there
+(`pmr.projection`):
+
+drop
+    The supports' rows say nothing and are left out; r coordinates move.
+hold
+    Each such row holds one of the last coordinates; r - 2 move under a pin.
+kept
+    The rows stay in as the singular value decomposition of the whole pool leaves them, which is what the paper does.
+    Their entries are round-off, eps sigma_1 / sigma_j and less, but a row holds whatever its entries say, however
+    small: *some* combination of the coordinates is held.  If the singular values fall quickly it is one of the last
+    ones, if they fall slowly any.  A different LAPACK, or another order of the snapshots, holds another one.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.body import FullBody
+from pmr.errors import InputError, SimulationError
+from pmr.reduced import ReducedModel
+from pmr.scene import Scene
+from pmr.studies import shared
+from pmr.studies.marching import resting
+from pmr.studies.task import Task, TaskResult
+
+if TYPE_CHECKING:
+    from pmr.operators import FullModel
+    from pmr.snapshots import Snapshots
+
+Array = NDArray[np.float64]
+logger = logging.getLogger(__name__)
+#: What becomes of the supports' rows.
+TREATMENTS = ("kept", "hold", "drop")
+
+
+_ARRAYS = ("M", "D", "K", "B", "outputs", "output_positions")
+_NAMES = ("input_names", "row_names")
+
+
+@dataclass(frozen=True)
+class NestedModels:
+    """The reduced models of one basis, by number of coordinates.
+
+    Attributes
+    ----------
+    longest : ReducedModel
+        On all vectors of the basis.
+    spent : int
+        Coordinates that supports take and that therefore never move.
+    """
+
+    longest: ReducedModel
+    spent: int = 0
+
+    def of(self, coordinates: int) -> ReducedModel | None:
+        """The model of so many coordinates; None where all of them are spent, so that nothing moves.
+
+        A pool spans so many dimensions only: beyond its numerical rank, where further vectors would be round-off, the
+        longest model is all there is.
+        """
+        free = min(coordinates - self.spent, self.longest.size)
+        return self.longest.leading(free) if free > 0 else None
+
+    def arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
+        """Everything by name, as a result holds it; for models without pads or flexibility."""
+        model = self.longest
+        arrays = {name: getattr(model, name) for name in _ARRAYS} | {"rows.c": model.rows.c, "rows.x": model.rows.x}
+        arrays |= {name: np.array(getattr(model, name), dtype=np.str_) for name in _NAMES}
+        return {f"{prefix}.{name}": array for name, array in (arrays | {"spent": np.array(self.spent)}).items()}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], prefix: str) -> NestedModels:
+        """The models that `arrays` was made from."""
+        plain = {name: arrays[f"{prefix}.{name}"] for name in _ARRAYS}
+        names = {name: tuple(map(str, arrays[f"{prefix}.{name}"])) for name in _NAMES}
+        rows = PPoly(arrays[f"{prefix}.rows.c"], arrays[f"{prefix}.rows.x"])
+        return cls(ReducedModel(**plain, **names, rows=rows), int(arrays[f"{prefix}.spent"]))
+
+
+@dataclass(frozen=True)
+class GlobalBasis:
+    """One combination of snapshots and modes.
+
+    Attributes
+    ----------
+    models : mapping of str to NestedModels
+        By treatment of the supports' rows.
+    sigma : (k,) array
+        Singular values of the pool.
+    rank : int
+        Its numerical rank.
+    """
+
+    models: Mapping[str, NestedModels]
+    sigma: Array
+    rank: int
+
+
+def check(scene: Scene, snapshots: Sequence[int], modes: Sequence[int], key: str) -> None:
+    """Refuse what the mesh has too few nodes for, as far as the scene tells without reading a mesh.
+
+    Raises
+    ------
+    InputError
+        With source ``"study"`` and the given key.
+    """
+    elements = scene.mesh.elements
+    if elements is None:
+        return
+    free = len(scene.body.directions) * (elements + 1) - scene.row_count
+    if max(snapshots) > elements or max(modes) > free:
+        value = max(snapshots) if max(snapshots) > elements else max(modes)
+        allowed = f"{elements} elements allow up to {elements} snapshots and {free} modes"
+        raise InputError("study", key, value, allowed)
+
+
+def note(treatment: str, error: SimulationError) -> None:
+    """Keep with the result, for the report, why a model could not be simulated."""
+    logger.warning("support rows %s: %s", treatment, error)
+
+
+def library_task(scene: Scene, snapshots: Sequence[int], modes: int) -> Task:
+    """Eigenmodes at every slider position that one of the numbers of `snapshots` asks for, each taken once."""
+    arguments = shared.scene_arguments(resting(scene)) | {"snapshots": sorted(set(snapshots)), "modes": modes}
+    return Task(f"library-{len(set(snapshots))}x{modes}-{arguments['hash']}", library, arguments, cost=1.0)
+
+
+def library(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: ``s`` (p,) in m, ``phi`` (p, n, modes), ``omega`` in rad/s and ``residuals``, both (p, modes)."""
+    from pmr.snapshots.eigensolvers import eigensolver
+
+    scene = shared.scene_of(arguments)
+    model = shared.model_of(scene)
+    at = np.unique(np.concatenate([_positions(scene, model, count) for count in arguments["snapshots"]]))
+    solver = eigensolver(model, scene.reduction.solver)
+    modes = [solver.lowest(float(s), arguments["modes"]) for s in at]
+    arrays = {name: np.stack([getattr(found, name) for found in modes]) for name in ("phi", "omega", "residuals")}
+    return TaskResult(arrays={"s": at} | arrays)
+
+
+def global_basis(scene: Scene, library: TaskResult, snapshots: int, modes: int) -> GlobalBasis:
+    """The basis of one combination, from the eigenmodes of a `library_task` for the same scene."""
+    from pmr.basis import pod
+    from pmr.projection import reduced_model
+
+    model = shared.model_of(scene)
+    pool = _pool(model, library, _positions(scene, model, snapshots), modes)
+    basis = pod(model, pool, None, "euclidean", scene.reduction.solver)
+    dropped = reduced_model(model, basis, {})
+    body = model.gather()
+    assert body is not None
+    vectors = np.linalg.svd(np.array(pool.S.getDenseArray()), full_matrices=False)[0]
+    models = {
+        "kept": NestedModels(galerkin(body, vectors)),
+        "hold": NestedModels(dropped, spent=len(dropped.left_out)),
+        "drop": NestedModels(dropped),
+    }
+    return GlobalBasis(models, basis.sigma, basis.size)
+
+
+def galerkin(body: FullBody, V: Array) -> ReducedModel:
+    """Projection of a full model on the columns of V (n, r), every row of it, be it round-off alone, included."""
+    M, D, K = (V.T @ (A @ V) for A in (body.M, body.D, body.K))
+    return ReducedModel(
+        M=(M + M.T) / 2.0,
+        D=(D + D.T) / 2.0,
+        K=(K + K.T) / 2.0,
+        B=V.T @ body.B,
+        outputs=np.asarray(body.outputs @ V),
+        rows=body.rows_on(V),
+        input_names=body.input_names,
+        row_names=body.row_names,
+        output_positions=body.output_positions,
+    )
+
+
+def _positions(scene: Scene, model: FullModel, count: int) -> Array:
+    from pmr.snapshots.eigenmodes import positions
+
+    choice = scene.reduction.model_copy(update={"snapshots": count})
+    return positions(scene.model_copy(update={"reduction": choice}), model)
+
+
+def _pool(model: FullModel, library: TaskResult, at: Array, modes: int) -> Snapshots:
+    from pmr.parallel import tall
+    from pmr.snapshots import Snapshots
+
+    number = np.searchsorted(library.arrays["s"], at)
+    phi = np.concatenate(library.arrays["phi"][number, :, :modes], axis=1)
+    omega, residuals = (library.arrays[name][number, :modes].ravel() for name in ("omega", "residuals"))
+    return Snapshots(tall(phi, model.M), omega, np.repeat(at, modes), residuals, source="eigenmodes")
