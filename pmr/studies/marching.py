@@ -74,7 +74,7 @@ def full_task(scene: Scene) -> Task:
 
 
 def full(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: ``t`` (T,) in s, ``x`` (o,) in m, ``displacement`` (T, o) in m and ``strain`` (T,) in J of the full model."""
+    """Task: the full model's ``displacement`` (T, o) in m, ``strain`` (T,) in J, ``t`` (T,) in s and ``x`` (o,) in m."""
     scene = shared.scene_of(arguments)
     body = shared.model_of(scene).gather()
     assert body is not None

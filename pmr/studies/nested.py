@@ -81,10 +81,10 @@ class NestedModels:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], prefix: str) -> NestedModels:
         """The models that `arrays` was made from."""
-        plain = {name: arrays[f"{prefix}.{name}"] for name in _ARRAYS}
-        names = {name: tuple(map(str, arrays[f"{prefix}.{name}"])) for name in _NAMES}
-        rows = PPoly(arrays[f"{prefix}.rows.c"], arrays[f"{prefix}.rows.x"])
-        return cls(ReducedModel(**plain, **names, rows=rows), int(arrays[f"{prefix}.spent"]))
+        of: dict[str, Any] = {name: arrays[f"{prefix}.{name}"] for name in _ARRAYS}
+        of |= {name: tuple(map(str, arrays[f"{prefix}.{name}"])) for name in _NAMES}
+        of["rows"] = PPoly(arrays[f"{prefix}.rows.c"], arrays[f"{prefix}.rows.x"])
+        return cls(ReducedModel(**of), int(arrays[f"{prefix}.spent"]))
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
@@ -59,10 +60,18 @@ def run(
     """
     ready, state = Ready(nodes), _State(nodes)
     running: dict[Future[Answer], Node] = {}
-    while ready or running:
+    alone: deque[Node] = deque()
+    while ready or alone or running:
         while ready and len(running) < 2 * pool.slots:  # one waits behind each that runs, so that no worker does
             node = ready.pop()
+            if node.task.alone:
+                alone.append(node)
+            else:
+                running[pool.submit(_order(node, store))] = node
+        if alone and not running:
+            node = alone.popleft()
             running[pool.submit(_order(node, store))] = node
+            wait(running)
         finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
         for future in finished:
             node, answer = running.pop(future), _answer(future)

@@ -17,7 +17,21 @@ from numpy.typing import NDArray
 
 #: What stands in one cell of the table.
 Scalar = float | int | bool | str | None
+#: What a key of a task may be.
 KEY = re.compile(r"[A-Za-z0-9][A-Za-z0-9._=,+-]{0,119}")
+
+
+def number(value: Scalar) -> float:
+    """A cell that holds a number.
+
+    Raises
+    ------
+    TypeError
+        If it is empty or holds a text.
+    """
+    if value is None or isinstance(value, str):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)
 
 
 @dataclass(frozen=True)
@@ -63,6 +77,8 @@ class Task:
         What was varied: the table's first columns, there for failed runs too.
     cost : float
         Expected effort in any unit; long ones start first, and the time left is estimated by it.
+    alone : bool
+        Whether it measures time: it waits until nothing else is left to do, and no other task runs beside it.
     """
 
     key: str
@@ -71,6 +87,7 @@ class Task:
     needs: Mapping[str, str] = field(default_factory=dict)
     parameters: Mapping[str, Scalar] = field(default_factory=dict)
     cost: float = 1.0
+    alone: bool = False
 
     def __post_init__(self) -> None:
         if not KEY.fullmatch(self.key):

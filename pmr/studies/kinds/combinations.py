@@ -20,7 +20,7 @@ from pmr.errors import SimulationError
 from pmr.studies import marching, nested, shared
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.studies.task import Plan, Scalar, Task, TaskResult
+from pmr.studies.task import Plan, Scalar, Task, TaskResult, number
 
 #: What is no longer the largest error possible, 1.
 BELOW_MAXIMUM = 0.999
@@ -111,9 +111,10 @@ def _name(parameters: Mapping[str, Scalar]) -> str:
 
 
 def _key_figures(runs: list[RunRecord], treatment: str) -> Iterator[tuple[str, Scalar]]:
+    """Of runs in the order of their coordinates."""
     known = [run for run in runs if run.figures[f"{treatment}.beam"] is not None]
-    below = [run for run in known if run.figures[f"{treatment}.beam"] < BELOW_MAXIMUM]
     if known:
-        yield "first", below[0].parameters["coordinates"] if below else None
+        below = (run for run in known if number(run.figures[f"{treatment}.beam"]) < BELOW_MAXIMUM)
+        yield "first", next((run.parameters["coordinates"] for run in below), None)
         yield "beam", known[-1].figures[f"{treatment}.beam"]
         yield "strain", known[-1].figures[f"{treatment}.strain"]

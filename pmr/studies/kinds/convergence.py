@@ -61,7 +61,7 @@ class Study(StudyBase):
             meshed = marching.driven(scene).model_copy(update={"mesh": scenes.MeshChoice(elements=count)})
             arguments = shared.scene_arguments(meshed)
             needs = {"finest": f"{approach}-{elements[-1]}"} if count != elements[-1] else {}
-            parameters = {"approach": approach, "elements": count}
+            parameters: dict[str, Scalar] = {"approach": approach, "elements": count}
             cost = COSTS[approach] * count
             runs.append(Task(f"{approach}-{count}", function, arguments, needs, parameters, cost))
         return runs
@@ -77,7 +77,7 @@ class Study(StudyBase):
 
 
 def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full beam's tip; its displacement ``tip`` (T,) in m."""
+    """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full beam's tip; array ``tip`` (T,) in m."""
     scene = shared.scene_of(arguments)
     body = shared.model_of(scene).gather()
     assert body is not None

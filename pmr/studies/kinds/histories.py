@@ -1,0 +1,149 @@
+"""Histories: tip displacement and energy of the reduced beam, the full one and the ANCF cable, and their differences.
+
+Weyrer et al., sections "Tip Displacement, Energy, and Accuracy" and "Accuracy".  Each scene is reduced as it says;
+beside it stands the same basis with the supports' rows dropped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pmr import compare
+from pmr import scene as scenes
+from pmr.body import SlidingBody
+from pmr.errors import InputError
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.simulate import march
+from pmr.simulate.stepping import loads_at
+from pmr.studies import marching, shared
+from pmr.studies.results import StudyResults
+from pmr.studies.study import Statement, StudyBase
+from pmr.studies.task import Plan, Scalar, Task, TaskResult
+
+if TYPE_CHECKING:
+    from pmr.run import Reduction
+
+#: Energies and tips are what is drawn; displacements along the beam are compared here and not kept.
+SIMULATORS = ("reduced", "full", "ancf")
+
+
+class Study(StudyBase):
+    """The scenes, each with its references.
+
+    Figures: those of each run after the name of its scene, such as ``paper_evolved.errors.reduced_vs_full.tip``.  What
+    the scenes say is published needs no repetition here.
+    """
+
+    kind: Literal["histories"]
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)]
+
+    def plan(self) -> Plan:
+        runs, common = [], dict[str, Task]()
+        for file in self.scenes:
+            scene = scenes.load(file)
+            if "ancf" not in scene.compare.against:
+                allowed = f"{file.name}: scenes compared with ancf are allowed"
+                raise InputError("study", "scenes", list(scene.compare.against), allowed)
+            needs = shared.modes_tasks(scene) | {"ancf": shared.reference_task(scene, "ancf")}
+            common |= {task.key: task for task in needs.values()}
+            keys = {name: task.key for name, task in needs.items()}
+            runs.append(Task(file.stem, history, shared.scene_arguments(scene), keys, {"scene": file.stem}, cost=2.0))
+        return Plan(tuple(runs), tuple(common.values()))
+
+    def figures(self, results: StudyResults) -> dict[str, Scalar]:
+        return {f"{run.key}.{name}": value for run in results.runs for name, value in run.figures.items()}
+
+    def statements(self) -> tuple[Statement, ...]:
+        of_scenes = (statement for file in self.scenes for statement in _of_scene(file.stem, scenes.load(file)))
+        return (*of_scenes, *self.published)
+
+
+def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: errors between all three, with and without the supports' rows.
+
+    Figures: ``errors.<a>_vs_<b>.<place>`` (e_NRMS), ``absolute_errors.`` likewise (e_abs, m), ``max_displacement`` and
+    ``max_error`` (m), ``coordinates.full`` and ``.reduced``, ``basis.kappa``; ``dropped.tip``, ``dropped.beam`` and
+    ``dropped.max_error`` for the reduced model without the supports' rows.  Arrays: of each simulator its response at
+    the tip, of ``dropped`` the tip; ``path`` (m), ``path_rate`` (m/s) and ``loads`` (N) over time, ``singular_values``,
+    ``x`` (m) and ``shapes`` of the basis, ``scene`` as JSON.
+    """
+    from pmr.run import reduce_with
+
+    scene = shared.scene_of(arguments)
+    model = shared.model_of(scene)
+    snapshots = shared.snapshots_from(scene, needs)
+    dropping = scene.model_copy(update={"reduction": scene.reduction.model_copy(update={"support_rows": "drop"})})
+    reduction, dropped = (reduce_with(one, model, snapshots) for one in (scene, dropping))
+    full = model.gather()
+    assert full is not None
+    responses = {"reduced": _response(reduction.reduced, scene), "full": _response(full, scene)}
+    responses["ancf"] = shared.response_from(needs["ancf"])
+    beside = {"dropped": _response(dropped.reduced, scene), "full": responses["full"]}
+    record = dict(_errors(responses)) | {
+        f"dropped.{place}": value
+        for place, value in compare.errors(beside, order=("dropped", "full"))["dropped_vs_full"].items()
+    }
+    reference = responses["full"].displacement
+    record |= {
+        "max_displacement": float(np.abs(reference).max()),
+        "max_error": float(np.abs(responses["reduced"].displacement - reference).max()),
+        "dropped.max_error": float(np.abs(beside["dropped"].displacement - reference).max()),
+        "coordinates.full": model.size,
+        "coordinates.reduced": reduction.reduced.size,
+        "basis.kappa": reduction.basis.kappa(),
+    }
+    arrays = _arrays(scene, reduction) | {"dropped.tip": beside["dropped"].tip}
+    for name, response in responses.items():
+        at_tip = replace(response, x=response.x[-1:], displacement=response.displacement[:, -1:])
+        arrays |= {f"{name}.{key}": array for key, array in at_tip.arrays().items()}
+    return TaskResult(record, arrays, {f"simulate.{name}": response.seconds for name, response in responses.items()})
+
+
+def _response(body: SlidingBody, scene: Scene) -> Response:
+    drive = marching.Drive.of(scene)
+    trajectory = march.simulate(body, drive.path, drive.loads, drive.stepping)
+    rate, loads = drive.path.rate(trajectory.t), loads_at(drive.loads, trajectory.t)
+    return compare.respond(body, trajectory, rate, loads)
+
+
+def _errors(responses: Mapping[str, Response]) -> Iterator[tuple[str, Scalar]]:
+    for name, measure in (("errors", compare.nrms), ("absolute_errors", compare.absolute_error)):
+        for pair, places in compare.errors(responses, measure).items():
+            yield from ((f"{name}.{pair}.{place}", value) for place, value in places.items())
+
+
+def _arrays(scene: Scene, reduction: Reduction) -> dict[str, Any]:
+    drive = marching.Drive.of(scene)
+    t = drive.stepping.times
+    return {
+        "path": drive.path.value(t),
+        "path_rate": drive.path.rate(t),
+        "loads": loads_at(drive.loads, t),
+        "singular_values": reduction.basis.sigma,
+        "x": reduction.reduced.output_positions,
+        "shapes": reduction.reduced.outputs,
+        "scene": np.array(scene.model_dump_json()),
+    }
+
+
+def _of_scene(name: str, scene: Scene) -> Iterator[Statement]:
+    """What the scene file says is published."""
+    if scene.published is None:
+        return
+    spoken = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
+    for pair, places in scene.published.errors.items():
+        first, _, second = pair.partition("_vs_")
+        for place, value in places.items():
+            text = f"{scene.title}: {spoken[first]} against {spoken[second]}, {place}"
+            yield Statement(figure=f"{name}.errors.{pair}.{place}", text=text, value=value, quantity="share")
+    for figure, text in (("max_displacement", "largest displacement"), ("max_error", "largest error")):
+        value = getattr(scene.published, figure)
+        if value is not None:
+            yield Statement(figure=f"{name}.{figure}", text=f"{scene.title}: {text}", value=value, quantity="length")
