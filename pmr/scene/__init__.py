@@ -5,7 +5,18 @@ allowed raises `pmr.errors.InputError` with file, key, value and what is allowed
 """
 
 from pmr.scene.files import load, vary
-from pmr.scene.sections import SUPPORT_ROWS, Body, Compare, Damping, Load, MeshChoice, Published, Reduction, Scene
+from pmr.scene.sections import (
+    SUPPORT_ROWS,
+    Body,
+    Compare,
+    Damping,
+    Load,
+    MeshChoice,
+    Published,
+    Reduction,
+    Scene,
+    Simulation,
+)
 
 __all__ = [
     "SUPPORT_ROWS",
@@ -17,6 +28,7 @@ __all__ = [
     "Published",
     "Reduction",
     "Scene",
+    "Simulation",
     "load",
     "vary",
 ]

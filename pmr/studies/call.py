@@ -15,9 +15,12 @@ from pmr.studies.pools import Pool
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.runner import Watch, run
 from pmr.studies.store import Store
+from pmr.studies.study import StudyBase
 
 #: What no result depends on, so that a change there computes nothing again; a task counts the module of its function.
-NOT_COMPUTING = ("report/", "studies/kinds/", "cli", "console")
+NOT_COMPUTING = ("report/", "study_report/", "studies/kinds/", "cli", "console")
+#: Keys of study files that name files: where these lie is of no interest to readers of a summary.
+FILES = {"scene", "scenes"}
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,8 @@ def compute(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome
 def save(project: Project, outcome: Outcome, folder: Path) -> None:
     """Write the tables: into `folder`, or for a collection into a folder in it for each part."""
     for part in project.parts:
-        outcome.results[part.name].save(_summary(part.study.title, part.study.kind))
+        results = outcome.results[part.name]
+        results.save(_summary(part.study.title, part.study.kind) | _of_study(part.study, results))
     if "" not in outcome.results:
         runs = tuple(record for name, results in outcome.results.items() for record in _named(name, results))
         StudyResults(folder, runs).save_summary(
@@ -69,6 +73,18 @@ def _named(name: str, results: StudyResults) -> list[RunRecord]:
         replace(run, key=f"{name}/{run.key}", file=run.file and os.path.normpath(os.path.join(name, run.file)))
         for run in results.runs
     ]
+
+
+def _of_study(study: StudyBase, results: StudyResults) -> dict[str, Any]:
+    """What a study was asked for, found out from all of its runs, and what is published of it."""
+    base = set(StudyBase.model_fields)
+    asked = {name: value for name, value in study.model_dump(mode="json").items() if name not in base | FILES}
+    return {
+        "asked": asked,
+        "figures": dict(study.figures(results)) if results.is_complete else {},
+        "source": study.source,
+        "published": [statement.model_dump() for statement in study.statements()],
+    }
 
 
 def _summary(title: str, kind: str) -> dict[str, Any]:

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.body import SlidingBody
-from pmr.scene import Damping, Reduction, Scene
-from pmr.scene.sections import Compare
+from pmr.scene import Compare, Damping, Reduction, Scene, Simulation
 from pmr.signals import SignalBase
 from pmr.simulate import TimeStepping, march
 from pmr.simulate.modal import modal_form
@@ -74,7 +73,7 @@ def full_task(scene: Scene) -> Task:
 
 
 def full(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: the full model's ``displacement`` (T, o) in m, ``strain`` (T,) in J, ``t`` (T,) in s and ``x`` (o,) in m."""
+    """Task: ``displacement`` (T, o) in m and ``strain`` (T,) in J of the full model, ``t`` (T,) in s, ``x`` (o,) in m."""
     scene = shared.scene_of(arguments)
     body = shared.model_of(scene).gather()
     assert body is not None
@@ -90,11 +89,18 @@ def full_motion(result: TaskResult) -> Motion:
 
 
 def driven(scene: Scene) -> Scene:
-    """The scene without what the full model's motion does not depend on: reduction, comparison."""
-    return scene.model_copy(update={"reduction": Reduction(), "compare": Compare(against=())})
+    """The scene without what the full model's motion does not depend on: reduction, comparison, choice of simulator."""
+    update = {"reduction": Reduction(), "compare": Compare(against=()), "simulation": Simulation()}
+    return scene.model_copy(update=update)
 
 
 def resting(scene: Scene) -> Scene:
-    """The scene without what eigenmodes do not depend on: loads, damping, comparison."""
+    """The scene without what eigenmodes and bases do not depend on: loads, damping, sizes, comparison."""
     loads = tuple(load.model_copy(update={"signal": shared.NOTHING}) for load in scene.loads)
-    return scene.model_copy(update={"loads": loads, "damping": Damping(), "compare": Compare(against=())})
+    kept = Reduction(positions=scene.reduction.positions, solver=scene.reduction.solver)
+    return driven(scene).model_copy(update={"loads": loads, "damping": Damping(), "reduction": kept})
+
+
+def marched(scene: Scene) -> Scene:
+    """The scene with the compiled simulator for the reduced and the full model."""
+    return scene.model_copy(update={"simulation": Simulation(simulators=("march",), repeats=1, full="march")})

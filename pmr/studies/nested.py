@@ -107,21 +107,24 @@ class GlobalBasis:
 
 
 def check(scene: Scene, snapshots: Sequence[int], modes: Sequence[int], key: str) -> None:
-    """Refuse what the mesh has too few nodes for, as far as the scene tells without reading a mesh.
+    """Refuse scenes whose snapshots can't be varied, and what the mesh has too few nodes for, as far as is known.
 
     Raises
     ------
     InputError
-        With source ``"study"`` and the given key.
+        With source ``"study"``; the given key where numbers are too large.
     """
+    choice = scene.reduction
+    if choice.basis != "eigenmodes" or choice.flexibility or not isinstance(choice.positions, str):
+        allowed = "a scene whose basis is the plain POD of eigenmodes at positions that are not listed is allowed"
+        raise InputError("study", "scene", scene.title, allowed)
     elements = scene.mesh.elements
     if elements is None:
         return
     free = len(scene.body.directions) * (elements + 1) - scene.row_count
     if max(snapshots) > elements or max(modes) > free:
         value = max(snapshots) if max(snapshots) > elements else max(modes)
-        allowed = f"{elements} elements allow up to {elements} snapshots and {free} modes"
-        raise InputError("study", key, value, allowed)
+        raise InputError("study", key, value, f"{elements} elements allow up to {elements} snapshots and {free} modes")
 
 
 def note(treatment: str, error: SimulationError) -> None:

@@ -65,6 +65,11 @@ class Study(StudyBase):
             runs = [run for run in results.runs if run.key.startswith(f"{name}-")]
             for treatment in nested.TREATMENTS:
                 found |= {f"{name}.{treatment}.{key}": value for key, value in _key_figures(runs, treatment)}
+        for treatment in nested.TREATMENTS:
+            firsts = [found.get(f"{n}x{m}.{treatment}.first") for n, m in self.combinations]
+            found[f"{treatment}.first"] = min(
+                (int(number(first)) for first in firsts if first is not None), default=None
+            )
         return found
 
 

@@ -15,6 +15,7 @@ from pydantic import Field, field_validator
 from pmr import compare
 from pmr import scene as scenes
 from pmr.errors import InputError
+from pmr.responses import simulate_cable
 from pmr.simulate import march
 from pmr.simulate.modal import modal_form
 from pmr.studies import marching, shared
@@ -89,8 +90,6 @@ def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
 
 def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: as `beam_tip`, for the ANCF cable."""
-    from pmr.run import simulate_cable
-
     scene = shared.scene_of(arguments)
     elements = scene.mesh.elements
     assert elements is not None  # the plan's check

@@ -53,7 +53,8 @@ class Study(StudyBase):
             raise InputError("study", "largest_pool", self.largest_pool, allowed)
         library = nested.library_task(scene, counts, self.most_modes)
         reference = marching.full_task(scene)
-        arguments = shared.scene_arguments(scene.model_copy(update={"compare": scenes.Compare(against=())}))
+        kept = marching.resting(scene).reduction
+        arguments = shared.scene_arguments(marching.driven(scene).model_copy(update={"reduction": kept}))
         needs = {"library": library.key, "full": reference.key}
         runs = []
         for n, m in chosen:

@@ -16,11 +16,10 @@ from pydantic import Field
 
 from pmr import compare
 from pmr import scene as scenes
-from pmr.body import SlidingBody
 from pmr.errors import InputError
+from pmr.responses import simulate_reduced, simulate_reference
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.simulate import march
 from pmr.simulate.stepping import loads_at
 from pmr.studies import marching, shared
 from pmr.studies.results import StudyResults
@@ -54,7 +53,8 @@ class Study(StudyBase):
             needs = shared.modes_tasks(scene) | {"ancf": shared.reference_task(scene, "ancf")}
             common |= {task.key: task for task in needs.values()}
             keys = {name: task.key for name, task in needs.items()}
-            runs.append(Task(file.stem, history, shared.scene_arguments(scene), keys, {"scene": file.stem}, cost=2.0))
+            arguments = shared.scene_arguments(marching.marched(scene))
+            runs.append(Task(file.stem, history, arguments, keys, {"scene": file.stem}, cost=2.0))
         return Plan(tuple(runs), tuple(common.values()))
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
@@ -83,9 +83,9 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     reduction, dropped = (reduce_with(one, model, snapshots) for one in (scene, dropping))
     full = model.gather()
     assert full is not None
-    responses = {"reduced": _response(reduction.reduced, scene), "full": _response(full, scene)}
+    responses = {"reduced": simulate_reduced(scene, reduction.reduced), "full": simulate_reference("full", scene, full)}
     responses["ancf"] = shared.response_from(needs["ancf"])
-    beside = {"dropped": _response(dropped.reduced, scene), "full": responses["full"]}
+    beside = {"dropped": simulate_reduced(scene, dropped.reduced), "full": responses["full"]}
     record = dict(_errors(responses)) | {
         f"dropped.{place}": value
         for place, value in compare.errors(beside, order=("dropped", "full"))["dropped_vs_full"].items()
@@ -104,13 +104,6 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
         at_tip = replace(response, x=response.x[-1:], displacement=response.displacement[:, -1:])
         arrays |= {f"{name}.{key}": array for key, array in at_tip.arrays().items()}
     return TaskResult(record, arrays, {f"simulate.{name}": response.seconds for name, response in responses.items()})
-
-
-def _response(body: SlidingBody, scene: Scene) -> Response:
-    drive = marching.Drive.of(scene)
-    trajectory = march.simulate(body, drive.path, drive.loads, drive.stepping)
-    rate, loads = drive.path.rate(trajectory.t), loads_at(drive.loads, trajectory.t)
-    return compare.respond(body, trajectory, rate, loads)
 
 
 def _errors(responses: Mapping[str, Response]) -> Iterator[tuple[str, Scalar]]:
@@ -138,12 +131,16 @@ def _of_scene(name: str, scene: Scene) -> Iterator[Statement]:
     if scene.published is None:
         return
     spoken = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
+    remarks = " ".join(scene.published.remarks)
     for pair, places in scene.published.errors.items():
         first, _, second = pair.partition("_vs_")
         for place, value in places.items():
             text = f"{scene.title}: {spoken[first]} against {spoken[second]}, {place}"
-            yield Statement(figure=f"{name}.errors.{pair}.{place}", text=text, value=value, quantity="share")
+            figure, why = f"{name}.errors.{pair}.{place}", remarks if first == "reduced" else ""
+            yield Statement(figure=figure, text=text, value=value, quantity="share", why=why)
     for figure, text in (("max_displacement", "largest displacement"), ("max_error", "largest error")):
         value = getattr(scene.published, figure)
         if value is not None:
-            yield Statement(figure=f"{name}.{figure}", text=f"{scene.title}: {text}", value=value, quantity="length")
+            yield Statement(
+                figure=f"{name}.{figure}", text=f"{scene.title}: {text}", value=value, quantity="length", why=remarks
+            )

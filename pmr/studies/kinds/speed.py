@@ -17,6 +17,7 @@ from pydantic import Field
 from pmr import scene as scenes
 from pmr.body import FullBody, SlidingBody
 from pmr.errors import InputError
+from pmr.responses import simulate_cable
 from pmr.scene import Scene
 from pmr.simulate import Simulator, TimeStepping, exudyn, march
 from pmr.studies import nested, shared
@@ -123,7 +124,7 @@ def _repeats(run: RunRecord) -> list[float]:
 
 def _solver(scene: Scene, approach: Approach, needs: Mapping[str, TaskResult]) -> tuple[Callable[[int], float], int]:
     """What takes a number of steps and returns the solver's seconds, and the number of coordinates."""
-    from pmr.run import reduce_with, simulate_cable
+    from pmr.run import reduce_with
 
     if approach.simulate is None:
         elements = scene.compare.ancf_elements
