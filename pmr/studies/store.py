@@ -24,6 +24,7 @@ from pmr.studies.task import TaskResult
 
 FORMAT = "pmr-task-result"
 FORMAT_VERSION = 1
+HEADER = "header.json"
 STALE_AFTER = 3600.0  # s, age at which a file under construction counts as abandoned
 _DAMAGE = (OSError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error, EOFError)
 
@@ -78,8 +79,8 @@ class Store:
             "seconds": dict(result.seconds),
             "notes": list(stored.notes),
         }
-        text = np.array(json.dumps(header, allow_nan=False))
-        write_arrays(self.path(digest), {"header": text} | {f"array.{k}": v for k, v in result.arrays.items()})
+        text = json.dumps(header, allow_nan=False)
+        write_arrays(self.path(digest), {f"array.{name}": array for name, array in result.arrays.items()}, text)
 
     def read(self, digest: str) -> Stored:
         """The result with this digest; its arrays are read-only.
@@ -110,10 +111,12 @@ class Store:
             raise DamagedError(f"{self.path(digest).name} is missing or damaged ({error})") from None
 
 
-def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write an npz file in one step; equal arrays give equal bytes."""
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], header: str = "") -> None:
+    """Write an npz file, with a header if there is one, in one step; equal arrays give equal bytes."""
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     with zipfile.ZipFile(part, "w", zipfile.ZIP_STORED) as file:
+        if header:
+            file.writestr(zipfile.ZipInfo(HEADER), header)
         for name, array in arrays.items():
             content = BytesIO()
             np.lib.format.write_array(content, np.asanyarray(array), allow_pickle=False)
@@ -122,7 +125,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _header(file: zipfile.ZipFile, digest: str) -> dict[str, Any]:
-    header = json.loads(str(_array(file, "header.npy")))
+    header = json.loads(file.read(HEADER))
     if (header["format"], header["version"], header["digest"]) != (FORMAT, FORMAT_VERSION, digest):
         raise ValueError("another file's header")
     return dict(header)
