@@ -80,6 +80,9 @@ def study(
         save(project, outcome, folder)
         for results in outcome.results.values():
             say(out, f"table  {results.folder}/runs.csv")
+        from pmr.study_report import write_report
+
+        say(out, f"report {write_report(folder).html}")
     say(out, f"{outcome.done} of {len(asked.runs)} runs are there; {outcome.computed} tasks were computed now")
     if not outcome.is_complete:
         raise typer.Exit(1)

@@ -111,7 +111,7 @@ def _errors(result: RunResult) -> Iterator[Row]:
 
 def _compared(comparison: str, place: str, here: float, other: float, decimals: int) -> Row:
     """An error beside the published one, which is printed in per cent with so many decimals."""
-    printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", _signed(_deviation(here, other))
+    printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(here, other)
     rounded = abs(here - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)
     mark = mark_for(here, other)
     if rounded and mark is not WITHIN:
@@ -132,7 +132,7 @@ def _lengths(result: RunResult) -> Iterator[Row]:
         if other is None:
             yield Row(comparison, "", length(here, 4))
             continue
-        deviation = _signed(_deviation(here, other))
+        deviation = signed_deviation(here, other)
         mark = mark_for(here, other, is_error)
         yield Row(comparison, "", length(here, 4), length(other, _digits(other)), deviation, mark)
 
@@ -144,7 +144,9 @@ def _deviation(here: float, published: float) -> float:
     return (here - published) / published
 
 
-def _signed(deviation: float) -> str:
+def signed_deviation(here: float, published: float) -> str:
+    """Relative deviation from the published figure, with its sign, in per cent."""
+    deviation = _deviation(here, published)
     if abs(deviation) == float("inf"):
         return "–"
     return f"{MINUS if deviation < 0.0 else '+'}{significant(100.0 * abs(deviation), 2)}{SPACE}%"

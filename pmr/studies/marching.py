@@ -73,7 +73,7 @@ def full_task(scene: Scene) -> Task:
 
 
 def full(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: ``displacement`` (T, o) in m and ``strain`` (T,) in J of the full model, ``t`` (T,) in s, ``x`` (o,) in m."""
+    """Task: ``displacement`` (T, o) in m, ``strain`` (T,) in J of the full model; ``t`` (T,) in s, ``x`` (o,) in m."""
     scene = shared.scene_of(arguments)
     body = shared.model_of(scene).gather()
     assert body is not None

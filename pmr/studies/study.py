@@ -31,6 +31,8 @@ class Statement(BaseModel):
         As it is published, where a number alone would say too much (``"approximately 16 %"``).
     quantity : str
         How numbers are printed: a share in per cent, a length, another quantity in its SI unit, or a plain number.
+    is_error : bool
+        Whether smaller is better.
     why : str
         Why the two differ, as far as is known.
     """
@@ -42,6 +44,7 @@ class Statement(BaseModel):
     value: float | str | None = None
     words: str = ""
     quantity: Literal["share", "length", "energy", "seconds", "ratio", "number"] = "number"
+    is_error: bool = False
     why: str = ""
 
 

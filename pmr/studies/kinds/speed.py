@@ -66,7 +66,8 @@ class Study(StudyBase):
     then extrapolated to all of it, the number of steps being what they depend on.  ``--set share.full-callbacks=1``
     simulates the whole span.
 
-    Figures, for each scene: ``<scene>.seconds.<approach>`` (median) and ratios of these.
+    Figures, for each scene: ``<scene>.seconds.<approach>`` (median) and ratios of these; ``span``, the longest time
+    span, in s.
     """
 
     kind: Literal["speed"]
@@ -94,7 +95,7 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common.values()))
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        found: dict[str, Scalar] = {}
+        found: dict[str, Scalar] = {"span": max(scenes.load(file).time.end for file in self.scenes)}
         for file in self.scenes:
             runs = [run for run in results.runs if run.parameters["scene"] == file.stem]
             median = {str(run.parameters["approach"]): statistics.median(_repeats(run)) for run in runs}

@@ -1,0 +1,140 @@
+"""Computational speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pmr.report.figures.canvas import INK, MUTED, WIDE, key, sheet
+from pmr.report.numbers import SPACE, percent, plain, quantity, significant
+from pmr.report.sentences import KeyNumber
+from pmr.studies.results import RunRecord
+from pmr.studies.task import number
+from pmr.study_report.axes import log_x
+from pmr.study_report.content import Block, Content, Grid, drawing
+from pmr.study_report.finished import FinishedStudy
+
+LABELS = {
+    "ancf": "ANCF cable",
+    "full-callbacks": "full, callbacks (dense)",
+    "full-updates": "full, updates (sparse)",
+    "full-march": "full, compiled",
+    "reduced-callbacks": "reduced, callbacks",
+    "reduced-updates": "reduced, updates",
+    "reduced-march": "reduced, compiled",
+}
+PUBLISHED = ("ancf", "full-callbacks", "reduced-callbacks")  # the paper's approaches
+PAPER, OURS = "#d55e00", "#0072b2"
+
+
+def content(study: FinishedStudy, prefix: str) -> Content:
+    """Times of every approach, and their ratios."""
+    span = _span(study)
+    shares = {str(run.parameters["approach"]): number(run.figures["share"]) for run in study.results.runs}
+    parts = [f"{LABELS[name]}: {percent(share)}" for name, share in shares.items() if share < 1.0]
+    extrapolated = f" Extrapolated to the whole time span, of which is simulated: {', '.join(parts)}." if parts else ""
+    caption = (
+        f"Solver time for {plain(span)}{SPACE}s of motion, {study.asked['repeats']} repeats and their median. Orange: "
+        "the paper's three approaches in Exudyn; blue: other ways to the same trajectories. Dashed: real "
+        f"time.{extrapolated}"
+    )
+    scenes = _scenes(study)
+    gains = {name: study.figure(f"{name}.callbacks_over_march.reduced") for name in scenes}
+    fastest = max(study.figure(f"{name}.seconds.reduced-march") for name in scenes)
+    return Content(
+        headline=f"The compiled simulator needs {quantity(fastest, 's', 2)} for {plain(span)}{SPACE}s of the reduced "
+        "beam.",
+        key_numbers=[
+            KeyNumber(f"{significant(gain, 2)}{SPACE}×", f"compiled against callbacks, reduced, {_case(name)}")
+            for name, gain in gains.items()
+        ],
+        paragraphs=[
+            "Callbacks are the paper's way: dense matrices, and Python called for rows, their Jacobian and loads in "
+            "every iteration. Rows and loads are looked up there, not evaluated, which favours it. Updates set them "
+            "once a step. The compiled simulator takes the modes of the beam's matrices as coordinates, once, and "
+            "steps from there. Nothing else runs beside a measurement; loading and compiling are not measured.",
+        ],
+        blocks=[
+            Block(
+                "Solver time",
+                ((drawing(f"{prefix}-seconds", seconds, caption, study),),),
+                grids=tuple(_grid(study, name) for name in scenes),
+            )
+        ],
+    )
+
+
+def seconds(study: FinishedStudy) -> Figure:
+    """Repeats and medians on a logarithmic axis, one panel a scene."""
+    scenes = _scenes(study)
+    margins = {"left": 1.45, "top": 0.45}
+    figure, axes = sheet(WIDE, 2.6, columns=len(scenes), margins=margins, sharey=True, gridspec_kw={"wspace": 0.08})
+    everything = [value for run in study.results.runs for value in repeats(run)]
+    places = {name: len(LABELS) - 1 - i for i, name in enumerate(LABELS)}
+    for ax, scene in zip(axes[0], scenes, strict=True):
+        for run in study.runs(scene=scene):
+            name = str(run.parameters["approach"])
+            found, colour = repeats(run), PAPER if name in PUBLISHED else OURS
+            middle = float(np.median(found))
+            ax.plot(
+                found,
+                [places[name]] * len(found),
+                linestyle="none",
+                marker="o",
+                markersize=2.6,
+                color=colour,
+                alpha=0.6,
+            )
+            ax.plot([middle] * 2, [places[name] - 0.28, places[name] + 0.28], color=colour, linewidth=1.6)
+        ax.axvline(_span(study), color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
+        log_x(ax, min(everything) / 2.0, 2.0 * max([*everything, _span(study)]))
+        ax.set_yticks(list(places.values()), [LABELS[name] for name in places])
+        ax.set_ylim(-0.6, len(LABELS) - 0.4)
+        ax.set_xlabel("Solver time in s")
+        ax.set_title(_case(scene), loc="left", pad=4.0)
+    dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3.0}
+    key(
+        figure,
+        [
+            Line2D([], [], label="the paper's way", color=PAPER, **dot),
+            Line2D([], [], label="other ways, same trajectory", color=OURS, **dot),
+            Line2D([], [], label="median", color=MUTED, linewidth=1.6),
+            Line2D([], [], label="real time", color=INK, linewidth=0.8, linestyle=(0, (4, 2))),
+        ],
+    )
+    return figure
+
+
+def repeats(run: RunRecord) -> list[float]:
+    """Measured times in s."""
+    return [value for name, value in run.seconds.items() if name.startswith("repeat")]
+
+
+def _grid(study: FinishedStudy, scene: str) -> Grid:
+    median: Mapping[str, float] = {name: study.figure(f"{scene}.seconds.{name}") for name in LABELS}
+    least, rows = {str(run.parameters["approach"]): min(repeats(run)) for run in study.runs(scene=scene)}, []
+    for run in study.runs(scene=scene):
+        name = str(run.parameters["approach"])
+        ratio = significant(_span(study) / median[name], 2)
+        size = plain(number(run.figures["coordinates"]))
+        rows.append((LABELS[name], size, quantity(median[name], "s"), quantity(least[name], "s"), f"{ratio}{SPACE}×"))
+    caption = f"{_case(scene).capitalize()}: solver time for the whole time span."
+    return Grid(caption, ("approach", "coordinates", "median", "least", "against real time"), tuple(rows))
+
+
+def _scenes(study: FinishedStudy) -> list[str]:
+    return list(dict.fromkeys(str(run.parameters["scene"]) for run in study.results.runs))
+
+
+def _span(study: FinishedStudy) -> float:
+    """Simulated time in s."""
+    return study.figure("span")
+
+
+def _case(scene: str) -> str:
+    """``paper_evolved`` is the evolved case."""
+    return f"{scene.removeprefix('paper_').replace('_', ' ')} case" if scene.startswith("paper_") else scene

@@ -1,0 +1,68 @@
+"""What is published beside what a study finds: one line of a table each, with a verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pmr.report.marks import DIFFERENT, SAME, Mark, Row, mark_for, signed_deviation
+from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.studies.study import Statement
+from pmr.studies.task import Scalar, number
+from pmr.study_report.finished import FinishedStudy
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The table of a study, and why its figures differ from the published ones, as far as is known."""
+
+    rows: list[Row]
+    reasons: list[str]
+
+
+def comparison(study: FinishedStudy) -> Comparison:
+    """The statements on a study's figures; those whose figure it does not have are left out."""
+    rows, reasons = [], list[str]()
+    for statement in study.published:
+        here = study.figures.get(statement.figure)
+        if here is None:
+            continue
+        rows.append(_row(statement, here))
+        if statement.why and statement.why not in reasons:
+            reasons.append(statement.why)
+    return Comparison(rows, reasons)
+
+
+def formatted(value: Scalar, kind: str) -> str:
+    """A figure as its quantity is printed."""
+    if isinstance(value, str):
+        return combination(value)
+    return {
+        "share": lambda x: percent(x),
+        "length": lambda x: length(x),
+        "energy": lambda x: quantity(x, "J"),
+        "seconds": lambda x: quantity(x, "s"),
+        "ratio": lambda x: f"{significant(x, 2)}{SPACE}×",
+        "number": lambda x: plain(round(x, 9)),
+    }[kind](number(value))
+
+
+def combination(key: str) -> str:
+    """``"5x6"`` as (5, 6); other texts as they are."""
+    first, _, second = key.partition("x")
+    return f"({first},{SPACE}{second})" if first.isdigit() and second.isdigit() else key
+
+
+def _row(statement: Statement, here: Scalar) -> Row:
+    shown = formatted(here, statement.quantity)
+    if statement.value is None:
+        return Row(statement.text, "", shown, statement.words or None)
+    printed = statement.words or formatted(statement.value, statement.quantity)
+    mark, deviation = _verdict(statement, here)
+    return Row(statement.text, "", shown, printed, deviation, mark)
+
+
+def _verdict(statement: Statement, here: Scalar) -> tuple[Mark, str | None]:
+    if isinstance(statement.value, str) or isinstance(here, str):
+        return (SAME if here == statement.value else DIFFERENT), None
+    published = number(statement.value)
+    return mark_for(number(here), published, statement.is_error), signed_deviation(number(here), published)

@@ -1,0 +1,15 @@
+"""The three treatments of the supports' rows, in words."""
+
+from __future__ import annotations
+
+NAMES = {
+    "kept": "rows kept, as published",
+    "hold": "rows holding the last two",
+    "drop": "rows dropped",
+}
+EXPLAINED = (
+    "Basis vectors vanish at the pin, so its two rows say nothing, except for their round-off. Kept in, as the "
+    "publication does, they hold two combinations of coordinates that round-off decides on: of the last ones where the "
+    "singular values fall quickly, of any where they fall slowly. Made to hold the last two they do the least harm. "
+    "Dropped, as they may be, they leave all coordinates free."
+)
