@@ -53,6 +53,7 @@ def done(small: Path) -> Path:
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.splitlines() == [
         f"table  {folder}/runs.csv",
+        f"report {folder}/report.html",
         "2 of 2 runs are there; 9 tasks were computed now",
     ]
     assert finished.stderr == ""
@@ -60,7 +61,8 @@ def done(small: Path) -> Path:
 
 
 def test_a_study_leaves_what_the_help_says(done: Path) -> None:
-    assert {"runs.csv", "runs.npz", "seconds.csv", "summary.json", "tasks"} == {file.name for file in done.iterdir()}
+    expected = {"report.html", "report.pdf", "runs.csv", "runs.npz", "seconds.csv", "summary.json", "tasks"}
+    assert expected == {file.name for file in done.iterdir()}
     results = StudyResults.load(done)
     assert [run.key for run in results.runs] == ["support_rows=drop,coordinates=10", "support_rows=drop,coordinates=20"]
     ten, twenty = results.column("errors.reduced_vs_full.beam")

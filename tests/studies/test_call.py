@@ -10,12 +10,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pytest
 import study_tasks
 from processes import python
+from pydantic import Field
 from study_tasks import COUNT, Squares, run
 
 from pmr.studies.results import StudyResults
@@ -35,7 +36,7 @@ class Listed(StudyBase):
     kind: Literal["listed"] = "listed"
     title: str = "Listed"
     model_config = StudyBase.model_config | {"arbitrary_types_allowed": True}
-    tasks: Plan
+    tasks: Annotated[Plan, Field(exclude=True)]  # functions are not for summary.json
 
     def plan(self) -> Plan:
         return self.tasks
