@@ -22,6 +22,8 @@ from pmr.errors import SimulationError
 from pmr.signals import SignalBase
 from pmr.simulate import march_kernel as kernel
 from pmr.simulate import march_system
+from pmr.simulate.march_arrays import V, Z
+from pmr.simulate.march_scheme import GeneralizedAlpha
 from pmr.simulate.march_start import check_stable, dependent_rows, starting_state
 from pmr.simulate.modal import ModalForm, modal_form, support_forces
 from pmr.simulate.start import InitialState, consistent_start
@@ -90,7 +92,8 @@ def simulate_modal(
     march = _March(form, path, loads, stepping, initial)
     T, r, m = stepping.steps + 1, form.body.size, len(form.body.row_names)
     z, v, multipliers = (np.empty((T, size)) for size in (r, r, m))
-    z[0], v[0], multipliers[0] = march.state.z, march.state.v, march.state.multipliers
+    z[0], v[0] = march.start
+    multipliers[0] = march.state.multipliers
 
     def steps(first: int, last: int) -> tuple[int, int]:
         kept = (array[first:last] for array in (z, v, multipliers))
@@ -124,7 +127,7 @@ def observe(
     count = stepping.steps // every + 1
     y, multipliers = np.empty((count, len(chosen))), np.empty((count, len(form.body.row_names)))
     multipliers[0] = march.state.multipliers
-    y[0] = displacement(form.body, march.state.z[None], march.s[:1], multipliers[:1], march.f[:1])[0, chosen]
+    y[0] = displacement(form.body, march.start[:1], march.s[:1], multipliers[:1], march.f[:1])[0, chosen]
 
     def steps(first: int, last: int) -> tuple[int, int]:
         kept = slice((first - 1) // every + 1, (last - 1) // every + 1)
@@ -147,9 +150,15 @@ class _March:
         self.s = path_at(path, body.domain, stepping.times)
         self.f = loads_at(one_for_each(loads, body.input_names), stepping.times)
         check_stable(body, self.s, stepping.rho_inf)
-        self.scheme = march_system.scheme(stepping.step, stepping.rho_inf)
+        method = GeneralizedAlpha(stepping.step, stepping.rho_inf)
+        self.scheme = method.scheme()
         self.system = march_system.system(form, self.scheme)
-        self.state = starting_state(body, self.s[0], float(path.rate(0.0)), self.f[0], initial)
+        self.state = starting_state(form, method, self.s[0], float(path.rate(0.0)), self.f[0], initial)
+
+    @property
+    def start(self) -> Array:
+        """Where the march stands: z and v (2, r)."""
+        return self.state.modes[[Z, V], : self.body.size]
 
     def advance(self, steps: Callable[[int, int], tuple[int, int]], multiple: int, progress: Progress | None) -> float:
         """Take all steps, in blocks of a whole number of `multiple`; the seconds it took."""

@@ -8,14 +8,18 @@ from numpy.typing import NDArray
 from pmr.body import SlidingBody
 from pmr.errors import InputError
 from pmr.reduced import ReducedModel
-from pmr.simulate.march_kernel import State
+from pmr.simulate.march_arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, State, V, Z
+from pmr.simulate.march_scheme import GeneralizedAlpha
 from pmr.simulate.march_system import state
+from pmr.simulate.modal import ModalForm
 from pmr.simulate.start import InitialState, consistent_start, row_flexibility
 
 Array = NDArray[np.float64]
 
 
-def starting_state(body: ReducedModel, s: float, s_rate: float, f: Array, initial: InitialState | None) -> State:
+def starting_state(
+    form: ModalForm, method: GeneralizedAlpha, s: float, s_rate: float, f: Array, initial: InitialState | None
+) -> State:
     """State of a body in modal form at t = 0.
 
     Where rows give way, the multipliers follow from the position; rigid rows hold the acceleration, their own motion
@@ -26,12 +30,15 @@ def starting_state(body: ReducedModel, s: float, s_rate: float, f: Array, initia
     InputError
         If the initial position violates a rigid row or a size is wrong.
     """
+    body, scheme = form.body, method.scheme()
     start = consistent_start(body, s, s_rate, initial)
-    begun = state(body.size, len(body.row_names))
-    begun.z[:], begun.v[:] = start.q, start.v
     C, free = body.C(s), body.B @ f - body.D @ start.v - np.diagonal(body.K) * start.q
+    begun = state(form, scheme)
     begun.multipliers[:] = _multipliers(body, s, C, free, f, start.q)
-    begun.acceleration[:] = begun.a[:] = free - C.T @ begun.multipliers
+    modes = begun.modes[:, : body.size]
+    z, v, a = method.predict(start.q, start.v, free - C.T @ begun.multipliers)
+    modes[Z], modes[V], modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = start.q, start.v, z, v, a
+    modes[Z_FREE] = z - scheme.z_gain * (modes[STIFFNESS] * z + modes[DAMPING] * v)
     return begun
 
 

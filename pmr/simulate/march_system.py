@@ -7,68 +7,94 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.reduced import ReducedModel
-from pmr.simulate.march_kernel import Outputs, Scheme, State, System
+from pmr.simulate.lanes import LANES
+from pmr.simulate.march_arrays import (
+    DAMPING,
+    INPUT,
+    ROW,
+    STIFFNESS,
+    UNIT,
+    Outputs,
+    Scheme,
+    State,
+    System,
+)
 from pmr.simulate.modal import ModalForm
 from pmr.sliding import common_breaks, rebased
 
 Array = NDArray[np.float64]
 
 
-def scheme(step: float, rho_inf: float) -> Scheme:
-    """Generalized-alpha with the parameters of Chung and Hulbert, Journal of Applied Mechanics 60, 1993, eq. 25."""
-    alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
-    gamma = 0.5 + alpha_f - alpha_m
-    beta = (gamma + 0.5) ** 2 / 4.0
-    gain = (1.0 - alpha_f) / (1.0 - alpha_m)
-    return Scheme(
-        step=step,
-        a_from_acceleration=alpha_f / (1.0 - alpha_m),
-        a_from_a=-alpha_m / (1.0 - alpha_m),
-        z_from_a=(0.5 - beta) * step**2,
-        z_from_next=beta * step**2,
-        v_from_a=(1.0 - gamma) * step,
-        v_from_next=gamma * step,
-        a_gain=gain,
-        v_gain=gamma * step * gain,
-        z_gain=beta * step**2 * gain,
-    )
-
-
 def system(form: ModalForm, scheme: Scheme) -> System:
     """Constants of a body in modal form, its tables on common breaks."""
-    body, omega2, damping = form.body, form.omega2, np.diagonal(form.body.D)
+    body = form.body
     i, m = len(body.input_names), len(body.row_names)
     breaks = table_breaks(body)
     zero = PPoly(np.zeros((1, 1, m, max(m, i))), np.array(body.domain))
     G, H = (body.flexibility.rows, body.flexibility.inputs) if body.flexibility else (zero, zero)
-    compliance = _powers_last(rebased(G, breaks).c[..., :m])
-    compliance[:, np.arange(m), np.arange(m), -1] += body.row_compliance
-    effective = np.diag(1.0 + omega2 * scheme.z_gain) + body.D * scheme.v_gain
-    couples = not form.classically_damped
+    C, B = rebased(body.rows, breaks).c, over_S(form, scheme, body.B.T)
+    compliance, of_rows = _same_degree(
+        scheme.z_gain * _product(over_S(form, scheme, C), C), rebased(G, breaks).c[..., :m]
+    )
+    compliance += of_rows
+    compliance[-1, :, np.arange(m), np.arange(m)] += body.row_compliance[:, None]
+    inputs, of_inputs = _same_degree(scheme.z_gain * C @ B.T, rebased(H, breaks).c[..., :i])
+    couplings = np.concatenate(_same_degree(compliance, inputs + of_inputs), axis=3)
+    damped = np.zeros((0, 0, 0))
+    if not form.classically_damped:
+        damped = np.stack([over_S(form, scheme, A).T for A in (body.K, body.D, np.eye(body.size))])
     return System(
         breaks=breaks,
-        rows=_powers_second_last(rebased(body.rows, breaks).c),
-        compliance=compliance,
-        inputs=_powers_last(rebased(H, breaks).c[..., :i]),
-        B=_copy(body.B.T),
-        omega2=_copy(omega2),
-        damping=_copy(damping),
-        inverse=1.0 / np.diagonal(effective),
-        coupling=_copy(body.D) if couples else np.zeros((0, 0)),
-        full_inverse=np.linalg.inv(effective) if couples else np.zeros((0, 0)),
+        rows=_padded(C.transpose(1, 2, 0, 3)),
+        couplings=_padded(couplings.transpose(1, 2, 0, 3)),
+        B=_padded(B),
+        damped=_padded(damped),
+        constant_rows=_constant_rows(C, couplings),
     )
+
+
+def over_S(form: ModalForm, scheme: Scheme, X: Array) -> Array:
+    """X S^-1, for X (..., r) and the symmetric S = 1 + D dv + Omega^2 dq."""
+    if form.classically_damped:
+        return np.asarray(X / (1.0 + np.diagonal(form.body.D) * scheme.v_gain + form.omega2 * scheme.z_gain))
+    S = np.diag(1.0 + form.omega2 * scheme.z_gain) + form.body.D * scheme.v_gain
+    return np.asarray(X @ np.linalg.inv(S))
+
+
+def _product(a: Array, b: Array) -> Array:
+    """A(x) B(x)^T, coefficients (p + q - 1, k, m, m), for A and B with coefficients (p, k, m, r) and (q, k, m, r)."""
+    c = np.zeros((len(a) + len(b) - 1, *a.shape[1:3], b.shape[2]))
+    for p in range(len(a)):
+        for q in range(len(b)):
+            c[p + q] += a[p] @ b[q].transpose(0, 2, 1)
+    return c
+
+
+def _same_degree(*polynomials: Array) -> list[Array]:
+    """Coefficients, highest power first, with zeros before those of lower degree."""
+    most = max(map(len, polynomials))
+    return [np.concatenate([np.zeros((most - len(c), *c.shape[1:])), c]) for c in polynomials]
+
+
+def _constant_rows(C: Array, couplings: Array) -> int:
+    """How many of the first rows never move, and share nothing that moves with those before them or the inputs."""
+    m = C.shape[2]
+    for k in range(m):
+        own = np.delete(couplings[:, :, k], np.arange(k + 1, m), axis=-1)
+        if any(np.any(c[:-1]) or np.any(c[-1] != c[-1, :1]) for c in (C[:, :, k], own)):
+            return k
+    return m
 
 
 def outputs(body: ReducedModel, chosen: NDArray[np.int64]) -> Outputs:
     """Constants of the `chosen` outputs (numbers) of a body in modal form."""
-    breaks = table_breaks(body)
-    if body.flexibility is None:
-        direct = np.zeros((len(chosen), len(body.input_names)))
-        of_rows = np.zeros((len(breaks) - 1, len(body.row_names), 0, len(chosen)))
-    else:
-        direct = body.flexibility.direct[chosen]
-        of_rows = _copy(rebased(body.flexibility.outputs, breaks).c[:, :, chosen].transpose(1, 3, 0, 2))
-    return Outputs(of_modes=_copy(body.outputs[chosen].T), of_inputs=_copy(direct.T), of_rows=of_rows)
+    breaks, o = table_breaks(body), len(chosen)
+    of_rows = np.zeros((len(breaks) - 1, 0, o))
+    if body.flexibility is not None:
+        X = rebased(body.flexibility.outputs, breaks).c[:, :, chosen].transpose(1, 3, 0, 2)
+        W = np.repeat(body.flexibility.direct[chosen].T[None], len(X), axis=0)
+        of_rows = np.concatenate([X.reshape(len(X), -1, o), W], axis=1)
+    return Outputs(_copy(body.outputs[chosen].T), _copy(of_rows))
 
 
 def table_breaks(body: ReducedModel) -> Array:
@@ -77,31 +103,31 @@ def table_breaks(body: ReducedModel) -> Array:
     return common_breaks([body.rows, *extra], body.domain)
 
 
-def state(r: int, m: int) -> State:
+def state(form: ModalForm, scheme: Scheme) -> State:
     """At rest; the rows are evaluated in the first step."""
+    body, coupled = form.body, not form.classically_damped
+    r, m, i = body.size, len(body.row_names), len(body.input_names)
+    modes = np.zeros((ROW + max(m, 1), r))
+    if i > 0:
+        modes[INPUT] = over_S(form, scheme, body.B[:, 0])
+    if not coupled:
+        modes[UNIT] = over_S(form, scheme, np.ones(r))
+        modes[STIFFNESS], modes[DAMPING] = modes[UNIT] * form.omega2, modes[UNIT] * np.diagonal(body.D)
     return State(
-        z=np.zeros(r),
-        v=np.zeros(r),
-        a=np.zeros(r),
-        acceleration=np.zeros(r),
+        modes=_padded(modes),
         multipliers=np.zeros(m),
         position=np.full(1, np.nan),
         interval=np.zeros(1, np.int64),
-        C=np.zeros((m, r)),
-        weighted=np.zeros((m, r)),
+        couplings=_padded(np.zeros((m, m + i))),
         factor=np.zeros((m, m)),
-        scratch=np.zeros(r),
+        weighted=_padded(np.zeros((m if coupled else 0, r))),
+        shares=np.zeros(0 if body.flexibility is None else m * len(body.flexibility.outputs.c) + i),
     )
 
 
-def _powers_last(c: Array) -> Array:
-    """(p, k, a, b) -> (k, a, b, p)."""
-    return _copy(c.transpose(1, 2, 3, 0))
-
-
-def _powers_second_last(c: Array) -> Array:
-    """(p, k, m, r) -> (k, m, p, r)."""
-    return _copy(c.transpose(1, 2, 0, 3))
+def _padded(array: Array) -> Array:
+    """With zeros at the end of the last axis, up to a whole number of vector registers."""
+    return _copy(np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, -array.shape[-1] % LANES)]))
 
 
 def _copy(array: Array) -> Array:

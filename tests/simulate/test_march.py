@@ -16,10 +16,11 @@ from pmr.errors import InputError, SimulationError
 from pmr.flexibility import Flexibility
 from pmr.reduced import ReducedModel
 from pmr.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
-from pmr.simulate import InitialState, TimeStepping, exudyn, march
+from pmr.simulate import InitialState, TimeStepping, exudyn, march, march_system
+from pmr.simulate.march_scheme import GeneralizedAlpha
 from pmr.simulate.modal import modal_form
 from pmr.simulate.start import consistent_start
-from pmr.sliding import Rows
+from pmr.sliding import Rows, fixed_row
 
 Array = NDArray[np.float64]
 PATH = Sine(amplitude=0.7, frequency=0.8, offset=2.0)
@@ -41,9 +42,9 @@ def some_state(body: SlidingBody) -> InitialState:
     return InitialState(q - np.linalg.pinv(C) @ (C @ q), v)
 
 
-def reference(body: SlidingBody) -> tuple[Array, Array, Array]:
+def reference(body: SlidingBody, initial: InitialState | None = None) -> tuple[Array, Array, Array]:
     t = STEPPING.times
-    start = consistent_start(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), some_state(body))
+    start = consistent_start(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), initial or some_state(body))
     return generalized_alpha(body, PATH.value(t), np.stack([f.value(t) for f in LOADS], axis=1), STEPPING, start)
 
 
@@ -67,6 +68,36 @@ def test_damping_that_couples_the_modes(body: SlidingBody) -> None:
     damped = replace(body, D=type(body.D)(D) if isinstance(body, FullBody) else D)
     assert not modal_form(damped).classically_damped
     assert_same(march.simulate(damped, PATH, LOADS, STEPPING, some_state(damped)), reference(damped), 1e-11)
+
+
+def test_rows_that_never_move_stand_before_those_that_do(rich: FullBody) -> None:
+    """Evaluated once; with pads and three rows, against the integrator that does it anew in every step."""
+    held = fixed_row("fixed", [4, 5, 7, 8], [0.3, 0.1, 0.6, -0.2], rich.rows.domain)
+    more = replace(rich, rows=Rows((held, *rich.rows.rows[2:]), rich.size))
+    body = project(more, np.eye(rich.size)[:, 2:])
+    assert march_system.system(modal_form(body), GeneralizedAlpha(1e-3, 0.8).scheme()).constant_rows == 1
+    assert_same(march.simulate(body, PATH, LOADS, STEPPING, some_state(body)), reference(body), 1e-11)
+
+
+@pytest.mark.parametrize("degree", [1, 5])
+def test_rows_of_any_degree(rich: FullBody, degree: int) -> None:
+    """A row of its own making, with G and H of residual flexibility left out."""
+    body = project(rich, np.eye(rich.size)[:, 2:])
+    c = np.random.default_rng(3).standard_normal((degree + 1, 3, 2, body.size))
+    body = replace(body, rows=PPoly(c, np.array([0.0, 1.5, 2.5, 4.2])))
+    assert_same(march.simulate(body, PATH, LOADS, STEPPING), reference(body, InitialState.at_rest(body.size)), 1e-10)
+
+
+@pytest.mark.parametrize("count", [1, 3, 4, 5, 16, 23])
+def test_any_number_of_outputs(rich: FullBody, count: int) -> None:
+    """Four at a time, or sixteen; what is left over counts too."""
+    few = with_flexibility(rich, kept=5)[1]
+    chosen = np.random.default_rng(count).integers(0, len(few.outputs), count)
+    found = march.simulate(few, PATH, LOADS, STEPPING)
+    f = np.stack([f.value(found.t) for f in LOADS], axis=1)
+    y = displacement(few, found.q, found.s, found.multipliers, f)
+    seen = march.observe(modal_form(few), PATH, LOADS, STEPPING, outputs=chosen)
+    np.testing.assert_allclose(seen.y, y[:, chosen], atol=1e-14)
 
 
 def test_pads_that_give_way_are_springs(rich: FullBody) -> None:

@@ -1,0 +1,39 @@
+"""How the loops of `march` are compiled, and where what comes of it is kept."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+from numba.core.caching import FunctionCache
+
+# Without Numba's runtime nothing can be allocated.  NaN and infinity stay visible, while sums may be reordered.
+OPTIONS = {"fastmath": {"reassoc", "contract", "nsz", "arcp"}, "error_model": "numpy", "nogil": True, "_nrt": False}
+
+#: For functions that are parts of others: a call would copy the headers of all arrays.
+inlined = njit(forceinline=True, **OPTIONS)
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Compile on the first call and keep the result on disk, as ``njit(cache=True)``."""
+    dispatcher = njit(**OPTIONS)(function)
+    dispatcher._cache = _Cache(function)
+    return dispatcher
+
+
+class _Cache(FunctionCache):
+    """Knows the sources of the inlined parts too: Numba's own looks at the file of the function alone."""
+
+    def _index_key(self, *arguments: Any) -> Any:
+        return (*super()._index_key(*arguments), _SOURCES)
+
+
+def _digest() -> str:
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+_SOURCES = _digest()
