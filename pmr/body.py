@@ -172,6 +172,8 @@ class Trajectory:
         Path coordinate.
     seconds : float
         Wall time of the solver alone.
+    quasi_static : (T, m) array, N, or None
+        z, the part of the multipliers that deforms the residual part where its inertia is kept; None where all do.
     """
 
     t: Array
@@ -180,3 +182,9 @@ class Trajectory:
     multipliers: Array
     s: Array
     seconds: float
+    quasi_static: Array | None = None
+
+    @property
+    def deforming(self) -> Array:
+        """Multipliers (T, m) in N that deform the residual part: what outputs and energies of a body ask for."""
+        return self.multipliers if self.quasi_static is None else self.quasi_static

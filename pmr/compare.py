@@ -88,7 +88,7 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
         s'(t), for the residual at velocity level.
     loads : (T, i) array, N
     """
-    q, v, s, multipliers = trajectory.q, trajectory.v, trajectory.s, trajectory.multipliers
+    q, v, s, multipliers = trajectory.q, trajectory.v, trajectory.s, trajectory.deforming
     violation = body.apply_rows(s, q) - body.row_compliance * multipliers
     drift = body.apply_rows(s, v) + path_rate[:, None] * body.apply_rows(s, q, derivative=1)
     if body.flexibility is not None:
@@ -100,7 +100,7 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
         x=body.output_positions,
         displacement=displacement(body, q, s, multipliers, loads),
         energy=energy(body, trajectory, loads),
-        slider_force=multipliers[:, body.moving],
+        slider_force=trajectory.multipliers[:, body.moving],
         residual_position=np.abs(violation).max(axis=1),
         residual_velocity=np.abs(drift).max(axis=1),
         seconds=trajectory.seconds,
@@ -126,9 +126,9 @@ def energy(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Energy:
     """v^T M v / 2, q^T K q / 2 and -q^T B f, each (T,) in J (Weyrer et al., equation for H(t)).
 
     Strain energy includes that of the pads, lambda^2 / (2 k), and of the residual flexibility; the residual part's
-    kinetic energy is neglected with its inertia.
+    kinetic energy is left out (`pmr.rates.kinetic_energy` has it).
     """
-    q, v, s, multipliers = trajectory.q, trajectory.v, trajectory.s, trajectory.multipliers
+    q, v, s, multipliers = trajectory.q, trajectory.v, trajectory.s, trajectory.deforming
 
     def half_form(A: Array, x: Array) -> Array:
         return np.einsum("tn,nt->t", x, np.asarray(A @ x.T)) / 2.0

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.inertia import Inertia
 from pmr.sliding import evaluate
 
 Array = NDArray[np.float64]
@@ -41,6 +42,8 @@ class Flexibility:
         W = O R B.
     energy : (i, i) array, m/N
         B^T R B: twice the residual strain energy under unit inputs.
+    inertia : Inertia, optional
+        What is neglected with the inertia of the residual part, or kept (`pmr.inertia`).
     """
 
     rows: PPoly
@@ -48,6 +51,12 @@ class Flexibility:
     outputs: PPoly
     direct: Array
     energy: Array
+    inertia: Inertia | None = None
+
+    @property
+    def keeps_inertia(self) -> bool:
+        """Whether the equations of motion keep the inertia of the residual part."""
+        return self.inertia is not None and self.inertia.kept
 
     def row_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """H(s) f - G(s) lambda, (T, m) in m: what the residual part adds at the rows, along a trajectory."""
@@ -76,6 +85,7 @@ class Flexibility:
             {f"flexibility.{name}.breaks": table.x for name, table in tables.items()}
             | {f"flexibility.{name}.coefficients": table.c for name, table in tables.items()}
             | {f"flexibility.{name}": getattr(self, name) for name in _CONSTANTS}
+            | (self.inertia.arrays() if self.inertia else {})
         )
 
     @classmethod
@@ -87,7 +97,8 @@ class Flexibility:
             name: PPoly(data[f"flexibility.{name}.coefficients"], data[f"flexibility.{name}.breaks"])
             for name in _TABLES
         }
-        return cls(**tables, **{name: np.asarray(data[f"flexibility.{name}"], dtype=float) for name in _CONSTANTS})
+        constants = {name: np.asarray(data[f"flexibility.{name}"], dtype=float) for name in _CONSTANTS}
+        return cls(**tables, **constants, inertia=Inertia.from_arrays(data))
 
     def contradiction(self, m: int, i: int, o: int) -> str | None:
         """What is wrong with the shapes for m rows, i inputs and o outputs, in words; None where all is sound."""
@@ -101,4 +112,4 @@ class Flexibility:
         for name, shape in {"direct": (o, i), "energy": (i, i)}.items():
             if getattr(self, name).shape != shape:
                 return f"flexibility.{name} has shape {getattr(self, name).shape}, {shape} is allowed"
-        return None
+        return self.inertia.contradiction(m, i) if self.inertia else None

@@ -24,13 +24,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
+from pmr.companions import Companions
 from pmr.errors import InputError
 from pmr.flexibility import Flexibility
 from pmr.sliding import contributions, evaluate
 
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 _MATRICES = ("M", "D", "K", "B", "outputs")
 
 
@@ -58,6 +59,8 @@ class ReducedModel:
         Compliance 1/k of each row's pad; None where all are rigid.
     flexibility : Flexibility, optional
         What the coordinates leave out, quasi-static.
+    companions : Companions, optional
+        The first modes left out, with which the error is estimated (`pmr.estimate`).
     """
 
     M: Array
@@ -73,6 +76,7 @@ class ReducedModel:
     provenance: dict[str, Any] = field(default_factory=dict)
     pads: Array | None = None
     flexibility: Flexibility | None = None
+    companions: Companions | None = None
 
     @property
     def size(self) -> int:
@@ -157,6 +161,8 @@ class ReducedModel:
         arrays = {name: getattr(self, name) for name in _MATRICES} | {"pads": self.row_compliance}
         if self.flexibility is not None:
             arrays |= self.flexibility.arrays()
+        if self.companions is not None:
+            arrays |= self.companions.arrays()
         with path.open("wb") as file:
             np.savez(
                 file,
@@ -197,6 +203,7 @@ class ReducedModel:
                     output_positions=np.asarray(data["output_positions"], dtype=float),
                     pads=np.asarray(data["pads"], dtype=float) if "pads" in data else None,  # since version 2
                     flexibility=Flexibility.from_arrays(data),
+                    companions=Companions.from_arrays(data),  # since version 3
                     left_out=tuple(header["left_out"]),
                     provenance=dict(header["provenance"]),
                 )
@@ -225,7 +232,8 @@ class ReducedModel:
             return "the rows' breaks do not increase"
         if self.row_compliance.shape != (m,) or not np.all(self.row_compliance >= 0.0):
             return f"pads has shape {self.row_compliance.shape} or negative values, {(m,)} from 0 on are allowed"
-        return self.flexibility.contradiction(m, i, o) if self.flexibility else None
+        parts = [part.contradiction(m, i, o) for part in (self.flexibility, self.companions) if part is not None]
+        return next((wrong for wrong in parts if wrong), None)
 
 
 def satisfied_rows(C: PPoly, tolerance: float = 1e-10) -> list[int]:

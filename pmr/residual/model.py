@@ -15,9 +15,12 @@ from pmr.errors import InputError
 from pmr.operators import FullModel
 from pmr.projection import RANK_CHECKS, galerkin, without_rows
 from pmr.reduced import ReducedModel, satisfied_rows
+from pmr.residual.inertia import with_inertia
 from pmr.residual.operator import ResidualFlexibility
 from pmr.residual.tables import quadratic, tables
+from pmr.sliding import Row
 from pmr.snapshots.free_modes import rigid_bodies
+from pmr.truncation import is_modal, truncated
 
 Array = NDArray[np.float64]
 
@@ -49,6 +52,30 @@ def flexible_model(model: FullModel, basis: Basis, provenance: dict[str, Any], s
     ValueError
         If the basis violates a fixed row.
     """
+    return _flexible(model, basis, provenance, solver)[0]
+
+
+def modal_model(
+    model: FullModel, basis: Basis, provenance: dict[str, Any], coordinates: int, solver: str = "auto"
+) -> ReducedModel:
+    """The same for eigenmodes, with tables of the residual part's inertia; modes beyond `coordinates` are companions.
+
+    Raises
+    ------
+    InputError, ValueError
+        As `flexible_model`, and if the basis holds anything but eigenmodes.
+    """
+    flexible, residual = _flexible(model, basis, provenance, solver)
+    assert flexible.flexibility is not None
+    if not is_modal(flexible):
+        raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
+    inertial = replace(flexible, flexibility=with_inertia(flexible.flexibility, model, residual, _released(model)))
+    return inertial if coordinates == basis.size else truncated(inertial, coordinates)
+
+
+def _flexible(
+    model: FullModel, basis: Basis, provenance: dict[str, Any], solver: str
+) -> tuple[ReducedModel, ResidualFlexibility]:
     whole = galerkin(model, basis, provenance)
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
     violated = set(fixed) - set(satisfied_rows(whole.rows, SATISFIED))
@@ -57,10 +84,15 @@ def flexible_model(model: FullModel, basis: Basis, provenance: dict[str, Any], s
     V = np.array(basis.V.getDenseArray())
     reduced = _without_round_off(without_rows(whole, fixed), rigid_bodies(model, V))
     residual = ResidualFlexibility(model, V, solver)
-    released = [row for row in model.rows.rows if not row.fixed]
-    flexible = _with_floor(replace(reduced, flexibility=tables(model, residual, released, reduced.rows.x)))
+    flexibility = tables(model, residual, _released(model), reduced.rows.x)
+    flexible = _with_floor(replace(reduced, flexibility=flexibility))
     _check_independence(flexible)
-    return flexible
+    return flexible, residual
+
+
+def _released(model: FullModel) -> list[Row]:
+    """The rows of sliders and pads."""
+    return [row for row in model.rows.rows if not row.fixed]
 
 
 def _without_round_off(model: ReducedModel, rigid: NDArray[np.bool_]) -> ReducedModel:

@@ -27,16 +27,14 @@ def tables(model: FullModel, residual: ResidualFlexibility, rows: Sequence[Row],
     R is had on the coordinates that the rows touch and on the inputs: one static solve each.
     """
     rows = [row.refined(breaks) for row in rows]
-    touched = np.unique(np.concatenate([row.dofs.ravel() for row in rows]))
-    first, last = model.M.getOwnershipRange()
-    path = sp.csr_matrix((np.ones(len(touched)), (touched, np.arange(len(touched)))), (model.size, len(touched)))
-    loads = sp.hstack([path[first:last], local_csr(model.inputs)], format="csc")
+    touched = touched_by(rows)
+    loads = path_loads(model, touched)
     seen = sp.hstack([loads, local_csr(model.outputs)], format="csr").T
     blocks = [seen @ residual.apply(loads[:, k : k + BLOCK].toarray()) for k in range(0, loads.shape[1], BLOCK)]
     R = np.asarray(model.comm.allreduce(np.hstack(blocks)))
     own, outputs = R[: loads.shape[1]], R[loads.shape[1] :]
     own = (own + own.T) / 2.0
-    C, p = _stacked(rows, touched), len(touched)
+    C, p = stacked(rows, touched), len(touched)
     return Flexibility(
         rows=PPoly(_squared(C, own[:p, :p]), breaks),
         inputs=PPoly(C.times(own[:p, p:]), breaks),
@@ -44,6 +42,18 @@ def tables(model: FullModel, residual: ResidualFlexibility, rows: Sequence[Row],
         direct=outputs[:, p:],
         energy=own[p:, p:],
     )
+
+
+def touched_by(rows: Sequence[Row]) -> NDArray[np.int64]:
+    """Coordinates that the rows touch anywhere on the path, ascending."""
+    return np.unique(np.concatenate([row.dofs.ravel() for row in rows]))
+
+
+def path_loads(model: FullModel, touched: NDArray[np.int64]) -> sp.csc_matrix:
+    """Unit loads on the touched coordinates, then the inputs: this rank's rows."""
+    first, last = model.M.getOwnershipRange()
+    path = sp.csr_matrix((np.ones(len(touched)), (touched, np.arange(len(touched)))), (model.size, len(touched)))
+    return sp.hstack([path[first:last], local_csr(model.inputs)], format="csc")
 
 
 def quadratic(C: Array, A: Array) -> Array:
@@ -56,7 +66,7 @@ def quadratic(C: Array, A: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class _Polynomials:
+class Polynomials:
     """Coefficients of m rows on k intervals, one sparse row for each interval, row and power, in this order."""
 
     entries: sp.csr_matrix
@@ -71,8 +81,18 @@ class _Polynomials:
         size = self.shape[1] * self.shape[2]
         return self.entries[interval * size : (interval + 1) * size]
 
+    def derivative(self) -> Polynomials:
+        """Those of C'(s)."""
+        k, m, powers = self.shape
+        if powers == 1:
+            return Polynomials(self.entries * 0.0, self.shape)
+        exponents = np.tile(np.arange(powers - 1, -1, -1), k * m)
+        kept = np.flatnonzero(exponents)
+        return Polynomials(sp.csr_matrix(sp.diags(exponents[kept]) @ self.entries[kept]), (k, m, powers - 1))
 
-def _stacked(rows: Sequence[Row], touched: NDArray[np.int64]) -> _Polynomials:
+
+def stacked(rows: Sequence[Row], touched: NDArray[np.int64]) -> Polynomials:
+    """Coefficients of several rows on common breaks, on the columns that they touch."""
     powers = max(len(row.coefficients) for row in rows)
     k, m = len(rows[0].breaks) - 1, len(rows)
     parts = []
@@ -87,17 +107,22 @@ def _stacked(rows: Sequence[Row], touched: NDArray[np.int64]) -> _Polynomials:
             )
         )
     values, at, columns = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return _Polynomials(sp.csr_matrix((values, (at, columns)), (k * m * powers, len(touched))), (k, m, powers))
+    return Polynomials(sp.csr_matrix((values, (at, columns)), (k * m * powers, len(touched))), (k, m, powers))
 
 
-def _squared(C: _Polynomials, R: Array) -> Array:
+def _squared(C: Polynomials, R: Array) -> Array:
     """Coefficients (2 powers - 1, k, m, m) of C(s) R C(s)^T."""
-    k, m, powers = C.shape
-    result = np.zeros((2 * powers - 1, k, m, m))
-    for j in range(k):
-        Cj = C.on(j)
-        product = (Cj @ (Cj @ R).T).reshape(m, powers, m, powers)
-        for p in range(powers):
-            for q in range(powers):
-                result[p + q, j] += product[:, p, :, q]
+    result = paired(C, R, C)
     return (result + result.swapaxes(2, 3)) / 2.0
+
+
+def paired(C: Polynomials, R: Array, E: Polynomials) -> Array:
+    """Coefficients (powers + powers' - 1, k, m, m') of C(s) R E(s)^T."""
+    (k, m, powers), (_, other, others) = C.shape, E.shape
+    result = np.zeros((powers + others - 1, k, m, other))
+    for j in range(k):
+        product = (C.on(j) @ (E.on(j) @ R.T).T).reshape(m, powers, other, others)
+        for p in range(powers):
+            for q in range(others):
+                result[p + q, j] += product[:, p, :, q]
+    return result

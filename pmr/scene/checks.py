@@ -51,10 +51,21 @@ def _reduction(scene: Scene) -> None:
     if choice.support_rows == "hold" and (choice.flexibility or choice.basis == "free_modes"):
         allowed = "'drop' is allowed with free modes and with flexibility: their supports hold without coordinates"
         raise _refusal("reduction.support_rows", choice.support_rows, allowed)
+    if choice.residual_inertia:
+        _inertia(scene)
     if choice.basis == "eigenmodes":
         _pool(scene)
     if not choice.flexibility:
         _row_count(scene)
+
+
+def _inertia(scene: Scene) -> None:
+    if not (scene.reduction.basis == "free_modes" and scene.reduction.flexibility):
+        allowed = "free modes with flexibility = true are allowed to keep the inertia of what they leave out"
+        raise _refusal("reduction.residual_inertia", True, allowed)
+    if scene.simulation.simulators != ("march",):
+        allowed = "march is allowed: it alone keeps residual inertia"
+        raise _refusal("simulation.simulators", list(scene.simulation.simulators), allowed)
 
 
 def _pool(scene: Scene) -> None:

@@ -38,8 +38,10 @@ def fixed_rows(model: FullModel) -> tuple[Row, ...]:
     return tuple(row for row in model.rows.rows if row.fixed)
 
 
-def free_modes(model: FullModel, count: int, solver: str = "auto") -> Snapshots:
-    """The `count` lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes included; collective.
+def free_modes(model: FullModel, count: int, solver: str = "auto", companions: int = 0) -> Snapshots:
+    """The lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes included; collective.
+
+    There are `count` of them, and up to `companions` more.
 
     Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act
     across it.  They are left out.
@@ -50,6 +52,8 @@ def free_modes(model: FullModel, count: int, solver: str = "auto") -> Snapshots:
     count : int
         At least as many as there are rigid-body modes, fewer than all: flexibility has to be left.
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
+    companions : int
+        Asked for beyond `count`; a coarse mesh may have fewer.
 
     Raises
     ------
@@ -58,20 +62,20 @@ def free_modes(model: FullModel, count: int, solver: str = "auto") -> Snapshots:
     ConvergenceError
         If too few modes converge.
     """
-    modes = _excited(model, count + 1, solver)  # one more tells whether all rigid-body modes are among them
+    modes = _excited(model, count + companions + 1, solver)  # one more tells whether all rigid-body modes are there
     found = len(modes.omega)
     if found <= count:
         allowed = f"loads and sliders excite {found} modes of this mesh; fewer than these are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
-    rigid = rigid_bodies(model, modes.phi)
-    if rigid.all():
-        allowed = f"the fixed supports leave at least {found} rigid-body modes free; at least as many are allowed"
+    rigid, taken = rigid_bodies(model, modes.phi), min(count + companions, found - 1)
+    if rigid[: count + 1].all():
+        allowed = f"the fixed supports leave at least {count + 1} rigid-body modes free; at least as many are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
     return Snapshots(
-        S=tall(np.ascontiguousarray(modes.phi[:, :count]), model.M),
-        omega=np.where(rigid, 0.0, modes.omega)[:count],
-        s=np.full(count, np.nan),
-        residuals=modes.residuals[:count],
+        S=tall(np.ascontiguousarray(modes.phi[:, :taken]), model.M),
+        omega=np.where(rigid, 0.0, modes.omega)[:taken],
+        s=np.full(taken, np.nan),
+        residuals=modes.residuals[:taken],
         source="eigenmodes on the fixed supports, sliders released",
     )
 

@@ -1,0 +1,164 @@
+r"""The compiled simulator of models that keep the inertia of what their modes leave out.
+
+Same coordinates and outputs as without; multipliers gain the force that accelerates the local deformation under each
+slider (`pmr.simulate.inertial_kernel` has the equations).  Rates of path and loads are central differences of the
+signals at the steps, also across kinks, whose impulse they carry: one-sided derivatives would lose it.  A load that
+jumps is differentiated likewise; measured loads should be smooth on the scale of a step.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.body import SlidingBody, Trajectory
+from pmr.errors import SimulationError
+from pmr.polynomials import total
+from pmr.signals import SignalBase
+from pmr.simulate import inertial_kernel as kernel
+from pmr.simulate.march_start import dependent_rows
+from pmr.simulate.modal import ModalForm, modal_form
+from pmr.simulate.start import InitialState
+from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
+from pmr.sliding import common_breaks, rebased
+
+Array = NDArray[np.float64]
+#: Steps between two looks at the clock, the keyboard and the progress.
+BLOCK = 4096
+
+
+def simulate(
+    body: SlidingBody,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Simulate a reduced model with tables of residual inertia, which is kept whether the model asks for it or not.
+
+    Arguments and errors as for `pmr.simulate.Simulator`.  The trajectory's `quasi_static` multipliers are those that
+    outputs and energies take.
+
+    Raises
+    ------
+    ValueError
+        If there are no tables of residual inertia, or damping couples the modes.
+    """
+    form = modal_form(body)
+    start = None if initial is None else form.start(initial)
+    modal = simulate_modal(form, path, loads, stepping, start, progress)
+    q, v = modal.q @ form.X.T, modal.v @ form.X.T
+    return Trajectory(modal.t, q, v, modal.multipliers, modal.s, modal.seconds, modal.quasi_static)
+
+
+def simulate_modal(
+    form: ModalForm,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates."""
+    body = form.body
+    course = _course(form, path, loads, stepping)
+    r, m, i, T = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1
+    kept = kernel.Kept(*(np.empty((T, size)) for size in (r, r, m, m)))
+    state = _state(InitialState.at_rest(r) if initial is None else initial, m, i)
+    scheme, seconds = _scheme(stepping.step, stepping.rho_inf), 0.0
+    resting = scheme._replace(step=0.0, dq=0.0, dv=0.0, gain=1.0)
+    failed = kernel.run(_system(form, resting), resting, state, course, kept, 0, 1)[1]
+    _check(form, course, 0, failed, stepping.step)
+    system = _system(form, scheme)
+    for first in range(1, T, BLOCK):
+        last = min(first + BLOCK, T)
+        begun = time.perf_counter()
+        reached, failed = kernel.run(system, scheme, state, course, kept, first, last)
+        seconds += time.perf_counter() - begun
+        _check(form, course, reached, failed, stepping.step)
+        if progress is not None:
+            progress((last - 1) / (T - 1))
+    finite = np.isfinite(kept.p).all(axis=1)
+    if not finite.all():
+        raise SimulationError(f"march failed at {_where(course, int(np.argmin(finite)), stepping.step)}: not finite")
+    return Trajectory(stepping.times, kept.p, kept.v, kept.multipliers, course.s[0], seconds, kept.z)
+
+
+def central_differences(values: Array, step: float) -> Array:
+    """Values, first and second differences, (3, T, ...), of samples (T + 2, ...) that begin and end a step outside."""
+    first = (values[2:] - values[:-2]) / (2.0 * step)
+    second = (values[2:] - 2.0 * values[1:-1] + values[:-2]) / step**2
+    return np.stack([values[1:-1], first, second])
+
+
+def _course(form: ModalForm, path: SignalBase, loads: Loads, stepping: TimeStepping) -> kernel.Course:
+    around = np.arange(-1, stepping.steps + 2) * stepping.step
+    s = central_differences(np.asarray(path.value(around), float), stepping.step)
+    s[0] = path_at(path, form.body.domain, stepping.times)
+    f = loads_at(one_for_each(loads, form.body.input_names), around)
+    return kernel.Course(s, central_differences(f, stepping.step))
+
+
+def _system(form: ModalForm, scheme: kernel.Scheme) -> kernel.System:
+    body, tables = form.body, form.body.flexibility
+    if tables is None or tables.inertia is None:
+        raise ValueError("the model has no tables of residual inertia: free modes with flexibility have")
+    if not form.classically_damped:
+        raise ValueError("damping couples the modes, and so those kept with those left out")
+    pads = PPoly(np.diag(body.row_compliance)[None, None], np.array(body.domain))
+    named = {"C": body.rows, "G": total(tables.rows, pads), "H": tables.inputs}
+    ordered = [named.get(name) or getattr(tables.inertia, name) for name in kernel.TABLES]
+    breaks = common_breaks(ordered, body.domain)
+    powers = max(len(table.c) for table in ordered)
+    side_by_side = np.concatenate([rebased(table, breaks, powers - 1).c for table in ordered], axis=3)
+    omega2, damping = form.omega2, np.diagonal(body.D)
+    return kernel.System(
+        breaks=breaks,
+        tables=_copy(side_by_side.reshape(powers, len(breaks) - 1, -1).swapaxes(0, 1)),
+        omega2=_copy(omega2),
+        damping=_copy(damping),
+        inverse=1.0 / (1.0 + damping * scheme.dv + omega2 * scheme.dq),
+        B=_copy(body.B.T),
+    )
+
+
+def _scheme(step: float, rho_inf: float) -> kernel.Scheme:
+    """Generalized-alpha with the parameters of Chung and Hulbert, Journal of Applied Mechanics 60, 1993, eq. 25."""
+    alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
+    gamma = 0.5 + alpha_f - alpha_m
+    beta = (gamma + 0.5) ** 2 / 4.0
+    gain = (1.0 - alpha_f) / (1.0 - alpha_m)
+    return kernel.Scheme(step, alpha_m, alpha_f, gamma, beta, gain, gamma * step * gain, beta * step**2 * gain)
+
+
+def _state(start: InitialState, m: int, i: int) -> kernel.State:
+    r = len(start.q)
+    flat = np.zeros((3, m * (r + 6 * m + 3 * i)))
+    return kernel.State(
+        motion=np.stack([start.q, start.v, np.zeros(r), np.zeros(r)]),
+        flat=flat,
+        values=flat.reshape(3, m, -1),
+        rates=np.zeros((2, m, r)),
+        gains=np.zeros((3, m, m)),
+        Z=np.zeros((4, m, r + 1)),
+        small=np.zeros((m, m + 1)),
+    )
+
+
+def _check(form: ModalForm, course: kernel.Course, step: int, failed: int, h: float) -> None:
+    if failed:
+        why = dependent_rows(form.body, float(course.s[0, step]), failed)
+        raise SimulationError(f"march failed at {_where(course, step, h)}: {why}")
+
+
+def _where(course: kernel.Course, step: int, h: float) -> str:
+    return f"step {step}, t = {step * h:g} s, slider at {course.s[0, step]:g} m"
+
+
+def _copy(array: Array) -> Array:
+    """Contiguous and writable: other arrays would be other types to the compiled loop."""
+    return np.array(array, dtype=float, order="C")
