@@ -208,7 +208,7 @@ def _describe_model(model: ReducedModel) -> dict[str, str]:
 
 def _print_table(outcome: Outcome) -> None:
     """Errors, beside published ones where there are any, and solver seconds."""
-    from pmr.report import marks
+    from pmr.report import marks, sentences
 
     summary, found = outcome.result.summary, marks.rows(outcome.result)
     table = Table(title=outcome.result.scene.title, title_justify="left", title_style="bold")
@@ -227,6 +227,10 @@ def _print_table(outcome: Outcome) -> None:
     out.print(
         f"{coordinates['full']} -> {coordinates['reduced']} coordinates; simulated in: {seconds}", highlight=False
     )
+    if "estimate" in summary:
+        out.print(sentences.estimate(outcome.result), highlight=False, soft_wrap=True)
+    for warning in summary["warnings"]:
+        out.print(f"warning: {warning}", highlight=False, soft_wrap=True)
     for pair, length in summary["agreement"].items():
         out.print(f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m", highlight=False)
     out.print()

@@ -41,6 +41,7 @@ MARGIN = 1.25
 REACHED = 0.5
 #: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
 RESOLVED = 2.0
+_FIGURES = ("beam", "tip", "kappa", "chi", "largest", "seconds")
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,11 @@ class Estimate:
     chi: float
     error: Array
     seconds: float
+
+    @property
+    def largest(self) -> float:
+        """Estimated largest error of any output at any time in m, with margin."""
+        return float(MARGIN * np.abs(self.error).max())
 
 
 def no_estimate(model: ReducedModel) -> str | None:
@@ -118,6 +124,16 @@ def estimate(model: ReducedModel, path: SignalBase, loads: Loads, stepping: Time
         error=error,
         seconds=time.perf_counter() - begin,
     )
+
+
+def summary(model: ReducedModel, estimated: Estimate | None) -> dict[str, float | str | None]:
+    """What summary.json holds: ``beam``, ``tip`` (fractions), ``kappa``, ``chi``, ``largest`` (m), ``seconds``.
+
+    All None where there is no estimate, and ``reason`` says why.
+    """
+    if estimated is None:
+        return dict.fromkeys(_FIGURES) | {"reason": no_estimate(model)}
+    return {name: getattr(estimated, name) for name in _FIGURES}
 
 
 def kappa(model: ReducedModel, s: Array) -> float:

@@ -104,7 +104,7 @@ def _repeated(scene: Scene, reduced: ReducedModel, simulator: str) -> Response:
 
 def _in_exudyn(integrate: Simulator) -> Respond:
     def respond(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
-        path, signals, stepping = _course(scene)
+        path, signals, stepping = course(scene)
         trajectory = integrate(body, path, signals, stepping, progress=done)
         return compare.respond(body, trajectory, path.rate(stepping.times), loads_at(signals, stepping.times))
 
@@ -113,7 +113,7 @@ def _in_exudyn(integrate: Simulator) -> Respond:
 
 def _in_march(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
     """In modal coordinates throughout: what a response holds does not depend on them."""
-    path, signals, stepping = _course(scene)
+    path, signals, stepping = course(scene)
     form = modal_form(body)
     keeps_inertia = body.flexibility is not None and body.flexibility.keeps_inertia
     integrate = inertial.simulate_modal if keeps_inertia else march.simulate_modal
@@ -128,7 +128,8 @@ _RESPOND: dict[str, Respond] = {
 }
 
 
-def _course(scene: Scene) -> tuple[SignalBase, list[SignalBase], TimeStepping]:
+def course(scene: Scene) -> tuple[SignalBase, list[SignalBase], TimeStepping]:
+    """Path, loads and time grid of a scene, as simulators take them."""
     stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
     return scene.slider.path, [load.signal for load in scene.loads], stepping
 
@@ -148,7 +149,7 @@ def cable_of(scene: Scene) -> ancf.Cable:
 
 def simulate_cable(scene: Scene, x: ArrayLike, done: Done | None = None) -> ancf.CableMotion:
     """Motion of that cable at the material points x (o,) in m."""
-    path, _, stepping = _course(scene)
+    path, _, stepping = course(scene)
     points = [ancf.PointLoad(load.at, load.signal) for load in scene.loads]
     return ancf.simulate(cable_of(scene), path, points, stepping, np.asarray(x, dtype=float), done)
 

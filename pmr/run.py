@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr import compare, environment
+from pmr import compare, environment, estimate
 from pmr.basis import Basis
 from pmr.clock import Clock
 from pmr.dolfinx_compat import MPI
@@ -18,7 +18,7 @@ from pmr.frequencies import closed_form_frequencies, reduced_frequencies
 from pmr.operators import FullModel, full_model
 from pmr.reduced import ReducedModel
 from pmr.reduction import build_basis, description, project, take_snapshots
-from pmr.responses import Simulations, simulate
+from pmr.responses import Simulations, course, simulate
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
 from pmr.simulate.stepping import loads_at
@@ -67,7 +67,7 @@ def run(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = Non
     if body is None:
         return None
     simulations = simulate(scene, reduction.reduced, body, clock)
-    summary = _summary(scene, reduction, simulations, clock.seconds)
+    summary = _summary(scene, reduction, simulations, clock.seconds) | _estimated(scene, reduction.reduced, clock)
     return Outcome(_result(scene, summary, simulations.responses, reduction, curves), reduction.reduced)
 
 
@@ -158,6 +158,16 @@ def _summary(scene: Scene, reduction: Reduction, simulations: Simulations, secon
         "machine": environment.machine(),
         "notes": list(scene.published.remarks) if scene.published else [],
     }
+
+
+def _estimated(scene: Scene, reduced: ReducedModel, clock: Clock) -> dict[str, Any]:
+    """The error estimate, and what a user should know."""
+    found = None
+    if scene.reduction.estimate and estimate.no_estimate(reduced) is None:
+        with clock.stage("estimate"):
+            found = estimate.estimate(reduced, *course(scene))
+    asked = {"estimate": estimate.summary(reduced, found)} if scene.reduction.estimate else {}
+    return asked | {"warnings": estimate.warnings(reduced, course(scene)[2], found)}
 
 
 def _result(

@@ -17,6 +17,7 @@ _STEPS = {
     "snapshots": "snapshots",
     "pod": "basis, projection",
     "exudyn": "simulation, Exudyn",
+    "estimate": "error estimate",
     "march": "simulation, compiled",
     "reduced": "simulation, reduced",
     "full": "simulation, full",
@@ -119,7 +120,7 @@ def _method(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "basis", f"POD, {reduction.coordinates} vectors, {reduction.product} product"
         yield "satisfied rows of supports", {"drop": "dropped", "hold": "held"}.get(reduction.support_rows, "")
     if reduction.flexibility:
-        yield "residual flexibility", "added, quasi-static"
+        yield "residual flexibility", "added, inertia kept" if reduction.residual_inertia else "added, quasi-static"
     if "ancf" in scene.compare.against:
         yield "ANCF elements", str(scene.compare.ancf_elements)
 

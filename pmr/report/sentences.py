@@ -28,6 +28,20 @@ def paragraph(result: RunResult, table: list[Row]) -> str:
     return " ".join(_sentences(result, table))
 
 
+def estimate(result: RunResult) -> str:
+    """The error estimate in a sentence, beside the true error where that is known; empty where none was asked for."""
+    found = result.summary.get("estimate")
+    if found is None:
+        return ""
+    if found["beam"] is None:
+        return f"The error can't be estimated without the full beam: {found['reason']}."
+    said = f"The estimate, which needs no full beam, is {percent(found['tip'])} at the tip and {percent(found['beam'])}"
+    true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")
+    if not true:
+        return f"{said} along the beam; it includes a margin of a quarter."
+    return f"{said} along the beam, {significant(found['beam'] / true, 3)} times the true error."
+
+
 def speed_ratio(result: RunResult) -> float | None:
     """How many times as fast the reduced beam is simulated as the full one."""
     full, reduced = (result.responses.get(name) for name in ("full", "reduced"))
@@ -46,6 +60,9 @@ def _numbers(result: RunResult) -> Iterator[KeyNumber]:
         yield KeyNumber(percent(errors["tip"]), "error at the tip")
     if "beam" in errors:
         yield KeyNumber(percent(errors["beam"]), "error along the beam")
+    estimated = result.summary.get("estimate", {}).get("beam")
+    if estimated is not None:
+        yield KeyNumber(percent(estimated), "estimated, along the beam")
     if result.summary.get("max_error") is not None:
         yield KeyNumber(length(result.summary["max_error"]), "largest difference to full")
     ratio = speed_ratio(result)
@@ -56,6 +73,9 @@ def _numbers(result: RunResult) -> Iterator[KeyNumber]:
 def _sentences(result: RunResult, table: list[Row]) -> Iterator[str]:
     yield _size(result)
     yield from _accuracy(result)
+    if said := estimate(result):
+        yield said
+    yield from (f"Note: {warning}." for warning in result.summary.get("warnings", ()))
     yield from _speed(result)
     count = sum(verdicts(table).values())
     if count:

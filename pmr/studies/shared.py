@@ -52,7 +52,12 @@ def model_of(scene: Scene) -> FullModel:
 def modes_tasks(scene: Scene) -> dict[str, Task]:
     """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions; free modes are one task."""
     choice = scene.reduction
-    kept = Reduction(basis=choice.basis, solver=choice.solver, coordinates=choice.coordinates)
+    kept = Reduction(
+        basis=choice.basis,
+        solver=choice.solver,
+        coordinates=choice.coordinates,
+        flexibility=choice.needs_inertia,  # then there are companion modes
+    )
     if choice.basis == "eigenmodes":
         kept = Reduction(
             snapshots=choice.snapshots, modes=choice.modes, positions=choice.positions, solver=choice.solver
@@ -88,11 +93,8 @@ def frequencies_task(scene: Scene) -> Task:
 def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
     """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
     from pmr.parallel import tall
-    from pmr.reduction import take_snapshots
     from pmr.snapshots import Snapshots
 
-    if scene.reduction.basis == "free_modes":
-        return take_snapshots(scene, model_of(scene))
     taken = [needs[f"modes{k}"].arrays for k in range(sum(name.startswith("modes") for name in needs))]
     phi = np.concatenate([modes["phi"] for modes in taken], axis=1)
     omega, s, residuals = (np.concatenate([modes[name] for modes in taken]) for name in ("omega", "s", "residuals"))
