@@ -112,7 +112,8 @@ class RunResult:
     `responses` is keyed by simulator: ``reduced`` and, as asked, ``full`` and ``ancf``.  `summary` is what
     summary.json holds: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
     ``absolute_errors`` likewise (e_abs, m), ``max_displacement`` and ``max_error`` (m),
-    ``estimate.{beam,tip,kappa,chi,largest}`` (`pmr.estimate`), ``warnings``, ``coordinates``, ``basis``, ``seconds``, ``versions``, ``scene_hash`` and more.
+    ``estimate.{beam,tip,kappa,chi,largest}`` (`pmr.estimate`), ``warnings``, ``coordinates``, ``basis``, ``seconds``,
+    ``versions``, ``scene_hash`` and more.
     """
 
     scene: Scene
