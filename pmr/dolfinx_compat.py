@@ -114,18 +114,35 @@ def cell_topology(cell: str) -> list[list[list[int]]]:
     return [[list(entity) for entity in part] for part in basix.topology(getattr(basix.CellType, cell))]
 
 
-def lagrange_rule(cell: str, nodes: int, degree: int) -> tuple[Array, Array, Array]:
+def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[Array, Array, Array]:
     """Weights (q,), functions (q, k) and their derivatives (d, q, k) of a Lagrange element on its reference cell.
 
-    `nodes` is the element's polynomial degree, `degree` the one that the quadrature rule integrates exactly.
+    `nodes` is the element's polynomial degree, `degree` the one that the quadrature rule integrates exactly; it is
+    repeated in the cell's `parts`^d equal pieces (lines, triangles and quadrilaterals).
     """
     if cell == "point":
         return np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1))
     kind = getattr(basix.CellType, cell)
-    points, weights = _quadrature(kind, degree)
+    points, weights = _repeated(cell, parts, *_quadrature(kind, degree))
     element = basix.create_element(basix.ElementFamily.P, kind, nodes, basix.LagrangeVariant.gll_warped)
     table = np.asarray(element.tabulate(1, points))[..., 0]
     return np.asarray(weights), table[0], table[1:]
+
+
+def _repeated(cell: str, parts: int, points: Array, weights: Array) -> tuple[Array, Array]:
+    """A rule on each of the equal pieces of the reference cell; triangles: upright ones, and turned ones between."""
+    d = points.shape[1]
+    if parts == 1:
+        return points, weights
+    if cell == "tetrahedron":
+        raise ValueError("tetrahedra are not cut in pieces")
+    corners = np.stack(np.meshgrid(*[np.arange(parts)] * d, indexing="ij"), axis=-1).reshape(-1, 1, d)
+    if cell == "triangle":
+        upright, turned = (corners[corners.sum(axis=(1, 2)) < parts - turn] for turn in (0, 1))
+        places = np.concatenate([upright + points, turned + 1.0 - points])
+    else:
+        places = corners + points
+    return places.reshape(-1, d) / parts, np.tile(weights, len(places)) / parts**d
 
 
 def _quadrature(kind: Any, degree: int) -> Any:

@@ -1,4 +1,4 @@
-r"""A structure in space as a full model: clamps, loads, gravity, attached masses, outputs.
+r"""A structure in space as a full model: clamps, pads, loads, gravity, attached masses, outputs.
 
 Clamps and rigid couplings leave the coordinates z of a structural model, q = T z; attached bodies of mass m and
 inertia J follow a place's motion g = G q:
@@ -21,6 +21,7 @@ from pmr.dolfinx_compat import MPI, PETSc
 from pmr.errors import InputError
 from pmr.models import StructuralModel
 from pmr.operators import FullModel, columns
+from pmr.pads import Pads, pad_rows
 from pmr.parallel import sparse
 from pmr.scene import Damping
 from pmr.scene.structures import PointMass
@@ -67,15 +68,16 @@ class Structure:
     loads: tuple[Action | Weight, ...] = ()
     outputs: tuple[Action, ...] = ()
     damping: Damping = Damping()
+    pads: Pads = Pads()
 
 
 def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
-    """Assemble a structure on `comm`; it has no rows, for what is clamped is left out.
+    """Assemble a structure on `comm`; its rows are the pads', for what is clamped is left out.
 
     Raises
     ------
     InputError
-        If a place does not exist, or a rigid coupling meets a clamp or another one.
+        If a place does not exist, a rigid coupling meets a clamp or another one, or a pad leaves its face.
     """
     model = structure.model
     base = assemble_model(model, model.domain(comm))
@@ -88,7 +90,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         operators.K,
         inputs=columns(operators.M, [_sparse_column(coupling.load(load, base.M)) for load in structure.loads]),
         outputs=columns(operators.M, [_sparse_column(coupling.row(output)) for output in structure.outputs]),
-        rows=Rows((), coupling.T.shape[1]),
+        rows=Rows(tuple(pad_rows(structure.pads, model, coupling.T)), coupling.T.shape[1]),
         input_names=tuple(load.name for load in structure.loads),
         output_positions=np.array([model.centroid(output.on)[0] for output in structure.outputs]),
         reference_frequency=model.reference_frequency,

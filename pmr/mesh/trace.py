@@ -14,7 +14,7 @@ User's Guide, chapter on R-type elements.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -85,8 +85,10 @@ class Trace:
         return sp.vstack([self.mean() + sp.csr_matrix(-_cross(arm)) @ rotation, rotation], format="csr")
 
 
-def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int) -> Trace:
+def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1) -> Trace:
     """Displacements of a Lagrange space of the given polynomial degree on a named group.
+
+    Each entity is cut in `parts` along every direction, for weights that vary within it.
 
     Raises
     ------
@@ -95,8 +97,8 @@ def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int) -> Trace:
     """
     group = _group(mesh, name)
     kind = ENTITY_KINDS[group.dim, group.entities.shape[1]]
-    weights, shape, _ = lagrange_rule(kind, degree, QUADRATURE_DEGREE)
-    _, linear, slopes = lagrange_rule(kind, 1, QUADRATURE_DEGREE)
+    weights, shape, _ = lagrange_rule(kind, degree, QUADRATURE_DEGREE, parts)
+    _, linear, slopes = lagrange_rule(kind, 1, QUADRATURE_DEGREE, parts)
     corners = mesh.points[group.entities]
     jacobian = np.einsum("dqk,eki->eqid", slopes, corners)
     measure = np.sqrt(np.linalg.det(np.einsum("eqid,eqif->eqdf", jacobian, jacobian))) if group.dim else np.ones((1, 1))
@@ -110,6 +112,32 @@ def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int) -> Trace:
         weights=(measure * weights * np.ones((len(first), 1))).ravel(),
         values=tuple(sp.csr_matrix((entries, (rows, columns + c)), shape=size) for c in range(3)),
     )
+
+
+def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
+    """Displacements of the cross-section at a distance from the origin along the mesh's longest extent, m.
+
+    Weighted by a hat over the cells around it, as a mesh need not have nodes there; beside the ends its centroid is
+    therefore a little off.
+
+    Raises
+    ------
+    InputError
+        If the mesh does not reach there.
+    """
+    axis = int(np.ptp(mesh.points, axis=0).argmax())
+    x = mesh.points[mesh.cells][:, :, axis]
+    low, high = x.min(axis=1), x.max(axis=1)
+    here = (low <= at) & (at <= high)
+    if not here.any():
+        allowed = f"a group or a number from {low.min():g} to {high.max():g} m is allowed"
+        raise InputError("scene", "place", at, allowed)
+    reach = float((high - low)[here].max())
+    near = np.flatnonzero((high > at - reach) & (low < at + reach))
+    name, dim = f"section at {at:g} m", 2 if mesh.cell == "triangle" else 3
+    cut = replace(mesh, groups={name: Group(dim, mesh.cells[near])}, regions={name: near})
+    whole = trace(cut, nodes, name, degree, parts=2 if dim == 2 else 1)
+    return replace(whole, weights=whole.weights * np.maximum(0.0, 1.0 - np.abs(whole.points[:, axis] - at) / reach))
 
 
 def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequence[int]) -> Indices:

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import MPI
+from pmr.mesh.strip import Strip, Window
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -77,9 +78,9 @@ class StructuralModel(Protocol):
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         """Rows (len(directions), n) that measure displacement (m) and rotation (rad) of a place.
 
-        A place is a named group, whose mean counts, or on beams also the distance from the first end in m.  `about`
-        (3,) m is a point that moves with the place, by default its centroid.  The rows also apply a force (N) or
-        moment (N m): a load spread over the group in the way that the mean weighs it.
+        A place is a named group, whose mean counts, or a distance along the body's axis in m.  `about` (3,) m is a
+        point that moves with the place, by default its centroid.  The rows also apply a force (N) or moment (N m): a
+        load spread over the group in the way that the mean weighs it.
 
         Raises
         ------
@@ -90,6 +91,16 @@ class StructuralModel(Protocol):
 
     def centroid(self, place: str | float) -> Array:
         """Where a place is, (3,) m."""
+        ...
+
+    def strip(self, face: str, window: Window) -> Strip:
+        """Points of a flat face, or of the line that stands for it on a beam, where pads may be.
+
+        Raises
+        ------
+        InputError
+            If there is no such face, or it is not flat.
+        """
         ...
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import MPI, constant, hermite_space, interval_mesh
 from pmr.errors import InputError
+from pmr.mesh.strip import Strip, Window
 from pmr.models import Forms
 from pmr.scene import Body
 from pmr.sliding import Row
@@ -133,6 +134,9 @@ class Beam2D:
 
     def centroid(self, place: str | float) -> Array:
         return np.array([station(place, self.body.length), 0.0, 0.0])
+
+    def strip(self, face: str, window: Window) -> Strip:
+        raise InputError("scene", "pads.on", face, "a planar beam slides through sliders; pads are for bodies in space")
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         if place not in ENDS:

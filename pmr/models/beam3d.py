@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import MPI, cellwise, constant, create_mesh, hermite_space
 from pmr.errors import InputError
+from pmr.mesh.strip import Strip, Window
 from pmr.models import DIRECTIONS, Forms
 from pmr.models.beam2d import ENDS, HERMITE, station
 from pmr.models.polyline import Polyline, divided
@@ -44,6 +45,9 @@ from pmr.scene.structures import Beam3DBody, BeamSection
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+#: Faces of the section: the component of the outward normal in the element's frame, and its sign.
+FACES = {"bottom": (2, -1.0), "top": (2, 1.0), "left": (1, 1.0), "right": (1, -1.0)}
 
 
 @dataclass(frozen=True)
@@ -156,20 +160,7 @@ class Beam3D:
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         at = station(place, self.axis.length)
-        axis = self.axis
-        e = int(np.clip(np.searchsorted(axis.stations, at, side="right") - 1, 0, len(axis.segment) - 1))
-        h = axis.stations[e + 1] - axis.stations[e]
-        X = (at - axis.stations[e]) / h
-        first, second = 6 * axis.local_cells[e]
-        local = np.zeros((6, 6 * len(axis.local_stations)))
-        for row, component in ((0, 0), (3, 1)):
-            local[row, [first + component, second + component]] = 1.0 - X, X
-        for row, turn, sign, start, plane in zip((1, 2), (5, 4), (1.0, -1.0), (2, 4), self.planes, strict=True):
-            dofs = [first + start, first + start + 1, second + start, second + start + 1]
-            local[row, dofs], slope = _interpolated(plane, h, X)
-            local[turn, dofs] = sign * slope
-        R = axis.frames[e].T
-        rows = sp.csr_matrix(np.kron(np.eye(2), R) @ local) @ self.transformation
+        rows = self._motions(np.array([at]))
         if about is not None:
             arm = np.asarray(about, float) - self.centroid(at)
             rows = sp.vstack([rows[:3] + sp.csr_matrix(np.cross(np.eye(3), arm).T) @ rows[3:], rows[3:]])
@@ -178,9 +169,63 @@ class Beam3D:
         rows.eliminate_zeros()
         return rows
 
+    def _motions(self, places: Array) -> sp.csr_matrix:
+        """Displacements and rotations at distances along the axis, (6 len(places), n)."""
+        local = np.zeros((len(places), 6, 12))
+        elements = [self._element(at) for at in places]
+        for block, at, e in zip(local, places, elements, strict=True):
+            block[:] = np.kron(np.eye(2), self.axis.frames[e].T) @ self._in_frame(at, e)
+        first = 6 * self.axis.local_cells[elements, 0]
+        columns = np.broadcast_to(first[:, None, None] + np.arange(12), local.shape)
+        ends = np.arange(0, local.size + 1, 12)
+        shape = (6 * len(places), 6 * len(self.axis.local_stations))
+        return sp.csr_matrix(sp.csr_matrix((local.ravel(), columns.ravel(), ends), shape=shape) @ self.transformation)
+
+    def _in_frame(self, at: float, e: int) -> Array:
+        """The motion at a place in element e, (6, 12), in its own frame."""
+        h = self.axis.stations[e + 1] - self.axis.stations[e]
+        X = (at - self.axis.stations[e]) / h
+        local = np.zeros((6, 12))
+        for row, component in ((0, 0), (3, 1)):
+            local[row, [component, 6 + component]] = 1.0 - X, X
+        for row, turn, sign, start, plane in zip((1, 2), (5, 4), (1.0, -1.0), (2, 4), self.planes, strict=True):
+            dofs = [start, start + 1, 6 + start, 7 + start]
+            local[row, dofs], slope = _interpolated(plane, h, X)
+            local[turn, dofs] = sign * slope
+        return local
+
     def centroid(self, place: str | float) -> Array:
         at = station(place, self.axis.length)
         return np.array([np.interp(at, self.axis.stations, x) for x in self.axis.nodes.T])
+
+    def strip(self, face: str, window: Window) -> Strip:
+        """The line beside the axis that stands for a face; how far below or above the axis it is plays no role."""
+        if face not in FACES:
+            raise InputError("scene", "pads.on", face, f"a beam has the faces {', '.join(FACES)}")
+        component, sign = FACES[face]
+        points, weights = self._points(window)
+        across = sum(window.across) / 2.0
+        frames = self.axis.frames[[self._element(at) for at in points]]
+        normal = sign * frames[:, component]
+        turning = np.cross(across * frames[:, 3 - component], normal)  # (theta x arm) n = theta (arm x n)
+        weighed = sp.block_diag(np.hstack([normal, turning])[:, None, :], format="csr")
+        return Strip(points, np.full(len(points), across), weights, sp.csr_matrix(weighed @ self._motions(points)))
+
+    def _points(self, window: Window) -> tuple[Array, Array]:
+        """Places and weights of Gauss' rule within a window, exact for lines times cubics.
+
+        The axis is cut at its nodes and at multiples of the window's spacing from its start.
+        """
+        start, end = max(window.along[0], 0.0), min(window.along[1], self.axis.length)
+        cuts = np.arange(window.along[0], window.along[1], window.spacing[0])
+        inner = np.concatenate([self.axis.stations, cuts])
+        ends = np.unique(np.concatenate([[start, end], inner[(inner > start) & (inner < end)]]))
+        x, w = np.polynomial.legendre.leggauss(3)
+        middle, half = (ends[1:] + ends[:-1])[:, None] / 2.0, np.diff(ends)[:, None] / 2.0
+        return (middle + half * x).ravel(), (half * w).ravel()
+
+    def _element(self, at: float) -> int:
+        return int(np.clip(np.searchsorted(self.axis.stations, at, side="right") - 1, 0, len(self.axis.segment) - 1))
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         if place not in ENDS:

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.carried import Path, path_of
 from pmr.dolfinx_compat import PETSc
 from pmr.flexibility import Flexibility
 from pmr.inertia import Inertia
 from pmr.operators import FullModel
 from pmr.parallel import times
 from pmr.residual.operator import ResidualFlexibility
-from pmr.residual.tables import BLOCK, paired, path_loads, stacked, touched_by
+from pmr.residual.tables import BLOCK, paired, path_loads, stacked
 from pmr.sliding import Row
 
 Array = NDArray[np.float64]
@@ -31,9 +32,9 @@ def with_inertia(
     """
     breaks = flexibility.rows.x
     rows = [row.refined(breaks) for row in rows]
-    touched = touched_by(rows)
-    of_mass, of_damping = _responses(model, residual, touched)
-    C, p = stacked(rows, touched), len(touched)
+    path = path_of(rows, model.size)
+    of_mass, of_damping = _responses(model, residual, path)
+    C, p = stacked(path.rows, path.size), path.size
     C1 = C.derivative()
     C2 = C1.derivative()
 
@@ -54,9 +55,9 @@ def with_inertia(
     return replace(flexibility, inertia=inertia)
 
 
-def _responses(model: FullModel, residual: ResidualFlexibility, touched: NDArray[np.int64]) -> tuple[Array, Array]:
-    """R M R and R D R between the touched coordinates and the inputs, (p + i, p + i) each, the same on every rank."""
-    loads = path_loads(model, touched)
+def _responses(model: FullModel, residual: ResidualFlexibility, path: Path) -> tuple[Array, Array]:
+    """R M R and R D R between the path's loads and the inputs, (p + i, p + i) each, the same on every rank."""
+    loads = path_loads(model, path)
     damped = model.D.norm(PETSc.NormType.FROBENIUS) > 0.0
     of_mass, of_damping = [], []
     for k in range(0, loads.shape[1], BLOCK):

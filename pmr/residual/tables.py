@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.carried import Path, path_of
 from pmr.flexibility import Flexibility
 from pmr.operators import FullModel, local_csr
 from pmr.residual.operator import ResidualFlexibility
@@ -24,17 +25,17 @@ BLOCK = 64
 def tables(model: FullModel, residual: ResidualFlexibility, rows: Sequence[Row], breaks: Array) -> Flexibility:
     """Tables of the `rows` between common `breaks` (k + 1,) m, which hold all of the rows' own; collective.
 
-    R is had on the coordinates that the rows touch and on the inputs: one static solve each.
+    R is had on the rows' carriers, or the coordinates that they touch, and on the inputs: one static solve each.
     """
     rows = [row.refined(breaks) for row in rows]
-    touched = touched_by(rows)
-    loads = path_loads(model, touched)
+    path = path_of(rows, model.size)
+    loads = path_loads(model, path)
     seen = sp.hstack([loads, local_csr(model.outputs)], format="csr").T
     blocks = [seen @ residual.apply(loads[:, k : k + BLOCK].toarray()) for k in range(0, loads.shape[1], BLOCK)]
     R = np.asarray(model.comm.allreduce(np.hstack(blocks)))
     own, outputs = R[: loads.shape[1]], R[loads.shape[1] :]
     own = (own + own.T) / 2.0
-    C, p = stacked(rows, touched), len(touched)
+    C, p = stacked(path.rows, path.size), path.size
     return Flexibility(
         rows=PPoly(_squared(C, own[:p, :p]), breaks),
         inputs=PPoly(C.times(own[:p, p:]), breaks),
@@ -44,16 +45,10 @@ def tables(model: FullModel, residual: ResidualFlexibility, rows: Sequence[Row],
     )
 
 
-def touched_by(rows: Sequence[Row]) -> NDArray[np.int64]:
-    """Coordinates that the rows touch anywhere on the path, ascending."""
-    return np.unique(np.concatenate([row.dofs.ravel() for row in rows]))
-
-
-def path_loads(model: FullModel, touched: NDArray[np.int64]) -> sp.csc_matrix:
-    """Unit loads on the touched coordinates, then the inputs: this rank's rows."""
+def path_loads(model: FullModel, path: Path) -> sp.csc_matrix:
+    """Unit loads of the path, then the inputs: this rank's rows."""
     first, last = model.M.getOwnershipRange()
-    path = sp.csr_matrix((np.ones(len(touched)), (touched, np.arange(len(touched)))), (model.size, len(touched)))
-    return sp.hstack([path[first:last], local_csr(model.inputs)], format="csc")
+    return sp.hstack([path.loads[first:last], local_csr(model.inputs)], format="csc")
 
 
 def quadratic(C: Array, A: Array) -> Array:
@@ -91,8 +86,8 @@ class Polynomials:
         return Polynomials(sp.csr_matrix(sp.diags(exponents[kept]) @ self.entries[kept]), (k, m, powers - 1))
 
 
-def stacked(rows: Sequence[Row], touched: NDArray[np.int64]) -> Polynomials:
-    """Coefficients of several rows on common breaks, on the columns that they touch."""
+def stacked(rows: Sequence[Row], size: int) -> Polynomials:
+    """Coefficients of the rows of a path of `size` loads."""
     powers = max(len(row.coefficients) for row in rows)
     k, m = len(rows[0].breaks) - 1, len(rows)
     parts = []
@@ -103,11 +98,11 @@ def stacked(rows: Sequence[Row], touched: NDArray[np.int64]) -> Polynomials:
             (
                 row.coefficients.ravel(),
                 ((j * m + a) * powers + p + lacking).ravel(),
-                np.searchsorted(touched, row.dofs[j, d]).ravel(),
+                row.dofs[j, d].ravel(),
             )
         )
     values, at, columns = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return Polynomials(sp.csr_matrix((values, (at, columns)), (k * m * powers, len(touched))), (k, m, powers))
+    return Polynomials(sp.csr_matrix((values, (at, columns)), (k * m * powers, size)), (k, m, powers))
 
 
 def _squared(C: Polynomials, R: Array) -> Array:

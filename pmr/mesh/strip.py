@@ -1,0 +1,96 @@
+"""The strip of a flat face that a pad sweeps, as points close together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.mesh.named import Group, NamedMesh
+from pmr.mesh.nodes import Nodes
+from pmr.mesh.trace import trace
+
+Array = NDArray[np.float64]
+
+#: Cosine of the largest angle between a face's cells.
+FLAT = 0.9999
+
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle on a face, its extent along the body's axis and across; and how far points are apart at most, m."""
+
+    along: tuple[float, float]
+    across: tuple[float, float]
+    spacing: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Points of a face within a window.
+
+    Attributes
+    ----------
+    along, across : (q,) arrays, m
+        Where they are: on the body's axis; and along y or z, whichever of them the face is tangential to.
+    weights : (q,) array
+        Of quadrature, m^2 (on a line m).
+    normal : (q, n) sparse matrix
+        Displacement along the outward normal.
+    """
+
+    along: Array
+    across: Array
+    weights: Array
+    normal: sp.csr_matrix
+
+
+def face_strip(mesh: NamedMesh, nodes: Nodes, face: str, window: Window) -> Strip:
+    """The strip of a named face; displacements are quadratic.
+
+    Raises
+    ------
+    InputError
+        If there is no such face, it is not flat, or it has no point in the window.
+    """
+    mesh.require([face])
+    group = mesh.groups[face]
+    if group.dim != 2:
+        raise InputError(mesh.source, "", None, f"group {face} is no face, pads slide on faces only")
+    axis = int(np.ptp(mesh.points, axis=0).argmax())
+    normal = _normal(mesh, group, face)
+    beside = int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
+    corners = mesh.points[group.entities]
+    least, most = corners.min(axis=1), corners.max(axis=1)
+    inside = np.ones(len(corners), bool)
+    for i, (start, end) in ((axis, window.along), (beside, window.across)):
+        inside &= (most[:, i] > start) & (least[:, i] < end)
+    if abs(normal[axis]) > np.sqrt(1.0 - FLAT**2) or not inside.any():
+        allowed = "the pad lies beside this face; places on a face along the body's axis are allowed"
+        raise InputError("scene", "pads.on", face, allowed)
+    cut = replace(mesh, groups={face: Group(2, group.entities[inside])})
+    sizes = (most - least)[inside][:, [axis, beside]].max(axis=0)
+    parts = int(np.ceil(np.max(sizes / window.spacing)))
+    points = trace(cut, nodes, face, degree=2, parts=max(1, parts))
+    place = points.points[:, [axis, beside]]
+    low, high = np.array([window.along, window.across]).T
+    kept = np.flatnonzero(((place > low) & (place < high)).all(axis=1))
+    displacement = sum(c * component[kept] for c, component in zip(normal, points.values, strict=True))
+    return Strip(place[kept, 0], place[kept, 1], points.weights[kept], sp.csr_matrix(displacement))
+
+
+def _normal(mesh: NamedMesh, group: Group, face: str) -> Array:
+    """Unit vector out of the mesh, whatever the order of the vertices."""
+    a, b, c = (mesh.points[group.entities[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    outward = a.mean(axis=0) - (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
+    normals *= np.sign(normals @ normals[0])[:, None]
+    mean = normals.mean(axis=0)
+    mean /= np.linalg.norm(mean)
+    if np.any(normals @ mean < FLAT):
+        raise InputError("scene", "pads.on", face, "this face is not flat; flat faces are allowed")
+    return np.asarray(mean * np.sign(mean @ outward)) + 0.0

@@ -1,0 +1,199 @@
+r"""Pads: patches of finite length and width that hold the normal displacement of a face, or of a beam's line.
+
+The row of a pad centred at x is a weighted mean over stations :math:`x_k`, a lattice of spacing :math:`\Delta`,
+
+.. math::
+    C(s)\, q = \sum_k b(x_k - x)\, U_k q, \qquad
+    U_k q = \int \varphi(\xi - x_k)\, v(\eta)\, u \cdot n \, d\xi\, d\eta \Big/ \int \varphi\, v \, d\xi\, d\eta
+
+b is a cubic B-spline over all but :math:`2 \Delta` of the pad's length, :math:`\varphi` a hat, v a cubic B-spline over
+the width.  Between two breaks a row is a cubic in s, on any mesh, and C2 throughout: its third derivative jumps at
+every :math:`\Delta`.  C2 is what keeps the acceleration of a body that slides free of jumps.  For every s the weights
+add up to one and their centroid is the pad's centre, so a rigid motion is measured as one, and any cubic displacement
+without a ripple.  A mesh finer than the pad enters by quadrature only, never by where a pad can be.
+
+The multiplier is the force of the pad in N, positive if it pushes the body inwards; 1/k is the pad's compliance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.bsplines import bump, value
+from pmr.carried import carried
+from pmr.errors import InputError
+from pmr.mesh.strip import Window
+from pmr.models import StructuralModel
+from pmr.sliding import Row, fixed_row, rebased
+
+Array = NDArray[np.float64]
+
+#: Stations for each knot of the weight along the pad: its length is (4 STATIONS + 2) Delta.
+STATIONS = 2
+#: Points of quadrature are this share of Delta, or of the knots across, apart.
+SPACING = 0.5
+#: What quadrature may miss of a station's weight, and of its place in Delta, before the pad is said to leave its face.
+MISSING = 0.02
+
+
+@dataclass(frozen=True)
+class Pad:
+    """A pad on a named face.
+
+    Attributes
+    ----------
+    name : str
+    on : str
+        A flat face of a mesh; on beams ``bottom``, ``top``, ``left`` (+y) or ``right``.
+    at : float
+        Its centre along the body's axis, m; of a moving pad the distance ahead of s.
+    across : float
+        Its centre across, m: y on bottom and top, z on the sides.
+    length, width : float, m
+    stiffness : float, N/m
+        Infinite for a rigid one.
+    """
+
+    name: str
+    on: str
+    at: float = 0.0
+    across: float = 0.0
+    length: float = 0.3
+    width: float = 0.08
+    stiffness: float = 3e8
+
+    def __post_init__(self) -> None:
+        for key in ("length", "width", "stiffness"):
+            if not getattr(self, key) > 0.0:
+                raise InputError("scene", f"pads.{self.name}.{key}", getattr(self, key), "more than 0 is allowed")
+
+
+@dataclass(frozen=True)
+class Hold:
+    """What holds the mean displacement of a group along a direction: a cylinder; infinitely stiff by default, N/m."""
+
+    name: str
+    on: str
+    direction: str = "x"
+    stiffness: float = np.inf
+
+
+@dataclass(frozen=True)
+class Pads:
+    """All that holds a sliding body.
+
+    Attributes
+    ----------
+    fixed, moving : tuples of Pad
+        Moving ones are centred at s + `at`.
+    holds : tuple of Hold
+    travel : tuple of float, m
+        Smallest and largest s.
+    """
+
+    fixed: tuple[Pad, ...] = ()
+    moving: tuple[Pad, ...] = ()
+    holds: tuple[Hold, ...] = ()
+    travel: tuple[float, float] = (0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        low, high = self.travel
+        if not low < high:
+            raise InputError("scene", "pads.travel", self.travel, "two places in m, the first one less, are allowed")
+        names = [*(pad.name for pad in (*self.fixed, *self.moving)), *(hold.name for hold in self.holds)]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError("scene", "pads", twice[0], "names that differ are allowed")
+
+
+def pad_rows(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> list[Row]:
+    """Rows of all pads and holds on the coordinates z of a structure, q = T z: fixed ones, moving ones, holds.
+
+    Raises
+    ------
+    InputError
+        If a face does not exist or a pad leaves it somewhere on its travel.
+    """
+    return [
+        *(fixed_pad(pad, model, T, pads.travel) for pad in pads.fixed),
+        *(moving_pad(pad, model, T, pads.travel) for pad in pads.moving),
+        *(_hold(hold, model, T, pads.travel) for hold in pads.holds),
+    ]
+
+
+def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+    """The row of a pad centred at s + pad.at."""
+    low, high = travel
+    step, reach = _lattice(pad)
+    count = max(1, int(np.ceil((high - low) / step - 1e-9)))
+    breaks = np.append(low + step * np.arange(count), high)
+    places = low + pad.at + step * np.arange(1 - reach, count + reach)
+    U = _stations(pad, model, places) @ T
+    # The bump's pieces on the lattice, first the last one: stations ahead of the pad are farther left on it.
+    pieces = rebased(bump(3, STATIONS * step), step * np.arange(-reach, reach + 1)).c[:, ::-1] / STATIONS
+    dofs = np.arange(count)[:, None] + np.arange(2 * reach)
+    coefficients = np.repeat(pieces[:, None, :], count, axis=1)
+    return carried(Row(pad.name, breaks, dofs, coefficients, 1.0 / pad.stiffness), U)
+
+
+def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+    """The row of a pad that stays: that of a moving one at its place."""
+    step, reach = _lattice(pad)
+    offsets = step * np.arange(1 - reach, reach)
+    weights = value(bump(3, STATIONS * step), offsets) / STATIONS
+    return _staying(pad.name, weights @ _stations(pad, model, pad.at + offsets) @ T, travel, pad.stiffness)
+
+
+def _hold(hold: Hold, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+    if hold.direction not in model.directions:
+        allowed = f"{', '.join(model.directions)} are allowed"
+        raise InputError("scene", f"pads.{hold.name}.direction", hold.direction, allowed)
+    measured = model.motion(hold.on)[model.directions.index(hold.direction)]
+    return _staying(hold.name, measured @ T, travel, hold.stiffness)
+
+
+def _staying(name: str, U: sp.csr_matrix, travel: tuple[float, float], stiffness: float) -> Row:
+    """A row with one carrier."""
+    return carried(replace(fixed_row(name, 0, 1.0, travel), compliance=1.0 / stiffness), sp.csr_matrix(U))
+
+
+def _lattice(pad: Pad) -> tuple[float, int]:
+    """Distance of the stations, m, and how many of them the weight reaches to either side."""
+    return pad.length / (4 * STATIONS + 2), 2 * STATIONS
+
+
+def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
+    """Weighted mean of the normal displacement around each of the places along the axis, (K, n)."""
+    step, knot = _lattice(pad)[0], pad.width / 4.0
+    window = Window(
+        along=(places[0] - step, places[-1] + step),
+        across=(pad.across - 2.0 * knot, pad.across + 2.0 * knot),
+        spacing=(SPACING * step, SPACING * knot),
+    )
+    strip = model.strip(pad.on, window)
+    beside = strip.weights * value(bump(3, knot), strip.across - pad.across)
+    near = [np.flatnonzero(np.abs(strip.along - x) < step) for x in places]
+    weights = [beside[q] * value(bump(1, step), strip.along[q] - x) for q, x in zip(near, places, strict=True)]
+    whole, rows = max(w.sum() for w in weights), []
+    for q, w, x in zip(near, weights, places, strict=True):
+        offsets = np.stack([strip.along[q] - x, strip.across[q] - pad.across])
+        off = np.abs(offsets @ w) > MISSING * np.array([step, knot]) * w.sum()
+        if w.sum() < (1.0 - MISSING) * whole or off.any():
+            allowed = f"the pad leaves the face {pad.on} around {x:.4g} m; places where all of it is on it are allowed"
+            raise InputError("scene", f"pads.{pad.name}", None, allowed)
+        rows.append(sp.csr_matrix(_centred(w, offsets)) @ strip.normal[q])
+    return sp.vstack(rows, format="csr")
+
+
+def _centred(weights: Array, offsets: Array) -> Array:
+    """Weights (q,) changed linearly with the offsets (2, q) so that they add up to one and their centroid is zero.
+
+    They differ from what was given by the error of quadrature only, but without it a rigid motion would seem to ripple.
+    """
+    moments = np.vstack([np.ones(len(weights)), offsets / np.maximum(np.abs(offsets).max(axis=1), 1e-300)[:, None]])
+    factors = np.linalg.lstsq((moments * weights) @ moments.T, np.array([1.0, 0.0, 0.0]), rcond=1e-12)[0]
+    return np.asarray(weights * (factors @ moments))
