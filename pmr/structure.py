@@ -134,8 +134,9 @@ class Coupling:
         if action.direction not in self.model.directions:
             allowed = f"{', '.join(self.model.directions)} are allowed"
             raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
-        motion = self.model.motion(action.on)[self.model.directions.index(action.direction)]
-        return np.asarray((motion @ self.T).toarray()).ravel()
+        measure = self.model.displacement if action.direction in ("x", "y", "z") else self.model.motion
+        row = measure(action.on)[self.model.directions.index(action.direction)]
+        return np.asarray((row @ self.T).toarray()).ravel()
 
     def load(self, load: Action | Weight, M: PETSc.Mat) -> Array:
         """Entries (n',) of a load's column; collective."""

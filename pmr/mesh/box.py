@@ -27,6 +27,9 @@ class BoxBoom:
         Along x, y, z; the wall's thickness.
     size, size_along : float
         Edge length of the cells around the section, and along x (0: the same).
+    tail_layer : float
+        Length of the first layer of cells at the tail, from which layers double up to the regular one (0: the same):
+        stresses at a clamped end are singular.
     radius : float
         Of the corners' mid-surface; 0 for sharp ones.
     frames : tuple of float
@@ -39,6 +42,7 @@ class BoxBoom:
     wall: float = 0.008
     size: float = 0.05
     size_along: float = 0.0
+    tail_layer: float = 0.0
     radius: float = 0.0
     frames: tuple[float, ...] = ()
     frame_depth: float = 0.0
@@ -49,6 +53,7 @@ class BoxBoom:
             "length": self.length > 0.0,
             "size": 0.0 < self.size <= self.length,
             "size_along": 0.0 <= self.size_along <= self.length,
+            "tail_layer": 0.0 <= self.tail_layer <= self.layer,
             "wall": 0.0 < self.wall < side,
             "radius": self.radius == 0.0 or self.wall / 2.0 < self.radius < side / 2.0,
             "frames": all(0.0 < x < self.length for x in self.frames) and list(self.frames) == sorted(set(self.frames)),
@@ -60,6 +65,7 @@ class BoxBoom:
             "radius": "0, or more than half the wall and less than half of width and height",
             "frames": "ascending places between tail and tip",
             "size_along": "0, or up to the length",
+            "tail_layer": "0, or up to the other layers",
             "frame_depth": "more than 0 and less than the corners' radius, or half the width if they are sharp",
         }
         for key, fits in allowed.items():
@@ -70,6 +76,18 @@ class BoxBoom:
     def layer(self) -> float:
         """Edge length of the cells along x, m."""
         return self.size_along or self.size
+
+    def layers(self, start: float, end: float) -> list[float]:
+        """Ends of the layers of cells between two stations, as shares of the distance."""
+        fine: list[float] = []
+        if start == 0.0 and self.tail_layer:
+            thickness = self.tail_layer
+            while thickness < 0.999 * self.layer and sum(fine) + thickness < (end - start) / 2.0:
+                fine.append(thickness)
+                thickness *= 2.0
+        count = max(1, round((end - start - sum(fine)) / self.layer))
+        ends = np.concatenate([np.cumsum([0.0, *fine])[:-1], np.linspace(start + sum(fine), end, count + 1) - start])
+        return [float(x) for x in ends[1:] / (end - start)]
 
     @property
     def stations(self) -> list[float]:
@@ -84,7 +102,7 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
         groups: dict[str, list[Entity]] = {"tail": [(1, curve) for curve in curves]}
         names = [*WALLS] if boom.radius == 0.0 else [name for wall in WALLS for name in (wall, "corners")]
         for start, end in zip(boom.stations[:-1], boom.stations[1:], strict=True):
-            swept = drawing.sweep([(1, c) for c in curves], end - start, boom.layer, quads=True)
+            swept = drawing.sweep([(1, c) for c in curves], end - start, boom.layers(start, end), quads=True)
             curves = [tag for _, tag in swept[::4]]  # of each curve: its copy, the surface, two more lines
             for name, surface in zip(names, swept[1::4], strict=True):
                 groups.setdefault(name, []).append(surface)
@@ -100,7 +118,7 @@ def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
         raise InputError("box boom", "frames", boom.frames, "a solid boom has none")
     with Drawing() as drawing:
         patches = _wall_patches(drawing, boom, hexahedra)
-        swept = drawing.sweep(patches, boom.length, boom.layer, quads=hexahedra)
+        swept = drawing.sweep(patches, boom.length, boom.layers(0.0, boom.length), quads=hexahedra)
         volumes = [entity for entity in swept if entity[0] == 3]
         groups: dict[str, list[Entity]] = {"wall": volumes}
         for face in drawing.boundary(volumes):

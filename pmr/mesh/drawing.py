@@ -68,10 +68,10 @@ class Drawing:
             geo.mesh.setRecombine(2, surface)
         return 2, surface
 
-    def sweep(self, entities: Sequence[Entity], distance: float, size: float, quads: bool) -> list[Entity]:
-        """Sweep curves or surfaces along x in layers of about `size`; what gmsh made, in its order."""
-        layers = max(1, round(distance / size))
-        return list(self._model.geo.extrude(list(entities), distance, 0, 0, [layers], recombine=quads))
+    def sweep(self, entities: Sequence[Entity], distance: float, layers: list[float], quads: bool) -> list[Entity]:
+        """Sweep curves or surfaces along x in layers that end at shares of the distance; what gmsh made, in order."""
+        once = [1] * len(layers)
+        return list(self._model.geo.extrude(list(entities), distance, 0, 0, once, layers, recombine=quads))
 
     def strips(self, outer: Sequence[int], inner: Sequence[int], divisions: int) -> list[Entity]:
         """Patches between pairs of curves that run side by side."""

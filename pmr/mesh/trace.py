@@ -39,6 +39,8 @@ class Trace:
 
     Attributes
     ----------
+    name : str
+        The group.
     points : (q, 3) array, m
     weights : (q,) array
         Quadrature weights in m^dim, Jacobian included: they add up to the group's measure (points: to their number).
@@ -46,6 +48,7 @@ class Trace:
         Displacement along x, y, z at the points.
     """
 
+    name: str
     points: Array
     weights: Array
     values: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]
@@ -70,13 +73,14 @@ class Trace:
 
         Raises
         ------
-        ValueError
+        InputError
             If the group's points lie on a line, which leaves a rotation open.
         """
         r, w = self.points - self.centroid, self.weights
         J = np.eye(3) * (w @ (r**2).sum(axis=1)) - (r.T * w) @ r
         if np.linalg.eigvalsh(J)[0] <= 1e-9 * max(np.trace(J), 1e-300):
-            raise ValueError("points on a line leave the rotation about it open")
+            allowed = "points of this group lie on a line, which leaves the rotation about it open; an area is allowed"
+            raise InputError("scene", "place", self.name, allowed)
         x, y, z = (r * w[:, None]).T
         ux, uy, uz = self.values
         moments = sp.csr_matrix(np.stack([uz.T @ y - uy.T @ z, ux.T @ z - uz.T @ x, uy.T @ x - ux.T @ y]))
@@ -108,6 +112,7 @@ def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1)
     entries = np.tile(shape.ravel(), len(first))
     size = (len(first) * len(weights), nodes.size)
     return Trace(
+        name,
         points=np.einsum("qk,eki->eqi", linear, corners).reshape(-1, 3),
         weights=(measure * weights * np.ones((len(first), 1))).ravel(),
         values=tuple(sp.csr_matrix((entries, (rows, columns + c)), shape=size) for c in range(3)),

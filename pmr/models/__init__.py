@@ -75,6 +75,16 @@ class StructuralModel(Protocol):
         """What a place can do: `DIRECTIONS` in space, some of ``x``, ``y``, ``rotation`` in the plane."""
         ...
 
+    def displacement(self, place: str | float) -> sp.csr_matrix:
+        """Rows that measure the mean displacement of a place: the first of `motion`, but of any place, points too.
+
+        Raises
+        ------
+        InputError
+            If there is no such place.
+        """
+        ...
+
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         """Rows (len(directions), n) that measure displacement (m) and rotation (rad) of a place.
 
@@ -85,7 +95,7 @@ class StructuralModel(Protocol):
         Raises
         ------
         InputError
-            If there is no such place.
+            If there is no such place, or it is a point or straight line of a body without rotations there.
         """
         ...
 

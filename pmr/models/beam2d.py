@@ -120,6 +120,9 @@ class Beam2D:
         first = self.per_node * cells[:, None] + np.array([0, self.per_node])
         return [first + i for i in range(self.per_node)]
 
+    def displacement(self, place: str | float) -> sp.csr_matrix:
+        return self.motion(place)[:-1]
+
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         x = ENDS[place] * self.body.length if place in ENDS else place
         if about is not None or isinstance(x, str) or not 0.0 <= x <= self.body.length:

@@ -158,6 +158,9 @@ class Beam3D:
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         return [6 * self.axis.local_cells[cells] + i for i in range(6)]
 
+    def displacement(self, place: str | float) -> sp.csr_matrix:
+        return self.motion(place)[:3]
+
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         at = station(place, self.axis.length)
         rows = self._motions(np.array([at]))

@@ -10,11 +10,12 @@ With the triangle's frame e_1, e_2, e_3 and the surface gradient :math:`\nabla_t
 
 .. math::
     k = \int t\, \varepsilon : A : \delta\varepsilon + \frac{t^3}{12} \kappa : A : \delta\kappa
-        + \frac{5}{6} G t\, \gamma \cdot \delta\gamma + \frac{E t^3}{h^2} \varpi\, \delta\varpi \, dA, \qquad
+        + \kappa G t\, \gamma \cdot \delta\gamma + \frac{E t^3}{h^2} \varpi\, \delta\varpi \, dA, \qquad
     m = \int \rho t\, u \cdot \delta u + \frac{\rho t^3}{12} \theta \cdot \delta\theta \, dA
 
-A is the plane-stress stiffness.  The last term of k ties the drilling rotation theta_3, which has no stiffness of its
-own, to that of the surface; h is the triangle's diameter.  Its rotary inertia, of no consequence, keeps m definite.
+A is the plane-stress stiffness, kappa the shear correction, 5/6.  The last term of k ties the drilling rotation
+theta_3, which has no stiffness of its own, to that of the surface; h is the triangle's diameter.  Its rotary inertia,
+of no consequence, keeps m definite.
 
 The pair of spaces does not lock in shear: Campello, Pimenta, Wriggers: A triangular finite shell element based on a
 fully nonlinear shell formulation, Computational Mechanics 31, 2003, 505-518 (element T6-3i).  The linear form with
@@ -33,7 +34,7 @@ import scipy.sparse as sp
 import ufl
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import MPI, cellwise, shell_space
+from pmr.dolfinx_compat import MPI, cellwise, constant, shell_space
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.nodes import Nodes, number_nodes
 from pmr.mesh.strip import Strip, Window, face_strip
@@ -46,7 +47,6 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 KINDS = ("triangle",)
-SHEAR_CORRECTION = 5.0 / 6.0
 
 
 @dataclass(frozen=True)
@@ -120,12 +120,12 @@ class Shell:
         (u, theta), (du, dtheta) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
         epsilon, kappa, gamma, drilling = strains(u, theta)
         d_epsilon, d_kappa, d_gamma, d_drilling = strains(du, dtheta)
-        G, h = E / (2 * (1 + nu)), ufl.CellDiameter(mesh)
+        G, h, correction = E / (2 * (1 + nu)), ufl.CellDiameter(mesh), constant(mesh, self.body.shear_correction)
         dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 2})
         stiffness = (
             t * ufl.inner(plane_stress(epsilon), d_epsilon)
             + t**3 / 12 * ufl.inner(plane_stress(kappa), d_kappa)
-            + SHEAR_CORRECTION * G * t * ufl.dot(gamma, d_gamma)
+            + correction * G * t * ufl.dot(gamma, d_gamma)
             + E * t**3 / h**2 * drilling * d_drilling
         ) * dx
         dm = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
@@ -140,6 +140,9 @@ class Shell:
         if isinstance(place, str):
             return trace(self.mesh, self.nodes, place, degree=2)
         return section(self.mesh, self.nodes, place, degree=2)
+
+    def displacement(self, place: str | float) -> sp.csr_matrix:
+        return self.trace(str(place)).mean()
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         return self.trace(place).motion(about)

@@ -78,6 +78,7 @@ class ShellBody(_Section):
     model: Literal["shell"] = "shell"
     plate: Plate
     regions: dict[str, Plate] = {}
+    shear_correction: Positive = 5.0 / 6.0  # kappa; large: rigid in transverse shear
 
 
 class SolidBody(_Section):

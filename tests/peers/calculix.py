@@ -1,0 +1,90 @@
+"""CalculiX (ccx) as an independent peer: 8-node shells with reduced integration, S8R, on the same rectangles."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass
+class Deck:
+    """A shell model as a ccx input file.
+
+    points (N, 3) m; quads (Q, 8), vertices then middles of sides; sets of nodes by name; `held`: (set, first, last
+    degree of freedom), 1 to 6; `loads`: force in N on single nodes.
+    """
+
+    points: np.ndarray
+    quads: np.ndarray
+    thickness: float
+    young: float = 210.0e9
+    poisson: float = 0.3
+    density: float = 7850.0
+    sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+    held: Sequence[tuple[str, int, int]] = ()
+
+    def _lines(self) -> list[str]:
+        lines = ["*NODE, NSET=NALL"]
+        lines += [f"{i + 1}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(self.points)]
+        lines += ["*ELEMENT, TYPE=S8R, ELSET=EALL"]
+        lines += [f"{i + 1}, " + ", ".join(str(n + 1) for n in quad) for i, quad in enumerate(self.quads)]
+        for name, nodes in self.sets.items():
+            lines += [f"*NSET, NSET={name}", *(f"{n + 1}," for n in nodes)]
+        lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{self.young:.12e}, {self.poisson}", "*DENSITY", f"{self.density}"]
+        lines += ["*SHELL SECTION, MATERIAL=M, ELSET=EALL", f"{self.thickness:.12e}", "*BOUNDARY"]
+        return [*lines, *(f"{name}, {first}, {last}" for name, first, last in self.held)]
+
+    def frequencies(self, count: int, folder: Path) -> np.ndarray:
+        """The lowest frequencies in Hz."""
+        output = self._run(["*STEP", "*FREQUENCY", f"{count}", "*END STEP"], folder, "dat")
+        values = []
+        for line in output.splitlines():
+            parts = line.split()
+            if len(parts) == 5 and parts[0].isdigit() and int(parts[0]) == len(values) + 1:
+                values.append(float(parts[3]))
+            if len(values) == count:
+                break
+        return np.array(values)
+
+    def displacements(self, loads: Sequence[tuple[int, int, float]], name: str, folder: Path) -> np.ndarray:
+        """Static displacements (k, 3) m of the nodes of a set, in its order; loads are (node, 1 to 3, N)."""
+        step = ["*STEP", "*STATIC", "*CLOAD", *(f"{n + 1}, {d}, {f:.12e}" for n, d, f in loads)]
+        step += [f"*NODE PRINT, NSET={name}", "U", "*END STEP"]
+        found = {}
+        for line in self._run(step, folder, "dat").splitlines():
+            parts = line.split()
+            if len(parts) == 4 and parts[0].isdigit():
+                found[int(parts[0]) - 1] = [float(x) for x in parts[1:]]
+        return np.array([found[n] for n in self.sets[name]])
+
+    def _run(self, step: Sequence[str], folder: Path, result: str) -> str:
+        (folder / "deck.inp").write_text("\n".join([*self._lines(), *step]) + "\n")
+        done = subprocess.run(["ccx", "deck"], cwd=folder, capture_output=True, text=True, timeout=600, check=False)
+        assert done.returncode == 0, done.stdout[-2000:]
+        return (folder / f"deck.{result}").read_text()
+
+
+def grid(place, n: tuple[int, int], closed: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """8-node rectangles of the unit square with vertices at ``place(u, v)``: points, quads, and node numbers.
+
+    The numbers (2 n_u + 1, 2 n_v + 1) count half steps and are -1 in the middle of a rectangle; with `closed`, v = 1 is
+    v = 0 again.
+    """
+    nu, nv = n
+    number = np.full((2 * nu + 1, 2 * nv + 1), -1)
+    used = np.ones(number.shape, bool)
+    used[1::2, 1::2] = False
+    if closed:
+        used[:, -1] = False
+    number[used] = np.arange(used.sum())
+    if closed:
+        number[:, -1] = number[:, 0]
+    i, j = np.nonzero(used)
+    points = place(i / (2 * nu), j / (2 * nv))
+    a, b = (g.ravel() for g in np.meshgrid(2 * np.arange(nu), 2 * np.arange(nv), indexing="ij"))
+    steps = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1)]
+    return points, np.stack([number[a + p, b + q] for p, q in steps], axis=1), number

@@ -1,0 +1,25 @@
+"""Static answers of a full model without rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pmr.dolfinx_compat import PETSc
+from pmr.operators import FullModel, local_csr
+
+
+def static_outputs(model: FullModel) -> np.ndarray:
+    """Outputs (o, i) under each of the inputs at one, by MUMPS; the same on every rank."""
+    solver = PETSc.KSP().create(model.comm)
+    solver.setOperators(model.K)
+    solver.setType("preonly")
+    solver.getPC().setType("cholesky")
+    solver.getPC().setFactorSolverType("mumps")
+    inputs, outputs = local_csr(model.inputs).toarray(), local_csr(model.outputs)
+    x, b = model.K.createVecRight(), model.K.createVecLeft()
+    answers = []
+    for column in inputs.T:
+        b.getArray()[:] = column
+        solver.solve(b, x)
+        answers.append(outputs.T @ x.getArray())
+    return np.asarray(model.comm.allreduce(np.stack(answers, axis=1)))
