@@ -49,7 +49,10 @@ def run(
     ] = None,
     simulators: Annotated[
         str | None,
-        typer.Option(metavar="NAME,...", help="Simulate the reduced model by each: march, exudyn, exudyn-callback."),
+        typer.Option(
+            metavar="NAME,...",
+            help="Simulate the reduced model by each: march, exudyn, exudyn-multiplier, exudyn-callback.",
+        ),
     ] = None,
 ) -> None:
     """Run scenes the whole way: operators, snapshots, basis, reduced model, simulations, comparison, report.

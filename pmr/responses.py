@@ -124,6 +124,7 @@ def _in_march(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
 _RESPOND: dict[str, Respond] = {
     "march": _in_march,
     "exudyn": _in_exudyn(exudyn.simulate),
+    "exudyn-multiplier": _in_exudyn(exudyn.simulate_with_multipliers),
     "exudyn-callback": _in_exudyn(exudyn.simulate_with_callbacks),
 }
 

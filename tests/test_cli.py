@@ -137,7 +137,9 @@ def test_several_simulators_say_how_far_they_agree(tmp_path: Path) -> None:
     assert "march and exudyn agree to" in done.stdout
 
 
-@pytest.mark.parametrize(("names", "says"), [("march,euler", "'march', 'exudyn' or 'exudyn-callback'"), ("", "exudyn")])
+@pytest.mark.parametrize(
+    ("names", "says"), [("march,euler", "'march', 'exudyn', 'exudyn-multiplier' or 'exudyn-callback'"), ("", "exudyn")]
+)
 def test_unknown_simulators_are_refused(names: str, says: str) -> None:
     done = pmr("run", SIMPLE, "--simulators", names)
     assert done.returncode == 2 and says in done.stderr and "simulation.simulators" in done.stderr

@@ -52,6 +52,11 @@ def test_free_modes_with_flexibility_need_few_coordinates_and_no_pool(tmp_path: 
         scene.load(file, ["reduction.coordinates=2"])
 
 
+def test_callbacks_know_no_rows_that_give_way() -> None:
+    with pytest.raises(InputError, match="simulation.simulators = .*'exudyn-multiplier' is allowed with flexibility"):
+        scene.load(WORKFLOWS / "simple_residual.toml", ["simulation.simulators=['march','exudyn-callback']"])
+
+
 REFUSED = [
     ("body.lenght=3", "body.lenght = 3", "did you mean 'length'"),
     ("body.bending_stiffness=-5", "body.bending_stiffness = -5", "greater than 0"),

@@ -53,6 +53,9 @@ def _reduction(scene: Scene) -> None:
         raise _refusal("reduction.support_rows", choice.support_rows, allowed)
     if choice.residual_inertia:
         _inertia(scene)
+    if choice.flexibility and "exudyn-callback" in scene.simulation.simulators:
+        allowed = "'march', 'exudyn' or 'exudyn-multiplier' is allowed with flexibility; callbacks know firm rows only"
+        raise _refusal("simulation.simulators", list(scene.simulation.simulators), allowed)
     if choice.basis == "eigenmodes":
         _pool(scene)
     if not choice.flexibility:

@@ -151,14 +151,15 @@ class Reduction(_Section):
         return self.basis == "free_modes" and self.flexibility and (self.estimate or self.residual_inertia)
 
 
-SimulatorName = Literal["march", "exudyn", "exudyn-callback"]
+SimulatorName = Literal["march", "exudyn", "exudyn-multiplier", "exudyn-callback"]
 
 
 class Simulation(_Section):
     """Who simulates.
 
     The reduced model goes through every one of `simulators`: the first one's motion is compared and drawn, the others
-    say how far they agree with it.  ``march`` is the compiled engine, ``exudyn-callback`` the paper's way.
+    say how far they agree with it.  ``march`` is the compiled engine, ``exudyn-callback`` the paper's way.  With
+    residual flexibility ``exudyn`` has springs that travel in place of constraints, ``exudyn-multiplier`` keeps these.
     """
 
     simulators: tuple[SimulatorName, ...] = Field(default=("march", "exudyn"), min_length=1)

@@ -18,8 +18,6 @@ from pmr.sliding import Rows
 from pmr.snapshots.free_modes import free_modes
 from pmr.yielding import Yielding
 
-pytestmark = pytest.mark.mpi
-
 NO_ANCF = "compare.against=[]"
 PAPERS_BASIS = ["reduction.basis=eigenmodes", "reduction.coordinates=20"]
 
@@ -66,6 +64,7 @@ def test_frequencies_with_the_slider_held_are_those_of_the_beam(load_scene) -> N
             assert frequencies(model, s)[:3] == pytest.approx(omega, rel=4e-4)
 
 
+@pytest.mark.mpi
 def test_dense_and_slepc_give_the_same_tables(load_scene) -> None:
     dense, slepc = (reduced(load_scene, f"reduction.solver={solver}") for solver in ("dense", "slepc"))
     assert dense.flexibility and slepc.flexibility
@@ -83,6 +82,7 @@ def test_rigid_bodies_have_no_stiffness_and_supports_no_rows(load_scene) -> None
     assert model.pads is None and model.row_compliance.tolist() == [0.0]
 
 
+@pytest.mark.mpi
 def test_the_papers_basis_keeps_its_number_of_coordinates(load_scene) -> None:
     """Rigid rotation first, then what the pool holds beside it."""
     model = reduced(load_scene, *PAPERS_BASIS)
@@ -118,6 +118,7 @@ def with_pads(model: FullModel, *compliances: float) -> FullModel:
     return replace(model, rows=Rows(tuple(rows), model.size))
 
 
+@pytest.mark.mpi
 def test_pads_come_along_and_a_support_that_gives_way_stays_a_row(load_scene) -> None:
     scene = load_scene("simple_residual", [NO_ANCF, "mesh.elements=40"])
     model = with_pads(full_model(scene), 0.0, 2e-6, 1e-6)

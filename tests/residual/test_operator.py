@@ -16,8 +16,6 @@ from pmr.residual.operator import ResidualFlexibility
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
 from pmr.snapshots.free_modes import free_modes, rigid_modes
 
-pytestmark = pytest.mark.mpi
-
 NODES = np.linspace(0.0, 5.0, 31)
 #: Coordinates that a support at 0 holds.
 HELD = {"pinned": [0, 1], "clamped": [0, 1, 2], "roller": [1]}
@@ -45,6 +43,7 @@ def scaled(R: np.ndarray, by: np.ndarray) -> np.ndarray:
     return R / np.outer(size, size)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("solver", ["dense", "slepc"])
 @pytest.mark.parametrize("kind", HELD)
 def test_it_is_the_sum_over_the_modes_left_out(load_scene, kind: str, solver: str) -> None:
@@ -64,6 +63,7 @@ def test_it_is_the_sum_over_the_modes_left_out(load_scene, kind: str, solver: st
     assert np.abs(scaled(found - R, R)).max() < 1e-7
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("solver", ["dense", "slepc"])
 def test_for_any_basis_it_is_what_a_static_answer_lacks(load_scene, solver: str) -> None:
     """K^-1 - V (V^T K V)^-1 V^T, also where V is no set of modes."""
@@ -78,6 +78,19 @@ def test_for_any_basis_it_is_what_a_static_answer_lacks(load_scene, solver: str)
     assert np.abs(scaled(applied(full, whole[first:last], solver) - R, R)).max() < 1e-7
 
 
+def test_vectors_that_share_in_a_rigid_motion_make_no_difference(load_scene) -> None:
+    full = model(load_scene, "pinned")
+    Z = rigid_modes(full)
+    first, last = full.M.getOwnershipRange()
+    rest = np.random.default_rng(3).standard_normal((full.size, 4)).cumsum(axis=0)
+    rest[HELD["pinned"]] = 0.0
+    rest = rest[first:last]
+    clean = rest - Z @ inner(times(full.M, Z), rest, full.comm)
+    mixed, apart = (applied(full, np.hstack([Z, X]), "dense") for X in (rest, clean))
+    assert np.abs(scaled(mixed - apart, apart)).max() < 1e-8
+
+
+@pytest.mark.mpi
 def test_it_is_symmetric_positive_and_has_nothing_of_the_basis(load_scene) -> None:
     full = model(load_scene, "pinned", "reduction.positions=path")
     scene = load_scene("paper_simple", ["mesh.elements=30", "compare.against=[]", "reduction.positions=path"])

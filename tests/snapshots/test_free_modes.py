@@ -14,8 +14,6 @@ from pmr.sliding import Rows
 from pmr.snapshots import Snapshots
 from pmr.snapshots.free_modes import free_modes, rigid_bodies, rigid_modes
 
-pytestmark = pytest.mark.mpi
-
 #: beta L of bending modes, from the characteristic equations (Blevins 1979, Table 8-1), and rigid-body modes before.
 PINNED_FREE = (1, [3.92660231, 7.06858275, 10.21017612])
 CLAMPED_FREE = (0, [1.87510407, 4.69409113, 7.85475744])
@@ -50,6 +48,7 @@ def test_an_axial_load_brings_axial_modes_in(load_scene) -> None:
     assert free_modes(full, 6).omega[4] == pytest.approx(axial, rel=1e-3)
 
 
+@pytest.mark.mpi
 def test_dense_and_slepc_find_the_same_modes(load_scene) -> None:
     full = model(load_scene, "mesh.grading=3.0", "slider.offsets=[0.0,0.4]")
     dense, slepc = (local(free_modes(full, 8, solver)) for solver in ("dense", "slepc"))
@@ -81,6 +80,7 @@ def test_rigid_and_soft_are_told_apart_at_any_scale(load_scene, change: str) -> 
     assert not rigid_bodies(clamped, local(free_modes(clamped, 4))).any()
 
 
+@pytest.mark.mpi
 def test_a_count_out_of_range_is_refused(load_scene) -> None:
     full = model(load_scene, "mesh.elements=4", "supports=[{at=0.0,kind='roller'}]", "slider.path=2.0")
     # 5 nodes with w and theta, one held: 9 bending modes, and 5 axial ones that nothing reaches
@@ -92,6 +92,7 @@ def test_a_count_out_of_range_is_refused(load_scene) -> None:
         free_modes(bodies, 1)
 
 
+@pytest.mark.mpi
 def test_every_rank_has_its_rows(load_scene) -> None:
     full = model(load_scene, "mesh.elements=20")
     assert len(local(free_modes(full, 3))) == full.M.getLocalSize()[0]
