@@ -65,7 +65,7 @@ def test_who_simulates_is_shared_where_it_matters_only(tmp_path: Path) -> None:
 
 def test_free_modes_depend_on_their_number_alone(tmp_path: Path) -> None:
     free = "[grid]\nreduction.basis = ['free_modes']\nreduction.flexibility = [false, true]\n"
-    free += "reduction.support_rows = ['drop']\n"
+    free += "reduction.support_rows = ['drop']\nreduction.estimate = [false]\n"
     once = {"modes_released": 1, "frequencies": 1, "reference": 1}
     assert shared(tmp_path, free + "reduction.modes = [5, 6]\nreduction.coordinates = [6]") == once
     assert shared(tmp_path, free + "reduction.coordinates = [6, 8]") == once | {"modes_released": 2}
