@@ -11,11 +11,13 @@ from textbook import TIP_DEFLECTION
 from pmr.clock import Clock
 from pmr.compare import nrms, respond
 from pmr.dolfinx_compat import MPI
+from pmr.errors import InputError
 from pmr.operators import full_model
 from pmr.reduced import ReducedModel
 from pmr.results import RunResult
 from pmr.run import reduce, run
 from pmr.simulate import TimeStepping, exudyn
+from pmr.simulate.exudyn_script import exudyn_script
 
 SHORT = ("time.end=0.5", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}")
 
@@ -93,6 +95,19 @@ def test_six_coordinates_with_residual_flexibility(load_scene) -> None:
     assert "residual flexibility" in summary["basis"]["kind"]
     assert outcome.result.responses["reduced"].residual_position.max() < 1e-12
     assert outcome.result.frequencies.reduced[:, :2] == pytest.approx(outcome.result.frequencies.full[:, :2], rel=1e-4)
+
+
+def test_exudyn_refuses_a_model_that_keeps_residual_inertia(load_scene) -> None:
+    """Leaving the inertia out without a word would be another model's motion."""
+    scene = load_scene(
+        "evolved_residual", [*SHORT, "reduction.residual_inertia=true", "simulation.simulators=['march']"]
+    )
+    model = reduce(scene).reduced
+    for way in (exudyn.simulate, exudyn.simulate_with_multipliers):
+        with pytest.raises(InputError, match="march alone keeps it"):
+            way(model, scene.slider.path, scene.loads[0].signal, TimeStepping(0.1, 1e-3))
+    with pytest.raises(InputError, match="evolved.npz: flexibility.inertia"):
+        exudyn_script(model, "evolved.npz")
 
 
 ODD = {

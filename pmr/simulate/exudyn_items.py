@@ -29,6 +29,7 @@ from exudyn.itemInterface import (
 from numpy.typing import NDArray
 
 from pmr.body import SlidingBody
+from pmr.errors import InputError
 from pmr.simulate.start import InitialState
 
 Array = NDArray[np.float64]
@@ -94,7 +95,14 @@ def add_pre_step_function(mbs: Any, function: PreStep) -> None:
 
 
 def add_body(mbs: Any, body: SlidingBody, start: InitialState, **parameters: Any) -> SlidingBodyItems:
-    """Node, object, ground and supports of a body; `parameters` are those of its ObjectGenericODE2."""
+    """Node, object, ground and supports of a body; `parameters` are those of its ObjectGenericODE2.
+
+    Raises
+    ------
+    InputError
+        If the body keeps the inertia of its residual part, for which there is no item.
+    """
+    refuse_kept_inertia(body)
     name = f"slidingBody{mbs.systemData.NumberOfObjects()}"
     nBody = add_coordinates(mbs, name, start)
     damping = {"dampingMatrix": matrix(body.D)} if _has_entries(body.D) else {}
@@ -107,6 +115,13 @@ def add_body(mbs: Any, body: SlidingBody, start: InitialState, **parameters: Any
         _hold(mbs, f"{name}Support{row}", nBody, coordinate, nGround) for row, coordinate in body.held.items()
     )
     return SlidingBodyItems(nBody, oBody, mBody, nGround, mGround, None, oSupports, ())
+
+
+def refuse_kept_inertia(body: SlidingBody, source: str = "body") -> None:
+    """Exudyn's items know the quasi-static residual part only."""
+    if body.flexibility is not None and body.flexibility.keeps_inertia:
+        allowed = "a model without residual inertia is allowed in Exudyn; march alone keeps it"
+        raise InputError(source, "flexibility.inertia", None, allowed)
 
 
 def add_coordinates(mbs: Any, name: str, start: InitialState) -> Any:
