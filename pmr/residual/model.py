@@ -51,6 +51,12 @@ def flexible_model(model: FullModel, basis: Basis, provenance: dict[str, Any], s
         If rows depend on each other.
     ValueError
         If the basis violates a fixed row.
+
+    Notes
+    -----
+    Statics are exact with any basis.  Eigenmodes and what they leave out have no inertia in common; for any other basis
+    that coupling is neglected, at a price while it lacks low modes: the paper's basis, evolved case, is off by 87 % of
+    the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
     return _flexible(model, basis, provenance, solver)[0]
 
