@@ -65,6 +65,13 @@ def sleep(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
     return TaskResult()
 
 
+def interval(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
+    """When it began and ended, in s of one clock for all processes."""
+    begin = time.monotonic()
+    time.sleep(0.2)
+    return TaskResult(arrays={"interval": np.array([begin, time.monotonic()])})
+
+
 def surroundings(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
     """What the task's process looks like."""
     from mpi4py import MPI

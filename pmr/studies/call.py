@@ -84,6 +84,7 @@ def _of_study(study: StudyBase, results: StudyResults) -> dict[str, Any]:
         "figures": dict(study.figures(results)) if results.is_complete else {},
         "source": study.source,
         "published": [statement.model_dump() for statement in study.statements()],
+        "remarks": list(study.remarks),
     }
 
 

@@ -61,6 +61,7 @@ class StudyBase(BaseModel):
     title: str
     source: str = ""  # publication whose statements these are
     published: tuple[Statement, ...] = ()
+    remarks: tuple[str, ...] = ()  # what explains the results, for the report
 
     @abstractmethod
     def plan(self) -> Plan:

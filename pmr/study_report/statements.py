@@ -29,7 +29,7 @@ def comparison(study: FinishedStudy) -> Comparison:
         rows.append(_row(statement, here))
         if statement.why and statement.why not in reasons:
             reasons.append(statement.why)
-    return Comparison(rows, reasons)
+    return Comparison(rows, [*reasons, *study.summary["remarks"]])
 
 
 def formatted(value: Scalar, kind: str) -> str:

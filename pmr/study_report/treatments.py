@@ -9,7 +9,7 @@ NAMES = {
 }
 EXPLAINED = (
     "Basis vectors vanish at the pin, so its two rows say nothing, except for their round-off. Kept in, as the "
-    "publication does, they hold two combinations of coordinates that round-off decides on: of the last ones where the "
-    "singular values fall quickly, of any where they fall slowly. Made to hold the last two they do the least harm. "
-    "Dropped, as they may be, they leave all coordinates free."
+    "publication does to judge by its figures, they hold two combinations of coordinates that round-off decides on: of "
+    "the last ones where the singular values fall quickly, of any where they fall slowly. Made to hold the last two, they "
+    "do the least harm. Dropped, they leave all coordinates free."
 )

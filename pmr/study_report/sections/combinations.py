@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -12,7 +14,7 @@ from pmr.report.sentences import KeyNumber
 from pmr.studies.results import RunRecord
 from pmr.studies.task import number
 from pmr.study_report.axes import dots
-from pmr.study_report.content import Block, Content, Grid, drawing
+from pmr.study_report.content import Block, Content, Grid, drawing, listed
 from pmr.study_report.finished import FinishedStudy
 from pmr.study_report.statements import combination
 from pmr.study_report.treatments import EXPLAINED, NAMES
@@ -40,20 +42,15 @@ def content(study: FinishedStudy, prefix: str) -> Content:
             (combination(name), *(_percent(run, treatment) for treatment in NAMES)) for name, run in at_budget.items()
         ),
     )
-    slow = max(names, key=lambda name: number(study.figures[f"{name}.kept.first"] or 0))
     return Content(
-        headline="What singular values promise, the pin's rows take away: with them dropped every combination does "
-        "better.",
+        headline=_headline(at_budget),
         key_numbers=[
             KeyNumber(percent(study.figure(f"{name}.kept.beam")), f"{combination(name)}, all coordinates, rows kept")
             for name in names
         ],
         paragraphs=[
             EXPLAINED,
-            f"This is why {combination(slow)} stays at its maximum until "
-            f"{plain(study.figure(f'{slow}.kept.first') - 1)}{SPACE}coordinates with the rows kept and until "
-            f"{plain(study.figure(f'{slow}.drop.first') - 1)}{SPACE}with the rows dropped: its singular values fall so "
-            "slowly that the rows hold coordinates that matter.",
+            *(_onset(study, name) for name in names),
         ],
         blocks=[
             Block(
@@ -64,6 +61,18 @@ def content(study: FinishedStudy, prefix: str) -> Content:
             Block("Singular values", ((drawing(f"{prefix}-sigma", singular_values, sigma_caption, study),),)),
         ],
     )
+
+
+def _headline(at_budget: Mapping[str, RunRecord]) -> str:
+    kept, drop = ([f"{combination(name)} {_percent(run, t)}" for name, run in at_budget.items()] for t in COLUMNS)
+    return f"With {STATED} coordinates: {listed(kept)} with the pin's rows kept, {listed(drop)} with them dropped."
+
+
+def _onset(study: FinishedStudy, name: str) -> str:
+    """Where the error leaves its maximum."""
+    first = [study.figures[f"{name}.{treatment}.first"] for treatment in COLUMNS]
+    kept, drop = ("with none" if r is None else f"with {plain(number(r))}{SPACE}coordinates" for r in first)
+    return f"{combination(name)} is first below the maximum error {kept} where the rows are kept, {drop} where not."
 
 
 def combinations(study: FinishedStudy) -> list[str]:

@@ -38,9 +38,6 @@ def content(study: FinishedStudy, prefix: str) -> Content:
         paragraphs=[
             f"{counts['ancf']} ANCF cables of up to {finest['ancf']:g} elements and {counts['full']} beams of up to "
             f"{finest['full']:g} are compared with the finest of their kind.",
-            "Both curves zigzag alike: with a multiple of four elements a node lies where the slider rests, at a "
-            "quarter and at three quarters of the beam. Elsewhere it rests in mid-element, and a point support kinks "
-            "the bending moment, which one cubic can't follow.",
         ],
         blocks=[Block("Error over the number of coordinates", ((figure,),))],
     )

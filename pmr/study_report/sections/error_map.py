@@ -61,9 +61,9 @@ def content(study: FinishedStudy, prefix: str) -> Content:
         paragraphs=[
             f"{plain(number(figures['combinations']))} combinations are simulated, each with up to "
             f"{asked['averaged']} numbers of coordinates and in three ways. {EXPLAINED}",
-            f"So the valley along {plain(asked['curve'] or study.figure('kept.pool'))}{SPACE}snapshots and the steep "
-            "rise beyond it belong to the kept rows. With the rows dropped a larger pool no longer hurts, as long as "
-            "it has more slider positions rather than more modes.",
+            f"The pools of the {asked['marked']} best combinations hold {_pool(study, 'kept')} snapshots with the "
+            f"rows kept, {_pool(study, 'hold')} with two coordinates held and {_pool(study, 'drop')} with the rows "
+            "dropped (median).",
             *_singular(singular),
         ],
         blocks=[
@@ -77,8 +77,8 @@ def error_map(study: FinishedStudy, treatment: str, width: float) -> Figure:
     """Tiles over snapshots and modes, logarithmic colours."""
     asked = study.asked
     n, m = int(asked["most_snapshots"]), int(asked["most_modes"])
-    margins = {"left": 0.45, "right": 0.62, "top": 0.1, "bottom": 0.38}
-    figure, axes = sheet(width, 0.48 + (width - 1.07) * (0.62 if width > HALF else 0.75), margins=margins)
+    margins = {"left": 0.6, "right": 0.62, "top": 0.1, "bottom": 0.38}
+    figure, axes = sheet(width, 0.48 + (width - 1.22) * (0.62 if width > HALF else 0.75), margins=margins)
     ax = axes[0, 0]
     ax.grid(visible=False)
     known = {_tile(run): run.figures[f"{treatment}.error"] for run in study.results.runs if run.status == "done"}
@@ -141,6 +141,10 @@ def _marked(study: FinishedStudy) -> Grid:
 
     rows = tuple((str(place + 1), *(cell(name, place) for name in NAMES)) for place in range(most))
     return Grid("Snapshots, modes and mean error of the marked combinations.", ("place", *NAMES.values()), rows)
+
+
+def _pool(study: FinishedStudy, treatment: str) -> str:
+    return plain(study.figure(f"{treatment}.pool"))
 
 
 def _singular(count: float) -> list[str]:

@@ -1,0 +1,52 @@
+"""Studies computed in this process: the same tasks, store and tables as `pmr study`, without its workers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pmr.studies import files
+from pmr.studies.call import Outcome, save
+from pmr.studies.files import Project
+from pmr.studies.graph import digests
+from pmr.studies.results import StudyResults
+from pmr.studies.store import Store, Stored
+
+WORKFLOWS = Path(__file__).parents[1] / "workflows"
+#: A coarse beam over half a second.
+SHORT = """
+extends = "{base}"
+title = "Sliding beam, short case"
+mesh.elements = 20
+time.end = 0.5
+slider.path = {{ kind = "ramp", times = [0.1, 0.4], values = [1.25, 1.6] }}
+compare.ancf_elements = 8
+"""
+
+
+def short_scene(folder: Path, base: str = "paper_evolved") -> Path:
+    """A scene file in `folder` that extends one of the paper's."""
+    file = folder / "short.toml"
+    file.write_text(SHORT.format(base=WORKFLOWS / f"{base}.toml"))
+    return file
+
+
+def finished(folder: Path, text: str, **changes: Any) -> StudyResults:
+    """Write a study file and compute all of it into `folder`."""
+    file = folder / "study.toml"
+    file.write_text(text)
+    return compute(folder, files.load(file))
+
+
+def compute(folder: Path, project: Project) -> StudyResults:
+    """The tasks of a project's only study, one after the other, and its tables."""
+    (part,) = project.parts
+    store, digest, results = Store(folder / "tasks"), digests(part.plan, "test"), {}
+    store.prepare()
+    for task in sorted(part.plan, key=lambda task: list(digest).index(task.key)):
+        needs = {name: results[key] for name, key in task.needs.items()}
+        results[task.key] = task.function(task.arguments, needs)
+        store.write(digest[task.key], Stored(task.key, results[task.key], ()))
+    found = StudyResults.collect(folder, part.plan, "test", store, {})
+    save(project, Outcome({"": found}, len(results)), folder)
+    return found

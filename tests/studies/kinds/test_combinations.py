@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from finished import WORKFLOWS, compute, finished, short_scene
+
+from pmr import compare, scene
+from pmr.projection import with_held_coordinates
+from pmr.studies import files, marching, nested, shared
+from pmr.studies.results import StudyResults
+from pmr.studies.task import number
+
+SMALL = """
+kind = "combinations"
+title = "Two combinations"
+scene = "short.toml"
+combinations = [[3, 3], [9, 1]]
+"""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    folder = tmp_path_factory.mktemp("small")
+    short_scene(folder)
+    return finished(folder, SMALL)
+
+
+def test_every_number_of_coordinates_is_a_row(small: StudyResults) -> None:
+    assert [run.key for run in small.runs[:2]] == ["3x3", "9x1"]
+    assert [run.parameters["coordinates"] for run in small.runs[2:]] == 2 * list(range(3, 10))
+
+
+def test_held_coordinates_are_as_good_as_left_out(small: StudyResults) -> None:
+    """Two fewer, whose errors have been found already; the model that holds them moves alike to round-off."""
+    runs = {run.key: run.figures for run in small.runs}
+    assert runs["3x3-8"]["hold.beam"] == runs["3x3-6"]["drop.beam"]
+    assert runs["3x3-8"]["hold.strain"] == runs["3x3-6"]["drop.strain"]
+    short = scene.load(small.folder / "short.toml")
+    models = nested.NestedModels.from_arrays(small.arrays("3x3"), "drop")
+    eight = nested.NestedModels(models.longest).of(8)
+    assert eight is not None
+    from dataclasses import replace
+
+    held = with_held_coordinates(replace(eight, left_out=("x", "y")))
+    six = nested.NestedModels(models.longest, spent=2).of(8)
+    assert six is not None and six.size == 6
+    drive = marching.Drive.of(short)
+    found, expected = marching.displacement(held, drive), marching.displacement(six, drive)
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_errors_are_those_of_the_motions(small: StudyResults) -> None:
+    """The strain energy is summed from modal coordinates; here it is q K q / 2."""
+    short = scene.load(small.folder / "short.toml")
+    full = marching.full(shared.scene_arguments(marching.driven(short)), {})
+    model = nested.NestedModels.from_arrays(small.arrays("9x1"), "drop").of(7)
+    assert model is not None
+    from pmr.simulate import march
+
+    drive = marching.Drive.of(short)
+    trajectory = march.simulate(model, drive.path, drive.loads, drive.stepping)
+    strain = np.einsum("tr,rk,tk->", trajectory.q, model.K, trajectory.q) / 2.0
+    y = trajectory.q @ model.outputs.T
+    found = next(run.figures for run in small.runs if run.key == "9x1-7")
+    assert found["drop.beam"] == pytest.approx(compare.nrms(y, full.arrays["displacement"]), rel=1e-7)
+    assert found["drop.strain"] == pytest.approx(abs(strain - full.arrays["strain"].sum()), rel=1e-6)
+
+
+def test_figures_say_where_errors_leave_the_maximum(small: StudyResults) -> None:
+    figures = json.loads((small.folder / "summary.json").read_text())["figures"]
+    errors = {
+        run.parameters["coordinates"]: run.figures["drop.beam"] for run in small.runs if run.key.startswith("3x3-")
+    }
+    first = next(r for r, error in errors.items() if error is not None and number(error) < 0.999)
+    assert figures["3x3.drop.first"] == first
+    assert figures["3x3.drop.beam"] == [error for error in errors.values() if error is not None][-1]
+    assert figures["drop.first"] == min(figures["3x3.drop.first"], figures["9x1.drop.first"])
+
+
+@pytest.mark.slow
+def test_the_combinations_of_the_paper(tmp_path: Path) -> None:
+    compute(tmp_path, files.load(WORKFLOWS / "studies" / "combinations.toml"))
+    figures = json.loads((tmp_path / "summary.json").read_text())["figures"]
+    assert figures["10x10.kappa"] == pytest.approx(0.999986, abs=5e-7)
+    assert (figures["10x10.drop.first"], figures["10x10.hold.first"]) == (19, 21)
+    assert 24 <= figures["10x10.kept.first"] <= 30  # published: 26; round-off decides
+    assert figures["5x6.kept.beam"] == pytest.approx(0.0075, abs=5e-4)  # published: 0.8 %
+    assert 0.1 < figures["15x1.kept.beam"] < 0.3 and figures["15x1.drop.beam"] == pytest.approx(0.0587, abs=1e-3)

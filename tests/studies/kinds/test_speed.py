@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from statistics import median
+
+import pytest
+from finished import finished, short_scene
+
+from pmr.errors import InputError
+from pmr.studies import files
+from pmr.studies.kinds.speed import APPROACHES, RATIOS
+from pmr.studies.results import StudyResults
+
+SMALL = """
+kind = "speed"
+title = "Short times"
+scenes = ["short.toml"]
+repeats = 2
+share = { full-callbacks = 0.02, reduced-callbacks = 0.1 }
+"""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    folder = tmp_path_factory.mktemp("small")
+    short_scene(folder)
+    return finished(folder, SMALL)
+
+
+def test_sizes_and_shares(small: StudyResults) -> None:
+    found = {run.parameters["approach"]: run.figures for run in small.runs}
+    assert list(found) == list(APPROACHES)
+    sizes = [found[name]["coordinates"] for name in ("ancf", "full-callbacks", "full-march", "reduced-updates")]
+    assert sizes == [36, 63, 63, 20]
+    assert [found[name]["steps"] for name in ("full-callbacks", "reduced-callbacks", "ancf")] == [10, 50, 500]
+
+
+def test_times_stand_apart_from_the_table(small: StudyResults) -> None:
+    assert all({"repeat1", "repeat2"} <= set(run.seconds) for run in small.runs)
+    assert "repeat" not in (small.folder / "runs.csv").read_text()
+
+
+def test_a_share_is_extrapolated_to_the_whole(small: StudyResults) -> None:
+    """A callback costs 20 us at least, and one step needs several."""
+    times = {run.parameters["approach"]: run.seconds["repeat1"] for run in small.runs}
+    assert times["full-callbacks"] > 500 * 20e-6 and times["reduced-callbacks"] > 500 * 20e-6
+    assert times["reduced-march"] < times["reduced-updates"] < times["reduced-callbacks"]
+
+
+def test_figures_are_ratios_of_medians(small: StudyResults) -> None:
+    figures = json.loads((small.folder / "summary.json").read_text())["figures"]
+    middle = {
+        run.parameters["approach"]: median([run.seconds["repeat1"], run.seconds["repeat2"]]) for run in small.runs
+    }
+    assert figures["span"] == 0.5
+    for name, (a, b) in RATIOS.items():
+        assert figures[f"short.{name}"] == pytest.approx(middle[a] / middle[b])
+
+
+def test_nothing_runs_beside_a_measurement(tmp_path: Path) -> None:
+    short_scene(tmp_path)
+    (tmp_path / "study.toml").write_text(SMALL)
+    (part,) = files.load(tmp_path / "study.toml").parts
+    assert all(task.alone for task in part.plan.runs) and not any(task.alone for task in part.plan.shared)
+
+
+def test_an_unknown_approach_is_refused(tmp_path: Path) -> None:
+    short_scene(tmp_path)
+    (tmp_path / "study.toml").write_text(SMALL.replace("full-callbacks", "full-callback"))
+    with pytest.raises(InputError, match="full-callback"):
+        files.load(tmp_path / "study.toml")
