@@ -28,6 +28,8 @@ from pmr.simulate.stepping import Progress, TimeStepping, loads_at, path_at
 
 __all__ = ["Cable", "CableMotion", "PointLoad", "energy", "simulate"]
 Array = NDArray[np.float64]
+#: Position and slope, each in the plane.
+COORDINATES_PER_NODE = 4
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ __all__ = [
     "add_sliding_body_with_multipliers",
     "simulate",
     "simulate_with_callbacks",
+    "simulate_with_callbacks_and_modified_newton",
     "simulate_with_multipliers",
 ]
 
@@ -157,6 +158,31 @@ def simulate_with_callbacks(
     return _simulate(add_called_body, body, inputs, path, stepping, initial, progress)
 
 
+def simulate_with_callbacks_and_modified_newton(
+    body: SlidingBody,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """As `simulate_with_callbacks`, but a Jacobian is kept as long as Newton's method converges with it.
+
+    That saves a large dense body most of its factorisations, all of them while the slider rests.  Arguments, errors
+    and trajectory, to Newton's tolerance, as for `simulate`.
+    """
+    inputs = TabulatedInputs(body, path, loads, stepping)
+    return _simulate(add_called_body, body, inputs, path, stepping, initial, progress, _modified_newton)
+
+
+def _newton(chosen: Any) -> None:
+    """A new Jacobian in each iteration, as `settings` has it."""
+
+
+def _modified_newton(chosen: Any) -> None:
+    chosen.timeIntegration.newton.useModifiedNewton = True
+
+
 def _simulate(
     add_items: AddItems,
     body: SlidingBody,
@@ -165,6 +191,7 @@ def _simulate(
     stepping: TimeStepping,
     initial: InitialState | None,
     progress: Progress | None,
+    adjust: Callable[[Any], None] = _newton,
 ) -> Trajectory:
     start = consistent_start(body, inputs.position(0.0), float(path.rate(0.0)), initial)
     container = exu.SystemContainer()  # owns the mbs: must stay alive
@@ -182,7 +209,9 @@ def _simulate(
     ]
     sensors = [mbs.AddSensor(sensor) for sensor in (*of_coordinates, *of_forces)]
     linear_solver = exu.LinearSolverType.EigenSparse if sp.issparse(body.K) else exu.LinearSolverType.EigenDense
-    seconds = solve(mbs, settings(stepping, linear_solver), inputs.position, progress)
+    chosen = settings(stepping, linear_solver)
+    adjust(chosen)
+    seconds = solve(mbs, chosen, inputs.position, progress)
     q, v, *forces = (stored(mbs, sensor, stepping, inputs.position) for sensor in sensors)
     multipliers, held = np.empty((len(q), len(body.row_names))), [*items.rows, *body.held]
     if held:

@@ -66,6 +66,12 @@ def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: An
         return Drawing(name, svg(draw(*arguments), name, caption), caption)
 
 
+def case_name(scene: str) -> str:
+    """A scene's file as it is called in a sentence: ``paper_evolved`` is the evolved case."""
+    name = scene.removeprefix("paper_").replace("_", " ")
+    return f"{name} case" if scene.startswith("paper_") else name
+
+
 def listed(words: Iterable[str]) -> str:
     """``a, b and c``."""
     *most, last = words

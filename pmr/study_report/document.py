@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from pmr.report.figures.vector import FONT, words
 from pmr.report.fonts import embedded
 from pmr.report.numbers import SPACE, quantity
 from pmr.report.provenance import Table
+from pmr.study_report.content import Grid
 from pmr.study_report.finished import FinishedStudy, studies_in
 from pmr.study_report.page import Section, section
 
@@ -54,16 +55,22 @@ def render(
         title=title,
         sections=sections,
         font=embedded(FONT, "".join(sorted(set(text)))),
-        provenance=[list(column) for column in _provenance(summary, studies)],
+        machine=_machine(summary),
+        effort=_effort(studies),
         software=[f"{name}{SPACE}{version}" for name, version in summary["versions"].items()],
     )
 
 
-def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) -> Iterator[Sequence[Table]]:
-    machine = [(name, str(value)) for name, value in summary["machine"].items()]
+def _machine(summary: Mapping[str, Any]) -> Table:
+    rows = [(name, str(value)) for name, value in summary["machine"].items()]
     if summary["commit"]:
-        machine.append(("commit", str(summary["commit"])))
-    yield [Table("Machine", tuple(machine))]
-    yield [Table("Runs", tuple((study.title, str(len(study.results.runs))) for study in studies))]
-    effort = [(study.title, sum(run.seconds.get("task", 0.0) for run in study.results.runs)) for study in studies]
-    yield [Table("Time in runs, all workers", tuple((title, quantity(seconds, "s")) for title, seconds in effort))]
+        rows.append(("commit", str(summary["commit"])))
+    return Table("Machine", tuple(rows))
+
+
+def _effort(studies: Sequence[FinishedStudy]) -> Grid:
+    rows = []
+    for study in studies:
+        seconds = sum(run.seconds.get("task", 0.0) for run in study.results.runs)
+        rows.append((study.title, str(len(study.results.runs)), quantity(seconds, "s")))
+    return Grid("Runs, and the time that all workers together spent in them.", ("study", "runs", "time"), tuple(rows))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from decimal import Decimal
 
 from pmr.report.marks import DIFFERENT, SAME, Mark, Row, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
@@ -47,9 +48,9 @@ def formatted(value: Scalar, kind: str) -> str:
 
 
 def combination(key: str) -> str:
-    """``"5x6"`` as (5, 6); other texts as they are."""
+    """``"5x6"`` as (5,6); other texts as they are."""
     first, _, second = key.partition("x")
-    return f"({first},{SPACE}{second})" if first.isdigit() and second.isdigit() else key
+    return f"({first},{second})" if first.isdigit() and second.isdigit() else key
 
 
 def _row(statement: Statement, here: Scalar) -> Row:
@@ -64,5 +65,12 @@ def _row(statement: Statement, here: Scalar) -> Row:
 def _verdict(statement: Statement, here: Scalar) -> tuple[Mark, str | None]:
     if isinstance(statement.value, str) or isinstance(here, str):
         return (SAME if here == statement.value else DIFFERENT), None
-    published = number(statement.value)
-    return mark_for(number(here), published, statement.is_error), signed_deviation(number(here), published)
+    published, found = number(statement.value), number(here)
+    if found == published or not statement.words and round(found, _decimals(published)) == published:
+        return SAME, None
+    return mark_for(found, published, statement.is_error), signed_deviation(found, published)
+
+
+def _decimals(value: float) -> int:
+    """Decimals to which a figure is stated."""
+    return max(-int(Decimal(repr(value)).normalize().as_tuple().exponent), 0)

@@ -10,6 +10,6 @@ NAMES = {
 EXPLAINED = (
     "Basis vectors vanish at the pin, so its two rows say nothing, except for their round-off. Kept in, as the "
     "publication does to judge by its figures, they hold two combinations of coordinates that round-off decides on: of "
-    "the last ones where the singular values fall quickly, of any where they fall slowly. Made to hold the last two, they "
-    "do the least harm. Dropped, they leave all coordinates free."
+    "the last ones where the singular values fall quickly, of any where they fall slowly. Made to hold the last two, "
+    "they do the least harm. Dropped, they leave all coordinates free."
 )

@@ -83,11 +83,12 @@ def test_rows_hold_at_every_step(body: SlidingBody) -> None:
     assert np.abs(found.q).max() > 1e-4
 
 
-def test_callbacks_find_the_same_beam(case: Any, reduced: ReducedModel) -> None:
+@pytest.mark.parametrize(
+    "simulate", [simulator.simulate_with_callbacks, simulator.simulate_with_callbacks_and_modified_newton]
+)
+def test_callbacks_find_the_same_beam(case: Any, reduced: ReducedModel, simulate: Any) -> None:
     stepping, path = TimeStepping(0.3, 1e-3), Ramp(times=(0.0, 0.3), values=(1.25, 2.0))
-    once, called = (
-        run(reduced, path, [case.load], stepping) for run in (simulator.simulate, simulator.simulate_with_callbacks)
-    )
+    once, called = (run(reduced, path, [case.load], stepping) for run in (simulator.simulate, simulate))
     w = once.q @ reduced.outputs.T
     assert np.abs(w - called.q @ reduced.outputs.T).max() < 1e-9
     assert np.abs(w).max() > 1e-4

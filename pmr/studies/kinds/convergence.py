@@ -16,7 +16,7 @@ from pmr import compare
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.responses import simulate_cable
-from pmr.simulate import march
+from pmr.simulate import ancf, march
 from pmr.simulate.modal import modal_form
 from pmr.studies import marching, shared
 from pmr.studies.results import StudyResults
@@ -25,8 +25,6 @@ from pmr.studies.task import Plan, Scalar, Task, TaskResult
 
 #: Rough effort in s of one element.
 COSTS = {"ancf": 0.1, "full": 0.01}
-#: Coordinates of one node of the cable: position and slope, each in the plane.
-CABLE_NODE = 4
 
 
 class Study(StudyBase):
@@ -95,7 +93,7 @@ def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     assert elements is not None  # the plan's check
     compared = scene.compare.model_copy(update={"ancf_elements": elements})
     motion = simulate_cable(scene.model_copy(update={"compare": compared}), [scene.body.length])
-    return _compared(motion.displacement[:, -1], CABLE_NODE * (elements + 1), needs)
+    return _compared(motion.displacement[:, -1], ancf.COORDINATES_PER_NODE * (elements + 1), needs)
 
 
 def _compared(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) -> TaskResult:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pmr.report.figures.canvas import SHADE, WIDE, key, log_axis, sheet
-from pmr.report.numbers import SPACE, percent, plain
+from pmr.report.numbers import percent, plain
 from pmr.report.sentences import KeyNumber
 from pmr.studies.results import RunRecord
 from pmr.studies.task import number
@@ -42,6 +42,11 @@ def content(study: FinishedStudy, prefix: str) -> Content:
             (combination(name), *(_percent(run, treatment) for treatment in NAMES)) for name, run in at_budget.items()
         ),
     )
+    first = Grid(
+        caption="Number of coordinates from which on the error is below its maximum.",
+        head=("combination", *NAMES.values()),
+        rows=tuple((combination(name), *(_first(study, name, treatment) for treatment in NAMES)) for name in names),
+    )
     return Content(
         headline=_headline(at_budget),
         key_numbers=[
@@ -50,13 +55,12 @@ def content(study: FinishedStudy, prefix: str) -> Content:
         ],
         paragraphs=[
             EXPLAINED,
-            *(_onset(study, name) for name in names),
         ],
         blocks=[
             Block(
                 "Errors over the number of coordinates",
                 ((drawing(f"{prefix}-errors", errors, errors_caption, study),),),
-                grids=(grid,),
+                grids=(grid, first),
             ),
             Block("Singular values", ((drawing(f"{prefix}-sigma", singular_values, sigma_caption, study),),)),
         ],
@@ -68,11 +72,10 @@ def _headline(at_budget: Mapping[str, RunRecord]) -> str:
     return f"With {STATED} coordinates: {listed(kept)} with the pin's rows kept, {listed(drop)} with them dropped."
 
 
-def _onset(study: FinishedStudy, name: str) -> str:
-    """Where the error leaves its maximum."""
-    first = [study.figures[f"{name}.{treatment}.first"] for treatment in COLUMNS]
-    kept, drop = ("with none" if r is None else f"with {plain(number(r))}{SPACE}coordinates" for r in first)
-    return f"{combination(name)} is first below the maximum error {kept} where the rows are kept, {drop} where not."
+def _first(study: FinishedStudy, name: str, treatment: str) -> str:
+    """The number of coordinates with which the error leaves its maximum."""
+    found = study.figures[f"{name}.{treatment}.first"]
+    return "–" if found is None else plain(number(found))
 
 
 def combinations(study: FinishedStudy) -> list[str]:

@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from pmr.report.figures.canvas import HALF, INK, MUTED, WIDE, sheet
-from pmr.report.numbers import SPACE, percent, plain
+from pmr.report.numbers import percent, plain
 from pmr.report.sentences import KeyNumber
 from pmr.studies.results import RunRecord
 from pmr.studies.task import number
@@ -85,7 +85,7 @@ def error_map(study: FinishedStudy, treatment: str, width: float) -> Figure:
     errors = {tile: number(error) for tile, error in known.items() if error is not None}
     norm = LogNorm(min(errors.values()), MOST)
     for tile, error in errors.items():
-        _rectangle(ax, tile, facecolor=COLOURS(norm(error)))
+        _rectangle(ax, tile, color=COLOURS(norm(error)), linewidth=0.3)  # the line closes the seam
     for tile in known.keys() - errors.keys():
         ax.plot(*tile, marker="x", color=MUTED, markersize=2.0 if width > HALF else 1.2, markeredgewidth=0.5)
     for key in str(study.figures.get(f"{treatment}.marked", "")).split():
@@ -106,7 +106,6 @@ def error_map(study: FinishedStudy, treatment: str, width: float) -> Figure:
 
 
 def _rectangle(ax: Axes, tile: Sequence[int], **look: Any) -> None:
-    look = {"linewidth": 0.0, **look}
     ax.add_patch(Rectangle((tile[0] - 0.5, tile[1] - 0.5), 1.0, 1.0, **look))
 
 
@@ -116,7 +115,8 @@ def _colour_key(figure: Figure, ax: Axes, norm: LogNorm) -> None:
     strip = figure.add_axes((box.x1 + 0.1 * inch, box.y0, 0.1 * inch, box.height))
     edges = np.linspace(0.0, 1.0, 41)
     for low, high in zip(edges[:-1], edges[1:], strict=True):
-        strip.add_patch(Rectangle((0.0, low), 1.0, high - low, facecolor=COLOURS((low + high) / 2.0), linewidth=0.0))
+        colour = COLOURS((low + high) / 2.0)
+        strip.add_patch(Rectangle((0.0, low), 1.0, high - low, color=colour, linewidth=0.3))
     ticks = [error for error in LABELLED if 0.0 <= float(norm(error)) <= 1.0]
     strip.set_yticks([float(norm(error)) for error in ticks], [f"{100.0 * error:g} %" for error in ticks])
     strip.yaxis.tick_right()

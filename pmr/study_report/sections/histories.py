@@ -18,7 +18,7 @@ from pmr.report.sentences import KeyNumber
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Published, Scene
 from pmr.studies.results import RunRecord
-from pmr.study_report.content import Block, Content, Grid, drawing
+from pmr.study_report.content import Block, Content, Grid, case_name, drawing
 from pmr.study_report.finished import FinishedStudy
 
 SIMULATORS = ("full", "ancf", "reduced")
@@ -29,10 +29,8 @@ def content(study: FinishedStudy, prefix: str) -> Content:
     """Figures and errors of every scene."""
     results = {run.key: run_result(study, run) for run in study.results.runs if run.status == "done"}
     rows, reasons = [], list[str]()
-    for result in results.values():
-        table = marks.rows(result)
-        title = result.scene.title
-        rows += [replace(row, comparison=f"{_case(title)}: {row.comparison}") for row in table]
+    for name, result in results.items():
+        rows += [replace(row, comparison=f"{case_name(name)}: {row.comparison}") for row in marks.rows(result)]
         reasons += [why for why in result.summary["notes"] if why not in reasons]
     worst = max(study.figure(f"{name}.errors.reduced_vs_full.beam") for name in results)
     dropped = max(study.figure(f"{name}.dropped.beam") for name in results)
@@ -42,7 +40,7 @@ def content(study: FinishedStudy, prefix: str) -> Content:
         key_numbers=[
             KeyNumber(
                 percent(study.figure(f"{name}.errors.reduced_vs_full.beam")),
-                f"error along the beam, {_case(result.scene.title)}",
+                f"error along the beam, {case_name(name)}",
             )
             for name, result in results.items()
         ],
@@ -51,10 +49,7 @@ def content(study: FinishedStudy, prefix: str) -> Content:
             "simulator, the ANCF cable with its sliding joint by Exudyn.",
         ],
         blocks=[
-            *(
-                Block(_case(result.scene.title), _figures(result, f"{prefix}-{name}"))
-                for name, result in results.items()
-            ),
+            *(Block(case_name(name), _figures(result, f"{prefix}-{name}")) for name, result in results.items()),
             Block("Without the pin's rows", grids=(_dropped(study, results),)),
         ],
         rows=rows,
@@ -114,9 +109,9 @@ def _figures(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
 
 def _dropped(study: FinishedStudy, results: Mapping[str, RunResult]) -> Grid:
     rows = []
-    for name, result in results.items():
+    for name in results:
         tip, beam, largest = (study.figure(f"{name}.dropped.{key}") for key in ("tip", "beam", "max_error"))
-        rows.append((_case(result.scene.title), percent(tip), percent(beam), length(largest)))
+        rows.append((case_name(name), percent(tip), percent(beam), length(largest)))
     caption = "The same basis with the pin's rows dropped, against the full beam: all coordinates move."
     return Grid(caption, ("case", "tip", "beam", "largest difference"), tuple(rows))
 
@@ -148,15 +143,10 @@ def _parameters(results: Mapping[str, RunResult]) -> list[list[provenance.Table]
     of_first = [table for column in provenance.tables(first) for table in column]
     chosen = [table for table in of_first if table.title in ("Beam and mesh", "Time stepping and reduction")]
     moving = [
-        provenance.Table(f"Slider and loads, {_case(result.scene.title)}", table.rows)
-        for result in results.values()
+        provenance.Table(f"Slider and loads, {case_name(name)}", table.rows)
+        for name, result in results.items()
         for column in provenance.tables(result)
         for table in column
         if table.title == "Slider and loads"
     ]
     return [[chosen[0]], moving, chosen[1:]]
-
-
-def _case(title: str) -> str:
-    """``"Sliding beam, evolved case"`` is the evolved case."""
-    return title.rpartition(", ")[2]

@@ -4,12 +4,14 @@ import json
 from pathlib import Path
 from statistics import median
 
+import numpy as np
 import pytest
-from finished import finished, short_scene
+from finished import WORKFLOWS, finished, short_scene
 
 from pmr.errors import InputError
+from pmr.scene import load
 from pmr.studies import files
-from pmr.studies.kinds.speed import APPROACHES, RATIOS
+from pmr.studies.kinds.speed import APPROACHES, RATIOS, Later, stretches_of
 from pmr.studies.results import StudyResults
 
 SMALL = """
@@ -17,7 +19,7 @@ kind = "speed"
 title = "Short times"
 scenes = ["short.toml"]
 repeats = 2
-share = { full-callbacks = 0.02, reduced-callbacks = 0.1 }
+share = { full-callbacks = 0.04, reduced-callbacks = 0.16 }
 """
 
 
@@ -33,7 +35,7 @@ def test_sizes_and_shares(small: StudyResults) -> None:
     assert list(found) == list(APPROACHES)
     sizes = [found[name]["coordinates"] for name in ("ancf", "full-callbacks", "full-march", "reduced-updates")]
     assert sizes == [36, 63, 63, 20]
-    assert [found[name]["steps"] for name in ("full-callbacks", "reduced-callbacks", "ancf")] == [10, 50, 500]
+    assert [found[name]["steps"] for name in ("full-callbacks", "reduced-callbacks", "ancf")] == [16, 80, 500]
 
 
 def test_times_stand_apart_from_the_table(small: StudyResults) -> None:
@@ -63,6 +65,22 @@ def test_nothing_runs_beside_a_measurement(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(SMALL)
     (part,) = files.load(tmp_path / "study.toml").parts
     assert all(task.alone for task in part.plan.runs) and not any(task.alone for task in part.plan.shared)
+
+
+def test_a_share_is_spread_over_the_time_span() -> None:
+    """Half of the stretches lie where the slider of the paper's cases moves, as half of the time does."""
+    scene = load(WORKFLOWS / "paper_evolved.toml")
+    (whole,) = stretches_of(scene, 1.0)
+    assert (whole.begin, whole.steps) == (0.0, 15000)
+    parts = stretches_of(scene, 0.08)
+    assert sum(part.steps for part in parts) == 1200
+    ends = [(part.begin, part.begin + part.steps * scene.time.step) for part in parts]
+    assert all(0.0 <= begin < end <= 15.0 for begin, end in ends)
+    assert sum(3.75 <= begin and end <= 11.25 for begin, end in ends) == len(parts) / 2
+    later = Later(signal=scene.slider.path, begin=parts[2].begin)
+    t = np.linspace(0.0, 0.1, 5)
+    assert np.array_equal(later.value(t), scene.slider.path.value(t + parts[2].begin))
+    assert np.array_equal(later.rate(t), scene.slider.path.rate(t + parts[2].begin))
 
 
 def test_an_unknown_approach_is_refused(tmp_path: Path) -> None:
