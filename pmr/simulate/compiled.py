@@ -19,8 +19,16 @@ inlined = njit(forceinline=True, **OPTIONS)
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile on the first call and keep the result on disk, as ``njit(cache=True)``."""
-    dispatcher = njit(**OPTIONS)(function)
-    dispatcher._cache = _Cache(function)
+    return _kept(njit(**OPTIONS)(function))
+
+
+def compiled_and_inlined(function: Callable[..., Any]) -> Any:
+    """The same for functions that compiled loops of others call."""
+    return _kept(njit(forceinline=True, **OPTIONS)(function))
+
+
+def _kept(dispatcher: Any) -> Any:
+    dispatcher._cache = _Cache(dispatcher.py_func)
     return dispatcher
 
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulate.compiled import compiled, inlined
+from pmr.simulate.compiled import compiled, compiled_and_inlined, inlined
 from pmr.simulate.lanes import LANES, load, spread, store
 from pmr.simulate.march_arrays import (
     A_NEXT,
@@ -155,7 +155,7 @@ def run(
     return len(s), FINISHED
 
 
-@compiled
+@compiled_and_inlined
 def step_and_observe(
     system: System, scheme: Scheme, outputs: Outputs, state: State, s: float, f: Array, y: Array
 ) -> int:

@@ -24,6 +24,9 @@ from pmr.sliding import common_breaks, rebased
 
 Array = NDArray[np.float64]
 
+#: Bytes; a register that crosses the border of two takes two accesses.
+CACHE_LINE = 64
+
 
 def system(form: ModalForm, scheme: Scheme) -> System:
     """Constants of a body in modal form, its tables on common breaks."""
@@ -94,7 +97,7 @@ def outputs(body: ReducedModel, chosen: NDArray[np.int64]) -> Outputs:
         X = rebased(body.flexibility.outputs, breaks).c[:, :, chosen].transpose(1, 3, 0, 2)
         W = np.repeat(body.flexibility.direct[chosen].T[None], len(X), axis=0)
         of_rows = np.concatenate([X.reshape(len(X), -1, o), W], axis=1)
-    return Outputs(_copy(body.outputs[chosen].T), _copy(of_rows))
+    return Outputs(aligned(body.outputs[chosen].T), aligned(of_rows))
 
 
 def table_breaks(body: ReducedModel) -> Array:
@@ -127,9 +130,15 @@ def state(form: ModalForm, scheme: Scheme) -> State:
 
 def _padded(array: Array) -> Array:
     """With zeros at the end of the last axis, up to a whole number of vector registers."""
-    return _copy(np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, -array.shape[-1] % LANES)]))
+    wide = np.zeros((*array.shape[:-1], array.shape[-1] + -array.shape[-1] % LANES))
+    wide[..., : array.shape[-1]] = array
+    return aligned(wide)
 
 
-def _copy(array: Array) -> Array:
-    """Contiguous and writable: other arrays would be other types to the compiled loop."""
-    return np.array(array, dtype=float, order="C")
+def aligned(array: Array) -> Array:
+    """Contiguous and writable, for others would be other types to the compiled loop, and from a cache line's start."""
+    memory = np.empty(array.size + CACHE_LINE // 8)
+    first = -memory.ctypes.data % CACHE_LINE // 8
+    copy = memory[first : first + array.size].reshape(array.shape)
+    copy[...] = array
+    return copy
