@@ -13,7 +13,9 @@ from scipy.interpolate import PPoly
 from textbook import LENGTH, beam_matrices
 
 from pmr.body import FullBody, SlidingBody
+from pmr.companions import Companions
 from pmr.flexibility import Flexibility
+from pmr.inertia import Inertia
 from pmr.reduced import ReducedModel, satisfied_rows
 from pmr.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulate import InitialState, TimeStepping
@@ -178,6 +180,39 @@ def flexible(full: FullBody, count: int) -> ReducedModel:
             energy=B.T @ R @ B,
         ),
     )
+
+
+def inertial(full: FullBody, count: int, companions: int = 0) -> ReducedModel:
+    """The same with the inertia and damping of what is left out, and the next modes as companions."""
+    model, R = flexible(full, count), free_modes(full, count)[1]
+    assert model.flexibility
+    kept = [full.row_names.index(name) for name in model.row_names]
+    mass, damping, B = R @ full.M @ R, R @ full.D @ R, full.B
+
+    def C(s: float, derivative: int = 0) -> Array:
+        return full.C(s, derivative).toarray()[kept]
+
+    def table(left: int, A: Array, right: int | None) -> PPoly:
+        """C^(left) A C^(right)^T, or C^(left) A B."""
+        degree = 3 - left + (3 - right if right is not None else 0)
+        return polynomial(lambda s: C(s, left) @ A @ (B if right is None else C(s, right).T), model.rows.x, degree)
+
+    inertia = Inertia(
+        A0=table(0, mass, 0), A1=table(0, mass, 1), A2=table(0, mass, 2), A11=table(1, mass, 1),
+        E0=table(0, mass, None),
+        D0=table(0, damping, 0), D1=table(0, damping, 1), F0=table(0, damping, None), energy=B.T @ mass @ B,
+    )  # fmt: skip
+    more = free_modes(full, count + companions)[0][:, count:]
+    rows = stack([row.project(more) for row in full.rows.rows], full.domain)
+    beside = Companions(
+        stiffness=np.diagonal(more.T @ full.K @ more),
+        damping=np.diagonal(more.T @ full.D @ more),
+        B=more.T @ B,
+        outputs=full.outputs @ more,
+        rows=PPoly(np.ascontiguousarray(rows.c[:, :, kept]), rows.x),
+    )
+    flexibility = replace(model.flexibility, inertia=inertia)
+    return replace(model, flexibility=flexibility, companions=beside if companions else None)
 
 
 def generalized_alpha(

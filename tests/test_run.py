@@ -40,6 +40,8 @@ def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
     assert summary["coordinates"] == {"full": 63, "reduced": 20} and summary["scene_hash"] == scene.hash
     assert set(summary["seconds"]) == {"assemble", "snapshots", "pod", "simulate"}
     assert set(summary["seconds"]["simulate"]) == {"march", "exudyn", "full", "ancf"}
+    assert summary["estimate"]["beam"] is None and "residual flexibility" in summary["estimate"]["reason"]
+    assert summary["warnings"] == []
     assert set(summary["agreement"]) == {"march_vs_exudyn"} and 0.0 < summary["agreement"]["march_vs_exudyn"] < 1e-11
     assert summary["simulators"] == {"reduced": "march", "full": "march"}
     assert all(
@@ -225,3 +227,16 @@ def test_one_and_two_ranks_give_the_same_figures(tmp_path) -> None:
     assert a["errors"]["reduced_vs_full"] == pytest.approx(b["errors"]["reduced_vs_full"], rel=1e-6)
     assert a["basis"]["singular_values"][:20] == pytest.approx(b["basis"]["singular_values"][:20], rel=1e-7)
     assert a["max_displacement"] == pytest.approx(b["max_displacement"], rel=1e-9)
+
+
+def test_free_modes_with_flexibility_come_with_an_estimate(load_scene) -> None:
+    scene = load_scene("evolved_residual", [*SHORT, "simulation.simulators=['march']"])
+    outcome = run(scene)
+    assert outcome is not None
+    summary = outcome.result.summary
+    assert 1.0 < summary["estimate"]["beam"] / summary["errors"]["reduced_vs_full"]["beam"] < 2.0
+    assert 0.0 < summary["estimate"]["chi"] < 1.5 and 0.9 < summary["estimate"]["kappa"] < 1.0
+    assert summary["estimate"]["seconds"] > 0.0 and 0.0 < summary["estimate"]["largest"] < summary["max_displacement"]
+    assert outcome.reduced.companions is not None and summary["coordinates"]["reduced"] == outcome.reduced.size == 6
+    plain = run(load_scene("evolved_residual", [*SHORT, "simulation.simulators=['march']", "reduction.estimate=false"]))
+    assert plain is not None and "estimate" not in plain.result.summary and plain.reduced.companions is None

@@ -76,6 +76,8 @@ REFUSED = [
     ("reduction.flexibility=1", "reduction.flexibility = 1", "boolean"),
     ("reduction.flexibility=true", "reduction.support_rows = 'hold'", "'drop' is allowed"),
     ("reduction.basis=free_modes", "reduction.support_rows = 'hold'", "'drop' is allowed"),
+    ("reduction.residual_inertia=true", "reduction.residual_inertia = True", "free modes with flexibility"),
+    ("reduction.estimate=1", "reduction.estimate = 1", "boolean"),
     ("reduction.basis=craig", "reduction.basis = 'craig'", "'eigenmodes' or 'free_modes'"),
     ("time.step=0.7", "time.step = 0.7", "whole number of steps"),
     ("time.rho_inf=1.1", "time.rho_inf = 1.1", "less than or equal to 1"),
@@ -183,3 +185,11 @@ def test_an_override_may_mend_what_the_file_lacks(tmp_path: Path) -> None:
 def test_a_scene_survives_json() -> None:
     s = scene.load(WORKFLOWS / "paper_evolved.toml")
     assert Scene.model_validate(json.loads(s.model_dump_json())) == s
+
+
+def test_what_keeps_residual_inertia_is_simulated_by_march() -> None:
+    file = SIMPLE.with_name("simple_residual.toml")
+    assert scene.load(file).simulation.simulators == ("march", "exudyn")
+    assert scene.load(file, ["reduction.residual_inertia=true"]).simulation.simulators == ("march",)
+    with pytest.raises(InputError, match="march is allowed: it alone keeps residual inertia"):
+        scene.load(file, ["reduction.residual_inertia=true", "simulation.simulators=['march','exudyn']"])

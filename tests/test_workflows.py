@@ -16,7 +16,9 @@ from pmr.studies import files
 
 ROOT = Path(__file__).parents[1]
 STUDIES = [file for file in (ROOT / "workflows").rglob("*.toml") if "kind" in tomllib.loads(file.read_text())]
-COMPLETE = sorted({*(ROOT / "workflows").glob("*.toml")} - {*STUDIES, ROOT / "workflows" / "paper_base.toml"})
+SIX = sorted({*(ROOT / "workflows" / "residual").glob("*.toml")} - {ROOT / "workflows" / "residual" / "base.toml"})
+COMPLETE = sorted({*(ROOT / "workflows").glob("*.toml")} - {*STUDIES, ROOT / "workflows" / "paper_base.toml"}) + SIX
+RESIDUAL = [ROOT / "workflows" / f"{name}_residual.toml" for name in ("simple", "evolved")] + SIX
 
 
 @pytest.mark.parametrize("file", COMPLETE, ids=lambda file: file.stem)
@@ -46,3 +48,33 @@ def test_the_graded_mesh_runs() -> None:
     assert outcome.reduced.provenance["scene"]["mesh"]["file"] == "graded_beam.msh"
     assert outcome.result.summary["coordinates"] == {"full": 183, "reduced": 20}
     assert outcome.result.summary["errors"]["reduced_vs_full"]["beam"] < 1e-3
+
+
+def assert_estimated(summary: dict) -> None:
+    for place in ("tip", "beam"):
+        assert 1.0 < summary["estimate"][place] / summary["errors"]["reduced_vs_full"][place] < 1.6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("coordinates", [5, 6, 10])
+@pytest.mark.parametrize("file", RESIDUAL, ids=lambda file: file.stem)
+def test_the_estimate_is_the_error_and_a_margin(file: Path, coordinates: int) -> None:
+    choice = [f"reduction.coordinates={coordinates}", "simulation.simulators=['march']", "simulation.repeats=1"]
+    outcome = run(scene.load(file, choice))
+    assert outcome is not None and len(SIX) == 6
+    summary = outcome.result.summary
+    assert_estimated(summary)
+    assert (
+        bool(summary["warnings"])
+        == (summary["estimate"]["chi"] > 0.5)
+        == (file.stem == "tip_impact" and coordinates < 8)
+    )
+
+
+@pytest.mark.slow
+def test_residual_inertia_halves_the_error_of_six_coordinates() -> None:
+    outcome = run(scene.load(ROOT / "workflows" / "evolved_residual.toml", ["reduction.residual_inertia=true"]))
+    assert outcome is not None
+    summary = outcome.result.summary
+    assert summary["coordinates"]["reduced"] == 6 and summary["errors"]["reduced_vs_full"]["beam"] <= 0.0012
+    assert_estimated(summary)

@@ -19,7 +19,6 @@ from pmr.errors import SimulationError
 from pmr.polynomials import total
 from pmr.signals import SignalBase
 from pmr.simulate import inertial_kernel as kernel
-from pmr.simulate.march_start import dependent_rows
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
@@ -123,6 +122,7 @@ def _system(form: ModalForm, scheme: kernel.Scheme) -> kernel.System:
         damping=_copy(damping),
         inverse=1.0 / (1.0 + damping * scheme.dv + omega2 * scheme.dq),
         B=_copy(body.B.T),
+        round_off=np.finfo(float).eps * np.abs(np.einsum("kmm->km", ordered[1](breaks))).max(axis=0),
     )
 
 
@@ -151,7 +151,8 @@ def _state(start: InitialState, m: int, i: int) -> kernel.State:
 
 def _check(form: ModalForm, course: kernel.Course, step: int, failed: int, h: float) -> None:
     if failed:
-        why = dependent_rows(form.body, float(course.s[0, step]), failed)
+        names = ", ".join(form.body.row_names[:failed])
+        why = f"the rows {names} can't tell there what holds the body (a slider on a support, or two in one place)"
         raise SimulationError(f"march failed at {_where(course, step, h)}: {why}")
 
 

@@ -60,6 +60,7 @@ class System(NamedTuple):
     damping: Array  # (r,)
     inverse: Array  # (r,): 1 / S
     B: Array  # (i, r)
+    round_off: Array  # (m,): what of a row's flexibility is no more than that
 
 
 #: Order of the tables.
@@ -118,7 +119,7 @@ def _evaluate(table: Array, x: float, flat: Array) -> None:
 
 
 @_inlined
-def _factorise(A: Array, at: int) -> int:
+def _factorise(A: Array, at: int, least: Array) -> int:
     """Cholesky factor of A[:, at : at + m] in the lower triangle, 1 / pivots on the diagonal; 0, or a row from 1."""
     m = len(A)
     for k in range(m):
@@ -129,7 +130,7 @@ def _factorise(A: Array, at: int) -> int:
                 entry -= A[k, at + n] * A[l, at + n]
             A[k, at + l] = entry * A[l, at + l]
             pivot -= A[k, at + l] * A[k, at + l]
-        if not pivot > SINGULAR * diagonal:
+        if not pivot > max(SINGULAR * diagonal, least[k]):
             return k + 1
         A[k, at + k] = 1.0 / np.sqrt(pivot)
     return 0
@@ -321,7 +322,7 @@ def run(
         _predict(scheme, state.motion)
         j = _interval(system.breaks, s, j)
         _evaluate(system.tables[j], s - system.breaks[j], state.flat)
-        failed = _factorise(state.values[0], r)
+        failed = _factorise(state.values[0], r, system.round_off)
         if failed:
             return step, failed
         _along_path(state, ds, dds)

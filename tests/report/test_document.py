@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pmr.report import marks, write_report
+from pmr.report import marks, sentences, write_report
 from pmr.report.document import case, render
 from pmr.results import RunResult
 
@@ -217,3 +217,18 @@ def test_without_results_there_is_no_report(tmp_path: Path) -> None:
 def test_without_a_reduced_beam_there_is_no_report(make_result, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="Case: a report needs the response of the reduced beam"):
         write_report([make_result(responses=("full",))], tmp_path)
+
+
+def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
+    estimated = {"beam": 0.0126, "tip": 0.012, "kappa": 0.98, "chi": 0.7, "largest": 1e-3, "seconds": 0.01}
+    summary = make_result().summary | {"estimate": estimated, "warnings": ["mind the gap"]}
+    result = make_result(summary=summary)
+    said = sentences.paragraph(result, [])
+    assert "1.26\u00a0% along the beam, 1.20 times the true error." in said and "Note: mind the gap." in said
+    assert sentences.KeyNumber("1.26\u00a0%", "estimated, along the beam") in sentences.key_numbers(result)
+    alone = make_result(summary={"estimate": estimated})
+    assert sentences.estimate(alone).endswith("along the beam; it includes a margin of a quarter.")
+    none = make_result(summary={"estimate": {"beam": None, "reason": "the basis is no good"}})
+    assert sentences.estimate(none) == "The error can't be estimated without the full beam: the basis is no good."
+    assert sentences.estimate(make_result(summary={})) == ""
+    assert not any("estimated" in number.label for number in sentences.key_numbers(none))

@@ -1,0 +1,135 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from oracle import flexible, full_body, inertial, nrms_error, paper_basis, project, rich_body
+
+from pmr import estimate as estimates
+from pmr.body import FullBody, displacement
+from pmr.estimate import MARGIN, Estimate, estimate, kappa, no_estimate, warnings
+from pmr.reduced import ReducedModel
+from pmr.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
+from pmr.simulate import TimeStepping, march
+from pmr.simulate import inertial as inertial_march
+from pmr.simulate.stepping import Loads, loads_at, one_for_each
+from pmr.truncation import with_kept_inertia
+
+Array = NDArray[np.float64]
+
+PATH = SmoothRamp(times=(0.1, 0.8), values=(1.5, 3.0))
+LOADS = (Sine(amplitude=200.0, frequency=3.0), Constant(amount=50.0))
+STEPPING = TimeStepping(1.0, 1e-3)
+
+
+def truth(full: FullBody, path: SignalBase, loads: Loads, stepping: TimeStepping) -> Array:
+    run = march.simulate(full, path, loads, stepping)
+    f = loads_at(one_for_each(loads, full.input_names), run.t)
+    return displacement(full, run.q, run.s, run.multipliers, f)
+
+
+def errors(found: Estimate, model: ReducedModel, w: Array, path: SignalBase, loads: Loads) -> tuple[float, Array]:
+    """e_NRMS of the model without kept inertia, and its error (T, o)."""
+    run = march.simulate(model, path, loads, STEPPING)
+    f = loads_at(one_for_each(loads, model.input_names), run.t)
+    y = displacement(model, run.q, run.s, run.multipliers, f)
+    return nrms_error(y, w), w - y
+
+
+@pytest.mark.parametrize("r", [5, 6, 9])
+@pytest.mark.parametrize("body", ["paper", "rich"])
+def test_it_is_the_error_and_a_margin(body: str, r: int) -> None:
+    full, loads = (full_body(30), LOADS[0]) if body == "paper" else (rich_body(), LOADS)
+    model = inertial(full, r, companions=4)
+    w = truth(full, PATH, loads, STEPPING)
+    found = estimate(model, PATH, loads, STEPPING)
+    beam, error = errors(found, model, w, PATH, loads)
+    assert 1.0 < found.beam / beam < 1.6
+    assert np.abs(found.error - error).max() < 0.35 * np.abs(error).max()
+    assert found.largest == pytest.approx(MARGIN * np.abs(found.error).max())
+    tip = np.sqrt(np.mean(error[:, -1] ** 2) / np.mean(w[:, -1] ** 2))
+    assert 1.0 < found.tip / tip < 1.6
+    assert found.seconds > 0.0
+
+
+def test_the_error_of_a_model_with_its_inertia_kept() -> None:
+    full = full_body(30)
+    w, model = truth(full, PATH, LOADS[0], STEPPING), inertial(full, 6, companions=4)
+    plain, kept = (estimate(one, PATH, LOADS[0], STEPPING) for one in (model, with_kept_inertia(model)))
+    run = inertial_march.simulate(model, PATH, LOADS[0], STEPPING)
+    y = displacement(model, run.q, run.s, run.deforming, loads_at([LOADS[0]], run.t))
+    assert 1.0 < kept.beam / nrms_error(y, w) < 1.6
+    assert kept.beam < 0.7 * plain.beam and plain.kappa < kept.kappa < 1.0
+
+
+def test_kappa_is_the_share_of_the_next_modes_in_the_inertia() -> None:
+    full, s = full_body(20), np.linspace(0.5, 4.5, 23)
+    model, every = inertial(full, 5, companions=3), inertial(full, 5, companions=25)
+    assert model.companions and every.companions
+    assert kappa(every, s) == pytest.approx(1.0, abs=1e-5)
+    squares = every.companions.rows(s)[:, 0] ** 2
+    whole, part = (squares[:, :c] @ every.companions.stiffness[:c] ** -2.0 for c in (25, 3))
+    rms = np.sqrt(np.mean(part**2)), np.sqrt(np.mean(whole**2))
+    assert kappa(model, s) == pytest.approx(rms[0] / rms[1], rel=1e-4)
+    whole, part = (squares[:, :c] @ every.companions.stiffness[:c] ** -3.0 for c in (25, 3))
+    exact = np.sqrt(np.mean(part**2)) / np.sqrt(np.mean(whole**2))
+    assert 0.99 * exact < kappa(with_kept_inertia(model), s) < exact < 1.0
+
+
+def test_chi_says_whether_the_first_truncated_mode_is_reached() -> None:
+    model = inertial(full_body(20), 4, companions=4)  # the first mode left out is at 16.8 Hz
+    slow, blow = SmoothRamp(times=(0.0, 0.9), values=(0.0, 50.0)), Sine(amplitude=50.0, frequency=17.0)
+    rest = Constant(amount=2.0)
+    assert estimate(model, rest, slow, STEPPING).chi < 0.05
+    found = estimate(model, rest, blow, STEPPING)
+    assert found.chi > 0.5
+    assert "first truncated mode (chi = " in warnings(model, STEPPING, found)[0]
+
+
+def test_nothing_moves_and_nothing_is_wrong() -> None:
+    found = estimate(inertial(full_body(20), 5, companions=4), PATH, Constant(amount=0.0), STEPPING)
+    assert (found.beam, found.tip, found.chi, found.largest) == (0.0, 0.0, 0.0, 0.0)
+
+
+def test_an_error_beyond_all_bounds_is_one() -> None:
+    model = inertial(full_body(20), 1, companions=1)
+    found = estimate(model, Constant(amount=2.0), Sine(amplitude=50.0, frequency=2.5), TimeStepping(3.0, 1e-3))
+    assert found.beam == 1.0
+
+
+def test_where_there_is_no_estimate_it_says_why() -> None:
+    full = full_body(20)
+    model = inertial(full, 5, companions=2)
+    pod = project(full, paper_basis(full, 3, 3, 5))
+    assert no_estimate(model) is None
+    assert "without residual flexibility" in str(no_estimate(pod))
+    assert "no eigenmodes" in str(no_estimate(replace(pod, flexibility=model.flexibility)))
+    for without in (
+        flexible(full, 5),
+        replace(model, companions=None),
+        replace(flexible(full, 5), companions=model.companions),
+    ):
+        assert "keeps no companion modes" in str(no_estimate(without))
+    with pytest.raises(ValueError, match="no estimate: without residual flexibility"):
+        estimate(pod, PATH, LOADS[0], STEPPING)
+    nothing = estimates.summary(pod, None)
+    assert nothing["beam"] is None and nothing["reason"] == no_estimate(pod)
+
+
+def test_a_step_too_long_for_an_undamped_scheme_is_said() -> None:
+    model = inertial(full_body(20), 8, companions=2)
+    fastest = np.sqrt(model.K[-1, -1])
+    for step, rho_inf, expected in ((2.2 / fastest, 1.0, 1), (1.8 / fastest, 1.0, 0), (2.2 / fastest, 0.9, 0)):
+        assert len(warnings(model, TimeStepping(100 * step, step, rho_inf), None)) == expected
+    assert "h omega = 2.2" in warnings(model, TimeStepping(220 / fastest, 2.2 / fastest, 1.0), None)[0]
+
+
+def test_a_file_is_enough(tmp_path: Path) -> None:
+    model = inertial(full_body(20), 5, companions=4)
+    path = Ramp(times=(0.0, 1.0), values=(2.0, 3.0))
+    expected = estimate(model, path, LOADS[0], STEPPING)
+    found = estimate(ReducedModel.load(model.save(tmp_path / "m.npz")), path, LOADS[0], STEPPING)
+    assert (found.beam, found.kappa, found.chi) == (expected.beam, expected.kappa, expected.chi)
