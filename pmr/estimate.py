@@ -27,7 +27,7 @@ from pmr.body import Trajectory, displacement
 from pmr.compare import nrms
 from pmr.reduced import ReducedModel
 from pmr.signals import SignalBase
-from pmr.simulate import Loads, TimeStepping, inertial, march
+from pmr.simulate import Loads, TimeStepping, march
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.stepping import loads_at, one_for_each
 from pmr.sliding import evaluate
@@ -109,7 +109,7 @@ def estimate(model: ReducedModel, path: SignalBase, loads: Loads, stepping: Time
     outputs, forms, runs = [], [], []
     for one in (model, extended(model)):
         form = modal_form(one)
-        run = _integrate(form, path, loads, stepping)
+        run = march.simulate_modal(form, path, loads, stepping)
         outputs.append(displacement(form.body, run.q, run.s, run.deforming, f))
         forms.append(form)
         runs.append(run)
@@ -168,12 +168,6 @@ def warnings(model: ReducedModel, stepping: TimeStepping, estimated: Estimate | 
             f"a moving slider this can grow; a smaller step, rho_inf < 1 or fewer coordinates help"
         )
     return found
-
-
-def _integrate(form: ModalForm, path: SignalBase, loads: Loads, stepping: TimeStepping) -> Trajectory:
-    tables = form.body.flexibility
-    simulate = inertial.simulate_modal if tables is not None and tables.keeps_inertia else march.simulate_modal
-    return simulate(form, path, loads, stepping)
 
 
 def _chi(form: ModalForm, run: Trajectory, f: Array, mode: int) -> float:

@@ -17,7 +17,7 @@ from pmr.reduced import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.signals import SignalBase
-from pmr.simulate import Simulator, TimeStepping, ancf, exudyn, inertial, march
+from pmr.simulate import Simulator, TimeStepping, ancf, exudyn, march
 from pmr.simulate.modal import modal_form
 from pmr.simulate.stepping import loads_at
 
@@ -115,9 +115,7 @@ def _in_march(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
     """In modal coordinates throughout: what a response holds does not depend on them."""
     path, signals, stepping = course(scene)
     form = modal_form(body)
-    keeps_inertia = body.flexibility is not None and body.flexibility.keeps_inertia
-    integrate = inertial.simulate_modal if keeps_inertia else march.simulate_modal
-    trajectory = integrate(form, path, signals, stepping, progress=done)
+    trajectory = march.simulate_modal(form, path, signals, stepping, progress=done)
     return compare.respond(form.body, trajectory, path.rate(stepping.times), loads_at(signals, stepping.times))
 
 

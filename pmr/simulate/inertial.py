@@ -19,6 +19,7 @@ from pmr.errors import SimulationError
 from pmr.polynomials import total
 from pmr.signals import SignalBase
 from pmr.simulate import inertial_kernel as kernel
+from pmr.simulate.march_scheme import GeneralizedAlpha
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
@@ -68,7 +69,7 @@ def simulate_modal(
     r, m, i, T = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1
     kept = kernel.Kept(*(np.empty((T, size)) for size in (r, r, m, m)))
     state = _state(InitialState.at_rest(r) if initial is None else initial, m, i)
-    scheme, seconds = _scheme(stepping.step, stepping.rho_inf), 0.0
+    scheme, seconds = _scheme(GeneralizedAlpha(stepping.step, stepping.rho_inf)), 0.0
     resting = scheme._replace(step=0.0, dq=0.0, dv=0.0, gain=1.0)
     failed = kernel.run(_system(form, resting), resting, state, course, kept, 0, 1)[1]
     _check(form, course, 0, failed, stepping.step)
@@ -126,13 +127,10 @@ def _system(form: ModalForm, scheme: kernel.Scheme) -> kernel.System:
     )
 
 
-def _scheme(step: float, rho_inf: float) -> kernel.Scheme:
-    """Generalized-alpha with the parameters of Chung and Hulbert, Journal of Applied Mechanics 60, 1993, eq. 25."""
-    alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
-    gamma = 0.5 + alpha_f - alpha_m
-    beta = (gamma + 0.5) ** 2 / 4.0
-    gain = (1.0 - alpha_f) / (1.0 - alpha_m)
-    return kernel.Scheme(step, alpha_m, alpha_f, gamma, beta, gain, gamma * step * gain, beta * step**2 * gain)
+def _scheme(method: GeneralizedAlpha) -> kernel.Scheme:
+    h, gamma, beta = method.step, method.gamma, method.beta
+    gain = (1.0 - method.alpha_f) / (1.0 - method.alpha_m)
+    return kernel.Scheme(h, method.alpha_m, method.alpha_f, gamma, beta, gain, gamma * h * gain, beta * h**2 * gain)
 
 
 def _state(start: InitialState, m: int, i: int) -> kernel.State:

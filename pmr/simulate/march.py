@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from pmr.body import SlidingBody, Trajectory, displacement
 from pmr.errors import SimulationError
 from pmr.signals import SignalBase
+from pmr.simulate import inertial, march_system
 from pmr.simulate import march_kernel as kernel
-from pmr.simulate import march_system
 from pmr.simulate.march_arrays import V, Z
 from pmr.simulate.march_scheme import GeneralizedAlpha
 from pmr.simulate.march_start import check_stable, dependent_rows, starting_state
@@ -77,7 +77,8 @@ def simulate(
     if body.held:
         f = loads_at(one_for_each(loads, body.input_names), modal.t)
         multipliers[:, list(body.held)] = support_forces(body, form, modal, f)
-    return Trajectory(modal.t, modal.q @ form.X.T, modal.v @ form.X.T, multipliers, modal.s, modal.seconds)
+    q, v = modal.q @ form.X.T, modal.v @ form.X.T
+    return Trajectory(modal.t, q, v, multipliers, modal.s, modal.seconds, modal.quasi_static)
 
 
 def simulate_modal(
@@ -88,7 +89,12 @@ def simulate_modal(
     initial: InitialState | None = None,
     progress: Progress | None = None,
 ) -> Trajectory:
-    """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates."""
+    """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates.
+
+    A body that keeps the inertia of its residual part goes to `pmr.simulate.inertial`.
+    """
+    if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
+        return inertial.simulate_modal(form, path, loads, stepping, initial, progress)
     march = _March(form, path, loads, stepping, initial)
     T, r, m = stepping.steps + 1, form.body.size, len(form.body.row_names)
     z, v, multipliers = (np.empty((T, size)) for size in (r, r, m))

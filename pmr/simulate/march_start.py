@@ -28,8 +28,12 @@ def starting_state(
     Raises
     ------
     InputError
-        If the initial position violates a rigid row or a size is wrong.
+        If the initial position violates a rigid row or a size is wrong, or the body keeps the inertia of its residual
+        part.
     """
+    if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
+        allowed = "a model without residual inertia is allowed here; march.simulate and inertial.simulate keep it"
+        raise InputError("body", "flexibility.inertia", None, allowed)
     body, scheme = form.body, method.scheme()
     start = consistent_start(body, s, s_rate, initial)
     C, free = body.C(s), body.B @ f - body.D @ start.v - np.diagonal(body.K) * start.q

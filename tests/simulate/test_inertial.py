@@ -17,7 +17,9 @@ from pmr.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulate import InitialState, TimeStepping, march
 from pmr.simulate import inertial as inertial_march
 from pmr.simulate.modal import modal_form
+from pmr.simulate.stepper import Stepper
 from pmr.simulate.stepping import loads_at
+from pmr.truncation import with_kept_inertia
 
 Array = NDArray[np.float64]
 
@@ -172,3 +174,15 @@ def test_blocks_leave_no_trace(rich: FullBody, monkeypatch: pytest.MonkeyPatch) 
     again = inertial_march.simulate_modal(form, PATH, LOADS, stepping, progress=told.append)
     assert np.array_equal(again.q, whole.q) and np.array_equal(again.multipliers, whole.multipliers)
     assert told == pytest.approx([*(np.arange(13, 200, 13) / 200), 1.0])
+
+
+def test_march_goes_there_and_nothing_else_leaves_the_inertia_out(rich: FullBody) -> None:
+    model, stepping = inertial(rich, 5), TimeStepping(0.1, 1e-3, 0.9)
+    expected = inertial_march.simulate(model, PATH, LOADS, stepping)
+    found = march.simulate(with_kept_inertia(model), PATH, LOADS, stepping)
+    for name in ("q", "v", "multipliers", "deforming"):
+        assert np.array_equal(getattr(found, name), getattr(expected, name))
+    with pytest.raises(InputError, match="without residual inertia is allowed here"):
+        march.observe(modal_form(with_kept_inertia(model)), PATH, LOADS, stepping)
+    with pytest.raises(InputError, match="without residual inertia is allowed here"):
+        Stepper(with_kept_inertia(model), step=1e-3, s=1.5)
