@@ -112,7 +112,7 @@ class FullBody:
     @property
     def row_compliance(self) -> Array:
         """1/k of each row's pad, (m,) in m/N."""
-        return np.array([row.compliance for row in self.rows.rows])
+        return self.rows.compliance
 
     @property
     def flexibility(self) -> None:
@@ -133,7 +133,7 @@ class FullBody:
     @property
     def moving(self) -> list[int]:
         """Numbers of the rows that depend on s: the sliders."""
-        return [i for i, row in enumerate(self.rows.rows) if row.moves]
+        return self.rows.moving
 
     @property
     def held(self) -> dict[int, int]:

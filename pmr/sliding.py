@@ -131,6 +131,16 @@ class Rows:
         return tuple(row.name for row in self.rows)
 
     @property
+    def compliance(self) -> Array:
+        """1/k of each row's pad, (m,) in m/N; 0 where it is rigid."""
+        return np.array([row.compliance for row in self.rows])
+
+    @property
+    def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
+        return [i for i, row in enumerate(self.rows) if row.moves]
+
+    @property
     def domain(self) -> tuple[float, float]:
         """Path coordinates at which every row is defined, in m."""
         return max(row.breaks[0] for row in self.rows), min(row.breaks[-1] for row in self.rows)

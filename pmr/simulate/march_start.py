@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,26 +64,39 @@ def check_stable(body: SlidingBody, s: Array, rho_inf: float) -> None:
     InputError
         If rigid rows shall move with ``rho_inf = 1``: nothing would damp their multipliers.
     """
-    if rho_inf < 1.0 or np.all(s == s[0]):
+    rigid = row_flexibility(body, float(s[0]))[1]
+    refuse_undamped([name for k, name in enumerate(body.row_names) if rigid[k] and k in body.moving], s, rho_inf)
+
+
+def refuse_undamped(moving: Sequence[str], s: Array, rho_inf: float) -> None:
+    """Refuse ``rho_inf = 1`` with rigid rows, named `moving`, that follow a path s (T,) m.
+
+    Raises
+    ------
+    InputError
+        Nothing would damp the multipliers of an algebraic constraint (index 3).
+    """
+    if rho_inf < 1.0 or not moving or np.all(s == s[0]):
         return
-    rigid = [name for name, stiff in zip(body.row_names, row_flexibility(body, float(s[0]))[1], strict=True) if stiff]
-    if moving := [name for name in rigid if body.row_names.index(name) in body.moving]:
-        allowed = (
-            f"less than 1 is allowed while the rigid row {', '.join(moving)} moves: an algebraic constraint (index 3) "
-            "has multipliers that nothing damps, and they grow without bound; pads that give way, or a residual "
-            "flexibility, allow 1"
-        )
-        raise InputError("scene", "time.rho_inf", rho_inf, allowed)
+    allowed = (
+        f"less than 1 is allowed while the rigid row {', '.join(moving)} moves: an algebraic constraint (index 3) "
+        "has multipliers that nothing damps, and they grow without bound; pads that give way, or a residual "
+        "flexibility, allow 1"
+    )
+    raise InputError("scene", "time.rho_inf", rho_inf, allowed)
 
 
 def dependent_rows(body: SlidingBody, s: float, failed: int) -> str:
     """Which rows depend on each other at s, in words; row number `failed` (from 1) depends on those before it."""
-    C = np.asarray(body.C(s))[:failed]
+    return dependence(np.asarray(body.C(s))[:failed], body.row_names)
+
+
+def dependence(C: Array, names: Sequence[str]) -> str:
+    """On which of the rows before it the last row of C (m, n) depends, in words."""
     size = np.linalg.norm(C, axis=1)
-    names = body.row_names
     if size[-1] <= 1e-12 * size.max():
-        return f"the row {names[failed - 1]} vanishes"
+        return f"the row {names[len(C) - 1]} vanishes"
     unit = C / np.where(size > 0.0, size, 1.0)[:, None]
     share = np.linalg.lstsq(unit[:-1].T, unit[-1], rcond=None)[0]
     involved = [name for name, x in zip(names, share, strict=False) if abs(x) > 1e-3]
-    return f"the rows {', '.join([*involved, names[failed - 1]])} depend on each other"
+    return f"the rows {', '.join([*involved, names[len(C) - 1]])} depend on each other"

@@ -64,15 +64,31 @@ def consistent_start(body: SlidingBody, s: float, s_rate: float, initial: Initia
     """
     if initial is None:
         return InitialState.at_rest(body.size)
-    q, v = (_vector(name, getattr(initial, name), body.size) for name in ("q", "v"))
+    start = checked(initial, body.size)
     rigid = row_flexibility(body, s)[1]
     names = tuple(name for name, stiff in zip(body.row_names, rigid, strict=True) if stiff)
     C, C_s = _dense(body.C(s))[rigid], _dense(body.C(s, 1))[rigid]
-    _check_position(C, q, names)
-    drift = C @ v + s_rate * (C_s @ q)
-    if np.all(np.abs(drift) <= ROW_TOLERANCE * (_magnitude(C, v) + abs(s_rate) * _magnitude(C_s, q))):
-        return InitialState(q, v)
-    return InitialState(q, v - _impulse(body, C, drift, names))
+    check_position(C, start.q, names)
+    drift = row_drift(C, C_s, s_rate, start)
+    return start if drift is None else InitialState(start.q, start.v - _impulse(body, C, drift, names))
+
+
+def checked(initial: InitialState, size: int) -> InitialState:
+    """The state as arrays.
+
+    Raises
+    ------
+    InputError
+        If q or v are not `size` finite values.
+    """
+    return InitialState(*(_vector(name, getattr(initial, name), size) for name in ("q", "v")))
+
+
+def row_drift(C: Array, C_s: Array, s_rate: float, start: InitialState) -> Array | None:
+    """C v + s' C' q, (m,) in m/s, for rows C and their derivatives C_s (m, n); None where it is round-off."""
+    drift = C @ start.v + s_rate * (C_s @ start.q)
+    scale = _magnitude(C, start.v) + abs(s_rate) * _magnitude(C_s, start.q)
+    return None if np.all(np.abs(drift) <= ROW_TOLERANCE * scale) else np.asarray(drift)
 
 
 def row_flexibility(body: SlidingBody, s: float) -> tuple[Array, NDArray[np.bool_]]:
@@ -83,7 +99,14 @@ def row_flexibility(body: SlidingBody, s: float) -> tuple[Array, NDArray[np.bool
     return G, np.all(G == 0.0, axis=1)
 
 
-def _check_position(C: Array, q: Array, names: tuple[str, ...]) -> None:
+def check_position(C: Array, q: Array, names: tuple[str, ...]) -> None:
+    """Refuse a position that violates the rows C (m, n).
+
+    Raises
+    ------
+    InputError
+        With the first such row.
+    """
     for name, excess, scale in zip(names, np.abs(C @ q), _magnitude(C, q), strict=True):
         if excess > ROW_TOLERANCE * scale:
             allowed = f"row {name!r} is violated by {excess:.3g}; C(s(0)) q = 0 is allowed"
@@ -102,9 +125,20 @@ def _impulse(body: SlidingBody, C: Array, drift: Array, names: tuple[str, ...]) 
         kkt = np.block([[body.M, C.T], [C, np.zeros((len(C), len(C)))]])
         solution = np.linalg.lstsq(kkt, right, rcond=None)[0]
     dv = solution[: body.size]
-    if not np.allclose(C @ dv, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
-        raise InputError("initial state", "v", None, f"the rows {', '.join(names)} depend on each other")
+    check_impulse(C @ dv, drift, names)
     return np.asarray(dv)
+
+
+def check_impulse(achieved: Array, drift: Array, names: tuple[str, ...]) -> None:
+    """Refuse rows that no change of velocity can satisfy.
+
+    Raises
+    ------
+    InputError
+        If the row values `achieved` (m,) are not the `drift` that was asked for.
+    """
+    if not np.allclose(achieved, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
+        raise InputError("initial state", "v", None, f"the rows {', '.join(names)} depend on each other")
 
 
 def _magnitude(C: Array, q: Array) -> Array:

@@ -1,0 +1,172 @@
+r"""Generalized-alpha on the full model, one solve with a constant matrix a step.
+
+With q*, v* what position and velocity become without the new acceleration, dq and dv what that adds to them, and
+S = M + dv D + dq K (Arnold, Bruels: Convergence of the generalized-alpha scheme for constrained mechanical systems,
+Multibody System Dynamics 18, 2007, equations 5 to 7), the step's end is
+
+.. math::
+    S b = B f + M q^* / dq + D (q^* dv / dq - v^*) - C^T \lambda, \qquad
+    q = dq\, b, \quad \ddot q = b - q^* / dq, \quad v = v^* + dv\, \ddot q
+
+in which K is not needed, and lambda follows from the b that it would be without it:
+
+.. math::
+    (dq\, C S^{-1} C^T + 1/k)\, \lambda = dq\, C b_{free}
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import MPI, PETSc
+from pmr.errors import SimulationError
+from pmr.fullorder.checkpoint import Checkpoint
+from pmr.fullorder.constraint import Constraint
+from pmr.fullorder.effective import Factor, effective_matrix, without_zeros
+from pmr.fullorder.history import History, Recorder, Watch
+from pmr.fullorder.resume import Keeper
+from pmr.fullorder.rows import Course, PathRows
+from pmr.fullorder.start import State, starting_state
+from pmr.operators import FullModel, local_csr
+from pmr.signals import SignalBase
+from pmr.simulate.march_kernel import Scheme
+from pmr.simulate.march_start import refuse_undamped
+from pmr.simulate.march_system import scheme
+from pmr.simulate.start import InitialState
+from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
+
+Array = NDArray[np.float64]
+
+#: How often progress is told.
+TOLD = 1000
+
+
+def observe(
+    model: FullModel,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    watch: Watch | None = None,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> History:
+    """Simulate a full model and keep what is watched; collective.
+
+    Parameters
+    ----------
+    model : FullModel
+        M positive definite.
+    path, loads, stepping, initial, progress
+        As for `pmr.simulate.Simulator`; the initial state is whole, (n,), on every rank.
+    watch : Watch, optional
+        By default all outputs at all steps.
+    checkpoint : Checkpoint, optional
+        If its file exists, the simulation goes on from there.  On one rank the result is the same to the last digit
+        as without interruption; on several as far as MUMPS adds up messages in the order of their arrival.
+
+    Raises
+    ------
+    InputError
+        If the path leaves the rows' domain, a load is missing, the initial position violates a row, rigid rows move
+        with rho_inf = 1, or the checkpoint is not of this simulation.
+    SimulationError
+        If a step fails; with step, time, slider position and, where rows depend on each other, their names.
+    """
+    begin = time.perf_counter()
+    s = path_at(path, model.rows.domain if model.rows.rows else (-np.inf, np.inf), stepping.times)
+    f = loads_at(one_for_each(loads, model.input_names), stepping.times)
+    rigid = model.rows.compliance == 0.0
+    refuse_undamped([model.rows.names[k] for k in model.rows.moving if rigid[k]], s, stepping.rho_inf)
+    recorder = Recorder(model, stepping, watch or Watch())
+    s_rate = np.broadcast_to(np.asarray(path.rate(stepping.times), float), s.shape)
+    keeper = Keeper(checkpoint, model, identity(model, s, f, stepping, recorder, initial)) if checkpoint else None
+    found = keeper.load(recorder) if keeper else None
+    first, earlier, state = found or (0, 0.0, starting_state(model, s[0], float(s_rate[0]), f[0], initial))
+    integrator = Integrator(model, scheme(stepping.step, stepping.rho_inf), Course.along(model.rows.rows, s), first)
+    if not found:
+        recorder.record(0, state, integrator.constraint.rows, s_rate[0], f[0])
+    preparation, begin = time.perf_counter() - begin, time.perf_counter()
+    stride = max(1, stepping.steps // TOLD)
+    for step in range(first + 1, stepping.steps + 1):
+        due = keeper is not None and keeper.due()
+        try:
+            state, due = integrator.step(step, state, f[step], due)
+        except SimulationError as error:
+            where = f"step {step}, t = {step * stepping.step:g} s, slider at {s[step]:g} m"
+            raise SimulationError(f"full-order simulation failed at {where}: {error}") from None
+        recorder.record(step, state, integrator.constraint.rows, s_rate[step], f[step])
+        if keeper and (due or step == stepping.steps):
+            keeper.save(step, earlier + time.perf_counter() - begin, state, recorder)
+        if progress is not None and (step % stride == 0 or step == stepping.steps):
+            progress(step / stepping.steps)
+    seconds = earlier + time.perf_counter() - begin
+    integrator.destroy()
+    return recorder.history(s, seconds, preparation)
+
+
+class Integrator:
+    """Takes the steps of one course; everything that does not change is made here."""
+
+    def __init__(self, model: FullModel, scheme: Scheme, course: Course, step: int) -> None:
+        self._comm, self._scheme = model.comm, scheme
+        S = effective_matrix(model, scheme)
+        self._factor = Factor(S, "M + dv D + dq K")
+        S.destroy()
+        self._M = without_zeros(model.M)
+        self._D = model.D if model.D.norm(PETSc.NormType.NORM_INFINITY) > 0.0 else None
+        self._B = local_csr(model.inputs)
+        self._x, self._right = model.M.createVecs()
+        self._b = self._right.duplicate()
+        self.constraint = Constraint(model, self._factor, scheme.z_gain, course, step)
+
+    def step(self, step: int, state: State, f: Array, flag: bool) -> tuple[State, bool]:
+        """The state after one more step, under the loads f (i,) at its end; whether any rank raises its flag.
+
+        Raises
+        ------
+        SimulationError
+            If rows depend on each other or the state is not finite.
+        """
+        scheme = self._scheme
+        self.constraint.move(step)
+        following = scheme.a_from_acceleration * state.acceleration + scheme.a_from_a * state.a
+        q = state.q + scheme.step * state.v + scheme.z_from_a * state.a + scheme.z_from_next * following
+        v = state.v + scheme.v_from_a * state.a + scheme.v_from_next * following
+        scaled = q / scheme.z_gain
+        b = self._free(scaled, v, f)
+        motion = scheme.z_gain * self.constraint.rows.apply(b)
+        motion, total, flags = _summed(self._comm, motion, float(b.sum()), flag)
+        if not np.isfinite(total):
+            raise SimulationError("not finite")
+        multipliers = self.constraint.multipliers(motion)
+        b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
+        acceleration = b - scaled
+        following += scheme.a_gain * acceleration
+        v += scheme.v_gain * acceleration
+        return State(scheme.z_gain * b, v, following, acceleration, multipliers), flags
+
+    def _free(self, scaled: Array, v: Array, f: Array) -> Array:
+        """b without the rows' forces; this rank's rows, overwritten by the next call."""
+        self._x.getArray()[:] = scaled
+        self._M.mult(self._x, self._right)
+        if self._D is not None:
+            self._x.getArray()[:] = self._scheme.v_gain * scaled - v
+            self._D.multAdd(self._x, self._right, self._right)
+        self._right.getArray()[:] += self._B @ f
+        self._factor.solve(self._right, self._b)
+        return np.asarray(self._b.getArray())
+
+    def destroy(self) -> None:
+        """Give the factor's memory back."""
+        self._factor.destroy()
+
+
+def _summed(comm: MPI.Comm, motion: Array, total: float, flag: bool) -> tuple[Array, float, bool]:
+    """Sums over the ranks, in one message."""
+    summed = np.concatenate([motion, [total, float(flag)]])
+    comm.Allreduce(MPI.IN_PLACE, summed)
+    return summed[:-2], float(summed[-2]), bool(summed[-1] > 0.0)

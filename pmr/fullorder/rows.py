@@ -1,0 +1,177 @@
+r"""The constraint rows over the visited path, and the effective matrix' inverse on the coordinates they touch.
+
+Between two breaks a row is C(s) = sum_e x^e Gamma_e with x counted from the lower break, so that with the powers
+stacked, C = X(x) Gamma, and
+
+.. math::
+    C S^{-1} C^T = X\, (\Gamma S^{-1} \Gamma^T)\, X^T, \qquad S^{-1} C^T \lambda = (S^{-1} \Gamma^T)\, X^T \lambda
+
+change from step to step in X alone.  Both are made from S^{-1} on the unit vectors E of the touched coordinates:
+P = E^T S^{-1} E is kept on every rank; S^{-1} E only where memory allows, and where it does not, a second solve a step
+takes its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.sliding import Row
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Course:
+    """Where the path s (T,) m leads the rows: interval of each row at each step, (T, m), and distance into it."""
+
+    s: Array
+    interval: Indices
+    distance: Array
+
+    @classmethod
+    def along(cls, rows: Sequence[Row], s: Array) -> Course:
+        """For the given rows, which must be defined at all s."""
+        interval, distance = np.zeros((len(s), len(rows)), np.int64), np.zeros((len(s), len(rows)))
+        for k, row in enumerate(rows):
+            found = np.searchsorted(row.breaks, s, side="right") - 1
+            interval[:, k] = np.clip(found, 0, len(row.breaks) - 2)
+            distance[:, k] = s - row.breaks[interval[:, k]]
+        return cls(s, interval, distance)
+
+    def touched(self, rows: Sequence[Row]) -> Indices:
+        """Coordinates (p,) that the rows touch somewhere, ascending."""
+        visited = [row.dofs[np.unique(self.interval[:, k])].ravel() for k, row in enumerate(rows)]
+        return np.unique(np.concatenate([np.empty(0, np.int64), *visited]))
+
+
+class Layout:
+    """Numbers of m rows' entries (D,) and of their powers (c,), one row after the other."""
+
+    def __init__(self, rows: Sequence[Row]) -> None:
+        widths = np.array([row.dofs.shape[1] for row in rows], int)
+        powers = np.array([len(row.coefficients) for row in rows], int)
+        self.count = len(rows)
+        self.row_of_entry, self.row_of_power = np.repeat(np.arange(len(rows)), widths), np.repeat(
+            np.arange(len(rows)), powers
+        )
+        self.exponents = np.concatenate([np.empty(0, int), *(np.arange(p)[::-1] for p in powers)])
+        self.entries = [slice(end - width, end) for end, width in zip(np.cumsum(widths), widths, strict=True)]
+        self.powers = [slice(end - power, end) for end, power in zip(np.cumsum(powers), powers, strict=True)]
+
+
+class PathRows:
+    """All rows at one step of a course, as one rank sees them.
+
+    Attributes
+    ----------
+    Gamma : (c, D) array
+        Coefficients: one line for each power of each row, one column for each of its entries.
+    dofs : (D,) integer array
+    changed : list of int
+        Rows that the last `move` brought into another interval.
+    """
+
+    def __init__(self, rows: Sequence[Row], course: Course, share: tuple[int, int], step: int = 0) -> None:
+        self.course, self.layout = course, Layout(rows)
+        self._rows, self._share = rows, share
+        self.Gamma = np.zeros((len(self.layout.row_of_power), len(self.layout.row_of_entry)))
+        self.dofs = np.zeros(len(self.layout.row_of_entry), np.int64)
+        self._interval = np.full(len(rows), -1, np.int64)
+        self.changed: list[int] = []
+        self.move(step)
+
+    def move(self, step: int) -> None:
+        """Go to a step of the course."""
+        interval = self.course.interval[step]
+        self.changed = np.flatnonzero(interval != self._interval).tolist()
+        for k in self.changed:
+            entries, powers, j = self.layout.entries[k], self.layout.powers[k], interval[k]
+            self.dofs[entries] = self._rows[k].dofs[j]
+            self.Gamma[powers, entries] = self._rows[k].coefficients[:, j]
+        if self.changed:
+            self._interval = interval
+            first, last = self._share
+            self._mine = np.flatnonzero((self.dofs >= first) & (self.dofs < last))
+            self._local = self.dofs[self._mine] - first
+            self._row_of_mine = self.layout.row_of_entry[self._mine]
+            self._Gamma_mine = np.ascontiguousarray(self.Gamma[:, self._mine])
+        self.x = self.course.distance[step][self.layout.row_of_power]
+        self.X = self.x**self.layout.exponents
+
+    def apply(self, q: Array) -> Array:
+        """This rank's part (m,) of C q, q given by this rank's rows."""
+        return self._sum(self.X @ self._Gamma_mine, q)
+
+    def apply_derivative(self, q: Array) -> Array:
+        """This rank's part (m,) of C'(s) q."""
+        exponents = self.layout.exponents
+        lowered = exponents * self.x ** np.maximum(exponents - 1, 0)
+        return self._sum(lowered @ self._Gamma_mine, q)
+
+    def add_transposed(self, multipliers: Array, g: Array) -> None:
+        """Add this rank's rows of C^T lambda to g (n_local,)."""
+        np.add.at(g, self._local, (self.X @ self._Gamma_mine) * multipliers[self._row_of_mine])
+
+    def dense(self, touched: Indices) -> Array:
+        """C on the `touched` coordinates alone, (m, p)."""
+        C = np.zeros((self.layout.count, len(touched)))
+        np.add.at(C, (self.layout.row_of_entry, np.searchsorted(touched, self.dofs)), self.X @ self.Gamma)
+        return C
+
+    def _sum(self, entries: Array, q: Array) -> Array:
+        return np.bincount(self._row_of_mine, entries * q[self._local], self.layout.count)
+
+
+class PathCompliance:
+    """P = E^T S^{-1} E, (p, p), reduced to the powers of the rows at the present step.
+
+    Pairs of rows are always multiplied in the same order, so that the result does not depend on how the path came there.
+    """
+
+    def __init__(self, touched: Indices, P: Array, rows: PathRows) -> None:
+        self._touched, self._P = touched, P
+        self._of_powers = np.zeros((len(rows.layout.row_of_power),) * 2)
+        self._update(rows, range(rows.layout.count))
+
+    def of_rows(self, rows: PathRows) -> Array:
+        """C S^{-1} C^T, (m, m)."""
+        self._update(rows, rows.changed)
+        if rows.layout.count == 0:
+            return np.zeros((0, 0))
+        starts = [powers.start for powers in rows.layout.powers]
+        weighted = self._of_powers * (rows.X[:, None] * rows.X)
+        A = np.add.reduceat(np.add.reduceat(weighted, starts, axis=0), starts, axis=1)
+        return np.asarray((A + A.T) / 2.0)
+
+    def _update(self, rows: PathRows, changed: Sequence[int]) -> None:
+        at = np.searchsorted(self._touched, rows.dofs)
+        entries, powers = rows.layout.entries, rows.layout.powers
+        for k, l in {(min(k, l), max(k, l)) for k in changed for l in range(rows.layout.count)}:
+            P = self._P[np.ix_(at[entries[k]], at[entries[l]])]
+            block = rows.Gamma[powers[k], entries[k]] @ P @ rows.Gamma[powers[l], entries[l]].T
+            self._of_powers[powers[k], powers[l]], self._of_powers[powers[l], powers[k]] = block, block.T
+
+
+class KeptAnswers:
+    """This rank's rows of S^{-1} C^T lambda from those of S^{-1} E, (n_local, p)."""
+
+    def __init__(self, touched: Indices, answers: Array, rows: PathRows) -> None:
+        self._touched, self._answers = touched, answers
+        self._of_powers = np.zeros((len(answers), len(rows.layout.row_of_power)), order="F")
+        self._update(rows, range(rows.layout.count))
+
+    def correction(self, rows: PathRows, multipliers: Array) -> Array:
+        """For the present rows."""
+        self._update(rows, rows.changed)
+        return np.asarray(self._of_powers @ (rows.X * multipliers[rows.layout.row_of_power]))
+
+    def _update(self, rows: PathRows, changed: Sequence[int]) -> None:
+        for k in changed:
+            entries, powers = rows.layout.entries[k], rows.layout.powers[k]
+            at = np.searchsorted(self._touched, rows.dofs[entries])
+            self._of_powers[:, powers] = self._answers[:, at] @ rows.Gamma[powers, entries].T
