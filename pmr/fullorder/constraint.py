@@ -13,7 +13,7 @@ from pmr.errors import SimulationError
 from pmr.fullorder.effective import BLOCK, Factor
 from pmr.fullorder.rows import Course, KeptAnswers, PathCompliance, PathRows
 from pmr.operators import FullModel
-from pmr.simulate.march_kernel import SINGULAR
+from pmr.simulate.march_rows import SINGULAR
 from pmr.simulate.march_start import dependence
 
 Array = NDArray[np.float64]
@@ -29,8 +29,8 @@ class Constraint:
     .. math:: (dq\, C S^{-1} C^T + 1/k)\, \lambda = C q_{free}
     """
 
-    def __init__(self, model: FullModel, factor: Factor, z_gain: float, course: Course, step: int) -> None:
-        rows, self._z_gain = model.rows.rows, z_gain
+    def __init__(self, model: FullModel, factor: Factor, q_gain: float, course: Course, step: int) -> None:
+        rows, self._q_gain = model.rows.rows, q_gain
         self._names, self._pads = model.rows.names, np.diag(model.rows.compliance)
         share = model.M.getOwnershipRange()
         self.rows = PathRows(rows, course, share, step)
@@ -54,7 +54,7 @@ class Constraint:
         self.rows.move(step)
         s = self.rows.course.s[step]
         if s != self._position:
-            A = self._z_gain * self._compliance.of_rows(self.rows) + self._pads
+            A = self._q_gain * self._compliance.of_rows(self.rows) + self._pads
             self._cholesky, failed = _factorise(A)
             if failed:
                 raise SimulationError(dependence(self.rows.dense(self._touched)[:failed], self._names))

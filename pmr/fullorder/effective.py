@@ -10,7 +10,6 @@ from pmr.dolfinx_compat import PETSc
 from pmr.errors import InputError
 from pmr.operators import FullModel, local_csr
 from pmr.parallel import sparse, tall
-from pmr.simulate.march_kernel import Scheme
 
 Array = NDArray[np.float64]
 
@@ -62,11 +61,11 @@ class Factor:
         self._like.destroy()
 
 
-def effective_matrix(model: FullModel, scheme: Scheme) -> PETSc.Mat:
+def effective_matrix(model: FullModel, v_gain: float, q_gain: float) -> PETSc.Mat:
     """S = M + dv D + dq K: what an acceleration of the step's end costs in force."""
     S = model.K.copy()
-    S.scale(scheme.z_gain)
-    for factor, A in ((scheme.v_gain, model.D), (1.0, model.M)):
+    S.scale(q_gain)
+    for factor, A in ((v_gain, model.D), (1.0, model.M)):
         S.axpy(factor, A, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     return S
 

@@ -27,14 +27,13 @@ from pmr.fullorder.checkpoint import Checkpoint
 from pmr.fullorder.constraint import Constraint
 from pmr.fullorder.effective import Factor, effective_matrix, without_zeros
 from pmr.fullorder.history import History, Recorder, Watch
-from pmr.fullorder.resume import Keeper
-from pmr.fullorder.rows import Course, PathRows
+from pmr.fullorder.resume import Keeper, identity
+from pmr.fullorder.rows import Course
 from pmr.fullorder.start import State, starting_state
 from pmr.operators import FullModel, local_csr
 from pmr.signals import SignalBase
-from pmr.simulate.march_kernel import Scheme
+from pmr.simulate.march_scheme import GeneralizedAlpha
 from pmr.simulate.march_start import refuse_undamped
-from pmr.simulate.march_system import scheme
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
 
@@ -86,7 +85,8 @@ def observe(
     keeper = Keeper(checkpoint, model, identity(model, s, f, stepping, recorder, initial)) if checkpoint else None
     found = keeper.load(recorder) if keeper else None
     first, earlier, state = found or (0, 0.0, starting_state(model, s[0], float(s_rate[0]), f[0], initial))
-    integrator = Integrator(model, scheme(stepping.step, stepping.rho_inf), Course.along(model.rows.rows, s), first)
+    method = GeneralizedAlpha(stepping.step, stepping.rho_inf)
+    integrator = Integrator(model, method, Course.along(model.rows.rows, s), first)
     if not found:
         recorder.record(0, state, integrator.constraint.rows, s_rate[0], f[0])
     preparation, begin = time.perf_counter() - begin, time.perf_counter()
@@ -111,9 +111,10 @@ def observe(
 class Integrator:
     """Takes the steps of one course; everything that does not change is made here."""
 
-    def __init__(self, model: FullModel, scheme: Scheme, course: Course, step: int) -> None:
-        self._comm, self._scheme = model.comm, scheme
-        S = effective_matrix(model, scheme)
+    def __init__(self, model: FullModel, method: GeneralizedAlpha, course: Course, step: int) -> None:
+        self._comm, self._method = model.comm, method
+        self._q_gain, self._v_gain = method.scheme().z_gain, method.scheme().v_gain
+        S = effective_matrix(model, self._v_gain, self._q_gain)
         self._factor = Factor(S, "M + dv D + dq K")
         S.destroy()
         self._M = without_zeros(model.M)
@@ -121,7 +122,7 @@ class Integrator:
         self._B = local_csr(model.inputs)
         self._x, self._right = model.M.createVecs()
         self._b = self._right.duplicate()
-        self.constraint = Constraint(model, self._factor, scheme.z_gain, course, step)
+        self.constraint = Constraint(model, self._factor, self._q_gain, course, step)
 
     def step(self, step: int, state: State, f: Array, flag: bool) -> tuple[State, bool]:
         """The state after one more step, under the loads f (i,) at its end; whether any rank raises its flag.
@@ -131,30 +132,34 @@ class Integrator:
         SimulationError
             If rows depend on each other or the state is not finite.
         """
-        scheme = self._scheme
         self.constraint.move(step)
-        following = scheme.a_from_acceleration * state.acceleration + scheme.a_from_a * state.a
-        q = state.q + scheme.step * state.v + scheme.z_from_a * state.a + scheme.z_from_next * following
-        v = state.v + scheme.v_from_a * state.a + scheme.v_from_next * following
-        scaled = q / scheme.z_gain
+        q, v, a = self._predict(state)
+        scaled = q / self._q_gain
         b = self._free(scaled, v, f)
-        motion = scheme.z_gain * self.constraint.rows.apply(b)
+        motion = self._q_gain * self.constraint.rows.apply(b)
         motion, total, flags = _summed(self._comm, motion, float(b.sum()), flag)
         if not np.isfinite(total):
             raise SimulationError("not finite")
         multipliers = self.constraint.multipliers(motion)
         b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
         acceleration = b - scaled
-        following += scheme.a_gain * acceleration
-        v += scheme.v_gain * acceleration
-        return State(scheme.z_gain * b, v, following, acceleration, multipliers), flags
+        a += (1.0 - self._method.alpha_f) / (1.0 - self._method.alpha_m) * acceleration
+        v += self._v_gain * acceleration
+        return State(self._q_gain * b, v, a, acceleration, multipliers), flags
+
+    def _predict(self, state: State) -> tuple[Array, Array, Array]:
+        """q*, v* and a without the new acceleration."""
+        method, h = self._method, self._method.step
+        a = (method.alpha_f * state.acceleration - method.alpha_m * state.a) / (1.0 - method.alpha_m)
+        q = state.q + h * state.v + h**2 * ((0.5 - method.beta) * state.a + method.beta * a)
+        return q, state.v + h * ((1.0 - method.gamma) * state.a + method.gamma * a), a
 
     def _free(self, scaled: Array, v: Array, f: Array) -> Array:
-        """b without the rows' forces; this rank's rows, overwritten by the next call."""
+        """Free of the rows' forces: b_free; this rank's rows, overwritten by the next call."""
         self._x.getArray()[:] = scaled
         self._M.mult(self._x, self._right)
         if self._D is not None:
-            self._x.getArray()[:] = self._scheme.v_gain * scaled - v
+            self._x.getArray()[:] = self._v_gain * scaled - v
             self._D.multAdd(self._x, self._right, self._right)
         self._right.getArray()[:] += self._B @ f
         self._factor.solve(self._right, self._b)

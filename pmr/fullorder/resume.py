@@ -1,4 +1,4 @@
-"""Interrupting a simulation on any number of ranks, and going on: its state and what was recorded, to and from a file."""
+"""A simulation on any number of ranks to and from a file: its state and what was recorded."""
 
 from __future__ import annotations
 
@@ -76,15 +76,15 @@ class Keeper:
         InputError
             If the file is damaged or belongs to another simulation.
         """
-        found: Saved | InputError | None = None
+        found, refusal = None, None
         if self._comm.rank == 0:
             try:
                 found = load(self._checkpoint, self._identity)
             except InputError as error:
-                found = error
-        found = self._comm.bcast(found)
-        if isinstance(found, InputError):
-            raise found
+                refusal = error.source, error.key, error.value, error.allowed
+        found, refusal = self._comm.bcast((found, refusal))
+        if refusal:
+            raise InputError(*refusal)
         if found is None:
             return None
         arrays, mine = found.arrays, slice(*self._share)

@@ -56,8 +56,9 @@ class Layout:
         widths = np.array([row.dofs.shape[1] for row in rows], int)
         powers = np.array([len(row.coefficients) for row in rows], int)
         self.count = len(rows)
-        self.row_of_entry, self.row_of_power = np.repeat(np.arange(len(rows)), widths), np.repeat(
-            np.arange(len(rows)), powers
+        self.row_of_entry, self.row_of_power = (
+            np.repeat(np.arange(len(rows)), widths),
+            np.repeat(np.arange(len(rows)), powers),
         )
         self.exponents = np.concatenate([np.empty(0, int), *(np.arange(p)[::-1] for p in powers)])
         self.entries = [slice(end - width, end) for end, width in zip(np.cumsum(widths), widths, strict=True)]
@@ -83,6 +84,7 @@ class PathRows:
         self.dofs = np.zeros(len(self.layout.row_of_entry), np.int64)
         self._interval = np.full(len(rows), -1, np.int64)
         self.changed: list[int] = []
+        self._find_mine()
         self.move(step)
 
     def move(self, step: int) -> None:
@@ -95,11 +97,7 @@ class PathRows:
             self.Gamma[powers, entries] = self._rows[k].coefficients[:, j]
         if self.changed:
             self._interval = interval
-            first, last = self._share
-            self._mine = np.flatnonzero((self.dofs >= first) & (self.dofs < last))
-            self._local = self.dofs[self._mine] - first
-            self._row_of_mine = self.layout.row_of_entry[self._mine]
-            self._Gamma_mine = np.ascontiguousarray(self.Gamma[:, self._mine])
+            self._find_mine()
         self.x = self.course.distance[step][self.layout.row_of_power]
         self.X = self.x**self.layout.exponents
 
@@ -123,14 +121,22 @@ class PathRows:
         np.add.at(C, (self.layout.row_of_entry, np.searchsorted(touched, self.dofs)), self.X @ self.Gamma)
         return C
 
+    def _find_mine(self) -> None:
+        """Which entries this rank owns."""
+        first, last = self._share
+        mine = np.flatnonzero((self.dofs >= first) & (self.dofs < last))
+        self._local, self._row_of_mine = self.dofs[mine] - first, self.layout.row_of_entry[mine]
+        self._Gamma_mine = np.ascontiguousarray(self.Gamma[:, mine])
+
     def _sum(self, entries: Array, q: Array) -> Array:
-        return np.bincount(self._row_of_mine, entries * q[self._local], self.layout.count)
+        return np.asarray(np.bincount(self._row_of_mine, entries * q[self._local], self.layout.count), float)
 
 
 class PathCompliance:
     """P = E^T S^{-1} E, (p, p), reduced to the powers of the rows at the present step.
 
-    Pairs of rows are always multiplied in the same order, so that the result does not depend on how the path came there.
+    Pairs of rows are always multiplied in the same order, whichever of them moved: an interrupted
+    simulation goes on with the same digits.
     """
 
     def __init__(self, touched: Indices, P: Array, rows: PathRows) -> None:

@@ -87,4 +87,3 @@ class _Held:
         multipliers = np.linalg.lstsq(self._G, self._comm.allreduce(self._mine @ free), rcond=None)[0]
         self._factor.destroy()
         return free - self._answers @ multipliers, multipliers
-

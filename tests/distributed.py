@@ -1,0 +1,38 @@
+"""Bodies of the tests' own as distributed models, the same on every rank."""
+
+from __future__ import annotations
+
+import scipy.sparse as sp
+
+from pmr.assembly import share
+from pmr.body import FullBody
+from pmr.dolfinx_compat import MPI, PETSc
+from pmr.operators import FullModel
+
+
+def distributed(body: FullBody, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
+    """The same model, its rows in consecutive shares."""
+    first, last = share(body.size, comm)
+    local = int(last - first)
+
+    def matrix(A: sp.spmatrix, columns: int | None = None) -> PETSc.Mat:
+        mine = sp.csr_matrix(A)[first:last]
+        result = PETSc.Mat().createAIJ(
+            ((local, body.size), (PETSc.DECIDE if columns is None else columns, A.shape[1])),
+            csr=(mine.indptr.astype(PETSc.IntType), mine.indices.astype(PETSc.IntType), mine.data),
+            comm=comm,
+        )
+        result.assemble()
+        return result
+
+    return FullModel(
+        matrix(body.M, local),
+        matrix(body.D, local),
+        matrix(body.K, local),
+        inputs=matrix(sp.csr_matrix(body.B)),
+        outputs=matrix(body.outputs.T),
+        rows=body.rows,
+        input_names=body.input_names,
+        output_positions=body.output_positions,
+        reference_frequency=1.0,
+    )
