@@ -16,7 +16,7 @@ from pmr.pads import Hold, Pad, Pads
 from pmr.scene.structures import PointMass, rayleigh
 from pmr.signals import Chirp, SignalBase, SmoothRamp
 from pmr.simulate.stepping import TimeStepping
-from pmr.structure import GRAVITY, Action, Structure, Weight
+from pmr.structure import GRAVITY, Action, PadForce, Structure, Weight
 
 LENGTH = 6.0  # m
 PAIRS = (("right", -0.1), ("left", 0.1))  # where along y the pads of a pair sit, m
@@ -35,28 +35,37 @@ class Scene:
     stepping: TimeStepping
 
 
-def reference_scene(model: StructuralModel, span: float = 10.0, stiffness: float = 3e8) -> Scene:
-    """Ten seconds of work with a payload of 250 kg; pads of `stiffness` in N/m.
+def reference_scene(model: StructuralModel, span: float = 10.0, gust: float = 1.0) -> Scene:
+    """Ten seconds of work with a payload of 250 kg, and gusts that last `gust` seconds each.
 
-    Outputs: displacement along y, then z, at `STATIONS`, then of the tip along y and z.  Gravity comes up within the
+    Outputs: displacement along y, then z, at `STATIONS`, then of the tip along y and z in m, then the forces of the
+    pads at the tail in N; those at the mouth are the rows' multipliers.  Gravity comes up within the
     first second, while the boom rests; the first gust and the first motion follow.
     """
+    pads = boom_pads((1.5, 4.0))
     line = [Action(f"{d} at {x:g} m", x, d) for d in "yz" for x in STATIONS]
     structure = Structure(
         model,
         masses=(PointMass(name="payload", on="tip", mass=250.0),),
         loads=(Action("tip force", "tip", "z"), Action("gust", "tip", "y"), Weight()),
-        outputs=(*line, *(Action(f"tip {d}", "tip", d) for d in "yz")),
+        outputs=(*line, *(Action(f"tip {d}", "tip", d) for d in "yz"), *(PadForce(pad.name) for pad in pads.fixed)),
         damping=rayleigh(0.005, 10.0, 60.0),
-        pads=boom_pads((1.5, 4.0), stiffness),
+        pads=pads,
     )
     loads = (
         Chirp(amplitude=2000.0, times=(0.0, 10.0), frequencies=(0.5, 6.0)),
-        SmoothRamp(times=(2.0, 2.2, 2.4, 5.0, 5.2, 5.4, 7.0, 7.4, 7.8), values=(0, 1e3, 0, 0, -1e3, 0, 0, 1e3, 0)),
+        _gusts(gust),
         SmoothRamp(times=(0.0, 1.0), values=(0.0, GRAVITY)),
     )
     path = SmoothRamp(times=(1.0, 5.0, 9.0), values=(1.5, 4.0, 1.5))
     return Scene(structure, path, loads, TimeStepping(end=span, step=1e-3))
+
+
+def _gusts(duration: float) -> SmoothRamp:
+    """Pulses of 1 kN around t = 2.5 s, 5 s (the other way) and 7.5 s."""
+    rise = duration / 2.0
+    times = tuple(t + d for t in (2.5, 5.0, 7.5) for d in (-rise, 0.0, rise))
+    return SmoothRamp(times=times, values=(0.0, 1e3, 0.0, 0.0, -1e3, 0.0, 0.0, 1e3, 0.0))
 
 
 def boom_pads(travel: tuple[float, float], stiffness: float = 3e8) -> Pads:

@@ -9,10 +9,12 @@ The row of a pad centred at x is a weighted mean over stations :math:`x_k`, a la
 b is a cubic B-spline over all but :math:`2 \Delta` of the pad's length, :math:`\varphi` a hat, v a cubic B-spline over
 the width.  Between two breaks a row is a cubic in s, on any mesh, and C2 throughout: its third derivative jumps at
 every :math:`\Delta`.  C2 is what keeps the acceleration of a body that slides free of jumps.  For every s the weights
-add up to one and their centroid is the pad's centre, so a rigid motion is measured as one, and any cubic displacement
-without a ripple.  A mesh finer than the pad enters by quadrature only, never by where a pad can be.
+add up to one, their centroid is the pad's centre and their spread does not change, so a rigid motion is measured as
+one, and a parabola along the axis without a ripple.
 
-The multiplier is the force of the pad in N, positive if it pushes the body inwards; 1/k is the pad's compliance.
+The multiplier is the force of the pad in N, positive if it pushes the body inwards; 1/k is the pad's compliance.  A pad
+that neither moves nor is rigid is a spring: as a part of the stiffness it costs no row, leaves the body no rigid motion
+and has a share in its Rayleigh damping; its force is an output.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from pmr.carried import carried
 from pmr.errors import InputError
 from pmr.mesh.strip import Window
 from pmr.models import StructuralModel
-from pmr.sliding import Row, fixed_row, rebased
+from pmr.sliding import Row, Rows, fixed_row, rebased
 
 Array = NDArray[np.float64]
 
@@ -110,19 +112,61 @@ class Pads:
             raise InputError("scene", "pads", twice[0], "names that differ are allowed")
 
 
-def pad_rows(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> list[Row]:
-    """Rows of all pads and holds on the coordinates z of a structure, q = T z: fixed ones, moving ones, holds.
+@dataclass(frozen=True)
+class Holding:
+    """What pads are to a structure.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        Of what moves and of what is rigid.
+    springs : tuple of Row
+        Of what neither moves nor is rigid, on the coordinates it belongs to: k c^T c is part of the stiffness.
+    """
+
+    rows: tuple[Row, ...]
+    springs: tuple[Row, ...]
+
+    def stiffness(self, size: int) -> sp.csr_matrix:
+        """Sum of k c^T c over the springs, (n, n) in N/m."""
+        total = sp.csr_matrix((size, size))
+        for c, spring in zip(self._vectors(size), self.springs, strict=True):
+            total += c.T @ c / spring.compliance
+        return total.tocsr()
+
+    def force(self, name: str, size: int) -> sp.csr_matrix:
+        """Row (1, n) in N/m that measures the force of a spring.
+
+        Raises
+        ------
+        InputError
+            If no spring has this name.
+        """
+        for c, spring in zip(self._vectors(size), self.springs, strict=True):
+            if spring.name == name:
+                return c / spring.compliance
+        found = ", ".join(spring.name for spring in self.springs) or "none"
+        raise InputError("scene", "outputs.pad", name, f"pads that neither move nor are rigid are allowed: {found}")
+
+    def _vectors(self, size: int) -> list[sp.csr_matrix]:
+        return [Rows((spring,), size).at(spring.breaks[0]) for spring in self.springs]
+
+
+def hold(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Holding:
+    """Rows and springs of all pads and holds on the coordinates z of a structure, q = T z.
 
     Raises
     ------
     InputError
         If a face does not exist or a pad leaves it somewhere on its travel.
     """
-    return [
+    staying = [
         *(fixed_pad(pad, model, T, pads.travel) for pad in pads.fixed),
-        *(moving_pad(pad, model, T, pads.travel) for pad in pads.moving),
         *(_hold(hold, model, T, pads.travel) for hold in pads.holds),
     ]
+    moving = [moving_pad(pad, model, T, pads.travel) for pad in pads.moving]
+    rigid = [row for row in staying if row.fixed]
+    return Holding((*rigid, *moving), tuple(row for row in staying if not row.fixed))
 
 
 def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
@@ -141,7 +185,7 @@ def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple
 
 
 def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
-    """The row of a pad that stays: that of a moving one at its place."""
+    """The row of a pad that stays: that of a moving one with a station at its centre."""
     step, reach = _lattice(pad)
     offsets = step * np.arange(1 - reach, reach)
     weights = value(bump(3, STATIONS * step), offsets) / STATIONS
@@ -185,15 +229,17 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
         if w.sum() < (1.0 - MISSING) * whole or off.any():
             allowed = f"the pad leaves the face {pad.on} around {x:.4g} m; places where all of it is on it are allowed"
             raise InputError("scene", f"pads.{pad.name}", None, allowed)
-        rows.append(sp.csr_matrix(_centred(w, offsets)) @ strip.normal[q])
+        rows.append(sp.csr_matrix(_corrected(w, offsets, step)) @ strip.normal[q])
     return sp.vstack(rows, format="csr")
 
 
-def _centred(weights: Array, offsets: Array) -> Array:
-    """Weights (q,) changed linearly with the offsets (2, q) so that they add up to one and their centroid is zero.
+def _corrected(weights: Array, offsets: Array, step: float) -> Array:
+    """Weights (q,), changed by a parabola in the offsets (2, q), with the moments of what they stand for.
 
-    They differ from what was given by the error of quadrature only, but without it a rigid motion would seem to ripple.
+    They add up to one, their centroid is zero and their spread along the axis that of the hat, step^2 / 6.  What
+    changes is the error of quadrature only, but left in, a motion without a ripple would seem to have one.
     """
-    moments = np.vstack([np.ones(len(weights)), offsets / np.maximum(np.abs(offsets).max(axis=1), 1e-300)[:, None]])
-    factors = np.linalg.lstsq((moments * weights) @ moments.T, np.array([1.0, 0.0, 0.0]), rcond=1e-12)[0]
-    return np.asarray(weights * (factors @ moments))
+    x, y = offsets / step
+    moments = np.stack([np.ones(len(x)), x, y, x**2])
+    targets = np.array([1.0, 0.0, 0.0, 1.0 / 6.0])
+    return np.asarray(weights * (np.linalg.lstsq((moments * weights) @ moments.T, targets, rcond=1e-12)[0] @ moments))

@@ -21,7 +21,7 @@ from pmr.dolfinx_compat import MPI, PETSc
 from pmr.errors import InputError
 from pmr.models import StructuralModel
 from pmr.operators import FullModel, columns
-from pmr.pads import Pads, pad_rows
+from pmr.pads import Pads, hold
 from pmr.parallel import sparse
 from pmr.scene import Damping
 from pmr.scene.structures import PointMass
@@ -51,6 +51,13 @@ class Action:
 
 
 @dataclass(frozen=True)
+class PadForce:
+    """The force in N of a pad that neither moves nor is rigid, as an output."""
+
+    pad: str
+
+
+@dataclass(frozen=True)
 class Weight:
     """A load that accelerates everything, attached masses too, by one m/s^2 along `direction` (3,); input in m/s^2."""
 
@@ -66,7 +73,7 @@ class Structure:
     clamps: tuple[Clamp, ...] = ()
     masses: tuple[PointMass, ...] = ()
     loads: tuple[Action | Weight, ...] = ()
-    outputs: tuple[Action, ...] = ()
+    outputs: tuple[Action | PadForce, ...] = ()
     damping: Damping = Damping()
     pads: Pads = Pads()
 
@@ -83,16 +90,26 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     base = assemble_model(model, model.domain(comm))
     coupling = couple(structure)
     attached = coupling.attached_mass()
-    operators = Operators(_reduced(base.M, coupling.T, attached), _reduced(base.K, coupling.T, 0.0 * attached))
+    size = coupling.T.shape[1]
+    holding = hold(structure.pads, model, coupling.T)
+    springs = holding.stiffness(size)
+    operators = Operators(
+        _reduced(base.M, coupling.T, _padded(attached, springs)),
+        _reduced(base.K, coupling.T, _padded(springs, attached)),
+    )
+    measured = [
+        coupling.row(output) if isinstance(output, Action) else holding.force(output.pad, size).toarray().ravel()
+        for output in structure.outputs
+    ]
     return FullModel(
         operators.M,
         operators.damping(structure.damping),
         operators.K,
         inputs=columns(operators.M, [_sparse_column(coupling.load(load, base.M)) for load in structure.loads]),
-        outputs=columns(operators.M, [_sparse_column(coupling.row(output)) for output in structure.outputs]),
-        rows=Rows(tuple(pad_rows(structure.pads, model, coupling.T)), coupling.T.shape[1]),
+        outputs=columns(operators.M, [_sparse_column(row) for row in measured]),
+        rows=Rows(holding.rows, size),
         input_names=tuple(load.name for load in structure.loads),
-        output_positions=np.array([model.centroid(output.on)[0] for output in structure.outputs]),
+        output_positions=np.array([_position(output, structure) for output in structure.outputs]),
         reference_frequency=model.reference_frequency,
     )
 
@@ -204,6 +221,23 @@ def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
     if added.nnz:
         result.axpy(1.0, sparse(added[low:high], result), structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     return result
+
+
+def _position(output: Action | PadForce, structure: Structure) -> float:
+    """Where along the axis an output is measured, m."""
+    if isinstance(output, Action):
+        return float(structure.model.centroid(output.on)[0])
+    places = {pad.name: pad.at for pad in structure.pads.fixed}
+    places |= {hold.name: float(structure.model.centroid(hold.on)[0]) for hold in structure.pads.holds}
+    return places[output.pad]
+
+
+def _padded(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
+    """A with zeros wherever the other one has entries: damping and shifts add M and K, which takes one pattern."""
+    A, other = A.tocoo(), other.tocoo()
+    entries = np.concatenate([A.data, np.zeros(other.nnz)])
+    places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])
+    return sp.csr_matrix((entries, places), shape=A.shape)
 
 
 def _sparse_column(column: Array) -> tuple[Indices, Array]:

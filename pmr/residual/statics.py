@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pmr.dolfinx_compat import PETSc
 from pmr.errors import ConvergenceError
 from pmr.operators import FullModel, gather
+from pmr.parallel import tall
 from pmr.sliding import Row, Rows
 from pmr.snapshots.eigensolvers import is_dense
 from pmr.snapshots.elimination import Elimination, eliminate
@@ -81,15 +82,16 @@ class _Mumps:
             self._ksp.setUp()
         except PETSc.Error as error:
             raise ConvergenceError(_SINGULAR.format(error)) from None
-        self._load, self._answer = self._T.createVecLeft(), self._T.createVecLeft()
-        self._right, self._z = K.createVecs()
+        self._factor = pc.getFactorMatrix()
+        self._transposed = self._T.transpose(PETSc.Mat())
 
     def solve(self, g: Array) -> Array:
-        result = np.empty_like(g)
-        for k in range(g.shape[1]):
-            self._load.getArray()[:] = g[:, k]
-            self._T.multTranspose(self._load, self._right)
-            self._ksp.solve(self._right, self._z)
-            self._T.mult(self._z, self._answer)
-            result[:, k] = self._answer.getArray()
+        load = tall(g, self._T)
+        right = self._transposed.matMult(load)
+        z = right.duplicate()
+        self._factor.matSolve(right, z)
+        answer = self._T.matMult(z)
+        result = np.array(answer.getDenseArray())
+        for matrix in (load, right, z, answer):
+            matrix.destroy()
         return result

@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from boxes import HEIGHT, WIDTH, box
+
+from pmr.errors import InputError
+from pmr.mesh.named import NamedMesh
+from pmr.mesh.strip import Window
+from pmr.models.shell import Shell
+from pmr.scene.structures import Plate, ShellBody
+
+NORMALS = {"bottom": (0, 0, -1), "top": (0, 0, 1), "left": (0, 1, 0), "right": (0, -1, 0)}
+WINDOW = Window((0.43, 1.01), (-0.07, 0.05), (0.02, 0.01))
+
+
+def shell(mesh: NamedMesh) -> Shell:
+    return Shell(ShellBody(plate=Plate(thickness=0.008)), mesh)
+
+
+@pytest.mark.parametrize("face", NORMALS)
+def test_points_fill_the_window_and_move_along_the_outward_normal(face: str) -> None:
+    model = shell(box(skew=0.2))
+    strip = model.strip(face, WINDOW)
+    assert strip.weights.sum() == pytest.approx(0.58 * 0.12, rel=2e-2)  # its edge cuts pieces of 1 to 2 cm
+    assert strip.along.min() > 0.43 and strip.along.max() < 1.01
+    assert strip.across.min() > -0.07 and strip.across.max() < 0.05
+    place = np.zeros((len(strip.along), 3))
+    beside, depth = (1, HEIGHT) if face in ("bottom", "top") else (2, WIDTH)
+    place[:, 0], place[:, beside] = strip.along, strip.across
+    place += np.array(NORMALS[face]) * depth / 2.0
+    R = model.rigid_motions()
+    expected = np.hstack([np.tile(NORMALS[face], (len(place), 1)), np.cross(place, NORMALS[face])])
+    assert strip.normal @ R == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_quadratic_displacement_is_met_exactly() -> None:
+    model = shell(box())
+    nodes = model.nodes
+    q = np.where(nodes.component == 2, nodes.at[:, 0] ** 2 - 3.0 * nodes.at[:, 0] * nodes.at[:, 1], 0.0)
+    strip = model.strip("top", WINDOW)
+    assert strip.normal @ q == pytest.approx(strip.along**2 - 3.0 * strip.along * strip.across, abs=1e-12)
+
+
+def bent(mesh: NamedMesh) -> NamedMesh:
+    points = mesh.points.copy()
+    points[:, 2] += 0.3 * points[:, 0] ** 2
+    return NamedMesh(mesh.cell, points, mesh.cells, mesh.groups, mesh.regions)
+
+
+def test_what_is_no_face_for_a_pad_is_refused() -> None:
+    with pytest.raises(InputError, match="no group named floor; found: bottom"):
+        shell(box()).strip("floor", WINDOW)
+    with pytest.raises(InputError, match="tip is no face"):
+        shell(box()).strip("tip", WINDOW)
+    with pytest.raises(InputError, match="not flat"):
+        shell(bent(box())).strip("top", WINDOW)
+    with pytest.raises(InputError, match="lies beside this face"):
+        shell(box()).strip("top", Window((2.1, 2.4), (-0.1, 0.1), (0.01, 0.01)))
