@@ -27,6 +27,8 @@ Respond = Callable[[Scene, SlidingBody, Done | None], Response]
 
 #: A full model of more coordinates than this is simulated by Exudyn's sparse solver: diagonalising costs more.
 MARCHED_UP_TO = 400
+#: One of more coordinates than this by PETSc, which factorises once instead of in every step.
+EXUDYN_UP_TO = 2000
 
 
 @dataclass(frozen=True)
@@ -41,18 +43,20 @@ class Simulations:
         Solver seconds: of each simulator of the reduced model, the median of its repeats; of ``full`` and ``ancf``.
     agreement : mapping
         ``<a>_vs_<b>``: largest difference of displacements in m between two simulators of the reduced model.
-    simulators : mapping
-        Which one simulated ``reduced`` and ``full``.
+    first : str
+        Which one simulated ``reduced``.
     """
 
     responses: Mapping[str, Response]
     seconds: Mapping[str, float]
     agreement: Mapping[str, float]
-    simulators: Mapping[str, str]
+    first: str
 
 
-def simulate(scene: Scene, reduced: ReducedModel, full: FullBody, clock: Clock | None = None) -> Simulations:
-    """Simulate the reduced model by every simulator that the scene names, and the references it asks for."""
+def simulate(
+    scene: Scene, reduced: ReducedModel, references: Mapping[str, Response], clock: Clock | None = None
+) -> Simulations:
+    """Simulate the reduced model by every simulator that the scene names, beside the references it is compared with."""
     clock = clock or Clock()
     found = {}
     for name in scene.simulation.simulators:
@@ -60,20 +64,13 @@ def simulate(scene: Scene, reduced: ReducedModel, full: FullBody, clock: Clock |
         with clock.stage(label):
             found[name] = _repeated(scene, reduced, name)
     first = scene.simulation.simulators[0]
-    responses = {"reduced": found[first]}
-    responses |= {
-        reference: simulate_reference(reference, scene, full, clock)
-        for reference in ("full", "ancf")
-        if reference in scene.compare.against
-    }
-    seconds = {str(name): response.seconds for name, response in found.items()}
-    seconds |= {name: response.seconds for name, response in responses.items() if name != "reduced"}
+    responses = {"reduced": found[first], **references}
+    seconds = {str(name): response.seconds for name, response in (*found.items(), *references.items())}
     agreement = {
         f"{a}_vs_{b}": float(np.abs(found[a].displacement - found[b].displacement).max())
         for a, b in combinations(found, 2)
     }
-    simulators = {"reduced": first} | ({"full": full_simulator(scene, full)} if "full" in responses else {})
-    return Simulations(responses, seconds, agreement, simulators)
+    return Simulations(responses, seconds, agreement, first)
 
 
 def simulate_reduced(scene: Scene, reduced: ReducedModel, clock: Clock | None = None) -> Response:
@@ -83,18 +80,20 @@ def simulate_reduced(scene: Scene, reduced: ReducedModel, clock: Clock | None = 
 
 
 def simulate_reference(name: str, scene: Scene, full: FullBody, clock: Clock | None = None) -> Response:
-    """Response of ``"full"`` or ``"ancf"``, what the reduced model is compared with."""
+    """Response of ``"full"``, by a simulator that is not distributed, or of ``"ancf"``."""
     with (clock or Clock()).stage(name) as done:
         if name == "ancf":
             return _ancf(scene, full.output_positions, done)
-        return _RESPOND[full_simulator(scene, full)](scene, full, done)
+        return _RESPOND[full_simulator(scene, full.size)](scene, full, done)
 
 
-def full_simulator(scene: Scene, full: FullBody) -> str:
-    """Which simulator takes the full model: the one that the scene names, or the faster one for its size."""
+def full_simulator(scene: Scene, size: int) -> str:
+    """Which simulator takes a full model of `size` coordinates: the one that the scene names, or the fastest."""
     if scene.simulation.full != "auto":
         return scene.simulation.full
-    return "march" if full.size <= MARCHED_UP_TO else "exudyn"
+    if size <= MARCHED_UP_TO:
+        return "march"
+    return "exudyn" if size <= EXUDYN_UP_TO else "petsc"
 
 
 def _repeated(scene: Scene, reduced: ReducedModel, simulator: str) -> Response:

@@ -18,7 +18,8 @@ from pmr.frequencies import closed_form_frequencies, reduced_frequencies
 from pmr.operators import FullModel, full_model
 from pmr.reduced import ReducedModel
 from pmr.reduction import build_basis, description, project, take_snapshots
-from pmr.responses import Simulations, course, simulate
+from pmr.references import references
+from pmr.responses import Simulations, course, full_simulator, simulate
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
 from pmr.simulate.stepping import loads_at
@@ -50,7 +51,7 @@ class Outcome:
 
 
 def run(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Outcome | None:
-    """Run a scene on `comm`; simulations run on rank 0, the other ranks get None.
+    """Run a scene on `comm`; what is not distributed runs on rank 0, the other ranks get None.
 
     Raises
     ------
@@ -63,10 +64,10 @@ def run(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = Non
     reduction = reduce(scene, comm, clock)
     with clock.stage("frequencies"):
         curves = _frequency_curves(scene, reduction)
-    body = reduction.model.gather()
-    if body is None:
+    found = references(scene, reduction.model, clock)
+    if comm.rank > 0:
         return None
-    simulations = simulate(scene, reduction.reduced, body, clock)
+    simulations = simulate(scene, reduction.reduced, found, clock)
     summary = _summary(scene, reduction, simulations, clock.seconds) | _estimated(scene, reduction.reduced, clock)
     return Outcome(_result(scene, summary, simulations.responses, reduction, curves), reduction.reduced)
 
@@ -151,7 +152,8 @@ def _summary(scene: Scene, reduction: Reduction, simulations: Simulations, secon
         },
         "seconds": {name: seconds[name] for name in ("assemble", "snapshots", "pod")}
         | {"simulate": dict(simulations.seconds)},
-        "simulators": dict(simulations.simulators),
+        "simulators": {"reduced": simulations.first}
+        | ({"full": full_simulator(scene, reduction.model.size)} if "full" in responses else {}),
         "agreement": dict(simulations.agreement),
         "versions": environment.versions() | fenicsx_versions(),
         "commit": environment.commit(),

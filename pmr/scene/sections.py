@@ -160,11 +160,12 @@ class Simulation(_Section):
     The reduced model goes through every one of `simulators`: the first one's motion is compared and drawn, the others
     say how far they agree with it.  ``march`` is the compiled engine, ``exudyn-callback`` the paper's way.  With
     residual flexibility ``exudyn`` has springs that travel in place of constraints, ``exudyn-multiplier`` keeps these.
+    The full model goes through one that fits its size; ``petsc``, for large ones, works on all ranks.
     """
 
     simulators: tuple[SimulatorName, ...] = Field(default=("march", "exudyn"), min_length=1)
     repeats: Count = 3  # of each simulator of the reduced model; seconds are their median
-    full: Literal["auto", "march", "exudyn"] = "auto"
+    full: Literal["auto", "march", "exudyn", "petsc"] = "auto"
 
     @field_validator("simulators")
     @classmethod

@@ -131,12 +131,11 @@ def modes_released(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]
 
 def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: response of the full model or of the ANCF cable."""
-    from pmr.responses import simulate_reference
+    from pmr import references
 
     scene = scene_of(arguments)
-    full = model_of(scene).gather()
-    assert full is not None
-    response = simulate_reference(arguments["simulator"], scene, full)
+    response = references.reference(arguments["simulator"], scene, model_of(scene))
+    assert response is not None
     return TaskResult(arrays=response.arrays(), seconds={"simulate": response.seconds})
 
 

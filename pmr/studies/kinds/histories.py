@@ -17,7 +17,7 @@ from pydantic import Field
 from pmr import compare
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.responses import simulate_reduced, simulate_reference
+from pmr.responses import simulate_reduced
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulate.stepping import loads_at
@@ -74,6 +74,7 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     the tip, of ``dropped`` the tip; ``path`` (m), ``path_rate`` (m/s) and ``loads`` (N) over time, ``singular_values``,
     ``x`` (m) and ``shapes`` of the basis, ``scene`` as JSON.
     """
+    from pmr import references
     from pmr.run import reduce_with
 
     scene = shared.scene_of(arguments)
@@ -81,9 +82,9 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     snapshots = shared.snapshots_from(scene, needs)
     dropping = scene.model_copy(update={"reduction": scene.reduction.model_copy(update={"support_rows": "drop"})})
     reduction, dropped = (reduce_with(one, model, snapshots) for one in (scene, dropping))
-    full = model.gather()
+    full = references.reference("full", scene, model)
     assert full is not None
-    responses = {"reduced": simulate_reduced(scene, reduction.reduced), "full": simulate_reference("full", scene, full)}
+    responses = {"reduced": simulate_reduced(scene, reduction.reduced), "full": full}
     responses["ancf"] = shared.response_from(needs["ancf"])
     beside = {"dropped": simulate_reduced(scene, dropped.reduced), "full": responses["full"]}
     record = dict(_errors(responses)) | {
