@@ -1,14 +1,15 @@
-r"""The constraint rows over the visited path, and the effective matrix' inverse on the coordinates they touch.
+r"""The constraint rows over the visited path, and the inverse of the effective matrix on what they touch.
 
-Between two breaks a row is C(s) = sum_e x^e Gamma_e with x counted from the lower break, so that with the powers
-stacked, C = X(x) Gamma, and
+Rows act through p loads E (n, p) on the path: unit vectors of coordinates, or the weighted means that pads are made of
+(`pmr.carried`).  Between two breaks C(s) = sum_e x^e Gamma_e E^T with x counted from the lower break, so that with the
+powers stacked, C = X(x) Gamma E^T, and
 
 .. math::
-    C S^{-1} C^T = X\, (\Gamma S^{-1} \Gamma^T)\, X^T, \qquad S^{-1} C^T \lambda = (S^{-1} \Gamma^T)\, X^T \lambda
+    C S^{-1} C^T = X\, (\Gamma P \Gamma^T)\, X^T, \qquad
+    S^{-1} C^T \lambda = (S^{-1} E\, \Gamma^T)\, X^T \lambda, \qquad P = E^T S^{-1} E
 
-change from step to step in X alone.  Both are made from S^{-1} on the unit vectors E of the touched coordinates:
-P = E^T S^{-1} E is kept on every rank; S^{-1} E only where memory allows, and where it does not, a second solve a step
-takes its place.
+change from step to step in X alone.  P is kept on every rank; S^{-1} E only where memory allows, and where it does not,
+a second solve a step takes its place.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.sliding import Row
@@ -44,9 +46,17 @@ class Course:
         return cls(s, interval, distance)
 
     def touched(self, rows: Sequence[Row]) -> Indices:
-        """Coordinates (p,) that the rows touch somewhere, ascending."""
+        """Loads (p,) that the rows touch somewhere, ascending."""
         visited = [row.dofs[np.unique(self.interval[:, k])].ravel() for k, row in enumerate(rows)]
         return np.unique(np.concatenate([np.empty(0, np.int64), *visited]))
+
+
+@dataclass(frozen=True)
+class VisitedLoads:
+    """The p loads of a path that its rows touch: their numbers, and this rank's columns of E^T, (p, n_local)."""
+
+    numbers: Indices
+    local: sp.csr_matrix
 
 
 class Layout:
@@ -72,19 +82,20 @@ class PathRows:
     ----------
     Gamma : (c, D) array
         Coefficients: one line for each power of each row, one column for each of its entries.
-    dofs : (D,) integer array
+    columns : (D,) integer array
+        Which of the p loads each entry stands for.
     changed : list of int
         Rows that the last `move` brought into another interval.
     """
 
-    def __init__(self, rows: Sequence[Row], course: Course, share: tuple[int, int], step: int = 0) -> None:
+    def __init__(self, rows: Sequence[Row], course: Course, loads: VisitedLoads, step: int = 0) -> None:
         self.course, self.layout = course, Layout(rows)
-        self._rows, self._share = rows, share
+        self._rows, self._loads = rows, loads
         self.Gamma = np.zeros((len(self.layout.row_of_power), len(self.layout.row_of_entry)))
-        self.dofs = np.zeros(len(self.layout.row_of_entry), np.int64)
+        self.columns = np.zeros(len(self.layout.row_of_entry), np.int64)
         self._interval = np.full(len(rows), -1, np.int64)
+        self._E = loads.local[self.columns]
         self.changed: list[int] = []
-        self._find_mine()
         self.move(step)
 
     def move(self, step: int) -> None:
@@ -93,43 +104,31 @@ class PathRows:
         self.changed = np.flatnonzero(interval != self._interval).tolist()
         for k in self.changed:
             entries, powers, j = self.layout.entries[k], self.layout.powers[k], interval[k]
-            self.dofs[entries] = self._rows[k].dofs[j]
+            self.columns[entries] = np.searchsorted(self._loads.numbers, self._rows[k].dofs[j])
             self.Gamma[powers, entries] = self._rows[k].coefficients[:, j]
         if self.changed:
             self._interval = interval
-            self._find_mine()
+            self._E = self._loads.local[self.columns]
         self.x = self.course.distance[step][self.layout.row_of_power]
         self.X = self.x**self.layout.exponents
 
     def apply(self, q: Array) -> Array:
-        """This rank's part (m,) of C q, q given by this rank's rows."""
-        return self._sum(self.X @ self._Gamma_mine, q)
+        """This rank's part (m,) of C q, q (n_local,) given by this rank's rows."""
+        return self._sum(self.X @ self.Gamma, q)
 
     def apply_derivative(self, q: Array) -> Array:
         """This rank's part (m,) of C'(s) q."""
         exponents = self.layout.exponents
         lowered = exponents * self.x ** np.maximum(exponents - 1, 0)
-        return self._sum(lowered @ self._Gamma_mine, q)
+        return self._sum(lowered @ self.Gamma, q)
 
-    def add_transposed(self, multipliers: Array, g: Array) -> None:
-        """Add this rank's rows of C^T lambda to g (n_local,)."""
-        np.add.at(g, self._local, (self.X @ self._Gamma_mine) * multipliers[self._row_of_mine])
-
-    def dense(self, touched: Indices) -> Array:
-        """C on the `touched` coordinates alone, (m, p)."""
-        C = np.zeros((self.layout.count, len(touched)))
-        np.add.at(C, (self.layout.row_of_entry, np.searchsorted(touched, self.dofs)), self.X @ self.Gamma)
-        return C
-
-    def _find_mine(self) -> None:
-        """Which entries this rank owns."""
-        first, last = self._share
-        mine = np.flatnonzero((self.dofs >= first) & (self.dofs < last))
-        self._local, self._row_of_mine = self.dofs[mine] - first, self.layout.row_of_entry[mine]
-        self._Gamma_mine = np.ascontiguousarray(self.Gamma[:, mine])
+    def transposed(self, multipliers: Array) -> Array:
+        """This rank's rows (n_local,) of C^T lambda."""
+        return np.asarray(self._E.T @ ((self.X @ self.Gamma) * multipliers[self.layout.row_of_entry]))
 
     def _sum(self, entries: Array, q: Array) -> Array:
-        return np.asarray(np.bincount(self._row_of_mine, entries * q[self._local], self.layout.count), float)
+        values = entries * (self._E @ q)
+        return np.asarray(np.bincount(self.layout.row_of_entry, values, self.layout.count), float)
 
 
 class PathCompliance:
@@ -139,8 +138,8 @@ class PathCompliance:
     simulation goes on with the same digits.
     """
 
-    def __init__(self, touched: Indices, P: Array, rows: PathRows) -> None:
-        self._touched, self._P = touched, P
+    def __init__(self, P: Array, rows: PathRows) -> None:
+        self._P = P
         self._of_powers = np.zeros((len(rows.layout.row_of_power),) * 2)
         self._update(rows, range(rows.layout.count))
 
@@ -155,8 +154,7 @@ class PathCompliance:
         return np.asarray((A + A.T) / 2.0)
 
     def _update(self, rows: PathRows, changed: Sequence[int]) -> None:
-        at = np.searchsorted(self._touched, rows.dofs)
-        entries, powers = rows.layout.entries, rows.layout.powers
+        at, entries, powers = rows.columns, rows.layout.entries, rows.layout.powers
         for k, l in {(min(k, l), max(k, l)) for k in changed for l in range(rows.layout.count)}:
             P = self._P[np.ix_(at[entries[k]], at[entries[l]])]
             block = rows.Gamma[powers[k], entries[k]] @ P @ rows.Gamma[powers[l], entries[l]].T
@@ -166,8 +164,8 @@ class PathCompliance:
 class KeptAnswers:
     """This rank's rows of S^{-1} C^T lambda from those of S^{-1} E, (n_local, p)."""
 
-    def __init__(self, touched: Indices, answers: Array, rows: PathRows) -> None:
-        self._touched, self._answers = touched, answers
+    def __init__(self, answers: Array, rows: PathRows) -> None:
+        self._answers = answers
         self._of_powers = np.zeros((len(answers), len(rows.layout.row_of_power)), order="F")
         self._update(rows, range(rows.layout.count))
 
@@ -179,5 +177,4 @@ class KeptAnswers:
     def _update(self, rows: PathRows, changed: Sequence[int]) -> None:
         for k in changed:
             entries, powers = rows.layout.entries[k], rows.layout.powers[k]
-            at = np.searchsorted(self._touched, rows.dofs[entries])
-            self._of_powers[:, powers] = self._answers[:, at] @ rows.Gamma[powers, entries].T
+            self._of_powers[:, powers] = self._answers[:, rows.columns[entries]] @ rows.Gamma[powers, entries].T

@@ -101,7 +101,7 @@ def test_a_finished_simulation_is_not_repeated(model: FullModel, tmp_path: Path)
     checkpoint, steps = Checkpoint(tmp_path / "c.npz"), []
     first = observe(model, PATH, LOADS, STEPPING, checkpoint=checkpoint)
     second = observe(model, PATH, LOADS, STEPPING, progress=steps.append, checkpoint=checkpoint)
-    assert steps == [] and second.seconds == pytest.approx(first.seconds, rel=0.5)
+    assert steps == [] and 0.0 < second.seconds <= first.seconds
     np.testing.assert_array_equal(second.y, first.y)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["c.npz"]
 
