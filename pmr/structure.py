@@ -219,7 +219,11 @@ def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
     low, high = share(T.shape[1], A.comm.tompi4py())
     result = A.PtAP(sparse(T[first:last], A, columns=int(high - low)))
     if added.nnz:
-        result.axpy(1.0, sparse(added[low:high], result), structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        result.axpy(
+            1.0,
+            sparse(added[low:high], result, columns=int(high - low)),
+            structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN,
+        )
     return result
 
 

@@ -6,7 +6,10 @@ r"""Solid: linear elasticity with quadratic displacements, on tetrahedra (P2) or
     \varepsilon = \mathrm{sym}\, \nabla u, \qquad
     m = \int \rho\, u \cdot \delta u \, dV
 
-Bathe: Finite Element Procedures, 1996, section 4.2.1.  Cells have flat faces and straight edges.
+Bathe: Finite Element Procedures, 1996, section 4.2.1.  Cells have straight edges.
+
+Thin walls are the business of hexahedra: one of them across an 8 mm wall, 25 mm wide, gives the bending modes of the
+reference boom to 0.06 % and its wall modes to 0.8 %; tetrahedra twice as wide are 0.2 to 0.9 % and up to 20 % off.
 """
 
 from __future__ import annotations
