@@ -22,20 +22,25 @@ _log = logging.getLogger(__name__)
 
 
 def write_report(folder: Path) -> ReportFiles:
-    """Write report.html and report.pdf of what `pmr study` left in `folder`, into it.
-
-    The page holds its figures, fonts and styles; it asks for nothing from outside.
-    """
+    """Write report.html and report.pdf of what `pmr study` left in `folder`, into it."""
     import weasyprint  # takes a second to load, which only those who write a PDF should wait for
 
+    files = ReportFiles(folder / "report.html", folder / "report.pdf")
+    text = page(folder)
+    files.html.write_text(text, encoding="utf-8")
+    weasyprint.HTML(string=text).write_pdf(files.pdf)
+    _log.info("report written to %s", folder)
+    return files
+
+
+def page(folder: Path) -> str:
+    """The report as HTML: it holds its figures, fonts and styles, and asks for nothing from outside.
+
+    The same results give the same page, byte by byte.
+    """
     summary, studies = studies_in(folder)
     parts = [section(study, f"study-{number}") for number, study in enumerate(studies, start=1)]
-    page = render(str(summary["title"]), parts, summary, studies)
-    files = ReportFiles(folder / "report.html", folder / "report.pdf")
-    files.html.write_text(page, encoding="utf-8")
-    weasyprint.HTML(string=page).write_pdf(files.pdf)
-    _log.info("report of %d studies written to %s", len(parts), folder)
-    return files
+    return render(str(summary["title"]), parts, summary, studies)
 
 
 def render(

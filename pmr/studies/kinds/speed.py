@@ -41,7 +41,7 @@ class Approach:
 
 
 #: ``callbacks`` is the paper's way: dense matrices, rows and loads asked for in every iteration.  Whether it keeps a
-#: Jacobian (``modified`` Newton) it does not say; the ratios that it states are those of one that does.
+#: Jacobian (``modified`` Newton) it does not say; the ratios that it states are close to those of one that does.
 APPROACHES: Mapping[str, Approach] = {
     "ancf": Approach("ancf", None, 15.0),
     "full-callbacks-modified": Approach("dense", exudyn.simulate_with_callbacks_and_modified_newton, 100.0),

@@ -49,7 +49,10 @@ def content(study: FinishedStudy, prefix: str) -> Content:
             "simulator, the ANCF cable with its sliding joint by Exudyn.",
         ],
         blocks=[
-            *(Block(case_name(name), _figures(result, f"{prefix}-{name}")) for name, result in results.items()),
+            *(
+                Block(case_name(name).capitalize(), _figures(result, f"{prefix}-{name}"))
+                for name, result in results.items()
+            ),
             Block("Without the pin's rows", grids=(_dropped(study, results),)),
         ],
         rows=rows,
