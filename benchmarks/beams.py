@@ -1,0 +1,105 @@
+"""The paper's beam in all the sizes that the benchmarks ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from pmr import scene as scenes
+from pmr.body import FullBody
+from pmr.operators import full_model
+from pmr.reduced import ReducedModel
+from pmr.run import reduce
+from pmr.scene import Scene
+from pmr.signals import SignalBase, Sine
+from pmr.simulate import TimeStepping
+from pmr.simulate.modal import ModalForm, modal_form
+from pmr.studies.nested import galerkin
+
+WORKFLOWS = Path(__file__).resolve().parents[1] / "workflows"
+CASES = {"simple": "paper_simple.toml", "evolved": "paper_evolved.toml"}
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Path, loads and time grid of a scene."""
+
+    path: SignalBase
+    loads: tuple[SignalBase, ...]
+    stepping: TimeStepping
+
+    def shorter(self, share: float) -> Drive:
+        """The beginning of it."""
+        steps = max(1, round(share * self.stepping.steps))
+        return replace(self, stepping=replace(self.stepping, end=steps * self.stepping.step))
+
+
+@cache
+def scene(name: str, *settings: str) -> Scene:
+    """A scene of `workflows/`, with settings as ``--set`` takes them."""
+    return scenes.load(WORKFLOWS / name, list(settings))
+
+
+def drive(name: str) -> Drive:
+    """What moves the beam in a case of the paper."""
+    case = scene(CASES[name])
+    stepping = TimeStepping(case.time.end, case.time.step, case.time.rho_inf)
+    return Drive(case.slider.path, tuple(load.signal for load in case.loads), stepping)
+
+
+def sliding(steps: int) -> Drive:
+    """The evolved case's load while the slider moves to and fro in every step, so that none is cheaper than another."""
+    case = drive("evolved")
+    end = steps * case.stepping.step
+    path = Sine(amplitude=1.25, frequency=1.0 / end, offset=2.5)
+    return Drive(path, case.loads, replace(case.stepping, end=end))
+
+
+@cache
+def full(name: str = "evolved", elements: int | None = None, *settings: str) -> FullBody:
+    """The full model of a case, 153 coordinates unless `elements` says otherwise."""
+    more = () if elements is None else (f"mesh.elements={elements}",)
+    body = full_model(scene(CASES[name], *more, *settings)).gather()
+    assert body is not None
+    return body
+
+
+@cache
+def dense(name: str) -> ReducedModel:
+    """The full model with dense matrices, as the paper simulates it."""
+    body = full(name)
+    return galerkin(body, np.eye(body.size))
+
+
+@cache
+def reduced(name: str) -> ReducedModel:
+    """The paper's reduced model: 20 coordinates, two of which its pin's rows hold."""
+    return reduce(scene(CASES[name])).reduced
+
+
+@cache
+def plain(coordinates: int) -> ReducedModel:
+    """The evolved case on that many POD vectors, rows that they satisfy left out."""
+    settings = (f"reduction.coordinates={coordinates}", "reduction.support_rows=drop")
+    return reduce(scene(CASES["evolved"], *settings)).reduced
+
+
+@cache
+def flexible(coordinates: int) -> ReducedModel:
+    """The evolved case on free modes, with the residual flexibility of the rest."""
+    return reduce(scene("evolved_residual.toml", f"reduction.coordinates={coordinates}")).reduced
+
+
+@cache
+def modal(elements: int = 50, sliders: int = 1) -> ModalForm:
+    """A full beam in modal form, held by several sliders 0.2 m apart."""
+    offsets = "[" + ", ".join(f"{0.2 * k:g}" for k in range(sliders)) + "]"
+    return modal_form(full("evolved", elements, f"slider.offsets={offsets}", "compare.against=['full']"))
+
+
+def leading(form: ModalForm, modes: int) -> ModalForm:
+    """The lowest modes alone."""
+    return ModalForm(form.body.leading(modes), form.X[:, :modes], form.inverse[:modes], form.rows)

@@ -1,0 +1,81 @@
+"""Figures of the benchmarks' page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pmr.report.figures.canvas import MUTED, WIDE, key, log_axis, octave_axis, sheet
+from pmr.study_report.axes import SERIES, dots, log_x
+
+
+def growth(found: Mapping[str, Any]) -> Figure:
+    """Time of a step against modes, and against the full beam's coordinates."""
+    figure, axes = sheet(WIDE, 2.4, columns=2, gridspec_kw={"wspace": 0.22})
+    for ax, name, above, label in (
+        (axes[0, 0], "modes", 32, "Modes r (–)"),
+        (axes[0, 1], "full", 100, "Coordinates of the full beam n (–)"),
+    ):
+        size, ns = np.array(found[name]["size"], float), np.array(found[name]["ns"])
+        ax.plot(size, ns, **(dots(0, 3.2) | {"linewidth": 0.0}))
+        fitted = size[size >= above]
+        line = np.exp(np.polyval(np.polyfit(np.log(fitted), np.log(ns[size >= above]), 1), np.log(fitted)))
+        ax.plot(fitted, line, color=SERIES[0][0], linewidth=1.0)
+        _both_logarithmic(ax, size, ns)
+        ax.set_xlabel(label)
+        ax.set_ylabel("Time of a step (ns)")
+    return figure
+
+
+def limit(found: Mapping[str, Any]) -> Figure:
+    """Time of a step above its three lower bounds."""
+    figure, axes = sheet(WIDE, 2.4)
+    ax, sizes = axes[0, 0], found["sizes"]
+    r = np.array([size["r"] for size in sizes], float)
+    step = np.array([size["step_ns"] for size in sizes])
+    handles = ax.plot(r, step, label="a step", **dots(1, 3.4))
+    for number, name in enumerate(("flops", "bytes", "chain")):
+        bound = [size["least_ns"][name] for size in sizes]
+        colour, dash = ("#0072b2", "#00664b", MUTED)[number], ((0, (4, 2)), (0, (1, 1.5)), "-")[number]
+        handles += ax.plot(r, bound, label=f"least by {name}", color=colour, linestyle=dash, linewidth=1.1)
+    everything = np.concatenate([step, *(list(size["least_ns"].values()) for size in sizes)])
+    _both_logarithmic(ax, r, everything)
+    ax.set_xlabel("Modes r (–)")
+    ax.set_ylabel("Time (ns)")
+    key(figure, handles)
+    return figure
+
+
+def offline(found: Mapping[str, Any]) -> Figure:
+    """Seconds of the stages over the coordinates, one rank and two."""
+    figure, axes = sheet(WIDE, 2.8)
+    ax, handles = axes[0, 0], []
+    for number, stage in enumerate(("assemble", "snapshots", "pod", "project")):
+        for ranks in sorted({record["ranks"] for record in found["records"]}):
+            known = [(r["size"], r["seconds"][stage]) for r in found["records"]
+                     if r["ranks"] == ranks and stage in r["seconds"]]  # fmt: skip
+            if known:
+                look = dots(number, 3.2) | (
+                    {"markerfacecolor": SERIES[number][0]} if ranks == 1 else {"linestyle": ":"}
+                )
+                lines = ax.plot(*np.array(known).T, label={"pod": "POD"}.get(stage, stage), **look)
+                handles += lines if ranks == 1 else []
+    sizes = np.array([record["size"] for record in found["records"]], float)
+    seconds = np.array([s for record in found["records"] for s in record["seconds"].values()])
+    log_x(ax, sizes.min() / 1.3, sizes.max() * 1.3)
+    log_axis(ax, float(seconds.min()), float(seconds.max()))
+    ax.set_xlabel("Coordinates of the full model (–)")
+    ax.set_ylabel("Time (s)")
+    key(figure, handles)
+    return figure
+
+
+def _both_logarithmic(ax: Axes, x: Any, y: Any) -> None:
+    log_x(ax, float(np.min(x)) / 1.2, float(np.max(x)) * 1.2)
+    ax.set_yscale("log")
+    octave_axis(ax, float(np.min(y)) / 2.0, float(np.max(y)) * 2.0)
+    ax.set_ylim(float(np.min(y)) / 1.3, float(np.max(y)) * 1.3)

@@ -1,0 +1,90 @@
+"""One run of `benchmarks.offline`: everything before a simulation, on a beam of many elements; prints a JSON line.
+
+Works under mpirun; seconds are those of the slowest rank, memory is counted on each.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import logging
+import resource
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from benchmarks import beams
+from pmr.basis import pod
+from pmr.dolfinx_compat import MPI
+from pmr.errors import ConvergenceError, InputError
+from pmr.frequencies import closed_form_frequencies
+from pmr.operators import FullModel, full_model
+from pmr.parallel import tall
+from pmr.projection import reduced_model
+from pmr.snapshots import Snapshots
+from pmr.snapshots.eigenmodes import eigenmode_snapshots
+
+SNAPSHOTS, MODES, COORDINATES = 5, 6, 20
+
+
+def main(elements: int) -> None:
+    """Assembly, snapshots, POD and projection."""
+    comm, seconds = MPI.COMM_WORLD, dict[str, float]()
+    warned = io.StringIO()
+    logging.basicConfig(stream=warned, level=logging.WARNING, format="%(message)s", force=True)
+
+    @contextlib.contextmanager
+    def stage(name: str) -> Iterator[None]:
+        comm.Barrier()
+        begin = time.perf_counter()
+        yield
+        seconds[name] = comm.allreduce(time.perf_counter() - begin, MPI.MAX)
+
+    full_model(beams.scene(beams.CASES["evolved"]))  # forms compiled
+    scene = beams.scene(beams.CASES["evolved"], f"mesh.elements={elements}", "reduction.solver=slepc")
+    with stage("assemble"):
+        model = full_model(scene)
+    record = {"elements": elements, "size": model.size, "ranks": comm.size, "notes": []}
+    try:
+        with stage("snapshots"):
+            snapshots = eigenmode_snapshots(model, scene)
+        record["first_frequency_error"] = frequency_error(snapshots)
+    except (ConvergenceError, InputError) as error:
+        record["notes"].append(f"snapshots: {error}")
+        snapshots = made_up(model)
+    with stage("pod"):
+        basis = pod(model, snapshots, COORDINATES, "euclidean", "slepc")
+    with contextlib.suppress(InputError), stage("project"):
+        reduced_model(model, basis, {})
+    record["seconds"] = seconds
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    record["peak_MB_a_rank"] = comm.allreduce(own, MPI.MAX)
+    record["notes"] += sorted({line.strip() for line in warned.getvalue().splitlines() if line.strip()})[:1]
+    if comm.rank == 0:
+        print(json.dumps(record), flush=True)
+
+
+def frequency_error(snapshots: Snapshots) -> float:
+    """Largest relative error of the first frequency over the positions, against the closed form."""
+    scene = beams.scene(beams.CASES["evolved"])
+    at = np.unique(snapshots.s)
+    exact = closed_form_frequencies(scene, at, 1)[:, 0]
+    found = [snapshots.omega[snapshots.s == s].min() for s in at]
+    return float(np.abs(found / exact - 1.0).max())
+
+
+def made_up(model: FullModel) -> Snapshots:
+    """A pool of smooth columns of the size of the real one, where double precision gives no eigenmodes any more."""
+    low, high = model.M.getOwnershipRange()
+    x = np.linspace(0.0, 1.0, model.size)[low:high]
+    k = np.arange(1, SNAPSHOTS * MODES + 1)
+    S = tall(np.sin(np.outer(x, k) * np.pi) / k, model.M)
+    empty = np.zeros(len(k))
+    return Snapshots(S, empty, empty, empty, "made up")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

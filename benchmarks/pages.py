@@ -1,0 +1,319 @@
+"""What each section of the page says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from benchmarks import figures
+from pmr.report.numbers import SPACE, percent, plain, quantity, significant
+from pmr.report.sentences import KeyNumber
+from pmr.study_report.content import Block, Content, Grid, drawing
+
+WAYS = {
+    "callbacks": "Exudyn, callbacks (the paper's way)",
+    "updates": "Exudyn, updates once a step",
+    "march": "march, all modes kept",
+    "march, outputs only": "march, 51 outputs kept",
+}
+STAGES = {"assemble": "assembly", "snapshots": "snapshots", "pod": "POD", "project": "projection"}
+
+
+def approaches(found: Mapping[str, Any], prefix: str) -> Content:
+    """Both cases in every way, six coordinates apart."""
+    numbers, grids = [], []
+    for name, case in found["cases"].items():
+        ratio = case["reduced"]["ratio"]["callbacks"]["of_median"]
+        label = f"march against the paper's way, {case['coordinates']['reduced']} coordinates, {name} case"
+        numbers.append(KeyNumber(_times(ratio), label))
+        for size in ("reduced", "full"):
+            grids.append(_ways(name, size, case))
+    small = found["small"]
+    rows = tuple(
+        (name, quantity(t["min"], "s"), quantity(t["median"], "s"), quantity(t["min"] / small["steps"], "s"))
+        for name, t in small["seconds"].items()
+    )
+    caption = (
+        f"Six coordinates, evolved case: {plain(small['span'])}{SPACE}s in {plain(small['steps'])} steps, every step's "
+        "outputs kept."
+    )
+    grids.append(Grid(caption, ("basis and outputs", "least", "median", "a step"), rows))
+    return Content(
+        headline=f"{numbers[-1].value} faster than the paper's way with 20 coordinates, on the same trajectory.",
+        key_numbers=numbers,
+        paragraphs=[
+            "Callbacks are the paper's way: dense matrices, and Python called for rows, their Jacobian and loads in "
+            "every iteration; rows and loads are looked up there, not evaluated, which favours it. Updates set them "
+            "once a step; the full beam is sparse then. Times are those of the solver, difference is the largest one "
+            "of the transverse displacement over all nodes and steps to march, all modes kept. In march, the time is "
+            "that of all steps; the change of coordinates before and after, once a simulation, is not in it."
+        ],
+        blocks=[Block("Solver time and agreement", grids=tuple(grids))],
+    )
+
+
+def _ways(name: str, size: str, case: Mapping[str, Any]) -> Grid:
+    found = case[size]
+    base, shares = found["seconds"]["march"], found["share_of_span"]
+    rows = []
+    for way, times in found["seconds"].items():
+        difference = found["difference"].get(way)
+        rows.append(
+            (
+                WAYS[way],
+                quantity(times["min"], "s"),
+                quantity(times["median"], "s"),
+                _times(times["median"] / base["median"]),
+                "–" if difference is None else quantity(difference, "m", 2),
+            )
+        )
+    parts = [f"{WAYS[way]}: the first {percent(share)} of the time span" for way, share in shares.items() if share < 1]
+    note = f" {'; '.join(parts)}, extrapolated." if parts else ""
+    repeats = max(times["repeats"] for times in found["seconds"].values())
+    caption = f"{name.capitalize()} case, {case['coordinates'][size]} coordinates, {repeats} repeats.{note}"
+    return Grid(caption, ("way", "least", "median", "over march", "difference"), tuple(rows))
+
+
+def latency(found: Mapping[str, Any], prefix: str) -> Content:
+    """One step."""
+    grids = []
+    for kind, title, count in (
+        ("compiled", "In a compiled loop", found["steps"]),
+        ("python", "Called from Python", found["python_calls"]),
+    ):
+        rows = tuple(
+            (name, *(quantity(1e-9 * times[kind][q], "s") for q in ("median", "p99", "p99.9", "worst")))
+            for name, times in found["ns"].items()
+        )
+        caption = f"{title}, {plain(count)} steps, the clock's own time taken off."
+        grids.append(Grid(caption, ("model and outputs", "median", "99 %", "99.9 %", "worst"), rows))
+    first = found["ns"]["r = 20, tip"]
+    return Content(
+        headline=f"{quantity(1e-9 * first['compiled']['median'], 's', 2)} a step with 20 coordinates.",
+        key_numbers=[
+            KeyNumber(quantity(1e-9 * first["compiled"]["median"], "s"), "one step, 20 coordinates, median"),
+            KeyNumber(quantity(1e-9 * first["compiled"]["p99"], "s"), "99 of 100 steps take less"),
+            KeyNumber(_times(1e6 / first["compiled"]["median"]), "faster than the step of 1 ms"),
+        ],
+        paragraphs=[
+            "Each step is timed on its own while the slider moves all the time, so that rows are evaluated in every "
+            f"step. The clock (clock_gettime, {plain(found['clock_ns'])}{SPACE}ns a look) empties the processor's "
+            "pipeline, so a step by itself takes longer than one of many in a row. The worst of a million is the "
+            "operating system's doing: another process had the core. Real-time kernels and isolated cores are the "
+            "remedy; the step itself allocates nothing and makes no system call."
+        ],
+        blocks=[Block("Latency", grids=tuple(grids))],
+    )
+
+
+def growth(found: Mapping[str, Any], prefix: str) -> Content:
+    """Cost against size."""
+    modes, full = found["modes"], found["full"]
+    caption = (
+        "Time of a step while the slider moves. Left: the full beam's modes, the lowest r of them; right: full beams "
+        "of more and more elements. Lines: fitted to the larger sizes."
+    )
+    rows = tuple(
+        (f"{size} {what}", f"{quantity(1e-9 * ns, 's')}", f"{quantity(1e-9 * ns / size, 's')}")
+        for what, key in (("modes", "modes"), ("coordinates (full beam)", "full"))
+        for size, ns in zip(found[key]["size"], found[key]["ns"], strict=True)
+    )
+    others = tuple(
+        (f"{size} {what}", quantity(1e-9 * ns, "s"), quantity(1e-9 * (ns - found[key]["ns"][0]), "s"))
+        for what, key in ((f"rows, {found['rows']['coordinates']} modes", "rows"),
+                          (f"outputs, {found['outputs']['coordinates']} modes", "outputs"))
+        for size, ns in zip(found[key]["size"], found[key]["ns"], strict=True)
+    )  # fmt: skip
+    return Content(
+        headline=f"A step costs r to the power of {significant(modes['exponent'], 2)} and n to that of "
+        f"{significant(full['exponent'], 2)}.",
+        key_numbers=[
+            KeyNumber(significant(modes["exponent"], 2), "exponent in the modes r, from 32 on"),
+            KeyNumber(significant(full["exponent"], 2), "exponent in the full beam's coordinates, from 100 on"),
+        ],
+        blocks=[
+            Block(
+                "Cost against size",
+                rows=((drawing(f"{prefix}-size", figures.growth, caption, found),),),
+                grids=(
+                    Grid("A step, and its share of each mode.", ("size", "a step", "each"), rows),
+                    Grid("Moving rows and outputs.", ("size", "a step", "more than the first"), others),
+                ),
+            )
+        ],
+    )
+
+
+def limit(found: Mapping[str, Any], prefix: str) -> Content:
+    """Distance to what the core can do."""
+    counted = found["a_mode"]
+    rows = tuple(
+        (
+            plain(size["r"]),
+            quantity(1e-9 * size["step_ns"], "s"),
+            *(quantity(1e-9 * size["least_ns"][name], "s") for name in ("flops", "bytes", "chain")),
+            _times(size["factor"]),
+        )
+        for size in found["sizes"]
+    )
+    worst = max(found["sizes"], key=lambda size: size["factor"])
+    best_rate = 1.0 / found["flop_ns"]
+    rate = 1.0 / min(size["byte_ns"] for size in found["sizes"])
+    caption = "Time of a step, and the least that arithmetic, memory and the chain of dependent operations allow."
+    return Content(
+        headline=f"At most {_times(worst['factor'])} the least time that the core allows.",
+        key_numbers=[
+            KeyNumber(_times(worst["factor"]), f"the least possible time, at worst (r = {worst['r']})"),
+            KeyNumber(f"{significant(best_rate)}{SPACE}Gflop/s", "multiply-adds in registers"),
+            KeyNumber(f"{significant(rate)}{SPACE}GB/s", "triad in the first-level cache"),
+        ],
+        paragraphs=[
+            f"A step with one moving row does {counted['flops']} flops and moves {counted['bytes']} bytes for each "
+            f"mode (r rounded up to a multiple of four): 6 flops for the row's cubic, 2 for its product with the "
+            "motion, 31 for the end of the step and the prediction of the next; 15 numbers are read and 7 written, all "
+            f"of them in the first-level cache ({counted['working_set']} bytes a mode). "
+            f"Besides, the multiplier of a step needs that of the one before: {counted['chain']} operations that wait "
+            "for one another, and r/8 more to sum up the product, each of which takes "
+            f"{quantity(1e-9 * found['operation_ns'], 's')} on this core.",
+            "What is left above the largest of the three: the scalars of a step (finding the interval, the Schur "
+            "complement's polynomial and its reciprocal, addresses, loop ends), about a hundred instructions that no "
+            "mode shares, and two ways through the store buffer from one step to the next. It weighs where there are "
+            "few modes, and is gone where there are many.",
+        ],
+        blocks=[
+            Block(
+                "Distance to the limit",
+                rows=((drawing(f"{prefix}-limit", figures.limit, caption, found),),),
+                grids=(Grid(caption, ("r", "a step", "flops", "bytes", "chain", "factor"), rows),),
+            )
+        ],
+    )
+
+
+def peer(found: list[Mapping[str, Any]], prefix: str) -> Content:
+    """Beside pyMOR."""
+    known = [one for one in found if one["installed"]]
+    if not known:
+        return Content(headline="pyMOR is not installed, so nothing was compared.")
+    blocks = []
+    for one in known:
+        rows = tuple(
+            (f"{'POD' if step == 'pod' else 'projection'}: {way}", quantity(t["min"], "s"), quantity(t["median"], "s"))
+            for step, ways in one["seconds"].items()
+            for way, t in ways.items()
+        )
+        agreement = tuple(
+            (
+                {"qr_svd": "QR and SVD", "method_of_snapshots": "method of snapshots"}[method],
+                plain(a["modes"]),
+                significant(a["sigma"], 2),
+                significant(a["sigma_last"], 2),
+                significant(a["angle"], 2),
+            )
+            for method, a in one["agreement"].items()
+        )
+        times = Grid("Seconds.", ("step and way", "least", "median"), rows)
+        apart = Grid(
+            "pyMOR's singular values and basis beside pmr's (TSQR): differences over the largest value, relative one "
+            f"of value {one['coordinates']}, largest angle between the spaces in rad. Projected matrices in the same "
+            f"basis differ by {significant(one['matrices']['M'], 2)} (M) and {significant(one['matrices']['K'], 2)} "
+            "(K) of the largest entry.",
+            ("pyMOR's method", "modes", "σ / σ(1)", "last σ", "angle"),
+            agreement,
+        )
+        heading = f"{one['snapshots']} snapshots of {plain(one['size'])} coordinates"
+        blocks.append(Block(heading, grids=(times, apart)))
+    return Content(
+        headline="The same basis and matrices as pyMOR's QR; its default, the method of snapshots, loses the tail.",
+        paragraphs=[
+            "The pool is the evolved case's, truncated to 20 vectors. pmr's projection gives all of a reduced model: "
+            "M, D, K, inputs, outputs and the moving rows as exact cubics; pyMOR's that of M and K."
+        ],
+        blocks=blocks,
+    )
+
+
+def compiling(found: Mapping[str, Mapping[str, float]], prefix: str) -> Content:
+    """Compile times."""
+    rows = tuple(
+        (loop, *(quantity(times[loop], "s") for times in found.values())) for loop in next(iter(found.values()))
+    )
+    total = sum(found["empty cache"].values())
+    return Content(
+        headline=f"{quantity(total, 's', 2)} once on a machine, then nothing to speak of.",
+        blocks=[
+            Block(
+                "First call of each loop",
+                text="Compiled on the first call and kept on disk. The first loop includes what Numba itself needs to "
+                "start; a process compiles no more than it uses.",
+                grids=(Grid("Wall time of the first call.", ("loop", *found), rows),),
+            )
+        ],
+    )
+
+
+def offline(found: Mapping[str, Any], prefix: str) -> Content:
+    """Everything before a simulation."""
+    caption = "Seconds of each stage against the full model's coordinates; filled: one rank, open: two."
+    rows = []
+    for record in found["records"]:
+        seconds = (quantity(record["seconds"][s], "s") if s in record["seconds"] else "–" for s in STAGES)
+        error = record.get("first_frequency_error")
+        memory = record.get("peak_MB_a_rank")
+        rows.append(
+            (
+                f"{plain(record['size'])} on {record['ranks']}",
+                *seconds,
+                "–" if memory is None else f"{plain(round(memory))}{SPACE}MB",
+                "–" if error is None else significant(error, 2),
+            )
+        )
+    fitted = tuple(
+        (f"{ranks} rank{'s' if ranks != '1' else ''}", *(significant(e[s], 2) if s in e else "–" for s in STAGES))
+        for ranks, e in found["exponents"].items()
+    )
+    notes = sorted(
+        {note for record in found["records"] for note in record["notes"] if note.startswith(("snap", "fail"))}
+    )
+    return Content(
+        headline="From a hundred coordinates on, and where double precision ends.",
+        paragraphs=[
+            "Five positions with six eigenmodes each (SLEPc, shift and invert with MUMPS), POD by TSQR, 20 "
+            "coordinates. Round-off in the stiffness matrix grows with the fourth power of the number of elements: the "
+            "last column is the largest relative error of the first frequency against the closed form. From some 1,500 "
+            "elements on pmr warns; beyond 10,000 the beam's frequencies mean nothing any more, and the larger sizes "
+            "say how long the algorithms take, not that such a mesh should be used. Two ranks on two cores share "
+            "their memory bandwidth.",
+            *notes,
+        ],
+        blocks=[
+            Block(
+                "Offline",
+                rows=((drawing(f"{prefix}-stages", figures.offline, caption, found),),),
+                grids=(
+                    Grid(
+                        "Coordinates and ranks; seconds of the slowest rank; peak memory of a rank.",
+                        ("run", *STAGES.values(), "memory", "frequency error"),
+                        tuple(rows),
+                    ),
+                    Grid("Exponents over the coordinates, fitted from 1,000 on.", ("on", *STAGES.values()), fitted),
+                ),
+            )
+        ],
+    )
+
+
+def _times(ratio: float) -> str:
+    return f"{significant(ratio, 3)}{SPACE}×"
+
+
+#: Title and content of each section, in the order of the page.
+PAGES: Mapping[str, tuple[str, Callable[[Any, str], Content]]] = {
+    "approaches": ("The paper's cases in every way", approaches),
+    "latency": ("One step", latency),
+    "growth": ("Cost against size", growth),
+    "limit": ("Distance to the machine's limit", limit),
+    "compiling": ("Compiling", compiling),
+    "peer": ("POD and projection beside pyMOR", peer),
+    "offline": ("Before the simulation", offline),
+}

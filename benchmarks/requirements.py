@@ -1,0 +1,66 @@
+"""What the project asks of itself, and whether a run of the benchmarks showed it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A bound on a figure, at least or at most; `scale` and `unit` say how it is printed."""
+
+    text: str
+    value: float
+    bound: float
+    least: bool
+    unit: str
+
+    @property
+    def holds(self) -> bool:
+        return self.value >= self.bound if self.least else self.value <= self.bound
+
+
+def judged(sections: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """All requirements of the sections that were run."""
+    return [asdict(requirement) | {"holds": requirement.holds} for requirement in _all(sections)]
+
+
+def _all(sections: Mapping[str, Any]) -> Iterator[Requirement]:
+    if "approaches" in sections:
+        yield from _approaches(sections["approaches"])
+    if "latency" in sections:
+        yield from _latency(sections["latency"]["ns"])
+    if "limit" in sections:
+        factor = max(size["factor"] for size in sections["limit"]["sizes"])
+        yield Requirement("compiled loop over the least time that the core allows", factor, 3.0, False, "ratio")
+
+
+def _approaches(found: Mapping[str, Any]) -> Iterator[Requirement]:
+    for name, case in found["cases"].items():
+        reduced, full = case["reduced"], case["full"]
+        r = case["coordinates"]["reduced"]
+        text = f"{name} case, {r} coordinates: the paper's way in Exudyn over march"
+        yield Requirement(text, reduced["ratio"]["callbacks"]["of_median"], 500.0, True, "ratio")
+        text = f"{name} case, {r} coordinates: largest difference of the trajectories"
+        yield Requirement(text, reduced["difference"]["callbacks"], 1e-9, False, "m")
+        text = f"{name} case, full beam: Exudyn with sparse matrices over march"
+        yield Requirement(text, full["ratio"]["updates"]["of_median"], 200.0, True, "ratio")
+        text = f"{name} case, full beam: largest difference of the trajectories"
+        yield Requirement(text, full["difference"]["updates"], 1e-9, False, "m")
+    for name, seconds in found["small"]["seconds"].items():
+        if "outputs" in name:
+            text = f"evolved case, 6 coordinates ({name}): 15,000 steps"
+            yield Requirement(text, seconds["min"], 1.5e-3, False, "s")
+
+
+def _latency(found: Mapping[str, Any]) -> Iterator[Requirement]:
+    for name, times in found.items():
+        compiled, bound = times["compiled"], 0.5e-6 if name.startswith("r = 20") else 0.3e-6
+        yield Requirement(f"one step, {name}: median", 1e-9 * compiled["median"], bound, False, "s")
+        if name.startswith("r = 20"):
+            yield Requirement(f"one step, {name}: 99 of 100", 1e-9 * compiled["p99"], 5e-6, False, "s")
+        if name.endswith("tip"):
+            text = f"one step from Python, {name}: median"
+            yield Requirement(text, 1e-9 * times["python"]["median"], 0.5e-6, False, "s")

@@ -1,0 +1,54 @@
+"""Times of several ways to do the same, taken in turn, so that a busy machine hits all of them alike."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+#: Does the work and may return the seconds that its solver took; otherwise the call is timed.
+Way = Callable[[], float | None]
+
+
+@dataclass(frozen=True)
+class Times:
+    """Wall seconds of each repeat."""
+
+    seconds: tuple[float, ...]
+
+    @property
+    def least(self) -> float:
+        return min(self.seconds)
+
+    @property
+    def median(self) -> float:
+        return statistics.median(self.seconds)
+
+    def times(self, factor: float) -> Times:
+        """All of them multiplied, where a share of the work was timed."""
+        return Times(tuple(factor * seconds for seconds in self.seconds))
+
+    def summary(self) -> dict[str, float | int]:
+        """For the results file."""
+        return {"min": self.least, "median": self.median, "repeats": len(self.seconds)}
+
+
+def side_by_side(ways: Mapping[str, Way], repeats: int = 5) -> dict[str, Times]:
+    """Times of all ways, one after the other in each of the repeats."""
+    taken: dict[str, list[float]] = {name: [] for name in ways}
+    for _ in range(repeats):
+        for name, way in ways.items():
+            begin = time.perf_counter()
+            told = way()
+            taken[name].append(time.perf_counter() - begin if told is None else told)
+    return {name: Times(tuple(seconds)) for name, seconds in taken.items()}
+
+
+def exponent(x: Array, y: Array) -> float:
+    """Slope of log y over log x by least squares."""
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
