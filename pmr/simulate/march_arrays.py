@@ -50,10 +50,10 @@ class System(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """Constants of o outputs; k intervals."""
+    """Constants of o outputs, o' of them with those added that fill up a cache line; k intervals."""
 
-    of_modes: Array  # (r, o)
-    of_rows: Array  # (k, q, o): X, row after row, highest power first, and W; q = 0 without residual flexibility
+    of_modes: Array  # (r, o')
+    of_rows: Array  # (k, q, o'): X, row after row, highest power first, and W; q = 0 without residual flexibility
 
 
 class State(NamedTuple):

@@ -97,7 +97,7 @@ def outputs(body: ReducedModel, chosen: NDArray[np.int64]) -> Outputs:
         X = rebased(body.flexibility.outputs, breaks).c[:, :, chosen].transpose(1, 3, 0, 2)
         W = np.repeat(body.flexibility.direct[chosen].T[None], len(X), axis=0)
         of_rows = np.concatenate([X.reshape(len(X), -1, o), W], axis=1)
-    return Outputs(aligned(body.outputs[chosen].T), aligned(of_rows))
+    return Outputs(_padded(body.outputs[chosen].T, CACHE_LINE // 8), _padded(of_rows, CACHE_LINE // 8))
 
 
 def table_breaks(body: ReducedModel) -> Array:
@@ -128,9 +128,9 @@ def state(form: ModalForm, scheme: Scheme) -> State:
     )
 
 
-def _padded(array: Array) -> Array:
-    """With zeros at the end of the last axis, up to a whole number of vector registers."""
-    wide = np.zeros((*array.shape[:-1], array.shape[-1] + -array.shape[-1] % LANES))
+def _padded(array: Array, multiple: int = LANES) -> Array:
+    """With zeros at the end of the last axis, up to a whole number of vector registers or cache lines."""
+    wide = np.zeros((*array.shape[:-1], array.shape[-1] + -array.shape[-1] % multiple))
     wide[..., : array.shape[-1]] = array
     return aligned(wide)
 
