@@ -1,0 +1,249 @@
+"""Residual flexibility beside other ways to reduce a sliding beam: error over the number of coordinates.
+
+Bases, each with the same numbers of coordinates, all against the full model's motion with the same step:
+
+pod
+    POD of eigenmodes with the slider held at several positions (Weyrer et al.), supports' rows left out.
+modes
+    Eigenmodes on the supports with the slider released.
+harmonic
+    POD of harmonic responses with the slider held along the visited stretch, up to `band`; M-orthonormal.
+flexibility
+    The same eigenmodes with the flexibility of those left out (docs/moving_residual_flexibility.md).
+inertia
+    These with the inertia of what is left out as well.
+trajectory
+    POD of the full model's own motion, M-orthonormal: no basis of fixed vectors holds more of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy.interpolate import PPoly
+
+from pmr import compare, estimate
+from pmr import scene as scenes
+from pmr.body import Trajectory, displacement
+from pmr.errors import InputError, SimulationError
+from pmr.reduced import ReducedModel
+from pmr.scene import Reduction, Scene
+from pmr.simulate import march
+from pmr.simulate.modal import modal_form
+from pmr.simulate.stepping import loads_at
+from pmr.studies import shared
+from pmr.studies.marching import Drive
+from pmr.studies.results import StudyResults
+from pmr.studies.study import Count, StudyBase
+from pmr.studies.task import Plan, Scalar, Task, TaskResult
+from pmr.truncation import extended, truncated, with_kept_inertia
+
+Array = NDArray[np.float64]
+BASES = ("pod", "modes", "harmonic", "flexibility", "inertia", "trajectory")
+#: Slider positions and frequencies of the harmonic responses, and their structural loss factor.
+POSITIONS, FREQUENCIES, LOSS = 41, 81, 0.02
+#: Every so many steps of the full motion are snapshots of it.
+EVERY = 5
+
+
+class Study(StudyBase):
+    """Each of `scenes` (two sliders or pads are fine, axial coordinates too) with each basis.
+
+    Figures: ``<scene>.<basis>.<r>``, e_NRMS of the beam, and ``ratio.least`` and ``ratio.largest`` of the estimate to
+    the true error, over all scenes and models with residual flexibility whose error is above `round_off`.
+    """
+
+    kind: Literal["residual"]
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)]
+    coordinates: Annotated[tuple[Count, ...], Field(min_length=1)] = (4, 5, 6, 8, 10, 12, 16, 20)
+    band: Annotated[float, Field(gt=0.0)] = 20.0
+    round_off: float = 3e-8
+
+    def plan(self) -> Plan:
+        if list(self.coordinates) != sorted(set(self.coordinates)):
+            raise InputError("study", "coordinates", list(self.coordinates), "increasing numbers are allowed")
+        runs = []
+        for file in self.scenes:
+            scene = scenes.load(file)
+            for basis in BASES:
+                update = {"reduction": _reduction(scene, basis, max(self.coordinates))}
+                arguments = shared.scene_arguments(scene.model_copy(update=update))
+                arguments |= {"basis": basis, "coordinates": list(self.coordinates), "band": self.band}
+                parameters = {"scene": file.stem, "basis": basis}
+                runs.append(Task(f"{file.stem},{basis}", errors, arguments, {}, parameters, cost=2.0))
+        return Plan(tuple(runs))
+
+    def figures(self, results: StudyResults) -> dict[str, Scalar]:
+        found: dict[str, Scalar] = {}
+        ratios = []
+        for run in results.runs:
+            for r in self.coordinates:
+                true, said = run.figures.get(f"beam.{r}"), run.figures.get(f"estimate.{r}")
+                found[f"{run.parameters['scene']}.{run.parameters['basis']}.{r}"] = true
+                if isinstance(true, float) and isinstance(said, float) and true > self.round_off and r >= 5:
+                    ratios.append(said / true)
+        return found | {"ratio.least": min(ratios, default=None), "ratio.largest": max(ratios, default=None)}
+
+
+def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: ``beam.<r>`` and ``force.<r>`` (e_NRMS), ``estimate.<r>`` where there is one; None where there is no model.
+
+    Seconds: ``simulate.<r>``, of the solver alone, and ``full``.
+    """
+    scene = shared.scene_of(arguments)
+    case = _Case.of(scene, arguments["band"])
+    model = _MODELS[arguments["basis"]](case)
+    record: dict[str, Scalar] = {}
+    seconds = {"full": case.run.seconds}
+    for r in arguments["coordinates"]:
+        names = (f"beam.{r}", f"force.{r}", f"estimate.{r}")
+        record |= dict.fromkeys(names)
+        if r > model.largest:
+            continue
+        try:
+            one = model.of(r)
+            case.simulated(one)  # the first run pays for what is loaded and compiled
+            run, y = case.simulated(one)
+        except (SimulationError, InputError):
+            continue
+        seconds[f"simulate.{r}"] = run.seconds
+        record[names[0]] = compare.nrms(y, case.displacement)
+        record[names[1]] = compare.nrms(run.multipliers, case.run.multipliers)
+        if estimate.no_estimate(one) is None:
+            drive = case.drive
+            record[names[2]] = estimate.estimate(one, drive.path, drive.loads, drive.stepping).beam
+    return TaskResult(record, seconds=seconds)
+
+
+@dataclass(frozen=True)
+class _Case:
+    """A scene, its full model in modal coordinates, and the motion of that."""
+
+    scene: Scene
+    drive: Drive
+    band: float
+    full: ReducedModel
+    run: Trajectory
+    displacement: Array
+
+    @classmethod
+    def of(cls, scene: Scene, band: float) -> _Case:
+        body, drive = shared.model_of(scene).gather(), Drive.of(scene)
+        assert body is not None
+        form = modal_form(body)
+        run = march.simulate_modal(form, drive.path, drive.loads, drive.stepping)
+        return cls(scene, drive, band, form.body, run, _outputs(form.body, run, drive))
+
+    def simulated(self, model: ReducedModel) -> tuple[Trajectory, Array]:
+        """Trajectory in modal coordinates, and outputs (T, o)."""
+        form, drive = modal_form(model), self.drive
+        run = march.simulate_modal(form, drive.path, drive.loads, drive.stepping)
+        return run, _outputs(form.body, run, drive)
+
+
+@dataclass(frozen=True)
+class _Models:
+    """Models of one basis by their number of coordinates, up to the largest."""
+
+    of: Callable[[int], ReducedModel]
+    largest: int
+
+
+def _outputs(body: ReducedModel, run: Trajectory, drive: Drive) -> Array:
+    return displacement(body, run.q, run.s, run.deforming, loads_at(drive.loads, run.t))
+
+
+def _reduction(scene: Scene, basis: str, largest: int) -> Reduction:
+    solver = scene.reduction.solver
+    if basis == "pod":
+        return Reduction(coordinates=min(largest, 30), solver=solver)
+    return Reduction(basis="free_modes", flexibility=True, coordinates=largest, solver=solver)
+
+
+def _built(case: _Case) -> ReducedModel:
+    from pmr.run import reduce
+
+    return reduce(case.scene).reduced
+
+
+def _pod(case: _Case) -> _Models:
+    longest = _built(case)
+    return _Models(longest.leading, longest.size)
+
+
+def _modes(case: _Case) -> _Models:
+    longest = replace(_built(case), flexibility=None, companions=None)
+    return _Models(longest.leading, longest.size)
+
+
+def _flexible(case: _Case) -> _Models:
+    longest = _built(case)
+    every = extended(longest) if longest.companions else longest
+    more = every.size - longest.size
+
+    def of(r: int) -> ReducedModel:
+        """With as many companions as the longest model has."""
+        kept = every if r + more == every.size else replace(truncated(every, r + more), companions=None)
+        return truncated(kept, r) if more else kept
+
+    return _Models(of, longest.size)
+
+
+def _inertial(case: _Case) -> _Models:
+    plain = _flexible(case)
+    return _Models(lambda r: with_kept_inertia(plain.of(r)), plain.largest)
+
+
+def _harmonic(case: _Case) -> _Models:
+    r"""Responses to unit loads, z = h (b - c^T lambda) with h = 1 / (omega_j^2 (1 + i eta) - omega^2)."""
+    body = case.full
+    low, high = case.scene.path_bounds
+    pool = []
+    for s in np.linspace(low, high, POSITIONS):
+        c = body.C(s)
+        for omega in 2.0 * np.pi * np.linspace(0.0, case.band, FREQUENCIES)[1:]:
+            h = 1.0 / (np.diagonal(body.K) * (1.0 + 1j * LOSS) - omega**2)
+            force = np.linalg.solve((c * h) @ c.T + np.diag(body.row_compliance), (c * h) @ body.B)
+            z = h[:, None] * (body.B - c.T @ force)
+            pool += [z.real, z.imag]
+    return _spanned(body, np.hstack(pool))
+
+
+def _trajectory(case: _Case) -> _Models:
+    return _spanned(case.full, case.run.q[::EVERY].T)
+
+
+def _spanned(body: ReducedModel, pool: Array) -> _Models:
+    """Models on the POD of a pool of modal coordinates (n, k)."""
+    U, sigma, _ = np.linalg.svd(pool, full_matrices=False)
+    rank = int(np.sum(sigma > sigma[0] * 1e-13))
+    return _Models(lambda r: _projected(body, U[:, :r]), rank)
+
+
+def _projected(body: ReducedModel, U: Array) -> ReducedModel:
+    M, D, K = (U.T @ A @ U for A in (body.M, body.D, body.K))
+    return replace(
+        body,
+        M=(M + M.T) / 2.0,
+        D=(D + D.T) / 2.0,
+        K=(K + K.T) / 2.0,
+        B=U.T @ body.B,
+        outputs=body.outputs @ U,
+        rows=PPoly(np.ascontiguousarray(body.rows.c @ U), body.rows.x),
+    )
+
+
+_MODELS: dict[str, Callable[[_Case], _Models]] = {
+    "pod": _pod,
+    "modes": _modes,
+    "harmonic": _harmonic,
+    "flexibility": _flexible,
+    "inertia": _inertial,
+    "trajectory": _trajectory,
+}
