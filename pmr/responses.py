@@ -25,10 +25,9 @@ Array = NDArray[np.float64]
 Done = Callable[[float], None]
 Respond = Callable[[Scene, SlidingBody, Done | None], Response]
 
-#: A full model of more coordinates than this is simulated by Exudyn's sparse solver: diagonalising costs more.
+#: A full model of more coordinates than this goes through PETSc, for diagonalising costs more.  Exudyn factorises in
+#: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
 MARCHED_UP_TO = 400
-#: One of more coordinates than this by PETSc, which factorises once instead of in every step.
-EXUDYN_UP_TO = 2000
 
 
 @dataclass(frozen=True)
@@ -91,9 +90,7 @@ def full_simulator(scene: Scene, size: int) -> str:
     """Which simulator takes a full model of `size` coordinates: the one that the scene names, or the fastest."""
     if scene.simulation.full != "auto":
         return scene.simulation.full
-    if size <= MARCHED_UP_TO:
-        return "march"
-    return "exudyn" if size <= EXUDYN_UP_TO else "petsc"
+    return "march" if size <= MARCHED_UP_TO else "petsc"
 
 
 def _repeated(scene: Scene, reduced: ReducedModel, simulator: str) -> Response:

@@ -8,7 +8,7 @@ import pytest
 from pmr.dolfinx_compat import MPI
 from pmr.operators import full_model
 from pmr.references import reference, references
-from pmr.responses import EXUDYN_UP_TO, MARCHED_UP_TO, full_simulator
+from pmr.responses import MARCHED_UP_TO, full_simulator
 
 SHORT = ("time.end=0.04", "mesh.elements=20", "slider.path={kind='ramp',times=[0.01,0.03],values=[1.25,1.3]}")
 
@@ -44,10 +44,7 @@ def test_the_cable_is_one_too(load_scene) -> None:
     assert reference("full", scene, model) is not None
 
 
-@pytest.mark.parametrize(
-    ("size", "chosen"),
-    [(MARCHED_UP_TO, "march"), (MARCHED_UP_TO + 1, "exudyn"), (EXUDYN_UP_TO, "exudyn"), (EXUDYN_UP_TO + 1, "petsc")],
-)
+@pytest.mark.parametrize(("size", "chosen"), [(MARCHED_UP_TO, "march"), (MARCHED_UP_TO + 1, "petsc")])
 def test_the_size_decides_unless_the_scene_does(load_scene, size: int, chosen: str) -> None:
     assert full_simulator(load_scene("paper_simple"), size) == chosen
-    assert full_simulator(load_scene("paper_simple", ["simulation.full=petsc"]), size) == "petsc"
+    assert full_simulator(load_scene("paper_simple", ["simulation.full=exudyn"]), size) == "exudyn"
