@@ -59,10 +59,10 @@ class Bending:
     mass: float
     rotary_inertia: float
 
-    def softening(self, h: float) -> float:
-        """(h^2 / 12) Phi / (1 + Phi) in m^2, for the element length h in m."""
+    def softening(self, h: Array) -> Array:
+        """(h^2 / 12) Phi / (1 + Phi) in m^2, for element lengths h in m."""
         if self.shear_stiffness is None:
-            return 0.0
+            return np.zeros_like(h)
         return h**2 / 12.0 / (1.0 + self.shear_stiffness * h**2 / (12.0 * self.stiffness))
 
 
@@ -174,27 +174,24 @@ class Beam3D:
 
     def _motions(self, places: Array) -> sp.csr_matrix:
         """Displacements and rotations at distances along the axis, (6 len(places), n)."""
-        local = np.zeros((len(places), 6, 12))
-        elements = [self._element(at) for at in places]
-        for block, at, e in zip(local, places, elements, strict=True):
-            block[:] = np.kron(np.eye(2), self.axis.frames[e].T) @ self._in_frame(at, e)
-        first = 6 * self.axis.local_cells[elements, 0]
-        columns = np.broadcast_to(first[:, None, None] + np.arange(12), local.shape)
-        ends = np.arange(0, local.size + 1, 12)
+        e = self._elements(places)
+        h = np.diff(self.axis.stations)[e]
+        local = self._in_frame(h, (places - self.axis.stations[e]) / h)
+        turned = np.einsum("qji,qtjk->qtik", self.axis.frames[e], local.reshape(-1, 2, 3, 12))
+        columns = np.broadcast_to(6 * self.axis.local_cells[e, 0, None, None] + np.arange(12), local.shape)
         shape = (6 * len(places), 6 * len(self.axis.local_stations))
-        return sp.csr_matrix(sp.csr_matrix((local.ravel(), columns.ravel(), ends), shape=shape) @ self.transformation)
+        ends = np.arange(0, local.size + 1, 12)
+        return sp.csr_matrix(sp.csr_matrix((turned.ravel(), columns.ravel(), ends), shape=shape) @ self.transformation)
 
-    def _in_frame(self, at: float, e: int) -> Array:
-        """The motion at a place in element e, (6, 12), in its own frame."""
-        h = self.axis.stations[e + 1] - self.axis.stations[e]
-        X = (at - self.axis.stations[e]) / h
-        local = np.zeros((6, 12))
+    def _in_frame(self, h: Array, X: Array) -> Array:
+        """The motion at X h in elements of lengths h, (q, 6, 12), in their own frames."""
+        local = np.zeros((len(h), 6, 12))
         for row, component in ((0, 0), (3, 1)):
-            local[row, [component, 6 + component]] = 1.0 - X, X
+            local[:, row, component], local[:, row, 6 + component] = 1.0 - X, X
         for row, turn, sign, start, plane in zip((1, 2), (5, 4), (1.0, -1.0), (2, 4), self.planes, strict=True):
-            dofs = [start, start + 1, 6 + start, 7 + start]
-            local[row, dofs], slope = _interpolated(plane, h, X)
-            local[turn, dofs] = sign * slope
+            value, slope = _interpolated(plane, h, X)
+            for k, component in enumerate((start, start + 1, 6 + start, 7 + start)):
+                local[:, row, component], local[:, turn, component] = value[k], sign * slope[k]
         return local
 
     def centroid(self, place: str | float) -> Array:
@@ -208,7 +205,7 @@ class Beam3D:
         component, sign = FACES[face]
         points, weights = self._points(window)
         across = sum(window.across) / 2.0
-        frames = self.axis.frames[[self._element(at) for at in points]]
+        frames = self.axis.frames[self._elements(points)]
         normal = sign * frames[:, component]
         turning = np.cross(across * frames[:, 3 - component], normal)  # (theta x arm) n = theta (arm x n)
         weighed = sp.block_diag(np.hstack([normal, turning])[:, None, :], format="csr")
@@ -227,8 +224,9 @@ class Beam3D:
         middle, half = (ends[1:] + ends[:-1])[:, None] / 2.0, np.diff(ends)[:, None] / 2.0
         return (middle + half * x).ravel(), (half * w).ravel()
 
-    def _element(self, at: float) -> int:
-        return int(np.clip(np.searchsorted(self.axis.stations, at, side="right") - 1, 0, len(self.axis.segment) - 1))
+    def _elements(self, places: Array) -> Indices:
+        """Numbers of the elements that hold places along the axis."""
+        return np.clip(np.searchsorted(self.axis.stations, places, side="right") - 1, 0, len(self.axis.segment) - 1)
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         if place not in ENDS:
@@ -244,10 +242,10 @@ class Beam3D:
         return motions.reshape(-1, 6)
 
 
-def _interpolated(plane: Bending, h: float, X: float) -> tuple[Array, Array]:
-    """Weights (4,) of w_1, psi_1, w_2, psi_2 in the deflection at X h and in the rotation of the section there."""
-    scale = np.array([1.0, h, 1.0, h])
-    value, slope = (np.array([np.polyval(np.polyder(p, k), X) for p in HERMITE]) * scale / h**k for k in (0, 1))
-    third = np.array([np.polyval(np.polyder(p, 3), X) for p in HERMITE]) * scale / h**3
+def _interpolated(plane: Bending, h: Array, X: Array) -> tuple[Array, Array]:
+    """Weights (4, q) of w_1, psi_1, w_2, psi_2 in the deflection at X h and in the rotation of the section there."""
+    scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
+    derivatives = {k: np.array([np.polyval(np.polyder(p, k), X) for p in HERMITE]) * scale / h**k for k in (0, 1, 3)}
+    value, slope, third = derivatives.values()
     gamma = -plane.softening(h) * third
     return value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)

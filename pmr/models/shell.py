@@ -142,7 +142,7 @@ class Shell:
         return section(self.mesh, self.nodes, place, degree=2)
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self.trace(str(place)).mean()
+        return self.trace(place).mean()
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         return self.trace(place).motion(about)

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 from pmr.dolfinx_compat import MPI, cellwise, lagrange_space
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.nodes import Nodes, number_nodes
-from pmr.mesh.trace import Trace, coordinates_on, trace
+from pmr.mesh.strip import Strip, Window, face_strip
+from pmr.mesh.trace import Trace, coordinates_on, section, trace
 from pmr.models import DIRECTIONS, Forms
 from pmr.models.regions import by_region, frequency_scale, rigid_motions
 from pmr.scene.structures import Material, SolidBody
@@ -97,18 +98,23 @@ class Solid:
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         return self.nodes.per_component(cells)
 
-    def trace(self, place: str) -> Trace:
-        """Displacements on a named group."""
-        return trace(self.mesh, self.nodes, place, degree=2)
+    def trace(self, place: str | float) -> Trace:
+        """Displacements on a named group, or of a cross-section."""
+        if isinstance(place, str):
+            return trace(self.mesh, self.nodes, place, degree=2)
+        return section(self.mesh, self.nodes, place, degree=2)
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self.trace(str(place)).mean()
+        return self.trace(place).mean()
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        return self.trace(str(place)).motion(about)
+        return self.trace(place).motion(about)
 
     def centroid(self, place: str | float) -> Array:
-        return self.trace(str(place)).centroid
+        return self.trace(place).centroid
+
+    def strip(self, face: str, window: Window) -> Strip:
+        return face_strip(self.mesh, self.nodes, face, window)
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])

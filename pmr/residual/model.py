@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.basis import Basis
+from pmr.dependence import of_flexibility
 from pmr.errors import InputError
 from pmr.operators import FullModel
 from pmr.projection import RANK_CHECKS, galerkin, without_rows
@@ -129,10 +129,10 @@ def _check_independence(model: ReducedModel) -> None:
     """G + 1/k must be positive definite over the path, ends excepted: there a slider may sit on a support."""
     assert model.flexibility is not None
     for s in _spread(model):
-        G = model.flexibility.rows(s) + np.diag(model.row_compliance)
-        scale = np.sqrt(np.diag(G))
-        if scipy.linalg.eigvalsh(G / np.outer(scale, scale))[0] < INDEPENDENT:
-            names = ", ".join(model.row_names)
+        F = model.flexibility.rows(s) + np.diag(model.row_compliance)
+        found = of_flexibility(F, model.row_names)
+        if found.measure < INDEPENDENT:
+            names = ", ".join(found.names)
             allowed = f"the rows {names} depend on each other at s = {s:.4g} m; other sliders or supports are allowed"
             raise InputError("scene", "slider.offsets", None, allowed)
 

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from boxes import box
+
+from pmr.basis import modal_basis
+from pmr.boom import Scene, boom_pads, reference_scene
+from pmr.compare import nrms
+from pmr.dolfinx_compat import MPI
+from pmr.errors import InputError
+from pmr.models.beam3d import Beam3D
+from pmr.models.shell import Shell
+from pmr.operators import FullModel
+from pmr.reduced import ReducedModel
+from pmr.residual.model import flexible_model
+from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
+from pmr.simulate import march
+from pmr.simulate.modal import modal_form
+from pmr.snapshots.free_modes import free_modes
+from pmr.structure import structural_model
+from pmr.yielding import Yielding
+
+pytestmark = pytest.mark.mpi
+LOADS = np.array([1500.0, 700.0, 9.81])
+
+
+def shell() -> Shell:
+    return Shell(ShellBody(plate=Plate(thickness=0.008)), box(length=6.0, along=16, around=2, skew=0.2))
+
+
+def beam() -> Beam3D:
+    profile = BoxProfile(width=0.3, height=0.4, wall=0.008)
+    return Beam3D(Beam3DBody(points=((0.0, 0.0, 0.0), (6.0, 0.0, 0.0)), profile=profile, elements=20, shear=True))
+
+
+def reduced(full: FullModel, r: int) -> ReducedModel:
+    return flexible_model(full, modal_basis(free_modes(full, r)), {})
+
+
+def at_rest(body: ReducedModel, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Outputs (T, o) and multipliers (T, m) in equilibrium under `LOADS`."""
+    rows = Yielding(body)
+    system = rows.system(s)
+    f = np.tile(LOADS, (len(s), 1))
+    q = np.linalg.solve(system[..., : body.size], (system[..., body.size :] @ LOADS)[..., None])[..., 0]
+    multipliers = rows.multipliers(s, q, f)
+    assert body.flexibility is not None
+    return q @ body.outputs.T + body.flexibility.displacement(s, multipliers, f), multipliers
+
+
+@pytest.fixture(scope="module", params=[shell, beam])
+def scene(request) -> Scene:
+    return reference_scene(request.param())
+
+
+def test_statics_is_that_of_the_full_model(scene: Scene) -> None:
+    """With two rigid turns and two modes: what is left out is answered by the tables, everywhere on the path."""
+    full = structural_model(scene.structure)
+    body = reduced(full, 4)
+    s = np.array([1.5, 1.777, 2.9, 4.0])
+    y, multipliers = at_rest(body, s)
+    whole = MPI.COMM_WORLD.bcast(full.gather())
+    for k, place in enumerate(s):
+        C = whole.C(place)
+        answer = np.linalg.solve(
+            np.block([[whole.K.toarray(), C.T.toarray()], [C.toarray(), -np.diag(whole.row_compliance)]]),
+            np.concatenate([whole.B @ LOADS, np.zeros(C.shape[0])]),
+        )
+        released = [full.rows.names.index(name) for name in body.row_names]
+        forces = answer[whole.size :][released]
+        assert multipliers[k] == pytest.approx(forces, abs=1e-6 * np.abs(forces).max())
+        expected = whole.outputs @ answer[: whole.size]
+        for part in (slice(0, 60), slice(60, None)):  # displacements, forces
+            assert y[k, part] == pytest.approx(expected[part], abs=1e-6 * np.abs(expected[part]).max())
+
+
+def test_rigid_pads_on_a_section_that_can_not_deform_are_named() -> None:
+    model = beam()
+    pads = boom_pads((1.5, 4.0), stiffness=np.inf)
+    pads = replace(pads, fixed=tuple(replace(pad, stiffness=3e8) for pad in pads.fixed))
+    full = structural_model(replace(reference_scene(model).structure, pads=pads))
+    with pytest.raises(InputError, match="the rows mouth .* depend on each other at s ="):
+        reduced(full, 6)
+
+
+def node_passing_share(body: ReducedModel, spacing: float) -> float:
+    """Largest amplitude of a pad force at the wavelength of the nodes, over the largest force."""
+    s = np.linspace(1.6, 1.6 + 6 * spacing, 1201)
+    forces = at_rest(body, s)[1]
+    u = np.linspace(-1.0, 1.0, len(s))
+    smooth = np.polynomial.chebyshev.chebfit(u, forces, 8)
+    rest = forces - np.polynomial.chebyshev.chebval(u, smooth).T
+    window = np.hanning(len(s))[:, None]
+    content = 2.0 * np.abs(np.sum(window * rest * np.exp(-2j * np.pi * s / spacing)[:, None], axis=0)) / window.sum()
+    return float(content.max() / np.abs(forces).max())
+
+
+@pytest.mark.slow
+def test_pad_forces_hardly_feel_the_nodes() -> None:
+    """Cells a third of the pad long, cut by one diagonal and skewed, so that nothing is alike on any two walls.
+
+    What ripples is how the side pads, each on the middle of a thin wall, share the lateral force: 0.7 % of the largest
+    force.  Cells as long as the pad and longer don't resolve how the wall gives way under it: 3 to 4 %.
+    """
+    model = Shell(ShellBody(plate=Plate(thickness=0.008)), box(length=6.0, along=60, around=4, skew=0.2))
+    body = reduced(structural_model(reference_scene(model).structure), 4)
+    for spacing in (0.1, 0.05):
+        assert node_passing_share(body, spacing) < 0.01
+
+
+@pytest.mark.slow
+def test_ten_coordinates_follow_the_boom(scene: Scene) -> None:
+    """Against 150 with residual flexibility; the full model's errors are in the documentation."""
+    full = structural_model(scene.structure)
+    found = [
+        march.observe(modal_form(reduced(full, r)), scene.path, scene.loads, scene.stepping)
+        for r in (10, min(150, full.size // 2))
+    ]
+    few, many = ((o.y[:, 58:60], o.y[:, :58], np.hstack([o.multipliers, o.y[:, 60:]])) for o in found)
+    assert max(nrms(a, b) for a, b in zip(few, many, strict=True)) < 0.003
