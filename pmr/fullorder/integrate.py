@@ -1,17 +1,20 @@
 r"""Generalized-alpha on the full model, one solve with a constant matrix a step.
 
-With q*, v* what position and velocity become without the new acceleration, dq and dv what that adds to them,
-S = M + dv D + dq K and D = alpha M + beta K (Arnold, Bruels: Convergence of the generalized-alpha scheme for
-constrained mechanical systems, Multibody System Dynamics 18, 2007, equations 5 to 7), the end of the step is
+With q*, v* what position and velocity become without the new acceleration, dq and dv what that adds to them, and
+S = M + dv D + dq K (Arnold, Bruels: Convergence of the generalized-alpha scheme for constrained mechanical systems,
+Multibody System Dynamics 18, 2007, equations 5 to 7), the step's end is
 
 .. math::
-    p = \frac{q^* + \beta v^*}{dq + \beta\, dv}, \qquad
-    S b = B f + M \big( (1 + \alpha\, dv) p - \alpha v^* \big) - C^T \lambda, \qquad \ddot q = b - p
+    S b = B f + M q^* / dq + D (q^* dv / dq - v^*) - C^T \lambda, \qquad
+    q = dq\, b, \quad \ddot q = b - q^* / dq, \quad v = v^* + dv\, \ddot q
 
-in which K is not needed.  Any other damping is a product more.  lambda follows from what q would be without it:
+in which K is not needed, and lambda follows from the b that it would be without it:
 
 .. math::
-    (dq\, C S^{-1} C^T + 1/k)\, \lambda = C q_{free}, \qquad q_{free} = q^* + dq\, (b_{free} - p)
+    (dq\, C S^{-1} C^T + 1/k)\, \lambda = dq\, C b_{free}
+
+Rayleigh damping would allow to do without the product with D too, but its factors can't be had back from D: in the
+entries of a shell the mass' part drowns in that of the stiffness, and is known to six digits only.
 """
 
 from __future__ import annotations
@@ -21,11 +24,10 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import MPI
+from pmr.dolfinx_compat import MPI, PETSc
 from pmr.errors import SimulationError
 from pmr.fullorder.checkpoint import Checkpoint
 from pmr.fullorder.constraint import Constraint
-from pmr.fullorder.damping import split
 from pmr.fullorder.effective import Factor, effective_matrix, without_zeros
 from pmr.fullorder.history import History, Recorder, Watch
 from pmr.fullorder.resume import Keeper, identity
@@ -118,7 +120,8 @@ class Integrator:
         S = effective_matrix(model, self._v_gain, self._q_gain)
         self._factor = Factor(S, "M + dv D + dq K")
         S.destroy()
-        self._M, self._damping = without_zeros(model.M), split(model)
+        self._M = without_zeros(model.M)
+        self._D = model.D if model.D.norm(PETSc.NormType.NORM_INFINITY) > 0.0 else None
         self._B = local_csr(model.inputs)
         self._x, self._right = model.M.createVecs()
         self._b = self._right.duplicate()
@@ -134,19 +137,18 @@ class Integrator:
         """
         self.constraint.move(step)
         q, v, a = self._predict(state)
-        p = (q + self._damping.stiffness * v) / (self._q_gain + self._damping.stiffness * self._v_gain)
-        acceleration = self._free(p, v, f) - p
-        motion = self.constraint.rows.apply(q + self._q_gain * acceleration)
-        motion, total, flags = _summed(self._comm, motion, float(acceleration.sum()), flag)
+        scaled = q / self._q_gain
+        b = self._free(scaled, v, f)
+        motion = self._q_gain * self.constraint.rows.apply(b)
+        motion, total, flags = _summed(self._comm, motion, float(b.sum()), flag)
         if not np.isfinite(total):
             raise SimulationError("not finite")
         multipliers = self.constraint.multipliers(motion)
-        if len(multipliers):
-            acceleration -= self.constraint.correction(multipliers)
+        b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
+        acceleration = b - scaled
         a += (1.0 - self._method.alpha_f) / (1.0 - self._method.alpha_m) * acceleration
-        q += self._q_gain * acceleration
         v += self._v_gain * acceleration
-        return State(q, v, a, acceleration, multipliers), flags
+        return State(self._q_gain * b, v, a, acceleration, multipliers), flags
 
     def _predict(self, state: State) -> tuple[Array, Array, Array]:
         """q*, v* and a without the new acceleration."""
@@ -155,14 +157,13 @@ class Integrator:
         q = state.q + h * state.v + h**2 * ((0.5 - method.beta) * state.a + method.beta * a)
         return q, state.v + h * ((1.0 - method.gamma) * state.a + method.gamma * a), a
 
-    def _free(self, p: Array, v: Array, f: Array) -> Array:
+    def _free(self, scaled: Array, v: Array, f: Array) -> Array:
         """Free of the rows' forces: b_free; this rank's rows, overwritten by the next call."""
-        alpha, rest = self._damping.mass, self._damping.rest
-        self._x.getArray()[:] = (1.0 + alpha * self._v_gain) * p - alpha * v
+        self._x.getArray()[:] = scaled
         self._M.mult(self._x, self._right)
-        if rest is not None:
-            self._x.getArray()[:] = self._v_gain * p - v
-            rest.multAdd(self._x, self._right, self._right)
+        if self._D is not None:
+            self._x.getArray()[:] = self._v_gain * scaled - v
+            self._D.multAdd(self._x, self._right, self._right)
         self._right.getArray()[:] += self._B @ f
         self._factor.solve(self._right, self._b)
         return np.asarray(self._b.getArray())
