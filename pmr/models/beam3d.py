@@ -208,7 +208,8 @@ class Beam3D:
         frames = self.axis.frames[self._elements(points)]
         normal = sign * frames[:, component]
         turning = np.cross(across * frames[:, 3 - component], normal)  # (theta x arm) n = theta (arm x n)
-        weighed = sp.block_diag(np.hstack([normal, turning])[:, None, :], format="csr")
+        entries, ends = np.hstack([normal, turning]).ravel(), 6 * np.arange(len(points) + 1)
+        weighed = sp.csr_matrix((entries, np.arange(len(entries)), ends))
         return Strip(points, np.full(len(points), across), weights, sp.csr_matrix(weighed @ self._motions(points)))
 
     def _points(self, window: Window) -> tuple[Array, Array]:
