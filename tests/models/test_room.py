@@ -120,7 +120,7 @@ def test_a_cantilever_bends_and_sags_as_a_beam(model: StructuralModel) -> None:
 def test_the_frequency_scale_has_the_right_magnitude(model: StructuralModel) -> None:
     EI, mass = STEEL.young * WIDTH * DEPTH**3 / 12, MASS / LENGTH
     first = 3.516 * np.sqrt(EI / mass) / LENGTH**2
-    assert first / 4.0 < model.reference_frequency < first
+    assert first / 4.0 < model.reference_frequency < 0.8 * first
 
 
 def test_a_missing_place_is_refused(model: StructuralModel) -> None:
