@@ -3,7 +3,7 @@
 .NOTPARALLEL:
 SHELL := /bin/bash
 
-PINS := $(filter-out requirements/snakemake.txt, $(wildcard requirements/*.txt)) pyproject.toml
+PINS := $(filter-out requirements/snakemake.txt requirements/benchmarks.txt, $(wildcard requirements/*.txt)) pyproject.toml
 
 # The form compiler calls cc at run time, WeasyPrint loads Pango and HarfBuzz, gmsh (without a window) X libraries, and
 # on Debian's default BLAS a MUMPS factor takes six times as long as on OpenBLAS.
@@ -65,6 +65,19 @@ setup: .venv/.ready ## install what is missing: Debian packages, then the pinned
 report: setup ## the paper's two cases, full against reduced: reports/paper/report.html and .pdf
 	@.venv/bin/pmr run workflows/paper_simple.toml workflows/paper_evolved.toml --out reports/paper
 
+# What is compared with, and nothing else needs.
+.venv/.bench: requirements/benchmarks.txt .venv/.ready
+	@.venv/bin/python -m pip install -q -r requirements/benchmarks.txt
+	@touch $@
+
+.PHONY: bench
+bench: setup .venv/.bench ## ratios to the paper's way, peers, the machine's limit: reports/benchmarks (some minutes, quiet machine)
+	@.venv/bin/python -m benchmarks
+
+.PHONY: bench-full
+bench-full: setup .venv/.bench ## the same with the paper's way over its whole time span, and a million coordinates
+	@.venv/bin/python -m benchmarks --long
+
 .PHONY: test
 test: lint test-suite test-mpi ## lint, the whole suite, two ranks; in CI the wheel stack too
 	@if [ "$$CI" != true ]; then echo "wheel stack not tested: make test-wheel does it"; \
@@ -121,5 +134,5 @@ test-wheel: .venv-wheel/.ready ## the suite and the two ranks on the wheel stack
 
 .PHONY: clean
 clean: ## remove what make and the tests made, the venvs too
-	rm -rf .venv .venv-wheel .venv-snakemake .snakemake build dist reports/paper .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf .venv .venv-wheel .venv-snakemake .snakemake build dist reports/paper reports/benchmarks .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 	find pmr tests -name __pycache__ -prune -exec rm -rf {} +

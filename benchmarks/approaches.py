@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
 from pmr.body import SlidingBody, Trajectory, displacement
-from pmr.simulate import exudyn, march
+from pmr.simulate import Simulator, exudyn, march
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.stepping import loads_at
 
@@ -51,46 +51,48 @@ def _observe(form: ModalForm, drive: beams.Drive, chosen: Sequence[int]) -> floa
 
 def _size(name: str, body: SlidingBody, as_in_paper: SlidingBody, share: float, repeats: int) -> dict[str, Any]:
     drive, form = beams.drive(name), modal_form(body)
-    part = drive.shorter(share)
-    found: dict[str, Array] = {}
+    parts = drive.stretches(share)
+    found: dict[str, list[Array]] = {}
 
-    def by(way: str, simulate: Callable[..., Trajectory], body: SlidingBody, drive: beams.Drive) -> Callable[[], float]:
+    def by(way: str, simulate: Simulator, body: SlidingBody, drives: Sequence[beams.Drive]) -> Callable[[], float]:
         def run() -> float:
-            trajectory = simulate(body, drive.path, drive.loads, drive.stepping)
-            found[way] = _outputs(body, trajectory, drive)
-            return trajectory.seconds
+            trajectories = [simulate(body, each.path, each.loads, each.stepping) for each in drives]
+            found[way] = [_outputs(body, *both) for both in zip(trajectories, drives, strict=True)]
+            return sum(trajectory.seconds for trajectory in trajectories)
 
         return run
-
-    def quickest(run: Callable[[], float]) -> Callable[[], float]:
-        return lambda: min(run() for _ in range(MARCHES))
-
-    def observed() -> float:
-        seen = march.observe(form, drive.path, drive.loads, drive.stepping)
-        found["march, outputs only"] = seen.y
-        return seen.seconds
 
     def modal() -> float:
         return march.simulate_modal(form, drive.path, drive.loads, drive.stepping).seconds
 
-    march.simulate(body, drive.path, drive.loads, drive.shorter(0.001).stepping)  # compiled before the clock runs
-    found["march"] = _outputs(body, march.simulate(body, drive.path, drive.loads, drive.stepping), drive)
+    by("march, parts", march.simulate, body, parts)()  # compiled before the clock runs
+    by("march", march.simulate, body, [drive])()
+    everything = list(range(len(body.output_positions)))
+    callbacks, modified = exudyn.simulate_with_callbacks, exudyn.simulate_with_callbacks_and_modified_newton
     times = side_by_side(
         {
-            "callbacks": by("callbacks", exudyn.simulate_with_callbacks, as_in_paper, part),
-            "updates": by("updates", exudyn.simulate, body, drive),
-            "march": quickest(modal),
-            "march, outputs only": quickest(observed),
+            "callbacks": by("callbacks", callbacks, as_in_paper, parts),
+            "callbacks, Jacobian kept": by("callbacks, Jacobian kept", modified, as_in_paper, parts),
+            "updates": by("updates", exudyn.simulate, body, [drive]),
+            "march": _quickest(modal),
+            "march, outputs only": _quickest(partial(_observe, form, drive, everything)),
         },
         repeats,
     )
-    times["callbacks"] = times["callbacks"].times(1.0 / share)
+    scale = drive.stepping.steps / sum(part.stepping.steps for part in parts)
+    partly = [way for way in times if way.startswith("callbacks")]
+    times |= {way: times[way].times(scale) for way in partly}
     return {
-        "share_of_span": {"callbacks": share},
+        "share_of_span": dict.fromkeys(partly, share),
         "seconds": {way: taken.summary() for way, taken in times.items()},
-        "ratio": {way: _ratio(times[way], times["march"]) for way in ("callbacks", "updates")},
-        "difference": {way: _difference(found[way], found["march"]) for way in found if way != "march"},
-    }
+        "ratio": {way: _ratio(times[way], times["march"]) for way in (*partly, "updates")},
+        "difference": {way: _difference(found[way], found["march, parts" if way in partly else "march"])
+                       for way in (*partly, "updates")},
+    }  # fmt: skip
+
+
+def _quickest(run: Callable[[], float]) -> Callable[[], float]:
+    return lambda: min(run() for _ in range(MARCHES))
 
 
 def _outputs(body: SlidingBody, trajectory: Trajectory, drive: beams.Drive) -> Array:
@@ -102,5 +104,5 @@ def _ratio(slow: Times, fast: Times) -> dict[str, float]:
     return {"of_min": slow.least / fast.least, "of_median": slow.median / fast.median}
 
 
-def _difference(a: Array, b: Array) -> float:
-    return float(np.abs(a - b[: len(a)]).max())
+def _difference(a: Sequence[Array], b: Sequence[Array]) -> float:
+    return max(float(np.abs(one - other).max()) for one, other in zip(a, b, strict=True))

@@ -17,9 +17,11 @@ from pmr.scene import Scene
 from pmr.signals import SignalBase, Sine
 from pmr.simulate import TimeStepping
 from pmr.simulate.modal import ModalForm, modal_form
+from pmr.studies.kinds.speed import Later
 from pmr.studies.nested import galerkin
 
 WORKFLOWS = Path(__file__).resolve().parents[1] / "workflows"
+STRETCHES = 8
 CASES = {"simple": "paper_simple.toml", "evolved": "paper_evolved.toml"}
 
 
@@ -35,6 +37,20 @@ class Drive:
         """The beginning of it."""
         steps = max(1, round(share * self.stepping.steps))
         return replace(self, stepping=replace(self.stepping, end=steps * self.stepping.step))
+
+    def stretches(self, share: float) -> list[Drive]:
+        """All of it, or eight stretches that make up a share, spread evenly, each from rest."""
+        if share == 1.0:
+            return [self]
+        step, part = self.stepping.step, self.stepping.end / STRETCHES
+        length = max(1, round(share * self.stepping.steps / STRETCHES)) * step
+        begins = [(k + 0.5) * part - 0.5 * length for k in range(STRETCHES)]
+        stepping = replace(self.stepping, end=length)
+        return [Drive(_later(self.path, t), tuple(_later(f, t) for f in self.loads), stepping) for t in begins]
+
+
+def _later(signal: SignalBase, begin: float) -> SignalBase:
+    return Later(signal=signal, begin=begin)
 
 
 @cache

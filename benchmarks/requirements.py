@@ -43,6 +43,8 @@ def _approaches(found: Mapping[str, Any]) -> Iterator[Requirement]:
         r = case["coordinates"]["reduced"]
         text = f"{name} case, {r} coordinates: the paper's way in Exudyn over march"
         yield Requirement(text, reduced["ratio"]["callbacks"]["of_median"], 500.0, True, "ratio")
+        text = f"{name} case, {r} coordinates: the same with a Jacobian that is kept, over march"
+        yield Requirement(text, reduced["ratio"]["callbacks, Jacobian kept"]["of_median"], 500.0, True, "ratio")
         text = f"{name} case, {r} coordinates: largest difference of the trajectories"
         yield Requirement(text, reduced["difference"]["callbacks"], 1e-9, False, "m")
         text = f"{name} case, full beam: Exudyn with sparse matrices over march"
