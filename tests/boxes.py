@@ -24,6 +24,7 @@ def box(length: float = 2.0, along: int = 8, around: int = 2, skew: float = 0.0)
     i, j = (g.ravel() for g in np.meshgrid(np.arange(along), np.arange(n), indexing="ij"))
     a, b = i * n + j, i * n + (j + 1) % n
     triangles = np.concatenate([np.stack([a, b, b + n], axis=1), np.stack([a, b + n, a + n], axis=1)])
+    triangles[::3] = triangles[::3, ::-1]  # whatever side a mesh generator takes for the outer one
     wall = np.tile(j // around, 2)
     ends = [np.stack([np.arange(n), (np.arange(n) + 1) % n], axis=1) + k * along * n for k in (0, 1)]
     none = np.empty(0, int)

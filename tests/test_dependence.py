@@ -37,4 +37,4 @@ def test_a_row_that_vanishes_is_named() -> None:
 
 
 def test_more_rows_than_coordinates_depend_on_each_other() -> None:
-    assert of_rows(rows(0.5)[:, :3], NAMES).measure == 0.0
+    assert of_rows(rows(0.5)[:, [0, 1, 3]], NAMES).measure == 0.0
