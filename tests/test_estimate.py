@@ -55,6 +55,18 @@ def test_it_is_the_error_and_a_margin(body: str, r: int) -> None:
     assert found.seconds > 0.0
 
 
+def test_what_the_companions_say_is_scaled_by_their_share() -> None:
+    model, larger = inertial(full_body(30), 14, companions=2), inertial(full_body(30), 16)
+    found, y = estimate(model, PATH, LOADS[0], STEPPING), []
+    for one in (model, larger):
+        run = march.simulate(one, PATH, LOADS[0], STEPPING)
+        y.append(displacement(one, run.q, run.s, run.multipliers, loads_at([LOADS[0]], run.t)))
+    assert found.kappa < 0.9
+    assert found.beam == pytest.approx(MARGIN / found.kappa * nrms_error(y[1], y[0]), rel=1e-3)
+    assert found.tip == pytest.approx(MARGIN / found.kappa * nrms_error(y[1][:, -1:], y[0][:, -1:]), rel=1e-3)
+    assert np.abs(found.error - (y[1] - y[0]) / found.kappa).max() < 1e-3 * np.abs(found.error).max()
+
+
 def test_the_error_of_a_model_with_its_inertia_kept() -> None:
     full = full_body(30)
     w, model = truth(full, PATH, LOADS[0], STEPPING), inertial(full, 6, companions=4)

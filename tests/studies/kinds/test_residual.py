@@ -1,0 +1,108 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from finished import WORKFLOWS, finished, short_scene
+
+from pmr import compare, scene
+from pmr.errors import InputError
+from pmr.responses import simulate_reduced, simulate_reference
+from pmr.run import reduce
+from pmr.studies import files
+from pmr.studies.kinds import residual
+from pmr.studies.results import StudyResults
+from pmr.studies.task import number
+from pmr.study_report.finished import FinishedStudy
+from pmr.study_report.sections.residual import content
+
+pytestmark = pytest.mark.slow
+
+SMALL = """
+kind = "residual"
+title = "Two sizes"
+scenes = ["short.toml"]
+coordinates = [5, 8]
+"""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    folder = tmp_path_factory.mktemp("small")
+    short_scene(folder, "evolved_residual")
+    return finished(folder, SMALL)
+
+
+def figures(small: StudyResults) -> dict[str, dict]:
+    return {str(run.parameters["basis"]): dict(run.figures) for run in small.runs}
+
+
+def test_each_basis_is_a_row_with_every_size(small: StudyResults) -> None:
+    assert [run.key for run in small.runs] == [f"short,{basis}" for basis in residual.BASES]
+    for basis, found in figures(small).items():
+        assert set(found) == {f"{name}.{r}" for name in ("beam", "force", "estimate") for r in (5, 8)}
+        assert (found["estimate.5"] is not None) == (basis in ("flexibility", "inertia"))
+        assert {"full", "simulate.8"} <= set(next(r for r in small.runs if r.parameters["basis"] == basis).seconds)
+
+
+@pytest.mark.parametrize("inertia", ["false", "true"])
+def test_errors_are_those_of_a_run(small: StudyResults, inertia: str) -> None:
+    choice = ["reduction.coordinates=5", f"reduction.residual_inertia={inertia}", "simulation.simulators=['march']"]
+    short = scene.load(small.folder / "short.toml", choice)
+    reduction = reduce(short)
+    body = reduction.model.gather()
+    assert body is not None
+    full, reduced = simulate_reference("full", short, body), simulate_reduced(short, reduction.reduced)
+    found = figures(small)["inertia" if inertia == "true" else "flexibility"]["beam.5"]
+    assert found == pytest.approx(compare.nrms(reduced.displacement, full.displacement), rel=1e-3)
+
+
+def test_what_is_left_out_counts(small: StudyResults) -> None:
+    found = {basis: number(figures(small)[basis]["beam.8"]) for basis in residual.BASES}
+    assert found["inertia"] < found["flexibility"] < 0.5 * found["modes"] < found["pod"]
+    for basis in ("flexibility", "inertia"):
+        assert 1.0 < number(figures(small)[basis]["estimate.8"]) / found[basis] < 2.0
+
+
+def test_the_motions_own_basis_is_exact_with_all_it_spans(small: StudyResults) -> None:
+    short = scene.load(small.folder / "short.toml")
+    case = residual._Case.of(short, 20.0)
+    models = residual._trajectory(case)
+    assert 20 <= models.largest < case.full.size
+    error = compare.nrms(case.simulated(models.of(models.largest))[1], case.displacement)
+    assert error < 1e-2 * number(figures(small)["trajectory"]["beam.8"])
+
+
+def test_harmonic_responses_are_those_of_the_held_beam(small: StudyResults) -> None:
+    """A response at one frequency, from the constrained equations in one piece."""
+    short = scene.load(small.folder / "short.toml")
+    case = residual._Case.of(short, 20.0)
+    body, omega = case.full, 2.0 * np.pi * 20.0 / (residual.FREQUENCIES - 1)
+    C = body.C(short.path_bounds[0])
+    A = body.K * (1.0 + 1j * residual.LOSS) - omega**2 * body.M
+    kkt = np.block([[A, C.T], [C, np.zeros((1, 1))]])
+    z = np.linalg.solve(kkt, np.concatenate([body.B, np.zeros((1, 1))]))[:-1, 0]
+    model = residual._harmonic(case)
+    U = np.linalg.lstsq(body.outputs, model.of(model.largest).outputs, rcond=None)[0]
+    for part in (z.real, z.imag):
+        assert np.linalg.norm(part - U @ (U.T @ part)) < 1e-6 * np.linalg.norm(z)
+
+
+def test_it_is_reported(small: StudyResults) -> None:
+    study = FinishedStudy.load(small.folder)
+    assert 1.0 < study.figure("ratio.least") < study.figure("ratio.largest") < 2.0
+    said = content(study, "study-1")
+    assert "8 free modes" in said.headline and "scene short" in said.headline
+    of_errors, ratios = said.blocks[0].grids
+    assert [row[0] for row in of_errors.rows] == ["short"] and len(of_errors.rows[0]) == 1 + len(residual.BASES)
+    assert [row[0] for row in ratios.rows] == ["short, residual flexibility", "short, its inertia too"]
+    assert all(1.0 < float(cell) < 2.0 for row in ratios.rows for cell in row[1:])
+    assert all("<svg" in drawing.svg for block in said.blocks for row in block.rows for drawing in row)
+
+
+def test_sizes_that_do_not_increase_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "study.toml"
+    file.write_text(SMALL.replace("[5, 8]", "[8, 5]").replace("short.toml", str(WORKFLOWS / "evolved_residual.toml")))
+    with pytest.raises(InputError, match="coordinates = .8, 5.: increasing numbers are allowed"):
+        files.load(file)
