@@ -135,5 +135,14 @@ def test_a_damaged_file_is_refused(tmp_path: Path, damage) -> None:
         load(checkpoint, {"path": "a"})
 
 
+def test_another_format_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    checkpoint = Checkpoint(tmp_path / "c.npz")
+    monkeypatch.setattr("pmr.fullorder.checkpoint.FORMAT_VERSION", 0)
+    save(checkpoint, Saved(3, 1.5, {}, {}))
+    monkeypatch.undo()
+    with pytest.raises(InputError, match="another format"):
+        load(checkpoint, {})
+
+
 def test_no_file_is_a_start_from_the_beginning(tmp_path: Path) -> None:
     assert load(Checkpoint(tmp_path / "missing.npz"), {}) is None
