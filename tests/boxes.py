@@ -32,3 +32,28 @@ def box(length: float = 2.0, along: int = 8, around: int = 2, skew: float = 0.0)
     members |= {"tail": [none, np.arange(n), none], "tip": [none, none, np.arange(n)]}
     blocks = [("triangle", 2, triangles), ("interval", 1, ends[0]), ("interval", 1, ends[1])]
     return named_mesh(points, blocks, members, ("triangle",))
+
+
+def block(length: float = 2.0, along: int = 8) -> NamedMesh:
+    """A solid beam of the same outer dimensions as hexahedra, two by two over its section; the same groups."""
+    n = (along, 2, 2)
+    points = np.stack(
+        np.meshgrid(
+            np.linspace(0.0, length, along + 1),
+            np.linspace(-WIDTH / 2.0, WIDTH / 2.0, 3),
+            np.linspace(-HEIGHT / 2.0, HEIGHT / 2.0, 3),
+            indexing="ij",
+        ),
+        axis=-1,
+    ).reshape(-1, 3)
+    number = np.arange(len(points)).reshape(along + 1, 3, 3)
+    corner = np.stack(np.meshgrid(*map(np.arange, n), indexing="ij"), axis=-1).reshape(-1, 3)
+    corners = [np.array([i & 1, i >> 1 & 1, i >> 2]) for i in range(8)]  # dolfinx: the first axis runs fastest
+    cells = np.stack([number[tuple((corner + c).T)] for c in corners], axis=1)
+    sides = {"tail": (0, 0), "tip": (0, 1), "right": (1, 0), "left": (1, 1), "bottom": (2, 0), "top": (2, 1)}
+    blocks, members = [("hexahedron", 3, cells)], {}
+    for k, (name, (axis, end)) in enumerate(sides.items()):
+        outer = cells[corner[:, axis] == end * (n[axis] - 1)]
+        blocks.append(("quadrilateral", 2, outer[:, [i for i in range(8) if (i >> axis & 1) == end]]))
+        members[name] = [np.arange(len(outer)) if i == 1 + k else np.empty(0, int) for i in range(7)]
+    return named_mesh(points, blocks, members, ("hexahedron",))

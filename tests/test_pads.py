@@ -150,6 +150,7 @@ def test_pad_forces_balance_the_weight(model: StructuralModel) -> None:
     C = full.rows.at(s).toarray()
     matrix = np.block([[K, C.T], [C, -np.diag([row.compliance for row in full.rows.rows])]])
     answer = np.linalg.solve(matrix, np.concatenate([B @ f, np.zeros(2)]))
+    assert full.output_positions[:3] == pytest.approx([0.2, 0.2, 0.0], abs=1e-12)
     mouth, beside = answer[-2:]
     tail, edge, cylinder, _ = O @ answer[:-2]
     M, R = gathered(full.M), model.rigid_motions()

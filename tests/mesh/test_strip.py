@@ -2,13 +2,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from boxes import HEIGHT, WIDTH, box
+from boxes import HEIGHT, WIDTH, block, box
 
 from pmr.errors import InputError
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.strip import Window
 from pmr.models.shell import Shell
-from pmr.scene.structures import Plate, ShellBody
+from pmr.models.solid import Solid
+from pmr.scene.structures import Plate, ShellBody, SolidBody
 
 NORMALS = {"bottom": (0, 0, -1), "top": (0, 0, 1), "left": (0, 1, 0), "right": (0, -1, 0)}
 WINDOW = Window((0.43, 1.01), (-0.07, 0.05), (0.02, 0.01))
@@ -18,9 +19,13 @@ def shell(mesh: NamedMesh) -> Shell:
     return Shell(ShellBody(plate=Plate(thickness=0.008)), mesh)
 
 
+MODELS = {"shell": lambda: shell(box(skew=0.2)), "solid": lambda: Solid(SolidBody(), block())}
+
+
+@pytest.mark.parametrize("kind", MODELS)
 @pytest.mark.parametrize("face", NORMALS)
-def test_points_fill_the_window_and_move_along_the_outward_normal(face: str) -> None:
-    model = shell(box(skew=0.2))
+def test_points_fill_the_window_and_move_along_the_outward_normal(face: str, kind: str) -> None:
+    model = MODELS[kind]()
     strip = model.strip(face, WINDOW)
     assert strip.weights.sum() == pytest.approx(0.58 * 0.12, rel=2e-2)  # its edge cuts pieces of 1 to 2 cm
     assert strip.along.min() > 0.43 and strip.along.max() < 1.01
@@ -40,6 +45,22 @@ def test_a_quadratic_displacement_is_met_exactly() -> None:
     q = np.where(nodes.component == 2, nodes.at[:, 0] ** 2 - 3.0 * nodes.at[:, 0] * nodes.at[:, 1], 0.0)
     strip = model.strip("top", WINDOW)
     assert strip.normal @ q == pytest.approx(strip.along**2 - 3.0 * strip.along * strip.across, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_a_section_moves_as_what_is_around_it(kind: str) -> None:
+    """Rigidly as a body at its centroid; of a parabola it has the mean over the cells around, no more."""
+    model = MODELS[kind]()
+    at = model.centroid(0.9)
+    assert at == pytest.approx([0.9, 0.0, 0.0], abs=0.02)
+    expected = np.hstack([np.eye(3), np.stack([np.cross(e, at) for e in np.eye(3)], axis=1)])
+    assert model.displacement(0.9) @ model.rigid_motions() == pytest.approx(expected, abs=1e-12)
+    nodes = model.nodes
+    w = np.where(nodes.component == 2, nodes.at[:, 0] ** 2, 0.0)
+    spread = (model.displacement(0.9) @ w)[2] - at[0] ** 2
+    assert 0.25**2 / 12.0 < spread < 0.4**2 / 6.0  # hats of half-widths from 0.2 m up have their square over six
+    with pytest.raises(InputError, match=r"place = 2\.3: a group or a number from 0 to 2 m"):
+        model.displacement(2.3)
 
 
 def bent(mesh: NamedMesh) -> NamedMesh:
