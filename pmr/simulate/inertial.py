@@ -20,6 +20,7 @@ from pmr.polynomials import total
 from pmr.signals import SignalBase
 from pmr.simulate import inertial_kernel as kernel
 from pmr.simulate.march_scheme import GeneralizedAlpha
+from pmr.simulate.march_system import aligned
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
@@ -118,11 +119,11 @@ def _system(form: ModalForm, scheme: kernel.Scheme) -> kernel.System:
     omega2, damping = form.omega2, np.diagonal(body.D)
     return kernel.System(
         breaks=breaks,
-        tables=_copy(side_by_side.reshape(powers, len(breaks) - 1, -1).swapaxes(0, 1)),
-        omega2=_copy(omega2),
-        damping=_copy(damping),
+        tables=aligned(side_by_side.reshape(powers, len(breaks) - 1, -1).swapaxes(0, 1)),
+        omega2=aligned(omega2),
+        damping=aligned(damping),
         inverse=1.0 / (1.0 + damping * scheme.dv + omega2 * scheme.dq),
-        B=_copy(body.B.T),
+        B=aligned(body.B.T),
         round_off=np.finfo(float).eps * np.abs(np.einsum("kmm->km", ordered[1](breaks))).max(axis=0),
     )
 
@@ -135,15 +136,15 @@ def _scheme(method: GeneralizedAlpha) -> kernel.Scheme:
 
 def _state(start: InitialState, m: int, i: int) -> kernel.State:
     r = len(start.q)
-    flat = np.zeros((3, m * (r + 6 * m + 3 * i)))
+    flat = aligned(np.zeros((3, m * (r + 6 * m + 3 * i))))
     return kernel.State(
-        motion=np.stack([start.q, start.v, np.zeros(r), np.zeros(r)]),
+        motion=aligned(np.stack([start.q, start.v, np.zeros(r), np.zeros(r)])),
         flat=flat,
         values=flat.reshape(3, m, -1),
-        rates=np.zeros((2, m, r)),
-        gains=np.zeros((3, m, m)),
-        Z=np.zeros((4, m, r + 1)),
-        small=np.zeros((m, m + 1)),
+        rates=aligned(np.zeros((2, m, r))),
+        gains=aligned(np.zeros((3, m, m))),
+        Z=aligned(np.zeros((4, m, r + 1))),
+        small=aligned(np.zeros((m, m + 1))),
     )
 
 
@@ -156,8 +157,3 @@ def _check(form: ModalForm, course: kernel.Course, step: int, failed: int, h: fl
 
 def _where(course: kernel.Course, step: int, h: float) -> str:
     return f"step {step}, t = {step * h:g} s, slider at {course.s[0, step]:g} m"
-
-
-def _copy(array: Array) -> Array:
-    """Contiguous and writable: other arrays would be other types to the compiled loop."""
-    return np.array(array, dtype=float, order="C")

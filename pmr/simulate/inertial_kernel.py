@@ -130,7 +130,7 @@ def _factorise(A: Array, at: int, least: Array) -> int:
                 entry -= A[k, at + n] * A[l, at + n]
             A[k, at + l] = entry * A[l, at + l]
             pivot -= A[k, at + l] * A[k, at + l]
-        if not pivot > max(SINGULAR * diagonal, least[k]):
+        if not (pivot > SINGULAR * diagonal and pivot > least[k]):
             return k + 1
         A[k, at + k] = 1.0 / np.sqrt(pivot)
     return 0

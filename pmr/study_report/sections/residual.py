@@ -40,7 +40,10 @@ def content(study: FinishedStudy, prefix: str) -> Content:
         "Normalised RMS error along the beam against the full model, over the number of coordinates. What the "
         "full model's round-off decides is left out, and so are models that can't move."
     )
-    over_time = "The same errors over the time that the compiled simulator takes, in the second scene."
+    over_time = (
+        "The same errors over the time that the compiled simulator takes, in the second scene: the fastest of five "
+        "simulations, measured while other runs were under way."
+    )
     return Content(
         headline=_gain(study, few),
         key_numbers=[
