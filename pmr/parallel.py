@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import PETSc
+from pmr.dolfinx_compat import MPI, PETSc
 
 Array = NDArray[np.float64]
 
@@ -65,3 +66,12 @@ def fix_signs(local: Array, comm: Any) -> Array:
     by_rank = np.array(comm.allgather(deciding))  # ranks own consecutive rows: the first that holds one decides
     first = by_rank[(by_rank != 0.0).argmax(axis=0), columns]
     return local * np.where(first < 0.0, -1.0, 1.0)
+
+
+def free_dropped(comm: MPI.Comm) -> None:
+    """Free what was dropped; collective.
+
+    Python's ranks drop objects at different times, so PETSc (3.18 and newer) keeps them until all ranks agree here.
+    """
+    gc.collect()
+    PETSc.garbage_cleanup(comm)

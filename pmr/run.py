@@ -16,6 +16,7 @@ from pmr.dolfinx_compat import MPI
 from pmr.dolfinx_compat import versions as fenicsx_versions
 from pmr.frequencies import closed_form_frequencies, reduced_frequencies
 from pmr.operators import FullModel, full_model
+from pmr.parallel import free_dropped
 from pmr.reduced import ReducedModel
 from pmr.reduction import build_basis, description, project, take_snapshots
 from pmr.references import references
@@ -88,6 +89,7 @@ def reduce_with(scene: Scene, model: FullModel, snapshots: Snapshots, clock: Clo
     with clock.stage("pod"):
         basis = build_basis(scene, model, snapshots)
         reduced = project(scene, model, basis, _provenance(scene, basis))
+    free_dropped(model.comm)
     return Reduction(model, snapshots, basis, reduced)
 
 
