@@ -27,6 +27,11 @@ def compiled_and_inlined(function: Callable[..., Any]) -> Any:
     return _kept(njit(forceinline=True, **OPTIONS)(function))
 
 
+def compiled_for_python(function: Callable[..., Any]) -> Any:
+    """The same for functions so short that to hand the interpreter to other threads would take as long."""
+    return _kept(njit(**(OPTIONS | {"nogil": False}))(function))
+
+
 def _kept(dispatcher: Any) -> Any:
     dispatcher._cache = _Cache(dispatcher.py_func)
     return dispatcher

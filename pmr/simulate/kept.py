@@ -4,6 +4,7 @@ A call from Python looks at each array of each argument, which takes longer than
 the same this is done once: `keep` stores what came of it in plain memory, `kept` reads it there.  ::
 
     memory = np.zeros(words(typeof(arguments)), np.int64)
+    address = memory.ctypes.data
 
 The memory refers to the arrays and does not keep them alive.
 """
@@ -24,30 +25,26 @@ def words(kind: Any) -> int:
 
 
 @intrinsic
-def keep(typing: Any, memory: Any, value: Any) -> Any:
-    """Store a value in memory, an array of `words` integers."""
+def keep(typing: Any, address: Any, value: Any) -> Any:
+    """Store a value from an address on, where there is room for `words` integers."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        builder.store(arguments[1], _place(context, builder, signature, arguments), align=8)
+        place = builder.inttoptr(arguments[0], arguments[1].type.as_pointer())
+        builder.store(arguments[1], place, align=8)
         return context.get_dummy_value()
 
-    return types.none(memory, value), generate
+    return types.none(types.int64, value), generate
 
 
 def kept(kind: Any) -> Any:
-    """For compiled code: a function of the memory that gives the value of a Numba type that `keep` stored there."""
+    """For compiled code: a function of an address that gives the value of a Numba type that `keep` stored there."""
 
     @intrinsic
-    def read(typing: Any, memory: Any) -> Any:
+    def read(typing: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            place = _place(context, builder, signature, arguments, context.get_value_type(kind))
+            place = builder.inttoptr(arguments[0], context.get_value_type(kind).as_pointer())
             return builder.load(place, align=8)
 
-        return kind(memory), generate
+        return kind(types.int64), generate
 
     return read
-
-
-def _place(context: Any, builder: Any, signature: Any, arguments: Any, value_type: Any = None) -> Any:
-    array = context.make_array(signature.args[0])(context, builder, arguments[0])
-    return builder.bitcast(array.data, (value_type or arguments[1].type).as_pointer())

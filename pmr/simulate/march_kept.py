@@ -6,11 +6,11 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import typeof
+from numba import typeof, types
 from numpy.typing import NDArray
 
 from pmr.simulate import kept
-from pmr.simulate.compiled import compiled
+from pmr.simulate.compiled import compiled, compiled_for_python
 from pmr.simulate.march_arrays import Outputs, Scheme, State, System
 from pmr.simulate.march_kernel import step
 from pmr.simulate.march_outputs import observe
@@ -37,18 +37,18 @@ _kept = kept.kept(_TYPE)
 def keep(system: System, scheme: Scheme, outputs: Outputs, state: State, f: Array, y: Array) -> Memory:
     """Memory for `advance`; the arrays have to outlive it."""
     memory = np.zeros(kept.words(_TYPE), np.int64)
-    _keep(memory, (system, scheme, outputs, state, f, y))
+    _keep(memory.ctypes.data, (system, scheme, outputs, state, f, y))
     return memory
 
 
 @compiled
-def _keep(memory: Memory, arguments: tuple[System, Scheme, Outputs, State, Array, Array]) -> None:
-    kept.keep(memory, arguments)
+def _keep(address: int, arguments: tuple[System, Scheme, Outputs, State, Array, Array]) -> None:
+    kept.keep(address, arguments)
 
 
-@compiled
-def _advance(memory: Memory, s: float) -> int:
-    system, scheme, outputs, state, f, y = _kept(memory)
+@compiled_for_python
+def _advance(address: int, s: float) -> int:
+    system, scheme, outputs, state, f, y = _kept(address)
     breaks = system.breaks
     if not breaks[0] <= s <= breaks[len(breaks) - 1]:
         return OFF_THE_PATH
@@ -59,12 +59,12 @@ def _advance(memory: Memory, s: float) -> int:
 
 
 @cache
-def entry() -> Callable[[Memory, float], int]:
-    """``advance(memory, s)``: a step to s under the loads in f, its outputs in y; compiled when first asked for.
+def entry() -> Callable[[int, float], int]:
+    """``advance(address, s)``: a step to s under the loads in f, its outputs in y; compiled when first asked for.
 
-    Returns 0, the number of a dependent row from 1, or OFF_THE_PATH.  Types are not looked at as a call of a compiled
-    function would do it: `memory` has to be that of `keep`.
+    Returns 0, the number of a dependent row from 1, or OFF_THE_PATH.  Nothing is looked at as a call of a compiled
+    function would do it: the address has to be that of the memory that `keep` gave.
     """
-    signature = (typeof(np.zeros(1, np.int64)), typeof(0.0))
+    signature = (types.int64, types.float64)
     _advance.compile(signature)
     return _advance.overloads[signature].entry_point

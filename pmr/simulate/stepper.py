@@ -93,6 +93,7 @@ class Stepper:
         )
         self._advance = march_kept.entry()
         self._memory = march_kept.keep(*self.arguments, self._f, self._y)
+        self._address = self._memory.ctypes.data
 
     def step(self, s: float, F: ArrayLike) -> Array:
         """Advance by one step.
@@ -120,7 +121,7 @@ class Stepper:
             self._single[0] = F
         else:
             self._f[:] = F
-        failed = self._advance(self._memory, s)
+        failed = self._advance(self._address, s)
         if failed:
             self._check(s)
             raise SimulationError(f"{self._where(s)}: {dependent_rows(self._form.body, s, failed)}")

@@ -25,13 +25,13 @@ read = kept.kept(typeof(EXAMPLE))
 
 
 @njit(_nrt=False)
-def keep(memory: NDArray[np.int64], arguments: Arguments) -> None:
-    kept.keep(memory, arguments)
+def keep(address: int, arguments: Arguments) -> None:
+    kept.keep(address, arguments)
 
 
 @njit(_nrt=False)
-def scaled_sum(memory: NDArray[np.int64]) -> float:
-    arguments = read(memory)
+def scaled_sum(address: int) -> float:
+    arguments = read(address)
     total = 0.0
     for i in range(arguments.matrix.shape[0]):
         for j in range(arguments.matrix.shape[1]):
@@ -43,14 +43,14 @@ def scaled_sum(memory: NDArray[np.int64]) -> float:
 def test_what_was_kept_is_read_again_and_arrays_stay_the_same() -> None:
     matrix, counts = np.arange(6.0).reshape(2, 3), np.zeros(1, np.int64)
     memory = np.zeros(WORDS, np.int64)
-    keep(memory, Arguments(matrix, 2.0, counts))
-    assert scaled_sum(memory) == 30.0
+    keep(memory.ctypes.data, Arguments(matrix, 2.0, counts))
+    assert scaled_sum(memory.ctypes.data) == 30.0
     matrix[0, 0] = 10.0
-    assert scaled_sum(memory) == 50.0
+    assert scaled_sum(memory.ctypes.data) == 50.0
     assert counts[0] == 2
 
 
 def test_no_more_memory_is_used_than_asked_for() -> None:
     memory = np.full(WORDS + 8, 7, np.int64)
-    keep(memory, Arguments(np.zeros((1, 1)), 2.0, np.zeros(1, np.int64)))
+    keep(memory.ctypes.data, Arguments(np.zeros((1, 1)), 2.0, np.zeros(1, np.int64)))
     assert np.all(memory[WORDS:] == 7) and np.any(memory[WORDS - 2 : WORDS] != 7)
