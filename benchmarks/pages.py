@@ -178,7 +178,7 @@ def limit(found: Mapping[str, Any], prefix: str) -> Content:
             "for one another, and r/8 more to sum up the product, each of which takes "
             f"{quantity(1e-9 * found['operation_ns'], 's')} on this core.",
             "What is left above the largest of the three: the scalars of a step (finding the interval, the Schur "
-            "complement's polynomial and its reciprocal, addresses, loop ends), about a hundred instructions that no "
+            "complement's polynomial and its reciprocal, addresses, loop ends), a few hundred instructions that no "
             "mode shares, and two ways through the store buffer from one step to the next. It weighs where there are "
             "few modes, and is gone where there are many.",
         ],

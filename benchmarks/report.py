@@ -68,7 +68,7 @@ def _circumstances(results: Mapping[str, Any]) -> list[str]:
     if busiest > BUSY:
         paragraphs.append(
             f"Other work was running on the machine (up to {significant(busiest, 2)} processes when a section began): "
-            "least times and ratios stand, medians and worst cases are larger than on a quiet machine."
+            "medians and worst cases are larger than on a quiet machine, and ratios of long runs to short ones too."
         )
     return paragraphs
 

@@ -42,13 +42,13 @@ def _approaches(found: Mapping[str, Any]) -> Iterator[Requirement]:
         reduced, full = case["reduced"], case["full"]
         r = case["coordinates"]["reduced"]
         text = f"{name} case, {r} coordinates: the paper's way in Exudyn over march"
-        yield Requirement(text, reduced["ratio"]["callbacks"]["of_median"], 500.0, True, "ratio")
+        yield Requirement(text, min(reduced["ratio"]["callbacks"].values()), 500.0, True, "ratio")
         text = f"{name} case, {r} coordinates: the same with a Jacobian that is kept, over march"
-        yield Requirement(text, reduced["ratio"]["callbacks, Jacobian kept"]["of_median"], 500.0, True, "ratio")
+        yield Requirement(text, min(reduced["ratio"]["callbacks, Jacobian kept"].values()), 500.0, True, "ratio")
         text = f"{name} case, {r} coordinates: largest difference of the trajectories"
         yield Requirement(text, reduced["difference"]["callbacks"], 1e-9, False, "m")
         text = f"{name} case, full beam: Exudyn with sparse matrices over march"
-        yield Requirement(text, full["ratio"]["updates"]["of_median"], 200.0, True, "ratio")
+        yield Requirement(text, min(full["ratio"]["updates"].values()), 200.0, True, "ratio")
         text = f"{name} case, full beam: largest difference of the trajectories"
         yield Requirement(text, full["difference"]["updates"], 1e-9, False, "m")
     for name, seconds in found["small"]["seconds"].items():
