@@ -50,7 +50,7 @@ class System(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """Constants of o outputs, o' of them with those added that fill up a cache line; k intervals."""
+    """Constants of o outputs, filled up to o' by those that make whole cache lines; k intervals."""
 
     of_modes: Array  # (r, o')
     of_rows: Array  # (k, q, o'): X, row after row, highest power first, and W; q = 0 without residual flexibility

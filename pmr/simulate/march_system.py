@@ -97,7 +97,9 @@ def outputs(body: ReducedModel, chosen: NDArray[np.int64]) -> Outputs:
         X = rebased(body.flexibility.outputs, breaks).c[:, :, chosen].transpose(1, 3, 0, 2)
         W = np.repeat(body.flexibility.direct[chosen].T[None], len(X), axis=0)
         of_rows = np.concatenate([X.reshape(len(X), -1, o), W], axis=1)
-    return Outputs(_padded(body.outputs[chosen].T, CACHE_LINE // 8), _padded(of_rows, CACHE_LINE // 8))
+    line = CACHE_LINE // 8
+    multiple = line if o >= line else 1  # a few are taken one by one, which wants their entries close together
+    return Outputs(_padded(body.outputs[chosen].T, multiple), _padded(of_rows, multiple))
 
 
 def table_breaks(body: ReducedModel) -> Array:
