@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -145,7 +146,8 @@ def test_killed_and_started_again_it_makes_the_same_table(small: Path, done: Pat
 @pytest.mark.slow
 def test_interrupted_by_the_keyboard_it_says_how_to_go_on(small: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pmr", "study", str(small), "--out", str(tmp_path)]
-    child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs inherit a deaf ear
+    child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     deadline = time.monotonic() + 100.0
     while not list(tmp_path.glob("tasks/*.npz")) and time.monotonic() < deadline:
         time.sleep(0.002)
