@@ -170,6 +170,7 @@ class _March:
         """Take all steps, in blocks of a whole number of `multiple`; the seconds it took."""
         T, seconds = len(self.s), 0.0
         block = max(1, BLOCK // multiple) * multiple
+        steps(1, 1)  # none: what is compiled or loaded for the first time is not the solver's time
         for first in range(1, T, block):
             last = min(first + block, T)
             begin = time.perf_counter()

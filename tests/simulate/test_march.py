@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -236,6 +237,18 @@ def test_observed_outputs_are_those_of_the_trajectory(rich: FullBody) -> None:
     np.testing.assert_allclose(seen.y, (rich.outputs @ whole.q.T).T[::7, [6, 2]], atol=1e-15)
     np.testing.assert_allclose(seen.multipliers, whole.multipliers[::7, 2:], rtol=1e-9)
     np.testing.assert_array_equal(seen.t, whole.t[::7])
+
+
+def test_what_is_compiled_for_the_first_time_is_not_timed(rich: FullBody, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken, run = [], march.kernel.run
+
+    def recorded(*arguments: Any) -> tuple[int, int]:
+        taken.append(len(arguments[3]))
+        return run(*arguments)
+
+    monkeypatch.setattr(march.kernel, "run", recorded)
+    march.simulate(rich, PATH, LOADS, STEPPING)
+    assert taken == [0, STEPPING.steps]  # the first call, before the clock runs, takes no step
 
 
 def test_blocks_leave_no_trace(rich: FullBody, monkeypatch: pytest.MonkeyPatch) -> None:
