@@ -230,8 +230,8 @@ def _print_table(outcome: Outcome) -> None:
     out.print(
         f"{coordinates['full']} -> {coordinates['reduced']} coordinates; simulated in: {seconds}", highlight=False
     )
-    if "estimate" in summary:
-        out.print(sentences.estimate(outcome.result), highlight=False, soft_wrap=True)
+    if said := sentences.estimate(outcome.result):
+        out.print(said, highlight=False, soft_wrap=True)
     for warning in summary["warnings"]:
         out.print(f"warning: {warning}", highlight=False, soft_wrap=True)
     for pair, length in summary["agreement"].items():

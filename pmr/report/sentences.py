@@ -29,14 +29,14 @@ def paragraph(result: RunResult, table: list[Row]) -> str:
 
 
 def estimate(result: RunResult) -> str:
-    """The error estimate in a sentence, beside the true error where that is known; empty where none was asked for."""
+    """The error estimate in a sentence, beside the true error where that is known; else empty."""
     found = result.summary.get("estimate")
-    if found is None:
+    true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")
+    if found is None or (found["beam"] is None and true is not None):
         return ""
     if found["beam"] is None:
         return f"The error can't be estimated without the full beam: {found['reason']}."
     said = f"The estimate, which needs no full beam, is {percent(found['tip'])} at the tip and {percent(found['beam'])}"
-    true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")
     if not true:
         return f"{said} along the beam; it includes a margin of a quarter."
     return f"{said} along the beam, {significant(found['beam'] / true, 3)} times the true error."

@@ -230,5 +230,7 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     assert sentences.estimate(alone).endswith("along the beam; it includes a margin of a quarter.")
     none = make_result(summary={"estimate": {"beam": None, "reason": "the basis is no good"}})
     assert sentences.estimate(none) == "The error can't be estimated without the full beam: the basis is no good."
+    known = {"estimate": {"beam": None, "reason": "no"}, "errors": {"reduced_vs_full": {"beam": 0.01}}}
+    assert sentences.estimate(make_result(summary=known)) == ""  # nobody misses an estimate of what is known
     assert sentences.estimate(make_result(summary={})) == ""
     assert not any("estimated" in number.label for number in sentences.key_numbers(none))
