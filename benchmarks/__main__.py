@@ -35,6 +35,7 @@ def sections(long: bool) -> Mapping[str, Callable[[], Any]]:
         "peer": lambda: [peer.measure(elements, repeats) for elements in PEER_ELEMENTS],
         "approaches": lambda: {
             "small": approaches.small(repeats),
+            "in_exudyn": approaches.in_exudyn(repeats),
             "cases": {
                 name: approaches.measure(name, repeats, 1.0 if long else approaches.SHARE)
                 for name in approaches.beams.CASES

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
 from pmr.body import SlidingBody, Trajectory, displacement
+from pmr.compare import nrms
 from pmr.simulate import Simulator, exudyn, march
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.stepping import loads_at
@@ -44,6 +45,41 @@ def small(repeats: int) -> dict[str, Any]:
     for name, times in side_by_side(ways, MARCHES * repeats).items():
         found[name] = times.summary()
     return {"steps": drive.stepping.steps, "span": drive.stepping.end, "seconds": found}
+
+
+def in_exudyn(repeats: int) -> dict[str, Any]:
+    """Evolved case, both in Exudyn: the paper's way with 20 coordinates and residual flexibility with six.
+
+    Seconds, ratios to the latter, and e_NRMS of the whole beam against the full one.
+    """
+    drive, paper, flexible = beams.drive("evolved"), beams.reduced("evolved"), beams.flexible(6)
+    simulators: dict[str, tuple[Simulator, SlidingBody]] = {
+        "callbacks": (exudyn.simulate_with_callbacks, paper),
+        "callbacks, Jacobian kept": (exudyn.simulate_with_callbacks_and_modified_newton, paper),
+        "residual flexibility": (exudyn.simulate, flexible),
+    }
+    full = beams.full("evolved")
+    reference = _outputs(full, march.simulate(full, drive.path, drive.loads, drive.stepping), drive)
+    errors = dict[str, float]()
+
+    def by(name: str) -> Callable[[], float]:
+        simulate, body = simulators[name]
+
+        def run() -> float:
+            trajectory = simulate(body, drive.path, drive.loads, drive.stepping)
+            errors[name] = nrms(_outputs(body, trajectory, drive), reference)
+            return trajectory.seconds
+
+        return run
+
+    times = side_by_side({name: by(name) for name in simulators}, repeats)
+    own = times["residual flexibility"]
+    return {
+        "coordinates": {name: body.size for name, (_, body) in simulators.items()},
+        "seconds": {name: taken.summary() for name, taken in times.items()},
+        "ratio": {name: _ratio(taken, own) for name, taken in times.items() if name != "residual flexibility"},
+        "error": errors,
+    }
 
 
 def _observe(form: ModalForm, drive: beams.Drive, chosen: Sequence[int]) -> float:
