@@ -52,6 +52,11 @@ class SlidingBody(Protocol):
     @property
     def output_positions(self) -> Array: ...
     @property
+    def output_units(self) -> tuple[str, ...]:
+        """m, rad or N for each output; empty: all are displacements."""
+        ...
+
+    @property
     def row_compliance(self) -> Array:
         """1/k of each row's pad, (m,) in m/N; 0 where it is rigid."""
         ...
@@ -84,6 +89,20 @@ class SlidingBody(Protocol):
         ...
 
 
+class Observed(Protocol):
+    """What has outputs."""
+
+    @property
+    def output_positions(self) -> Array: ...
+    @property
+    def output_units(self) -> tuple[str, ...]: ...
+
+
+def force_outputs(body: Observed) -> NDArray[np.bool_]:
+    """Which of the outputs (o,) are forces; without units none is."""
+    return np.array([unit == "N" for unit in body.output_units] or [False] * len(body.output_positions), dtype=bool)
+
+
 def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, loads: Array) -> Array:
     """Outputs O q + W f - X(s) lambda, (T, o) in m, of coordinates q (T, n) along a trajectory."""
     result = np.asarray((body.outputs @ q.T).T)
@@ -104,6 +123,7 @@ class FullBody:
     rows: Rows
     input_names: tuple[str, ...]
     output_positions: Array
+    output_units: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:

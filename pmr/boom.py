@@ -1,85 +1,195 @@
-"""The telescopic boom that everything in space is measured by: box section, pads, payload, gusts.
-
-One section of 6 m x 0.3 m x 0.4 m with a wall of 8 mm (mid-surface dimensions) slides out of the next one: pads at its
-tail stay where they are on it, those at the mouth move along it from s = 1.5 m to 4 m and back.  Any model in space
-whose faces are named bottom, top, left and right and whose ends are tail and tip will do.
-"""
+"""From a scene in space to a structure: its mesh, the model on it, pads, loads, masses and what is observed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from pmr.dolfinx_compat import MPI
+from pmr.errors import InputError
+from pmr.mesh.box import BoxBoom, write_shell, write_solid
+from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
+from pmr.models.beam2d import Beam2D
+from pmr.models.beam3d import Beam3D
+from pmr.models.profile import box_section
+from pmr.models.shell import KINDS as SHELL_KINDS
+from pmr.models.shell import Shell
+from pmr.models.solid import KINDS as SOLID_KINDS
+from pmr.models.solid import Solid
 from pmr.pads import Hold, Pad, Pads
-from pmr.scene.structures import PointMass, rayleigh
-from pmr.signals import Chirp, SignalBase, SmoothRamp
-from pmr.simulate.stepping import TimeStepping
-from pmr.structure import GRAVITY, Action, PadForce, Structure, Weight
+from pmr.scene import Body, StructureScene
+from pmr.scene.choice import model_of, transverse
+from pmr.scene.space import Box, PadRing
+from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, PointMass, ShellBody, SolidBody
+from pmr.structure import Action, Clamp, PadForce, Structure, Weight
 
-LENGTH = 6.0  # m
-PAIRS = (("right", -0.1), ("left", 0.1))  # where along y the pads of a pair sit, m
-SIDES = (("left side", "left"), ("right side", "right"))
-#: Where the beam line is observed, m.
-STATIONS = tuple(float(x) for x in np.linspace(0.2, 5.8, 29))
+#: What the planar beam calls by another name: its y is the vertical.
+PLANAR = {"x": "x", "z": "y"}
 
 
-@dataclass(frozen=True)
-class Scene:
-    """A structure, its path, one signal for each of its loads, and the time grid."""
+def structure_of(scene: StructureScene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
+    """What a scene describes; the same on every rank, collective.
 
-    structure: Structure
-    path: SignalBase
-    loads: tuple[SignalBase, ...]
-    stepping: TimeStepping
+    Outputs: the displacement in m along each transverse direction at the observed places, then of the tip, then the
+    forces in N of the pads that stay; the forces of those that move are the rows' multipliers.
 
-
-def reference_scene(model: StructuralModel, span: float = 10.0, gust: float = 1.0) -> Scene:
-    """Ten seconds of work with a payload of 250 kg, and gusts that last `gust` seconds each.
-
-    Outputs: displacement along y, then z, at `STATIONS`, then of the tip along y and z in m, then the forces of the
-    pads at the tail in N; those at the mouth are the rows' multipliers.  Gravity comes up within the
-    first second, while the boom rests; the first gust and the first motion follow.
+    Raises
+    ------
+    InputError
+        If the mesh can't be had, or lacks a group.
     """
-    pads = boom_pads((1.5, 4.0))
-    line = [Action(f"{d} at {x:g} m", x, d) for d in "yz" for x in STATIONS]
-    structure = Structure(
+    kind = model_of(scene)
+    model, pads = _MODELS[kind](scene, comm), _pads(scene)
+    named = PLANAR if kind == "beam2d" else {d: d for d in model.directions}
+    across = {d: named[d] for d in transverse(scene)}
+    line = [Action(f"{d} at {x:g} m", x, own) for d, own in across.items() for x in scene.observe.stations]
+    tip = [Action(f"{scene.observe.tip} {d}", scene.observe.tip, own) for d, own in across.items()]
+    forces = [PadForce(pad.name) for pad in pads.fixed if np.isfinite(pad.stiffness)]
+    weight = [Weight(_down(scene, kind))] if scene.gravity else []
+    return Structure(
         model,
-        masses=(PointMass(name="payload", on="tip", mass=250.0),),
-        loads=(Action("tip force", "tip", "z"), Action("gust", "tip", "y"), Weight()),
-        outputs=(*line, *(Action(f"tip {d}", "tip", d) for d in "yz"), *(PadForce(pad.name) for pad in pads.fixed)),
-        damping=rayleigh(0.005, 10.0, 60.0),
-        pads=pads,
+        clamps=tuple(Clamp(c.on, tuple(named.get(d, d) for d in c.directions)) for c in scene.clamps),
+        masses=tuple(_mass(mass, kind) for mass in scene.masses),
+        loads=(*(Action(load.name, load.on, named[load.direction]) for load in scene.loads), *weight),
+        outputs=(*line, *tip, *forces),
+        damping=scene.damping,
+        pads=Pads(pads.fixed, pads.moving, _holds(scene, named), pads.travel),
     )
-    loads = (
-        Chirp(amplitude=2000.0, times=(0.0, 10.0), frequencies=(0.5, 6.0)),
-        _gusts(gust),
-        SmoothRamp(times=(0.0, 1.0), values=(0.0, GRAVITY)),
+
+
+def _pads(scene: StructureScene) -> Pads:
+    """Those that the model can feel: nothing moves a planar beam sideways."""
+    faces = ("bottom", "top") if model_of(scene) == "beam2d" else ("bottom", "top", "left", "right")
+    rings = {moving: [ring for ring in scene.pads if ring.moving is moving] for moving in (False, True)}
+    fixed, moving = (tuple(pad for ring in rings[m] for pad in _ring(ring, faces)) for m in (False, True))
+    low, high = scene.path_bounds
+    reach = 0.0 if high > low else 1e-3 * scene.observe.end
+    return Pads(fixed, moving, travel=(low, high + reach))
+
+
+def _ring(ring: PadRing, faces: tuple[str, ...]) -> list[Pad]:
+    stiffness = np.inf if ring.stiffness == "rigid" else ring.stiffness
+    return [
+        Pad(name, face, ring.at, across, ring.length, ring.width, stiffness)
+        for name, face, across in ring.places
+        if face in faces
+    ]
+
+
+def _holds(scene: StructureScene, named: dict[str, str]) -> tuple[Hold, ...]:
+    return tuple(
+        Hold(hold.name, hold.on, named[hold.direction], np.inf if hold.stiffness == "rigid" else hold.stiffness)
+        for hold in scene.holds
     )
-    path = SmoothRamp(times=(1.0, 5.0, 9.0), values=(1.5, 4.0, 1.5))
-    return Scene(structure, path, loads, TimeStepping(end=span, step=1e-3))
 
 
-def _gusts(duration: float) -> SmoothRamp:
-    """Pulses of 1 kN around t = 2.5 s, 5 s (the other way) and 7.5 s."""
-    rise = duration / 2.0
-    times = tuple(t + d for t in (2.5, 5.0, 7.5) for d in (-rise, 0.0, rise))
-    return SmoothRamp(times=times, values=(0.0, 1e3, 0.0, 0.0, -1e3, 0.0, 0.0, 1e3, 0.0))
+def _mass(mass: PointMass, kind: str) -> PointMass:
+    if kind != "beam2d":
+        return mass
+    return mass.model_copy(update={"inertia": (0.0, 0.0, mass.inertia[1])})
 
 
-def boom_pads(travel: tuple[float, float], stiffness: float = 3e8) -> Pads:
-    """Pads of 0.3 m at the tail, centred at x = 0.15 m, and at the mouth, each: pairs on bottom and top, one a side.
+def _down(scene: StructureScene, kind: str) -> tuple[float, float, float]:
+    assert scene.gravity is not None
+    x, y, z = scene.gravity.direction
+    return (x, z, 0.0) if kind == "beam2d" else (x, y, z)
 
-    A rigid cylinder holds the tail along x.
-    """
 
-    def ring(where: str, at: float) -> tuple[Pad, ...]:
-        pairs = [
-            Pad(f"{where} {face} {side}", face, at, across=y, stiffness=stiffness)
-            for face in ("bottom", "top")
-            for side, y in PAIRS
-        ]
-        return (*pairs, *(Pad(f"{where} {name}", face, at, stiffness=stiffness) for name, face in SIDES))
+def _planar_beam(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
+    box, material = _box(scene), scene.body.material
+    section = box_section(BoxProfile(width=box.width, height=box.height, wall=box.wall), material.poisson)
+    body = Body(
+        length=box.length,
+        bending_stiffness=material.young * section.second_moment_y,
+        mass_per_length=material.density * section.area,
+        axial_stiffness=material.young * section.area,
+        axial=True,
+    )
+    return Beam2D(body, np.linspace(0.0, box.length, scene.mesh.elements + 1))
 
-    return Pads(ring("tail", 0.15), ring("mouth", 0.0), (Hold("cylinder", "tail"),), travel)
+
+def _beam(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
+    box, body = _box(scene), scene.body
+    profile = None if body.section else BoxProfile(width=box.width, height=box.height, wall=box.wall)
+    return Beam3D(
+        Beam3DBody(
+            points=((0.0, 0.0, 0.0), (box.length, 0.0, 0.0)),
+            section=body.section,
+            profile=profile,
+            material=body.material,
+            shear=body.shear,
+            elements=scene.mesh.elements,
+        )
+    )
+
+
+def _shell(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
+    body = scene.body
+    thickness = body.box.wall if body.box else body.thickness
+    assert thickness is not None  # the scene's check
+    regions = {
+        name: Plate(material=region.material or body.material, thickness=region.thickness or thickness)
+        for name, region in body.regions.items()
+    }
+    plate = Plate(material=body.material, thickness=thickness)
+    return Shell(
+        ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction),
+        _mesh(scene, comm, SHELL_KINDS, write_shell),
+    )
+
+
+def _solid(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
+    body = scene.body
+
+    def write(boom: BoxBoom, file: Path) -> None:
+        write_solid(boom, file, hexahedra=scene.mesh.cells == "hexahedra")
+
+    regions = {name: region.material or body.material for name, region in body.regions.items()}
+    return Solid(SolidBody(material=body.material, regions=regions), _mesh(scene, comm, SOLID_KINDS, write))
+
+
+_MODELS: dict[str, Callable[[StructureScene, MPI.Comm], StructuralModel]] = {
+    "beam2d": _planar_beam,
+    "beam3d": _beam,
+    "shell": _shell,
+    "solid": _solid,
+}
+
+
+def _mesh(
+    scene: StructureScene, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]
+) -> NamedMesh:
+    """Read or drawn by rank 0, then the same everywhere."""
+    found: NamedMesh | InputError | None = None
+    if comm.rank == 0:
+        try:
+            found = _read_or_draw(scene, kinds, write)
+        except InputError as error:
+            found = error
+    found = comm.bcast(found)
+    if isinstance(found, InputError):
+        raise found
+    assert found is not None
+    return found
+
+
+def _read_or_draw(scene: StructureScene, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
+    if scene.mesh.file is not None:
+        return read_mesh(scene.mesh.file, kinds)
+    box, mesh = _box(scene), scene.mesh
+    drawn = BoxBoom(
+        **box.model_dump(), size=mesh.size, size_along=mesh.along or 0.0, tail_layer=mesh.tail_layer
+    )  # raises what does not fit
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "boom.msh")
+        write(drawn, file)
+        return read_mesh(file, kinds)
+
+
+def _box(scene: StructureScene) -> Box:
+    assert scene.body.box is not None  # the scene's check
+    return scene.body.box

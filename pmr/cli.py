@@ -17,10 +17,12 @@ from rich.table import Table
 
 from pmr import environment
 from pmr import scene as scenes
+from pmr.body import force_outputs
 from pmr.cli_study import study
 from pmr.console import ensure_writable, err, out, say
 from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.reduced import ReducedModel
+from pmr.scene.choice import choose
 
 if TYPE_CHECKING:
     from pmr.clock import Progress as Report
@@ -170,17 +172,39 @@ def _simulators(names: str) -> str:
     return f"simulation.simulators={json.dumps([name.strip() for name in names.split(',')])}"
 
 
-def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
-    low, high = scene.path_bounds
+def _describe_scene(scene: scenes.SceneBase) -> dict[str, str]:
+    described = _describe_structure if isinstance(scene, scenes.StructureScene) else _describe_beam
     return {
         "title": scene.title,
         "hash": scene.hash,
-        "body": f"{scene.body.model}, {scene.body.length:g} m, coordinates {', '.join(scene.body.directions)}",
-        "slider": f"{len(scene.slider.offsets)} row(s), s from {low:g} to {high:g} m",
-        "loads": ", ".join(f"{load.name} at {load.at:g} m along {load.direction}" for load in scene.loads),
+        **described(scene),
         "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
         "reduction": f"{scene.reduction.coordinates} coordinates: {_describe_reduction(scene.reduction)}",
         "compared with": ", ".join(scene.compare.against) or "nothing",
+    }
+
+
+def _describe_beam(scene: scenes.SceneBase) -> dict[str, str]:
+    assert isinstance(scene, scenes.Scene)
+    low, high = scene.path_bounds
+    return {
+        "body": f"{scene.body.model}, {scene.body.length:g} m, coordinates {', '.join(scene.body.directions)}",
+        "slider": f"{len(scene.slider.offsets)} row(s), s from {low:g} to {high:g} m",
+        "loads": ", ".join(f"{load.name} at {load.at:g} m along {load.direction}" for load in scene.loads),
+    }
+
+
+def _describe_structure(scene: scenes.SceneBase) -> dict[str, str]:
+    assert isinstance(scene, scenes.StructureScene)
+    chosen, box, (low, high) = choose(scene), scene.body.box, scene.path_bounds
+    size = f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {box.wall:g} m" if box else "from a file"
+    pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in scene.pads]
+    loads = [f"{load.name} on {load.on} along {load.direction}" for load in scene.loads]
+    return {
+        "body": f"{chosen.model}, {size}",
+        "model": f"{scene.body.model}: {'; '.join(chosen.reasons)}",
+        "pads": f"{', '.join(pads)}; s from {low:g} to {high:g} m",
+        "loads": ", ".join([*loads, *(["gravity"] if scene.gravity else [])]),
     }
 
 
@@ -200,13 +224,19 @@ def _describe_model(model: ReducedModel) -> dict[str, str]:
         f"({model.provenance.get('scene_hash', 'no hash')})",
         "basis": str(model.provenance.get("basis", "unknown")),
         "inputs": ", ".join(model.input_names),
-        "outputs": f"{len(model.outputs)} transverse displacements in m",
+        "outputs": _describe_outputs(model),
         "rows": f"{', '.join(model.row_names)}; s from {low:g} to {high:g} m",
         "rows left out": ", ".join(model.left_out) or "none",
         "made with": ", ".join(
             f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
         ),
     }
+
+
+def _describe_outputs(model: ReducedModel) -> str:
+    forces = int(force_outputs(model).sum())
+    moved = f"{len(model.outputs) - forces} transverse displacements in m"
+    return f"{moved}, {forces} forces of pads in N" if forces else moved
 
 
 def _print_table(outcome: Outcome) -> None:

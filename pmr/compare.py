@@ -16,16 +16,19 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.body import SlidingBody, Trajectory, displacement
+from pmr.body import SlidingBody, Trajectory, displacement, force_outputs
 from pmr.results import Energy, Response
 from pmr.simulate import ancf
 
 Array = NDArray[np.float64]
 #: Error of a signal against a reference of the same shape.
 Measure = Callable[[Array, Array], float]
+Quantity = Callable[[Response], Array]
 
 #: Components whose reference RMS (m) does not exceed this are left out of e_NRMS.
 RMS_FLOOR = 1e-10
+#: Likewise, relative to the component that moves most: a direction in which nothing happens holds round-off only.
+RELATIVE_FLOOR = 1e-6
 
 
 def nrms(signal: Array, reference: Array) -> float:
@@ -41,10 +44,11 @@ def nrms(signal: Array, reference: Array) -> float:
     if signal.shape != reference.shape:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")
     scale = np.sqrt(np.mean(reference**2, axis=0))
+    floor = max(RMS_FLOOR, RELATIVE_FLOOR * float(scale.max(initial=0.0)))
     error = np.sqrt(np.mean((signal - reference) ** 2, axis=0))
-    counted = scale > RMS_FLOOR
+    counted = scale > floor
     if not np.any(counted):
-        return 1.0 if np.any(error > RMS_FLOOR) else 0.0
+        return 1.0 if np.any(error > floor) else 0.0
     return float(min(np.mean(error[counted] / scale[counted]), 1.0))
 
 
@@ -53,8 +57,32 @@ def absolute_error(signal: Array, reference: Array) -> float:
     return float(np.linalg.norm(np.asarray(signal) - np.asarray(reference)))
 
 
+#: What is compared of planar beams.
+PLANAR: Mapping[str, Quantity] = {
+    "tip": lambda response: response.tip,
+    "beam": lambda response: response.displacement,
+    "slider_force": lambda response: response.slider_force,
+}
+#: What is compared in space, where the tip's columns, one a direction, are the last ones.
+IN_SPACE: Mapping[int, Mapping[str, Quantity]] = {
+    1: {
+        "tip": lambda response: response.displacement[:, -1:],
+        "beam": lambda response: response.displacement[:, :-1],
+        "pad_force": lambda response: response.slider_force,
+    },
+    2: {
+        "tip": lambda response: response.displacement[:, -2:],
+        "beam": lambda response: response.displacement[:, :-2],
+        "pad_force": lambda response: response.slider_force,
+    },
+}
+
+
 def errors(
-    responses: Mapping[str, Response], measure: Measure = nrms, order: tuple[str, ...] = ("reduced", "full", "ancf")
+    responses: Mapping[str, Response],
+    measure: Measure = nrms,
+    order: tuple[str, ...] = ("reduced", "full", "ancf"),
+    quantities: Mapping[str, Quantity] = PLANAR,
 ) -> dict[str, dict[str, float]]:
     """Errors of all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ..., "slider_force": ...}, ...}``.
 
@@ -68,9 +96,7 @@ def errors(
     present = [name for name in order if name in responses]
     return {
         f"{a}_vs_{b}": {
-            "tip": measure(responses[a].tip, responses[b].tip),
-            "beam": measure(responses[a].displacement, responses[b].displacement),
-            "slider_force": measure(responses[a].slider_force, responses[b].slider_force),
+            name: measure(quantity(responses[a]), quantity(responses[b])) for name, quantity in quantities.items()
         }
         for a, b in combinations(present, 2)
     }
@@ -95,12 +121,13 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
         violation = violation + body.flexibility.row_motion(s, multipliers, loads)
     if body.flexibility is not None or np.any(body.row_compliance):
         drift = np.full_like(drift, np.nan)  # rows that give way have no equation at velocity level
+    outputs, force = displacement(body, q, s, multipliers, loads), force_outputs(body)
     return Response(
         t=trajectory.t,
-        x=body.output_positions,
-        displacement=displacement(body, q, s, multipliers, loads),
+        x=body.output_positions[~force],
+        displacement=outputs[:, ~force],
         energy=energy(body, trajectory, loads),
-        slider_force=trajectory.multipliers[:, body.moving],
+        slider_force=np.hstack([outputs[:, force], trajectory.multipliers[:, body.moving]]),
         residual_position=np.abs(violation).max(axis=1),
         residual_velocity=np.abs(drift).max(axis=1),
         seconds=trajectory.seconds,

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.body import Trajectory, displacement
+from pmr.body import Trajectory, displacement, force_outputs
 from pmr.compare import nrms
 from pmr.reduced import ReducedModel
 from pmr.signals import SignalBase
@@ -51,7 +51,7 @@ class Estimate:
     Attributes
     ----------
     beam, tip : float
-        e_NRMS over all outputs and of the last one, fractions; relative to the reduced model's own motion.
+        e_NRMS over all displacements and of the last one, fractions; relative to the reduced model's own motion.
     kappa : float
         Share of the residual part's inertia that the companions carry.
     chi : float
@@ -107,10 +107,11 @@ def estimate(model: ReducedModel, path: SignalBase, loads: Loads, stepping: Time
         raise ValueError(f"no estimate: {why}")
     f = loads_at(one_for_each(loads, model.input_names), stepping.times)
     outputs, forms, runs = [], [], []
+    moved = ~force_outputs(model)
     for one in (model, extended(model)):
         form = modal_form(one)
         run = march.simulate_modal(form, path, loads, stepping)
-        outputs.append(displacement(form.body, run.q, run.s, run.deforming, f))
+        outputs.append(displacement(form.body, run.q, run.s, run.deforming, f)[:, moved])
         forms.append(form)
         runs.append(run)
     share = kappa(model, runs[0].s)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pmr import closed_form
 from pmr.reduced import ReducedModel
-from pmr.scene import Scene
+from pmr.scene import Scene, SceneBase
 from pmr.yielding import Yielding
 
 Array = NDArray[np.float64]
@@ -37,11 +37,13 @@ def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
     return result
 
 
-def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
+def closed_form_frequencies(scene: SceneBase, s: Array, count: int) -> Array:
     """The `count` lowest frequencies (S, count) in rad/s of the scene's beam, or (S, 0) where there is no closed form.
 
     With axial coordinates those of the bar, held at 0 and free at its end, stand among those of bending.
     """
+    if not isinstance(scene, Scene):
+        return np.empty((len(s), 0))
     body, supports = scene.body, [(support.at, support.kind) for support in scene.supports]
     if supports != [(0.0, "pinned")] or scene.slider.offsets != (0.0,):
         return np.empty((len(s), 0))

@@ -43,6 +43,8 @@ class FullModel:
         Supports first, then the sliders; the same on every rank.
     reference_frequency : float, rad/s
         Scale of the lowest frequencies; eigensolvers shift by it.
+    output_names, output_units : tuples of str
+        What each output is, and whether it is in m, rad or N.
     """
 
     M: PETSc.Mat
@@ -54,6 +56,8 @@ class FullModel:
     input_names: tuple[str, ...]
     output_positions: Array
     reference_frequency: float
+    output_names: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
 
     @property
     def comm(self) -> Any:
@@ -72,7 +76,15 @@ class FullModel:
         M, D, K, inputs, outputs = parts
         assert M is not None and D is not None and K is not None and inputs is not None and outputs is not None
         return FullBody(
-            M, D, K, inputs.toarray(), outputs.T.tocsr(), self.rows, self.input_names, self.output_positions
+            M,
+            D,
+            K,
+            inputs.toarray(),
+            outputs.T.tocsr(),
+            self.rows,
+            self.input_names,
+            self.output_positions,
+            self.output_units,
         )
 
 
@@ -108,6 +120,8 @@ def beam_model(scene: Scene, mesh: BeamMesh) -> FullModel:
         input_names=tuple(load.name for load in scene.loads),
         output_positions=mesh.nodes,
         reference_frequency=model.reference_frequency,
+        output_names=tuple(f"y at {x:g} m" for x in mesh.nodes),
+        output_units=("m",) * len(mesh.nodes),
     )
 
 

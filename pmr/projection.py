@@ -73,6 +73,8 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
         input_names=model.input_names,
         row_names=model.rows.names,
         output_positions=model.output_positions,
+        output_names=model.output_names,
+        output_units=model.output_units,
         provenance=provenance,
         pads=pads if pads.any() else None,
     )

@@ -31,7 +31,7 @@ from pmr.sliding import contributions, evaluate
 
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 _MATRICES = ("M", "D", "K", "B", "outputs")
 
 
@@ -46,11 +46,13 @@ class ReducedModel:
     B : (r, i) array
         One column an input; inputs are forces in N (or moments in N m).
     outputs : (o, r) array
-        Transverse displacement in m at `output_positions`.
+        What is observed at `output_positions`: transverse displacements in m, in space forces of pads too.
     rows : PPoly with values (m, r)
         C(s), exact between its breaks; s in m.
     input_names, row_names : tuples of str
     output_positions : (o,) array, m
+    output_names, output_units : tuples of str
+        What each output is, and whether it is in m, rad or N; empty: all are displacements.
     left_out : tuple of str
         Rows that the basis satisfies identically (its vectors vanish there): they would make the system singular.
     provenance : dict
@@ -72,6 +74,8 @@ class ReducedModel:
     input_names: tuple[str, ...]
     row_names: tuple[str, ...]
     output_positions: Array
+    output_names: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
     pads: Array | None = None
@@ -156,6 +160,8 @@ class ReducedModel:
             "input_names": self.input_names,
             "row_names": self.row_names,
             "left_out": self.left_out,
+            "output_names": self.output_names,
+            "output_units": self.output_units,
             "provenance": self.provenance,
         }
         arrays = {name: getattr(self, name) for name in _MATRICES} | {"pads": self.row_compliance}
@@ -205,6 +211,8 @@ class ReducedModel:
                     flexibility=Flexibility.from_arrays(data),
                     companions=Companions.from_arrays(data),  # since version 3
                     left_out=tuple(header["left_out"]),
+                    output_names=tuple(header.get("output_names", ())),  # since version 4
+                    output_units=tuple(header.get("output_units", ())),
                     provenance=dict(header["provenance"]),
                 )
         except (KeyError, ValueError, TypeError, AttributeError, OSError, zipfile.BadZipFile, zlib.error) as error:

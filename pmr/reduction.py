@@ -9,7 +9,7 @@ from pmr.operators import FullModel
 from pmr.projection import reduced_model, with_held_coordinates
 from pmr.reduced import ReducedModel
 from pmr.residual.model import flexible_model, modal_model
-from pmr.scene import Scene
+from pmr.scene import SceneBase
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
 from pmr.snapshots.free_modes import free_modes, rigid_modes
@@ -20,7 +20,7 @@ from pmr.truncation import with_kept_inertia
 COMPANIONS = 4
 
 
-def take_snapshots(scene: Scene, model: FullModel) -> Snapshots:
+def take_snapshots(scene: SceneBase, model: FullModel) -> Snapshots:
     """Eigenmodes with the slider held at several positions, or with the sliders released.
 
     Raises
@@ -35,7 +35,7 @@ def take_snapshots(scene: Scene, model: FullModel) -> Snapshots:
     return eigenmode_snapshots(model, scene)
 
 
-def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
+def build_basis(scene: SceneBase, model: FullModel, snapshots: Snapshots) -> Basis:
     """The POD of the snapshots, with the rigid-body modes where flexibility is added; free modes as they are.
 
     Raises
@@ -52,7 +52,7 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     return pod(model, snapshots, choice.coordinates, choice.product, choice.solver)
 
 
-def project(scene: Scene, model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+def project(scene: SceneBase, model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
     """The reduced model, with tables of the flexibility that the basis leaves out where the scene asks for it.
 
     Raises
@@ -70,12 +70,12 @@ def project(scene: Scene, model: FullModel, basis: Basis, provenance: dict[str, 
     return with_held_coordinates(reduced) if scene.reduction.support_rows == "hold" else reduced
 
 
-def _companions(scene: Scene) -> int:
+def _companions(scene: SceneBase) -> int:
     """Modes beyond the coordinates: those that estimate the error."""
     return COMPANIONS if scene.reduction.needs_inertia else 0
 
 
-def description(scene: Scene, basis: Basis) -> str:
+def description(scene: SceneBase, basis: Basis) -> str:
     """The basis in words."""
     choice = scene.reduction
     if choice.basis == "free_modes":

@@ -7,16 +7,16 @@ from pmr.fullorder import Watch, observe, respond
 from pmr.operators import FullModel
 from pmr.responses import course, full_simulator, simulate_reference
 from pmr.results import Response
-from pmr.scene import Scene
+from pmr.scene import SceneBase
 
 
-def references(scene: Scene, model: FullModel, clock: Clock | None = None) -> dict[str, Response]:
+def references(scene: SceneBase, model: FullModel, clock: Clock | None = None) -> dict[str, Response]:
     """All that the scene asks for, ``full`` and ``ancf``; on rank 0, others may have none.  Collective."""
     found = {name: reference(name, scene, model, clock) for name in ("full", "ancf") if name in scene.compare.against}
     return {name: response for name, response in found.items() if response is not None}
 
 
-def reference(name: str, scene: Scene, model: FullModel, clock: Clock | None = None) -> Response | None:
+def reference(name: str, scene: SceneBase, model: FullModel, clock: Clock | None = None) -> Response | None:
     """Response of ``"full"`` or ``"ancf"``; on rank 0, others may have none.  Collective.
 
     ``petsc`` works on the distributed model; for all others it is gathered on rank 0.

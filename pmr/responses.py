@@ -15,7 +15,8 @@ from pmr.body import FullBody, SlidingBody
 from pmr.clock import Clock
 from pmr.reduced import ReducedModel
 from pmr.results import Response
-from pmr.scene import Scene
+from pmr.scene import Scene, SceneBase, StructureScene
+from pmr.scene.choice import transverse
 from pmr.signals import SignalBase
 from pmr.simulate import Simulator, TimeStepping, ancf, exudyn, march
 from pmr.simulate.modal import modal_form
@@ -23,7 +24,7 @@ from pmr.simulate.stepping import loads_at
 
 Array = NDArray[np.float64]
 Done = Callable[[float], None]
-Respond = Callable[[Scene, SlidingBody, Done | None], Response]
+Respond = Callable[[SceneBase, SlidingBody, Done | None], Response]
 
 #: A full model of more coordinates than this goes through PETSc, for diagonalising costs more.  Exudyn factorises in
 #: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
@@ -53,7 +54,7 @@ class Simulations:
 
 
 def simulate(
-    scene: Scene, reduced: ReducedModel, references: Mapping[str, Response], clock: Clock | None = None
+    scene: SceneBase, reduced: ReducedModel, references: Mapping[str, Response], clock: Clock | None = None
 ) -> Simulations:
     """Simulate the reduced model by every simulator that the scene names, beside the references it is compared with."""
     clock = clock or Clock()
@@ -72,34 +73,40 @@ def simulate(
     return Simulations(responses, seconds, agreement, first)
 
 
-def simulate_reduced(scene: Scene, reduced: ReducedModel, clock: Clock | None = None) -> Response:
+def simulate_reduced(scene: SceneBase, reduced: ReducedModel, clock: Clock | None = None) -> Response:
     """Response of a reduced model to the scene's path and loads, by the first simulator that the scene names."""
     with (clock or Clock()).stage("reduced"):
         return _RESPOND[scene.simulation.simulators[0]](scene, reduced, None)
 
 
-def simulate_reference(name: str, scene: Scene, full: FullBody, clock: Clock | None = None) -> Response:
+def simulate_reference(name: str, scene: SceneBase, full: FullBody, clock: Clock | None = None) -> Response:
     """Response of ``"full"``, by a simulator that is not distributed, or of ``"ancf"``."""
     with (clock or Clock()).stage(name) as done:
         if name == "ancf":
+            assert isinstance(scene, Scene)  # the scene's check
             return _ancf(scene, full.output_positions, done)
         return _RESPOND[full_simulator(scene, full.size)](scene, full, done)
 
 
-def full_simulator(scene: Scene, size: int) -> str:
+def quantities(scene: SceneBase) -> Mapping[str, compare.Quantity]:
+    """What is compared between responses."""
+    return compare.IN_SPACE[len(transverse(scene))] if isinstance(scene, StructureScene) else compare.PLANAR
+
+
+def full_simulator(scene: SceneBase, size: int) -> str:
     """Which simulator takes a full model of `size` coordinates: the one that the scene names, or the fastest."""
     if scene.simulation.full != "auto":
         return scene.simulation.full
     return "march" if size <= MARCHED_UP_TO else "petsc"
 
 
-def _repeated(scene: Scene, reduced: ReducedModel, simulator: str) -> Response:
+def _repeated(scene: SceneBase, reduced: ReducedModel, simulator: str) -> Response:
     responses = [_RESPOND[simulator](scene, reduced, None) for _ in range(scene.simulation.repeats)]
     return replace(responses[0], seconds=median(response.seconds for response in responses))
 
 
 def _in_exudyn(integrate: Simulator) -> Respond:
-    def respond(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
+    def respond(scene: SceneBase, body: SlidingBody, done: Done | None) -> Response:
         path, signals, stepping = course(scene)
         trajectory = integrate(body, path, signals, stepping, progress=done)
         return compare.respond(body, trajectory, path.rate(stepping.times), loads_at(signals, stepping.times))
@@ -107,7 +114,7 @@ def _in_exudyn(integrate: Simulator) -> Respond:
     return respond
 
 
-def _in_march(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
+def _in_march(scene: SceneBase, body: SlidingBody, done: Done | None) -> Response:
     """In modal coordinates throughout: what a response holds does not depend on them."""
     path, signals, stepping = course(scene)
     form = modal_form(body)
@@ -123,10 +130,10 @@ _RESPOND: dict[str, Respond] = {
 }
 
 
-def course(scene: Scene) -> tuple[SignalBase, list[SignalBase], TimeStepping]:
+def course(scene: SceneBase) -> tuple[SignalBase, list[SignalBase], TimeStepping]:
     """Path, loads and time grid of a scene, as simulators take them."""
     stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
-    return scene.slider.path, [load.signal for load in scene.loads], stepping
+    return scene.slider.path, scene.signals, stepping
 
 
 def cable_of(scene: Scene) -> ancf.Cable:

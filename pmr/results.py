@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.scene import Scene
+from pmr.scene import Scene, SceneBase, from_data
 
 Array = NDArray[np.float64]
 
@@ -42,10 +42,10 @@ class Response:
     x : (o,) array, m
         Beam coordinates of the outputs.
     displacement : (T, o) array, m
-        Transverse; the last column is the tip.
+        Transverse; the last column is the tip.  In space that of all places along y, along z, then of the tip.
     energy : Energy
     slider_force : (T, m) array, N
-        Multipliers of the sliders.
+        Multipliers of the sliders; in space forces of all pads, those that stay first.
     residual_position : (T,) array, m
         Largest violation of a row, max |C(s) q|; NaN where a simulator has no such rows.
     residual_velocity : (T,) array, m/s
@@ -106,6 +106,52 @@ class FrequencyCurves:
 
 
 @dataclass(frozen=True)
+class Fields:
+    """Recovered fields of the reduced model on the vertices and cells of its mesh, at F times.
+
+    Attributes
+    ----------
+    t : (F,) array, s
+    points : (N, 3) array, m
+    cells : (C, k) integer array
+        Vertices of lines, triangles, tetrahedra or hexahedra, in the order of VTK.
+    kind : str
+        ``"line"``, ``"triangle"``, ``"tetra"`` or ``"hexahedron"``.
+    displacement : (F, N, 3) array, m
+    von_mises : mapping of a face's name to (F, C) array, Pa
+        Empty where no stress was asked for.
+    """
+
+    t: Array
+    points: Array
+    cells: NDArray[np.int64]
+    kind: str
+    displacement: NDArray[np.float32]
+    von_mises: Mapping[str, NDArray[np.float32]]
+
+    def save(self, file: Path) -> None:
+        """Write as npz."""
+        arrays = {name: getattr(self, name) for name in ("t", "points", "cells", "displacement")}
+        faces = {f"von_mises.{name}": stress for name, stress in self.von_mises.items()}
+        with file.open("wb") as stream:
+            np.savez(stream, kind=np.array(self.kind), **arrays, **faces)
+
+    @classmethod
+    def load(cls, file: Path) -> Fields:
+        """Read what `save` wrote."""
+        with np.load(file, allow_pickle=False) as data:
+            faces = {key.removeprefix("von_mises."): data[key] for key in data.files if key.startswith("von_mises.")}
+            return cls(
+                t=data["t"],
+                points=data["points"],
+                cells=data["cells"],
+                kind=str(data["kind"]),
+                displacement=data["displacement"],
+                von_mises=faces,
+            )
+
+
+@dataclass(frozen=True)
 class RunResult:
     """All of one run.
 
@@ -113,10 +159,13 @@ class RunResult:
     summary.json holds: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
     ``absolute_errors`` likewise (e_abs, m), ``max_displacement`` and ``max_error`` (m),
     ``estimate.{beam,tip,kappa,chi,largest}`` (`pmr.estimate`), ``warnings``, ``coordinates``, ``basis``, ``seconds``,
-    ``versions``, ``scene_hash`` and more.
+    ``versions``, ``scene_hash`` and more; ``max_von_mises.{full,reduced}`` (Pa) where stresses are recovered.
+
+    `fields` are what a scene's recovery asks for, and `peak_stress` the largest von Mises stress in Pa over its times,
+    ``reduced`` and, where there is a full model, ``full``.
     """
 
-    scene: Scene
+    scene: SceneBase
     summary: dict[str, Any]
     responses: Mapping[str, Response]
     path: Array  # s(t), (T,) m
@@ -124,6 +173,14 @@ class RunResult:
     loads: Array  # (T, i) N
     shapes: Shapes
     frequencies: FrequencyCurves
+    fields: Fields | None = None
+    peak_stress: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def beam(self) -> Scene:
+        """The scene of a planar beam."""
+        assert isinstance(self.scene, Scene)
+        return self.scene
 
     def save(self, folder: Path) -> None:
         """Write scene.json, summary.json and trajectories.npz into `folder`."""
@@ -137,8 +194,11 @@ class RunResult:
             arrays[f"frequencies.{name}"] = getattr(self.frequencies, name)
         for simulator, response in self.responses.items():
             arrays |= {f"{simulator}.{name}": array for name, array in response.arrays().items()}
+        arrays |= {f"peak_stress.{name}": stress for name, stress in self.peak_stress.items()}
         with (folder / "trajectories.npz").open("wb") as file:
             np.savez(file, **arrays)
+        if self.fields is not None:
+            self.fields.save(folder / "fields.npz")
 
     @classmethod
     def load(cls, folder: Path) -> RunResult:
@@ -153,7 +213,7 @@ class RunResult:
                 for simulator in simulators
             }
             return cls(
-                scene=Scene.model_validate_json((folder / "scene.json").read_text()),
+                scene=from_data(json.loads((folder / "scene.json").read_text())),
                 summary=summary,
                 responses=responses,
                 path=data["s"],
@@ -163,6 +223,10 @@ class RunResult:
                 frequencies=FrequencyCurves(
                     *(data[f"frequencies.{name}"] for name in ("s", "full", "reduced", "closed_form"))
                 ),
+                fields=Fields.load(folder / "fields.npz") if (folder / "fields.npz").is_file() else None,
+                peak_stress={
+                    key.removeprefix("peak_stress."): data[key] for key in data.files if key.startswith("peak_stress.")
+                },
             )
 
 

@@ -11,18 +11,19 @@ from numpy.typing import NDArray
 
 from pmr import compare, environment, estimate
 from pmr.basis import Basis
+from pmr.build import build
 from pmr.clock import Clock
 from pmr.dolfinx_compat import MPI
 from pmr.dolfinx_compat import versions as fenicsx_versions
 from pmr.frequencies import closed_form_frequencies, reduced_frequencies
-from pmr.operators import FullModel, full_model
+from pmr.operators import FullModel
 from pmr.parallel import free_dropped
 from pmr.reduced import ReducedModel
 from pmr.reduction import build_basis, description, project, take_snapshots
 from pmr.references import references
-from pmr.responses import Simulations, course, full_simulator, simulate
+from pmr.responses import Simulations, course, full_simulator, quantities, simulate
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
-from pmr.scene import Scene
+from pmr.scene import SceneBase, StructureScene
 from pmr.simulate.stepping import loads_at
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigensolvers import eigensolver
@@ -51,7 +52,7 @@ class Outcome:
     reduced: ReducedModel
 
 
-def run(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Outcome | None:
+def run(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Outcome | None:
     """Run a scene on `comm`; what is not distributed runs on rank 0, the other ranks get None.
 
     Raises
@@ -62,7 +63,9 @@ def run(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = Non
         If a solver fails.
     """
     clock = clock or Clock()
-    reduction = reduce(scene, comm, clock)
+    with clock.stage("assemble"):
+        built = build(scene, comm)
+    reduction = _reduce(scene, built.model, clock)
     with clock.stage("frequencies"):
         curves = _frequency_curves(scene, reduction)
     found = references(scene, reduction.model, clock)
@@ -73,17 +76,15 @@ def run(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = Non
     return Outcome(_result(scene, summary, simulations.responses, reduction, curves), reduction.reduced)
 
 
-def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
+def reduce(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
     """From a scene to its reduced model; collective."""
     clock = clock or Clock()
     with clock.stage("assemble"):
-        model = full_model(scene, comm)
-    with clock.stage("snapshots"):
-        snapshots = take_snapshots(scene, model)
-    return reduce_with(scene, model, snapshots, clock)
+        model = build(scene, comm).model
+    return _reduce(scene, model, clock)
 
 
-def reduce_with(scene: Scene, model: FullModel, snapshots: Snapshots, clock: Clock | None = None) -> Reduction:
+def reduce_with(scene: SceneBase, model: FullModel, snapshots: Snapshots, clock: Clock | None = None) -> Reduction:
     """From a model and its snapshots to the scene's reduced model; collective."""
     clock = clock or Clock()
     with clock.stage("pod"):
@@ -93,22 +94,31 @@ def reduce_with(scene: Scene, model: FullModel, snapshots: Snapshots, clock: Clo
     return Reduction(model, snapshots, basis, reduced)
 
 
-def visited_positions(scene: Scene) -> Array:
+def visited_positions(scene: SceneBase) -> Array:
     """Path coordinates (S,) in m, evenly over the stretch that the path visits, at which frequencies are compared."""
     low, high = scene.path_bounds
     return np.linspace(low, high, FREQUENCY_POSITIONS) if high > low else np.array([low])
 
 
-def full_frequencies(scene: Scene, model: FullModel, s: Array) -> Array:
+def full_frequencies(scene: SceneBase, model: FullModel, s: Array) -> Array:
     """Lowest frequencies (S, f) of the full model in rad/s with the sliders at s (S,) m; collective."""
     count = min(FREQUENCY_CURVES, model.size - len(model.rows.names))
     solver = eigensolver(model, scene.reduction.solver)
     return np.array([solver.lowest(float(at), count).omega for at in s])
 
 
-def _frequency_curves(scene: Scene, reduction: Reduction) -> FrequencyCurves:
+def _reduce(scene: SceneBase, model: FullModel, clock: Clock) -> Reduction:
+    with clock.stage("snapshots"):
+        snapshots = take_snapshots(scene, model)
+    return reduce_with(scene, model, snapshots, clock)
+
+
+def _frequency_curves(scene: SceneBase, reduction: Reduction) -> FrequencyCurves:
     """Lowest frequencies over the stretch that the path visits."""
     s = visited_positions(scene)
+    if isinstance(scene, StructureScene):
+        none = np.empty((len(s), 0))
+        return FrequencyCurves(s, none, reduced_frequencies(reduction.reduced, s, FREQUENCY_CURVES), none)
     full = full_frequencies(scene, reduction.model, s)
     return FrequencyCurves(
         s,
@@ -118,12 +128,11 @@ def _frequency_curves(scene: Scene, reduction: Reduction) -> FrequencyCurves:
     )
 
 
-def _provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
+def _provenance(scene: SceneBase, basis: Basis) -> dict[str, Any]:
     described = scene.model_dump(mode="json", exclude={"published"})
-    if scene.mesh.file is not None:
-        described["mesh"]["file"] = (
-            scene.mesh.file.name
-        )  # the model travels; its folders stay, the hash has the content
+    if scene.mesh_file is not None:
+        # The model travels; its folders stay, the hash has the content.
+        described["mesh"]["file"] = scene.mesh_file.name
     return {
         "scene": described,
         "scene_hash": scene.hash,
@@ -133,15 +142,17 @@ def _provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
     }
 
 
-def _summary(scene: Scene, reduction: Reduction, simulations: Simulations, seconds: dict[str, float]) -> dict[str, Any]:
-    responses = simulations.responses
+def _summary(
+    scene: SceneBase, reduction: Reduction, simulations: Simulations, seconds: dict[str, float]
+) -> dict[str, Any]:
+    responses, measured = simulations.responses, quantities(scene)
     reference = responses.get("full", responses["reduced"]).displacement
     error = float(np.abs(responses["reduced"].displacement - reference).max()) if "full" in responses else None
     return {
         "title": scene.title,
         "scene_hash": scene.hash,
-        "errors": compare.errors(responses),
-        "absolute_errors": compare.errors(responses, compare.absolute_error),
+        "errors": compare.errors(responses, quantities=measured),
+        "absolute_errors": compare.errors(responses, compare.absolute_error, quantities=measured),
         "max_displacement": float(np.abs(reference).max()),
         "max_error": error,
         "coordinates": {"full": reduction.model.size, "reduced": reduction.reduced.size},
@@ -164,7 +175,7 @@ def _summary(scene: Scene, reduction: Reduction, simulations: Simulations, secon
     }
 
 
-def _estimated(scene: Scene, reduced: ReducedModel, clock: Clock) -> dict[str, Any]:
+def _estimated(scene: SceneBase, reduced: ReducedModel, clock: Clock) -> dict[str, Any]:
     """The error estimate, and what a user should know."""
     found = None
     if scene.reduction.estimate and estimate.no_estimate(reduced) is None:
@@ -175,7 +186,7 @@ def _estimated(scene: Scene, reduced: ReducedModel, clock: Clock) -> dict[str, A
 
 
 def _result(
-    scene: Scene,
+    scene: SceneBase,
     summary: dict[str, Any],
     responses: Mapping[str, Response],
     reduction: Reduction,
@@ -183,5 +194,5 @@ def _result(
 ) -> RunResult:
     t = responses["reduced"].t
     shapes = Shapes(reduction.basis.sigma, reduction.reduced.output_positions, reduction.reduced.outputs)
-    path, loads = scene.slider.path, loads_at([load.signal for load in scene.loads], t)
+    path, loads = scene.slider.path, loads_at(scene.signals, t)
     return RunResult(scene, summary, responses, path.value(t), path.rate(t), loads, shapes, curves)

@@ -30,8 +30,6 @@ from pmr.sliding import Rows
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-GRAVITY = 9.80665  # m/s^2
-
 
 @dataclass(frozen=True)
 class Clamp:
@@ -49,12 +47,27 @@ class Action:
     on: str | float
     direction: str
 
+    @property
+    def unit(self) -> str:
+        """Of what is measured."""
+        return "m" if self.direction in ("x", "y", "z") else "rad"
+
 
 @dataclass(frozen=True)
 class PadForce:
     """The force in N of a pad that neither moves nor is rigid, as an output."""
 
     pad: str
+
+    @property
+    def name(self) -> str:
+        """As outputs are called."""
+        return f"force of {self.pad}"
+
+    @property
+    def unit(self) -> str:
+        """N."""
+        return "N"
 
 
 @dataclass(frozen=True)
@@ -110,6 +123,8 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         rows=Rows(holding.rows, size),
         input_names=tuple(load.name for load in structure.loads),
         output_positions=np.array([_position(output, structure) for output in structure.outputs]),
+        output_names=tuple(output.name for output in structure.outputs),
+        output_units=tuple(output.unit for output in structure.outputs),
         reference_frequency=model.reference_frequency,
     )
 

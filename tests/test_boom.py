@@ -1,30 +1,37 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from boxes import box
 
 from pmr import fullorder
+from pmr import scene as scenes
 from pmr.basis import modal_basis
-from pmr.boom import Scene, boom_pads, reference_scene
+from pmr.boom import structure_of
 from pmr.compare import nrms
 from pmr.dolfinx_compat import MPI
 from pmr.errors import InputError
+from pmr.models import StructuralModel
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.operators import FullModel
 from pmr.reduced import ReducedModel
 from pmr.residual.model import flexible_model
+from pmr.responses import course
+from pmr.scene import StructureScene
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
-from pmr.simulate import march
+from pmr.signals import SignalBase
+from pmr.simulate import TimeStepping, march
 from pmr.simulate.modal import modal_form
 from pmr.snapshots.free_modes import free_modes
-from pmr.structure import structural_model
+from pmr.structure import Structure, structural_model
 from pmr.yielding import Yielding
 
 pytestmark = pytest.mark.mpi
+WORKFLOWS = Path(__file__).parents[1] / "workflows"
 LOADS = np.array([1500.0, 700.0, 9.81])
 
 
@@ -52,12 +59,28 @@ def at_rest(body: ReducedModel, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return q @ body.outputs.T + body.flexibility.displacement(s, multipliers, f), multipliers
 
 
+@dataclass(frozen=True)
+class Boom:
+    """The reference boom on any model, and what moves it."""
+
+    structure: Structure
+    path: SignalBase
+    loads: list[SignalBase]
+    stepping: TimeStepping
+
+
+def boom(model: StructuralModel, span: float = 10.0) -> Boom:
+    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}"])
+    assert isinstance(scene, StructureScene)
+    return Boom(replace(structure_of(scene), model=model), *course(scene))
+
+
 @pytest.fixture(scope="module", params=[shell, beam])
-def scene(request) -> Scene:
-    return reference_scene(request.param())
+def scene(request) -> Boom:
+    return boom(request.param())
 
 
-def test_statics_is_that_of_the_full_model(scene: Scene) -> None:
+def test_statics_is_that_of_the_full_model(scene: Boom) -> None:
     """With two rigid turns and two modes: what is left out is answered by the tables, everywhere on the path."""
     full = structural_model(scene.structure)
     body = reduced(full, 4)
@@ -80,9 +103,9 @@ def test_statics_is_that_of_the_full_model(scene: Scene) -> None:
 
 def test_rigid_pads_on_a_section_that_can_not_deform_are_named() -> None:
     model = beam()
-    pads = boom_pads((1.5, 4.0), stiffness=np.inf)
-    pads = replace(pads, fixed=tuple(replace(pad, stiffness=3e8) for pad in pads.fixed))
-    full = structural_model(replace(reference_scene(model).structure, pads=pads))
+    structure = boom(model).structure
+    rigid = tuple(replace(pad, stiffness=np.inf) for pad in structure.pads.moving)
+    full = structural_model(replace(structure, pads=replace(structure.pads, moving=rigid)))
     with pytest.raises(InputError, match="the rows mouth .* depend on each other at s ="):
         reduced(full, 6)
 
@@ -107,7 +130,7 @@ def test_pad_forces_hardly_feel_the_nodes() -> None:
     force.  Cells as long as the pad and longer don't resolve how the wall gives way under it: 3 to 4 %.
     """
     model = Shell(ShellBody(plate=Plate(thickness=0.008)), box(length=6.0, along=60, around=4, skew=0.2))
-    body = reduced(structural_model(reference_scene(model).structure), 4)
+    body = reduced(structural_model(boom(model).structure), 4)
     for spacing in (0.1, 0.05):
         assert node_passing_share(body, spacing) < 0.01
 
@@ -115,7 +138,7 @@ def test_pad_forces_hardly_feel_the_nodes() -> None:
 @pytest.mark.slow
 def test_ten_coordinates_follow_the_full_model() -> None:
     """Gusts included: the first one comes in the third second."""
-    scene = reference_scene(shell(), span=3.0)
+    scene = boom(shell(), span=3.0)
     full = structural_model(scene.structure)
     every = fullorder.observe(full, scene.path, scene.loads, scene.stepping)
     few = march.observe(modal_form(reduced(full, 10)), scene.path, scene.loads, scene.stepping)
@@ -127,7 +150,7 @@ def test_ten_coordinates_follow_the_full_model() -> None:
 
 
 @pytest.mark.slow
-def test_ten_coordinates_follow_the_boom(scene: Scene) -> None:
+def test_ten_coordinates_follow_the_boom(scene: Boom) -> None:
     """All ten seconds, against 150 with residual flexibility."""
     full = structural_model(scene.structure)
     found = [

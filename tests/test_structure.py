@@ -16,6 +16,7 @@ from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
 from pmr.scene import Damping
+from pmr.scene.space import GRAVITY
 from pmr.scene.structures import (
     Beam3DBody,
     BeamSection,
@@ -24,10 +25,9 @@ from pmr.scene.structures import (
     PointMass,
     ShellBody,
     SolidBody,
-    rayleigh,
 )
 from pmr.snapshots.eigensolvers import DenseEigenSolver, SlepcEigenSolver
-from pmr.structure import GRAVITY, Action, Clamp, Structure, Weight, structural_model
+from pmr.structure import Action, Clamp, Structure, Weight, structural_model
 
 pytestmark = pytest.mark.mpi
 SOFT, STIFF = Material(young=1e9, density=1000.0), Material(young=1e12, poisson=0.1, density=3000.0)
@@ -195,7 +195,7 @@ def test_a_line_load_is_spread_evenly_and_works_on_the_mean() -> None:
 
 
 def test_damping_has_the_ratio_at_both_frequencies() -> None:
-    damping = rayleigh(0.005, 10.0, 60.0)
+    damping = Damping.model_validate({"ratio": 0.005, "frequencies": [10.0, 60.0]})
     for f in (10.0, 60.0):
         omega = 2 * np.pi * f
         assert (damping.mass / omega + damping.stiffness * omega) / 2 == pytest.approx(0.005, rel=1e-12)

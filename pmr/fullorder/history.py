@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.body import force_outputs
 from pmr.dolfinx_compat import PETSc
 from pmr.errors import InputError
 from pmr.fullorder.effective import product
@@ -164,12 +165,13 @@ class Recorder:
 def respond(model: FullModel, history: History) -> Response:
     """What `pmr.compare` and the report ask of a simulator; of all outputs, with energies."""
     assert history.energy is not None
+    force = force_outputs(model)
     return Response(
         t=history.t,
-        x=model.output_positions,
-        displacement=history.y,
+        x=model.output_positions[~force],
+        displacement=history.y[:, ~force],
         energy=history.energy,
-        slider_force=history.multipliers[:, model.rows.moving],
+        slider_force=np.hstack([history.y[:, force], history.multipliers[:, model.rows.moving]]),
         residual_position=history.residual_position,
         residual_velocity=history.residual_velocity,
         seconds=history.preparation + history.seconds,

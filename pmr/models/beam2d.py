@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import MPI, constant, hermite_space, interval_mesh
 from pmr.errors import InputError
-from pmr.mesh.strip import Strip, Window
+from pmr.mesh.strip import Strip, Window, line_points
 from pmr.models import Forms
 from pmr.scene import Body
 from pmr.sliding import Row
@@ -32,6 +32,7 @@ Indices = NDArray[np.int64]
 
 #: Named places, as shares of the length.
 ENDS = {"tail": 0.0, "tip": 1.0}
+FACES = {"bottom": -1.0, "top": 1.0}  # outward normals along y
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,16 @@ class Beam2D:
         return np.array([station(place, self.body.length), 0.0, 0.0])
 
     def strip(self, face: str, window: Window) -> Strip:
-        raise InputError("scene", "pads.on", face, "a planar beam slides through sliders; pads are for bodies in space")
+        """The line that stands for bottom or top; how far below or above the axis it is plays no role."""
+        if face not in FACES:
+            raise InputError("scene", "pads.on", face, f"a planar beam has the faces {', '.join(FACES)}")
+        points, weights = line_points(window, self.nodes)
+        across = np.full(len(points), sum(window.across) / 2.0)
+        rows = sp.lil_matrix((len(points), self.size))
+        for i, x in enumerate(points):
+            dofs, values = self.point(float(x), "y")
+            rows[i, dofs] = FACES[face] * values
+        return Strip(points, across, weights, rows.tocsr())
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         if place not in ENDS:

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import MPI, cellwise, constant, create_mesh, hermite_space
 from pmr.errors import InputError
-from pmr.mesh.strip import Strip, Window
+from pmr.mesh.strip import Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms
 from pmr.models.beam2d import ENDS, HERMITE, station
 from pmr.models.polyline import Polyline, divided
@@ -203,7 +203,7 @@ class Beam3D:
         if face not in FACES:
             raise InputError("scene", "pads.on", face, f"a beam has the faces {', '.join(FACES)}")
         component, sign = FACES[face]
-        points, weights = self._points(window)
+        points, weights = line_points(window, self.axis.stations)
         across = sum(window.across) / 2.0
         frames = self.axis.frames[self._elements(points)]
         normal = sign * frames[:, component]
@@ -211,19 +211,6 @@ class Beam3D:
         entries, ends = np.hstack([normal, turning]).ravel(), 6 * np.arange(len(points) + 1)
         weighed = sp.csr_matrix((entries, np.arange(len(entries)), ends))
         return Strip(points, np.full(len(points), across), weights, sp.csr_matrix(weighed @ self._motions(points)))
-
-    def _points(self, window: Window) -> tuple[Array, Array]:
-        """Places and weights of Gauss' rule within a window, exact for lines times cubics.
-
-        The axis is cut at its nodes and at multiples of the window's spacing from its start.
-        """
-        start, end = max(window.along[0], 0.0), min(window.along[1], self.axis.length)
-        cuts = np.arange(window.along[0], window.along[1], window.spacing[0])
-        inner = np.concatenate([self.axis.stations, cuts])
-        ends = np.unique(np.concatenate([[start, end], inner[(inner > start) & (inner < end)]]))
-        x, w = np.polynomial.legendre.leggauss(3)
-        middle, half = (ends[1:] + ends[:-1])[:, None] / 2.0, np.diff(ends)[:, None] / 2.0
-        return (middle + half * x).ravel(), (half * w).ravel()
 
     def _elements(self, places: Array) -> Indices:
         """Numbers of the elements that hold places along the axis."""

@@ -47,7 +47,7 @@ def animation(result: RunResult) -> dict[str, Any]:
         )
     motions = [response.displacement for response in result.responses.values()]
     largest = max(float(np.abs(motion).max()) for motion in motions)
-    length = result.scene.body.length
+    length = result.beam.body.length
     scale = round_number(REACH * length / largest) if largest > 0.0 else 1.0
     return {
         "length": length,
@@ -59,7 +59,7 @@ def animation(result: RunResult) -> dict[str, Any]:
         "beams": beams,
         "s": _packed(result.path[frames]),
         "offsets": result.scene.slider.offsets,
-        "supports": [{"at": support.at, "kind": support.kind} for support in result.scene.supports],
+        "supports": [{"at": support.at, "kind": support.kind} for support in result.beam.supports],
         "loads": [
             {
                 "name": load.name,
@@ -67,7 +67,7 @@ def animation(result: RunResult) -> dict[str, Any]:
                 "direction": load.direction,
                 "values": _packed(result.loads[frames, i]),
             }
-            for i, load in enumerate(result.scene.loads)
+            for i, load in enumerate(result.beam.loads)
         ],
         "speeds": _speeds(float(t[-1] - t[0])),
     }

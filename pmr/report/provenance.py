@@ -9,7 +9,7 @@ from typing import Any
 
 from pmr.report.numbers import SPACE, plain, quantity, signed
 from pmr.results import RunResult
-from pmr.scene import Scene
+from pmr.scene import Scene, SceneBase
 from pmr.signals import SignalBase
 
 _STEPS = {
@@ -37,7 +37,7 @@ class Table:
 
 def tables(result: RunResult) -> list[list[Table]]:
     """Parameters, times and circumstances of a run, in the columns in which they fill a page."""
-    summary, scene = result.summary, result.scene
+    summary, scene = result.summary, result.beam
     columns = (
         (Table("Beam and mesh", tuple(_beam(scene))), Table("Run", tuple(_run(summary, scene)))),
         (
@@ -106,7 +106,7 @@ def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
         yield f"load {load.name}", f"{described(load.signal, unit)}; {where}"
 
 
-def _method(scene: Scene) -> Iterator[tuple[str, str]]:
+def _method(scene: SceneBase) -> Iterator[tuple[str, str]]:
     time, reduction = scene.time, scene.reduction
     yield "simulated time", f"{plain(time.end)}{SPACE}s"
     yield "step", f"{plain(1e3 * time.step)}{SPACE}ms, {plain(time.steps)} steps"
@@ -133,7 +133,7 @@ def _seconds(seconds: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield _STEPS.get(name, name), quantity(float(value), "s")
 
 
-def _run(summary: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, str]]:
+def _run(summary: Mapping[str, Any], scene: SceneBase) -> Iterator[tuple[str, str]]:
     yield "scene", str(summary.get("scene_hash") or scene.hash)
     if summary.get("commit"):
         yield "commit", str(summary["commit"])

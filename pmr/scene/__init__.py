@@ -4,7 +4,7 @@
 allowed raises `pmr.errors.InputError` with file, key, value and what is allowed.
 """
 
-from pmr.scene.files import load, vary
+from pmr.scene.files import from_data, load, vary, vary_beam
 from pmr.scene.sections import (
     SUPPORT_ROWS,
     Body,
@@ -15,8 +15,10 @@ from pmr.scene.sections import (
     Published,
     Reduction,
     Scene,
+    SceneBase,
     Simulation,
 )
+from pmr.scene.space import StructureScene
 
 __all__ = [
     "SUPPORT_ROWS",
@@ -28,7 +30,11 @@ __all__ = [
     "Published",
     "Reduction",
     "Scene",
+    "SceneBase",
     "Simulation",
+    "StructureScene",
+    "from_data",
     "load",
     "vary",
+    "vary_beam",
 ]

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 
 from pmr.errors import InputError
-from pmr.scene.sections import SUPPORT_ROWS, Damping, Scene
+from pmr.scene.sections import SUPPORT_ROWS, Damping, Scene, SceneBase
+from pmr.scene.space import StructureScene
+from pmr.scene.space_checks import check_structure
 
 MOST_STEPS = 1_000_000
 
 
-def check(scene: Scene) -> None:
+def check(scene: SceneBase) -> None:
     """Refuse a scene whose sections contradict each other.
 
     Raises
@@ -22,6 +24,16 @@ def check(scene: Scene) -> None:
     """
     _time(scene)
     _reduction(scene)
+    _continuous(scene)
+    if isinstance(scene, StructureScene):
+        check_structure(scene)
+    elif isinstance(scene, Scene):
+        _beam(scene)
+
+
+def _beam(scene: Scene) -> None:
+    if not scene.reduction.flexibility:
+        _row_count(scene)
     _places(scene)
     _path(scene)
     if "ancf" in scene.compare.against and not _ancf_can(scene):
@@ -37,7 +49,7 @@ def _refusal(key: str, value: Any, allowed: str) -> InputError:
     return InputError("scene", key, value, allowed)
 
 
-def _time(scene: Scene) -> None:
+def _time(scene: SceneBase) -> None:
     time = scene.time
     if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
         raise _refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
@@ -46,7 +58,7 @@ def _time(scene: Scene) -> None:
         raise _refusal("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
 
 
-def _reduction(scene: Scene) -> None:
+def _reduction(scene: SceneBase) -> None:
     choice = scene.reduction
     if choice.support_rows == "hold" and (choice.flexibility or choice.basis == "free_modes"):
         allowed = "'drop' is allowed with free modes and with flexibility: their supports hold without coordinates"
@@ -58,11 +70,9 @@ def _reduction(scene: Scene) -> None:
         raise _refusal("simulation.simulators", list(scene.simulation.simulators), allowed)
     if choice.basis == "eigenmodes":
         _pool(scene)
-    if not choice.flexibility:
-        _row_count(scene)
 
 
-def _inertia(scene: Scene) -> None:
+def _inertia(scene: SceneBase) -> None:
     if not (scene.reduction.basis == "free_modes" and scene.reduction.flexibility):
         allowed = "free modes with flexibility = true are allowed to keep the inertia of what they leave out"
         raise _refusal("reduction.residual_inertia", True, allowed)
@@ -71,7 +81,7 @@ def _inertia(scene: Scene) -> None:
         raise _refusal("simulation.simulators", list(scene.simulation.simulators), allowed)
 
 
-def _pool(scene: Scene) -> None:
+def _pool(scene: SceneBase) -> None:
     choice = scene.reduction
     pool = choice.snapshots * choice.modes
     if choice.coordinates > pool:
@@ -108,14 +118,18 @@ def _places(scene: Scene) -> None:
         raise _refusal("loads", names, "each load needs a name of its own")
 
 
+def _continuous(scene: SceneBase) -> None:
+    low, high = scene.path_bounds
+    for at in scene.slider.path.breaks:
+        before, after = scene.slider.path.value([np.nextafter(at, -np.inf), at])
+        if abs(after - before) > 1e-9 * max(abs(low), abs(high)):
+            allowed = f"the slider jumps from {before:g} m to {after:g} m at {at:g} s; continuous paths are allowed"
+            raise _refusal("slider.path", None, allowed)
+
+
 def _path(scene: Scene) -> None:
     length, (low, high) = scene.body.length, scene.path_bounds
     slack = 1e-9 * length
-    for at in scene.slider.path.breaks:
-        before, after = scene.slider.path.value([np.nextafter(at, -np.inf), at])
-        if abs(after - before) > slack:
-            allowed = f"the slider jumps from {before:g} m to {after:g} m at {at:g} s; continuous paths are allowed"
-            raise _refusal("slider.path", None, allowed)
     held = [support.at for support in scene.supports if "y" in SUPPORT_ROWS[support.kind]]
     if len(set(scene.slider.offsets)) != len(scene.slider.offsets):
         raise _refusal("slider.offsets", list(scene.slider.offsets), "sliders must not share an offset")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
+from abc import abstractmethod
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from pmr.signals import Real, Signal, bounds
+from pmr.signals import Constant, Real, Signal, SignalBase, bounds
 
 Positive = Annotated[float, Field(gt=0.0, strict=True)]
 NotNegative = Annotated[float, Field(ge=0.0, strict=True)]
@@ -92,10 +94,29 @@ class Load(_Section):
 
 
 class Damping(_Section):
-    """Rayleigh damping D = mass M + stiffness K."""
+    """Rayleigh damping D = mass M + stiffness K; or given as a `ratio` at two `frequencies` in Hz.
+
+    Less in between, more outside: zeta = (a / omega + b omega) / 2 at both gives a = 2 zeta omega_1 omega_2 /
+    (omega_1 + omega_2) and b = 2 zeta / (omega_1 + omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.
+    """
 
     mass: NotNegative = 0.0  # 1/s
     stiffness: NotNegative = 0.0  # s
+
+    @model_validator(mode="before")
+    @classmethod
+    def _ratio(cls, data: Any) -> Any:
+        if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
+            return data
+        try:
+            ratio, (first, second) = float(data["ratio"]), map(float, data["frequencies"])
+            fits = set(data) == {"ratio", "frequencies"} and ratio >= 0.0 and 0.0 < first < second < math.inf
+        except (KeyError, TypeError, ValueError):
+            fits = False
+        if not fits:
+            raise ValueError("ratio with two ascending frequencies in Hz, or mass and stiffness, are allowed")
+        one, two = 2.0 * math.pi * first, 2.0 * math.pi * second
+        return {"mass": 2.0 * ratio * one * two / (one + two), "stiffness": 2.0 * ratio / (one + two)}
 
 
 class TimeChoice(_Section):
@@ -192,15 +213,11 @@ class Published(_Section):
     remarks: tuple[str, ...] = ()  # where and why our figures differ, for the report
 
 
-class Scene(_Section):
-    """Everything that a run is made from; two scenes with equal `hash` give equal results."""
+class SceneBase(_Section):
+    """What scenes of every kind have; two of them with equal `hash` give equal results."""
 
     title: str
-    body: Body
-    mesh: MeshChoice
-    supports: tuple[Support, ...] = Field(default=(Support(at=0.0),), min_length=1)
     slider: Slider
-    loads: tuple[Load, ...] = Field(min_length=1)
     damping: Damping = Damping()
     time: TimeChoice
     reduction: Reduction = Reduction()
@@ -219,20 +236,55 @@ class Scene(_Section):
         return data
 
     @property
-    def row_count(self) -> int:
-        """Constraint rows of the full model: supports and sliders."""
-        fixed = sum(1 for s in self.supports for d in SUPPORT_ROWS[s.kind] if d in self.body.directions)
-        return fixed + len(self.slider.offsets)
+    @abstractmethod
+    def signals(self) -> list[SignalBase]:
+        """One signal for each input of the model, in their order."""
+
+    @abstractmethod
+    def without_loads(self) -> Self:
+        """The scene with nothing but zeros for loads: what its modes depend on."""
+
+    @property
+    @abstractmethod
+    def mesh_file(self) -> Path | None:
+        """The file that the mesh is read from, if it is."""
 
     @property
     def hash(self) -> str:
         """Digest of what decides the result: all but title, published figures and who simulates."""
         content = self.model_dump(mode="json", exclude={"title", "published", "simulation"})
-        if self.mesh.file is not None:
-            content["mesh"]["file"] = hashlib.sha256(self.mesh.file.read_bytes()).hexdigest()
+        if self.mesh_file is not None:
+            content["mesh"]["file"] = hashlib.sha256(self.mesh_file.read_bytes()).hexdigest()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     @property
     def path_bounds(self) -> tuple[float, float]:
         """Smallest and largest s(t) in m over the simulated time."""
         return bounds(self.slider.path, 0.0, self.time.end)
+
+
+class Scene(SceneBase):
+    """A planar beam on supports, with a slider: everything that a run is made from."""
+
+    body: Body
+    mesh: MeshChoice
+    supports: tuple[Support, ...] = Field(default=(Support(at=0.0),), min_length=1)
+    loads: tuple[Load, ...] = Field(min_length=1)
+
+    @property
+    def signals(self) -> list[SignalBase]:
+        return [load.signal for load in self.loads]
+
+    def without_loads(self) -> Scene:
+        loads = tuple(load.model_copy(update={"signal": Constant(amount=0.0)}) for load in self.loads)
+        return self.model_copy(update={"loads": loads})
+
+    @property
+    def mesh_file(self) -> Path | None:
+        return self.mesh.file
+
+    @property
+    def row_count(self) -> int:
+        """Constraint rows of the full model: supports and sliders."""
+        fixed = sum(1 for s in self.supports for d in SUPPORT_ROWS[s.kind] if d in self.body.directions)
+        return fixed + len(self.slider.offsets)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from pmr.scene.sections import Damping, NotNegative, Positive, _Section
+from pmr.scene.sections import NotNegative, Positive, _Section
 from pmr.signals import Real
 
 Vector = tuple[Real, Real, Real]
@@ -60,16 +60,6 @@ class BoxProfile(_Section):
         if self.wall >= min(self.width, self.height):
             raise ValueError("the wall must be thinner than width and height")
         return self
-
-
-def rayleigh(ratio: float, first: float, second: float) -> Damping:
-    """Rayleigh damping with the given damping ratio at two frequencies in Hz; less in between, more outside.
-
-    zeta = (a / omega + b omega) / 2 at both gives a = 2 zeta omega_1 omega_2 / (omega_1 + omega_2), b = 2 zeta /
-    (omega_1 + omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.
-    """
-    one, two = 2.0 * np.pi * first, 2.0 * np.pi * second
-    return Damping(mass=2.0 * ratio * one * two / (one + two), stiffness=2.0 * ratio / (one + two))
 
 
 class ShellBody(_Section):

@@ -98,6 +98,7 @@ def modal_form(body: SlidingBody) -> ModalForm:
         input_names=body.input_names,
         row_names=tuple(body.row_names[row] for row in kept),
         output_positions=body.output_positions,
+        output_units=body.output_units,
         pads=body.row_compliance[kept],
         flexibility=body.flexibility,
     )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.operators import FullModel
 from pmr.parallel import tall
-from pmr.scene import Scene
+from pmr.scene import SceneBase
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigensolvers import EigenSolver, eigensolver
 from pmr.snapshots.elimination import DependentRowsError
@@ -30,7 +30,7 @@ def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
     return 2 + (nodes - 2) * np.arange(snapshots) // (snapshots - 1)
 
 
-def positions(scene: Scene, model: FullModel) -> Array:
+def positions(scene: SceneBase, model: FullModel) -> Array:
     """Path coordinates (snapshots,) in m at which the scene asks for snapshots.
 
     ``nodes``: the paper's node set, with the first slider on nodes that leave all sliders on the beam; ``path``: evenly
@@ -57,7 +57,7 @@ def positions(scene: Scene, model: FullModel) -> Array:
     return np.array(choice)
 
 
-def eigenmode_snapshots(model: FullModel, scene: Scene, solver: EigenSolver | None = None) -> Snapshots:
+def eigenmode_snapshots(model: FullModel, scene: SceneBase, solver: EigenSolver | None = None) -> Snapshots:
     """The scene's snapshots: `modes` mass-normalised eigenmodes at each of the positions.
 
     Raises

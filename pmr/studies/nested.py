@@ -184,6 +184,7 @@ def galerkin(body: FullBody, V: Array) -> ReducedModel:
         input_names=body.input_names,
         row_names=body.row_names,
         output_positions=body.output_positions,
+        output_units=body.output_units,
     )
 
 

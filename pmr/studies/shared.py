@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmr.results import Response
-from pmr.scene import Damping, Reduction, Scene
+from pmr.scene import Damping, Reduction, SceneBase, from_data
 from pmr.scene.sections import Compare, Simulation, TimeChoice
 from pmr.signals import Constant
 from pmr.studies.task import Task, TaskFunction, TaskResult
 
 if TYPE_CHECKING:
+    from pmr.build import Built
     from pmr.operators import FullModel
     from pmr.snapshots import Snapshots
 
@@ -30,26 +31,31 @@ COSTS = {"modes": 0.05, "full": 0.5, "ancf": 3.0, "frequencies": 0.5}
 NOTHING = Constant(amount=0.0)
 
 
-def scene_arguments(scene: Scene) -> dict[str, Any]:
+def scene_arguments(scene: SceneBase) -> dict[str, Any]:
     """A scene as arguments of a task; the hash stands for the content of files that the scene names."""
     plain = scene.model_copy(update={"title": "", "published": None})
     return {"scene": plain.model_dump(mode="json"), "hash": plain.hash}
 
 
-def scene_of(arguments: Mapping[str, Any]) -> Scene:
+def scene_of(arguments: Mapping[str, Any]) -> Any:
     """The scene that `scene_arguments` was given."""
-    return Scene.model_validate(arguments["scene"])
+    return from_data(arguments["scene"])
 
 
 @lru_cache(maxsize=4)
-def model_of(scene: Scene) -> FullModel:
-    """The scene's full model, kept for the next task of this process."""
-    from pmr.operators import full_model
+def built_of(scene: SceneBase) -> Built:
+    """The scene's full model and what stands behind it, kept for the next task of this process."""
+    from pmr.build import build
 
-    return full_model(scene)
+    return build(scene)
 
 
-def modes_tasks(scene: Scene) -> dict[str, Task]:
+def model_of(scene: SceneBase) -> FullModel:
+    """The scene's full model, likewise."""
+    return built_of(scene).model
+
+
+def modes_tasks(scene: SceneBase) -> dict[str, Task]:
     """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions; free modes are one task."""
     choice = scene.reduction
     kept = Reduction(
@@ -72,7 +78,7 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
     return {f"modes{k}": _task(modes_at, "modes", f"{named}-{k}", held, position=k) for k in range(choice.snapshots)}
 
 
-def reference_task(scene: Scene, name: str) -> Task:
+def reference_task(scene: SceneBase, name: str) -> Task:
     """``"full"`` or ``"ancf"``: the response that a reduced model is compared with."""
     is_ancf = name == "ancf"
     alone = scene.model_copy(
@@ -85,12 +91,12 @@ def reference_task(scene: Scene, name: str) -> Task:
     return _task(reference, name, name, alone, simulator=name)
 
 
-def frequencies_task(scene: Scene) -> Task:
+def frequencies_task(scene: SceneBase) -> Task:
     """The full model's lowest frequencies over the path."""
     return _task(frequencies, "frequencies", "frequencies", _unloaded(scene))
 
 
-def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
+def snapshots_from(scene: SceneBase, needs: Mapping[str, TaskResult]) -> Snapshots:
     """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
     from pmr.parallel import tall
     from pmr.snapshots import Snapshots
@@ -148,12 +154,10 @@ def frequencies(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -
     return TaskResult(arrays={"s": s, "omega": full_frequencies(scene, model_of(scene), s)})
 
 
-def _unloaded(scene: Scene) -> Scene:
-    loads = tuple(load.model_copy(update={"signal": NOTHING}) for load in scene.loads)
+def _unloaded(scene: SceneBase) -> SceneBase:
     end = scene.time.end  # the path is visited up to it
-    return scene.model_copy(
+    return scene.without_loads().model_copy(
         update={
-            "loads": loads,
             "damping": Damping(),
             "time": TimeChoice(end=end, step=end),
             "compare": Compare(against=()),
@@ -163,7 +167,7 @@ def _unloaded(scene: Scene) -> Scene:
     )
 
 
-def _task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
+def _task(function: TaskFunction, kind: str, name: str, scene: SceneBase, **more: Any) -> Task:
     arguments = scene_arguments(scene) | more
     digest = hashlib.sha256(json.dumps(arguments, sort_keys=True).encode()).hexdigest()[:12]
     return Task(f"{name}-{digest}", function, arguments, cost=COSTS[kind])

@@ -54,7 +54,7 @@ def basis(result: RunResult) -> str:
 def frequencies(result: RunResult) -> str:
     """Below the eigenfrequencies."""
     level = " Level lines belong to vibration along the axis."
-    return f"Lowest eigenfrequencies for a resting slider at s.{level if result.scene.body.axial else ''}"
+    return f"Lowest eigenfrequencies for a resting slider at s.{level if result.beam.body.axial else ''}"
 
 
 def _history(result: RunResult, what: str, where: str = "") -> str:

@@ -29,7 +29,7 @@ def position(result: RunResult) -> Figure:
     ax = axes[0, 0]
     _plot(ax, time.t, [result.path + offset for offset in offsets])
     time.frame(ax, "Slider position in m")
-    ax.set_ylim(0.0, result.scene.body.length)
+    ax.set_ylim(0.0, result.beam.body.length)
     names = [f"s {signed(offset)} m" if offset else "s" for offset in offsets]
     key(figure, [*_legend(names), *time.shade()])
     return figure
@@ -37,7 +37,7 @@ def position(result: RunResult) -> Figure:
 
 def loads(result: RunResult) -> Figure:
     """Loads over time: forces in N and, in a panel of their own, moments in N m."""
-    time, scene = Timeline(result), result.scene
+    time, scene = Timeline(result), result.beam
     units = sorted({LOAD_UNITS[load.direction] for load in scene.loads})
     figure, axes = sheet(HALF, 0.8 + 0.9 * len(units), rows=len(units), sharex=True)
     names: list[str] = []

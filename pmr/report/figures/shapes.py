@@ -37,7 +37,7 @@ def basis(result: RunResult) -> Figure:
     rows = -(-count // columns)
     figure, axes = sheet(WIDE, 0.45 + max(0.5 * rows, 1.2), margins={"top": 0.08})
     ax = axes[0, 0]
-    length = result.scene.body.length
+    length = result.beam.body.length
     amplitude, flat = np.abs(shapes).max(axis=0), _flat(result)
     for k in range(count):
         left, middle = (k % columns) * GAP * length, -CELL * (k // columns)
@@ -73,7 +73,7 @@ def snapshots(result: RunResult) -> Figure:
             ax.plot(beams[name].x, w[i] / unit.size, zorder=2.0 + order / 10.0, **PENS[name].line())
         _fixtures(ax, result, float(result.path[chosen[i]]))
         ax.set_title(f"t = {float(reduced.t[chosen[i]]):.4g} s", loc="left", pad=2.0)
-    length = result.scene.body.length
+    length = result.beam.body.length
     axes[0, 0].set_xlim(-0.03 * length, 1.02 * length)
     axes[0, 0].margins(y=0.15)
     figure.supxlabel("x in m", fontsize=7.5, y=0.02)
@@ -94,7 +94,7 @@ def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
     """Sliders and supports, where they hold the beam."""
     for offset in result.scene.slider.offsets:
         ax.plot([s + offset], [0.0], marker="s", markersize=5.0, color=MUTED, zorder=1.9)
-    for support in result.scene.supports:
+    for support in result.beam.supports:
         ax.plot([support.at], [0.0], marker="^", markersize=5.0, color=INK, zorder=1.9)
 
 

@@ -41,7 +41,7 @@ class Study(StudyBase):
     fewest: Count = 3
 
     def plan(self) -> Plan:
-        scene = scenes.load(self.scene)
+        scene = scenes.vary_beam(self.scene)
         nested.check(scene, [n for n, _ in self.combinations], [m for _, m in self.combinations], "combinations")
         library = nested.library_task(scene, [n for n, _ in self.combinations], max(m for _, m in self.combinations))
         reference = marching.full_task(scene)

@@ -47,7 +47,7 @@ class Study(StudyBase):
         return elements
 
     def plan(self) -> Plan:
-        scene = scenes.load(self.scene)
+        scene = scenes.vary_beam(self.scene)
         if scene.mesh.file is not None or scene.body.axial_stiffness is None:
             allowed = "a scene with mesh.elements and body.axial_stiffness is allowed"
             raise InputError("study", "scene", str(self.scene), allowed)
@@ -66,7 +66,7 @@ class Study(StudyBase):
         return runs
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        scene, found = scenes.load(self.scene), dict[str, Scalar]()
+        scene, found = scenes.vary_beam(self.scene), dict[str, Scalar]()
         for approach, chosen in (("ancf", scene.compare.ancf_elements), ("full", scene.mesh.elements)):
             runs = [run for run in results.runs if run.parameters["approach"] == approach]
             errors = {run.parameters["elements"]: run.figures["e_abs"] for run in runs}

@@ -46,7 +46,7 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         runs, common = [], dict[str, Task]()
         for file in self.scenes:
-            scene = scenes.load(file)
+            scene = scenes.vary_beam(file)
             if "ancf" not in scene.compare.against:
                 allowed = f"{file.name}: scenes compared with ancf are allowed"
                 raise InputError("study", "scenes", list(scene.compare.against), allowed)
@@ -61,7 +61,7 @@ class Study(StudyBase):
         return {f"{run.key}.{name}": value for run in results.runs for name, value in run.figures.items()}
 
     def statements(self) -> tuple[Statement, ...]:
-        of_scenes = (statement for file in self.scenes for statement in _of_scene(file.stem, scenes.load(file)))
+        of_scenes = (statement for file in self.scenes for statement in _of_scene(file.stem, scenes.vary_beam(file)))
         return (*of_scenes, *self.published)
 
 

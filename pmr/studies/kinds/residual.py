@@ -72,7 +72,7 @@ class Study(StudyBase):
             raise InputError("study", "coordinates", list(self.coordinates), "increasing numbers are allowed")
         runs = []
         for file in self.scenes:
-            scene = scenes.load(file)
+            scene = scenes.vary_beam(file)
             for basis in BASES:
                 update = {"reduction": _reduction(scene, basis, max(self.coordinates))}
                 arguments = shared.scene_arguments(scene.model_copy(update=update))

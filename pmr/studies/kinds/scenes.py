@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.results import Response
-from pmr.scene import Scene
+from pmr.scene import SceneBase
 from pmr.studies import grid, shared
 from pmr.studies.study import StudyBase
 from pmr.studies.task import KEY, Plan, Scalar, Task, TaskResult
@@ -71,7 +71,7 @@ class Study(StudyBase):
                     parameters = {**of_scene, **of_case, **point.parameters}
                     yield _Point(",".join(words) or file.stem, file, (*before, *point.changes), parameters)
 
-    def _scene(self, point: _Point) -> Scene:
+    def _scene(self, point: _Point) -> SceneBase:
         try:
             return scenes.vary(point.file, point.changes)
         except InputError as error:

@@ -91,7 +91,7 @@ class Study(StudyBase):
             raise InputError("study", f"share.{unknown[0]}", self.share[unknown[0]], allowed)
         runs, common = [], dict[str, Task]()
         for file in self.scenes:
-            scene = scenes.load(file)
+            scene = scenes.vary_beam(file)
             modes = shared.modes_tasks(scene)
             common |= {task.key: task for task in modes.values()}
             for name, approach in APPROACHES.items():
@@ -104,7 +104,7 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common.values()))
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        found: dict[str, Scalar] = {"span": max(scenes.load(file).time.end for file in self.scenes)}
+        found: dict[str, Scalar] = {"span": max(scenes.vary_beam(file).time.end for file in self.scenes)}
         for file in self.scenes:
             runs = [run for run in results.runs if run.parameters["scene"] == file.stem]
             median = {str(run.parameters["approach"]): statistics.median(_repeats(run)) for run in runs}

@@ -1,0 +1,107 @@
+"""The smallest model that represents what a scene in space asks for, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pmr.scene.space import Box, StructureScene
+from pmr.signals import Chirp, SignalBase, Sine, Sum
+
+#: A wall is taken to answer at once up to this share of its own lowest frequency.
+QUASI_STATIC = 1.0 / 3.0
+#: Pads this share of a face's breadth or less beside its edges press on the web.
+AT_THE_WEB = 0.1
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A model and the reasons for it, each a clause."""
+
+    model: str
+    reasons: tuple[str, ...]
+
+
+def choose(scene: StructureScene) -> Choice:
+    """What the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that represents it."""
+    if scene.body.model != "auto":
+        return Choice(scene.body.model, ("the scene names it",))
+    if shell := [*_stresses(scene), *_walls(scene)]:
+        return Choice("shell", tuple(shell))
+    if space := _lateral(scene):
+        return Choice("beam3d", tuple(space))
+    return Choice("beam2d", ("all loads and masses lie in the vertical plane, and no wall deforms by itself",))
+
+
+def model_of(scene: StructureScene) -> str:
+    """The name of that model."""
+    return choose(scene).model
+
+
+def transverse(scene: StructureScene) -> tuple[str, ...]:
+    """Directions in which the chosen model moves across its axis."""
+    return ("z",) if model_of(scene) == "beam2d" else ("y", "z")
+
+
+def wall_frequency(box: Box, young: float, poisson: float, density: float) -> float:
+    r"""Lowest frequency in Hz of the box's widest wall as a long plate that is hinged on both edges.
+
+    .. math:: f = \frac{\pi}{2 b^2} \sqrt{\frac{E t^2}{12 \rho (1 - \nu^2)}}
+
+    Leissa: Vibration of Plates, NASA SP-160, 1969, section 4.1 (a infinite).
+    """
+    b = max(box.width, box.height)
+    return float(np.pi / (2.0 * b**2) * np.sqrt(young * box.wall**2 / (12.0 * density * (1.0 - poisson**2))))
+
+
+def highest_frequency(signal: SignalBase) -> float:
+    """Highest frequency in Hz that a signal names; 0 for signals that name none."""
+    if isinstance(signal, Chirp):
+        return max(signal.frequencies)
+    if isinstance(signal, Sine):
+        return signal.frequency
+    if isinstance(signal, Sum):
+        return max(highest_frequency(part) for part in signal.terms)
+    return 0.0
+
+
+def _stresses(scene: StructureScene) -> list[str]:
+    asked = scene.recovery is not None and scene.recovery.stress
+    return ["stresses are asked for, which pads and walls decide"] * asked
+
+
+def _walls(scene: StructureScene) -> list[str]:
+    """Reasons for which walls deform by themselves."""
+    box, material, found = scene.body.box, scene.body.material, []
+    if box is None:
+        return []
+    for ring in scene.pads:
+        for name, face, across in ring.places:
+            half = (box.width if face in ("bottom", "top") else box.height) / 2.0
+            if half - abs(across) > AT_THE_WEB * 2.0 * half:
+                found.append(f"the pad {name} presses on the middle of a wall, {half - abs(across):g} m from the web")
+    highest = max(map(highest_frequency, scene.signals), default=0.0)
+    own = wall_frequency(box, material.young, material.poisson, material.density)
+    if highest > QUASI_STATIC * own:
+        found.append(f"loads of {highest:g} Hz come near the walls' own frequency of {own:.3g} Hz")
+    if box.frames:
+        found.append("the box has frames")
+    return found[:1] + [f"and {len(found) - 1} more of this kind"] * (len(found) > 1)
+
+
+def _lateral(scene: StructureScene) -> list[str]:
+    """Reasons for which the motion leaves the vertical plane."""
+    found = [
+        f"the load {load.name} acts along {load.direction}"
+        for load in scene.loads
+        if load.direction in ("y", "rx", "rz")
+    ]
+    found += [
+        f"the mass {mass.name} lies beside the vertical plane"
+        for mass in scene.masses
+        if mass.at is not None and mass.at[1] != 0.0
+    ]
+    if scene.gravity is not None and scene.gravity.direction[1] != 0.0:
+        found.append("the weight has a lateral part")
+    return found
