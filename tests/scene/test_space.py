@@ -13,9 +13,6 @@ from pmr.scene.choice import choose, wall_frequency
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 AT_THE_WEB = (
-    "pads=[{name='a',at=0.15,faces={bottom=[-0.15,0.15],top=[-0.15,0.15]}},"
-    "{name='b',moving=true,faces={top=[0.15]}}]"
-)
     "pads=[{name='a',at=0.15,faces={bottom=[-0.15,0.15],top=[-0.15,0.15]}},{name='b',moving=true,faces={top=[0.15]}}]"
 )
 VERTICAL = "loads=[{name='F',signal=1000.0}]"
