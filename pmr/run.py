@@ -23,7 +23,7 @@ from pmr.reduction import build_basis, description, project, take_snapshots
 from pmr.references import references
 from pmr.responses import Simulations, course, full_simulator, quantities, simulate
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
-from pmr.scene import SceneBase, StructureScene
+from pmr.scene import Scene, SceneBase, StructureScene
 from pmr.simulate.stepping import loads_at
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigensolvers import eigensolver
@@ -31,7 +31,7 @@ from pmr.snapshots.eigensolvers import eigensolver
 Array = NDArray[np.float64]
 
 FREQUENCY_CURVES = 6
-FREQUENCY_POSITIONS = 49
+FREQUENCY_POSITIONS = {Scene: 49, StructureScene: 11}  # in space each costs some tenths of a second and more
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def reduce_with(scene: SceneBase, model: FullModel, snapshots: Snapshots, clock:
 def visited_positions(scene: SceneBase) -> Array:
     """Path coordinates (S,) in m, evenly over the stretch that the path visits, at which frequencies are compared."""
     low, high = scene.path_bounds
-    return np.linspace(low, high, FREQUENCY_POSITIONS) if high > low else np.array([low])
+    return np.linspace(low, high, FREQUENCY_POSITIONS[type(scene)]) if high > low else np.array([low])
 
 
 def full_frequencies(scene: SceneBase, model: FullModel, s: Array) -> Array:
@@ -116,9 +116,6 @@ def _reduce(scene: SceneBase, model: FullModel, clock: Clock) -> Reduction:
 def _frequency_curves(scene: SceneBase, reduction: Reduction) -> FrequencyCurves:
     """Lowest frequencies over the stretch that the path visits."""
     s = visited_positions(scene)
-    if isinstance(scene, StructureScene):
-        none = np.empty((len(s), 0))
-        return FrequencyCurves(s, none, reduced_frequencies(reduction.reduced, s, FREQUENCY_CURVES), none)
     full = full_frequencies(scene, reduction.model, s)
     return FrequencyCurves(
         s,

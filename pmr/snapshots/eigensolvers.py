@@ -7,39 +7,23 @@ to full relative accuracy: they are then the dominant ones.
 
 from __future__ import annotations
 
-import logging
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import PETSc, SLEPc
 from pmr.errors import ConvergenceError
 from pmr.operators import FullModel, gather
-from pmr.parallel import fix_signs, inner, times
 from pmr.snapshots.elimination import eliminate
+from pmr.snapshots.modes import ITERATIONS, TOLERANCE, Modes, finished
+from pmr.snapshots.one_factor import OneFactorEigenSolver
 
 Array = NDArray[np.float64]
-logger = logging.getLogger(__name__)
-
 DENSE_UP_TO = 1500  # coordinates; above, SLEPc is the automatic choice
-TOLERANCE = 1e-13
-ITERATIONS = 500
 CLUSTER = 1e-7  # relative distance of omega^2 below which two modes count as one cluster
-
-
-@dataclass(frozen=True)
-class Modes:
-    """Circular frequencies (k,) rad/s, this rank's rows of the modes (n_local, k), and residuals (k,).
-
-    Modes are mass-normalised; their entry of largest magnitude is positive (`pmr.parallel.fix_signs`).
-    """
-
-    omega: Array
-    phi: Array
-    residuals: Array
 
 
 class EigenSolver(Protocol):
@@ -59,8 +43,15 @@ class EigenSolver(Protocol):
 
 
 def eigensolver(model: FullModel, choice: str) -> EigenSolver:
-    """``"dense"``, ``"slepc"``, or ``"auto"``: dense up to `DENSE_UP_TO` coordinates."""
-    return DenseEigenSolver(model) if is_dense(model, choice) else SlepcEigenSolver(model)
+    """``"dense"``, ``"slepc"``, or ``"auto"``: dense up to `DENSE_UP_TO` coordinates.
+
+    Rows that give way are springs; in SLEPc a change of low rank of one factor, for all positions.
+    """
+    if is_dense(model, choice):
+        return DenseEigenSolver(model)
+    if np.any(model.rows.compliance):
+        return OneFactorEigenSolver(model)
+    return SlepcEigenSolver(model)
 
 
 def is_dense(model: FullModel, choice: str) -> bool:
@@ -78,19 +69,22 @@ class DenseEigenSolver:
 
     def lowest(self, s: float, count: int) -> Modes:
         model = self._model
-        elimination = eliminate(model.rows.at(s), model.rows.names)
+        C, compliance = model.rows.at(s), model.rows.compliance
+        rigid, soft = np.flatnonzero(compliance == 0.0), np.flatnonzero(compliance)
+        elimination = eliminate(C[rigid], [model.rows.names[i] for i in rigid])
         _check_count(count, model.size - len(elimination.pivots))
         phi, omega2, cut = np.empty((model.size, count)), np.empty(count), False
         if self._M is not None and self._K is not None:
             T = elimination.matrix()
-            M, K = (T.T @ self._M @ T).toarray(), (T.T @ self._K @ T).toarray()
+            springs = C[soft].T @ sp.diags(1.0 / compliance[soft]) @ C[soft]
+            M, K = (T.T @ self._M @ T).toarray(), (T.T @ (self._K + springs) @ T).toarray()
             mu, z = scipy.linalg.eigh(M, K + self._sigma * M)
             all_omega2 = 1.0 / mu[::-1] - self._sigma
             omega2, phi = all_omega2[:count], T @ z[:, ::-1][:, :count]
             cut = len(all_omega2) > count and _clustered(all_omega2[count - 1], all_omega2[count])
         omega2, phi, cut = model.comm.bcast((omega2, phi, cut))
         first, last = model.M.getOwnershipRange()
-        return _finished(model, s, omega2, np.ascontiguousarray(phi[first:last]), cut)
+        return finished(model, s, omega2, np.ascontiguousarray(phi[first:last]), cut)
 
 
 class SlepcEigenSolver:
@@ -128,7 +122,7 @@ class SlepcEigenSolver:
             omega2, z = omega2[order], [z[i] for i in order]
         cut = len(omega2) > count and _clustered(omega2[count - 1], omega2[count])
         phi = np.column_stack([(T * vector).getArray() for vector in z[:count]])
-        return _finished(model, s, omega2[:count], phi, cut)
+        return finished(model, s, omega2[:count], phi, cut)
 
     def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, found: list[PETSc.Vec]) -> tuple[Array, list[PETSc.Vec]]:
         eps = SLEPc.EPS().create(comm=M.comm)
@@ -196,42 +190,3 @@ def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
     negative = int(pc.getFactorMatrix().getInertia()[0])
     pc.destroy()
     return negative
-
-
-def _finished(model: FullModel, s: float, omega2: Array, phi: Array, cut: bool) -> Modes:
-    """Make the modes M-orthonormal, fix signs, measure residuals."""
-    if cut:
-        logger.warning(
-            "s = %g m: mode %d and the next one have the same frequency; the snapshot holds one of the two. "
-            "Ask for one mode more or fewer",
-            s,
-            len(omega2),
-        )
-    comm = model.comm
-    # Cholesky instead of norms alone: an iterative solver leaves the modes orthogonal to its tolerance only.
-    L = np.linalg.cholesky(inner(phi, times(model.M, phi), comm))
-    phi = fix_signs(scipy.linalg.solve_triangular(L, phi.T, lower=True).T, comm)
-    return Modes(np.sqrt(np.maximum(omega2, 0.0)), phi, _residuals(model, s, omega2, phi))
-
-
-def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
-    """Backward errors of the eigenpairs; the rows' reactions, which balance the rest, are projected out."""
-    comm = model.comm
-    first, last = model.M.getOwnershipRange()
-    residual = times(model.K, phi) - times(model.M, phi) * omega2
-    C = model.rows.at(s)
-    touched = np.unique(C.indices)
-    dense = C[:, touched].toarray()
-    mine = (touched >= first) & (touched < last)
-    held = np.zeros((len(touched), len(omega2)))
-    held[mine] = residual[touched[mine] - first]
-    held = comm.allreduce(held)
-    if len(touched):
-        balanced = held - dense.T @ np.linalg.lstsq(dense.T, held, rcond=None)[0]
-        residual[touched[mine] - first] = balanced[mine]
-    norm_K, norm_M = (A.norm(PETSc.NormType.NORM_INFINITY) for A in (model.K, model.M))
-    largest = np.array(
-        comm.allgather([np.abs(residual).max(axis=0, initial=0.0), np.abs(phi).max(axis=0, initial=0.0)])
-    )
-    r, p = largest.max(axis=0)
-    return np.asarray(r / ((norm_K + np.abs(omega2) * norm_M) * p))

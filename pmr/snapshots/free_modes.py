@@ -20,7 +20,8 @@ from pmr.operators import FullModel, local_csr
 from pmr.parallel import sparse, tall, times
 from pmr.sliding import Row, Rows, contributions
 from pmr.snapshots import Snapshots
-from pmr.snapshots.eigensolvers import Modes, eigensolver
+from pmr.snapshots.eigensolvers import eigensolver
+from pmr.snapshots.modes import Modes
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,9 @@ from pmr.dolfinx_compat import MPI
 from pmr.errors import ConvergenceError
 from pmr.operators import FullModel, full_model
 from pmr.snapshots import eigensolvers
-from pmr.snapshots.eigensolvers import DenseEigenSolver, Modes, SlepcEigenSolver, eigensolver
+from pmr.snapshots.eigensolvers import DenseEigenSolver, SlepcEigenSolver, eigensolver
 from pmr.snapshots.elimination import DependentRowsError
+from pmr.snapshots.modes import Modes
 
 pytestmark = pytest.mark.mpi
 SOLVERS = [DenseEigenSolver, SlepcEigenSolver]
