@@ -24,6 +24,7 @@ from pmr.references import references
 from pmr.responses import Simulations, course, full_simulator, quantities, simulate
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene, SceneBase, StructureScene
+from pmr.scene.choice import transverse
 from pmr.simulate.stepping import loads_at
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigensolvers import eigensolver
@@ -177,7 +178,8 @@ def _estimated(scene: SceneBase, reduced: ReducedModel, clock: Clock) -> dict[st
     found = None
     if scene.reduction.estimate and estimate.no_estimate(reduced) is None:
         with clock.stage("estimate"):
-            found = estimate.estimate(reduced, *course(scene))
+            tips = len(transverse(scene)) if isinstance(scene, StructureScene) else 1
+            found = estimate.estimate(reduced, *course(scene), tips)
     asked = {"estimate": estimate.summary(reduced, found)} if scene.reduction.estimate else {}
     return asked | {"warnings": estimate.warnings(reduced, course(scene)[2], found)}
 
