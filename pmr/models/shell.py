@@ -24,42 +24,35 @@ stabilised drilling in UFL: Bleyer, Numerical Tours of Computational Mechanics w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 import ufl
-from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import MPI, cellwise, constant, shell_space
+from pmr.dolfinx_compat import cellwise, constant, shell_space
 from pmr.mesh.named import NamedMesh
-from pmr.mesh.nodes import Nodes, number_nodes
-from pmr.mesh.strip import Strip, Window, face_strip
-from pmr.mesh.trace import Trace, coordinates_on, section, trace
-from pmr.models import DIRECTIONS, Forms
-from pmr.models.regions import by_region, frequency_scale, rigid_motions
+from pmr.models import Forms
+from pmr.models.meshed import MeshedModel
+from pmr.models.regions import by_region, frequency_scale
 from pmr.scene.structures import Plate, ShellBody
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 KINDS = ("triangle",)
 
 
 @dataclass(frozen=True)
-class Shell:
+class Shell(MeshedModel):
     """The model on a mesh of triangles."""
 
     body: ShellBody
     mesh: NamedMesh
 
-    @cached_property
-    def nodes(self) -> Nodes:
+    @property
+    def components(self) -> Mapping[int, tuple[int, ...]]:
         """Displacements on vertices and edges, rotations on edges."""
-        return number_nodes("triangle", self.mesh.points, self.mesh.cells, {0: (0, 1, 2), 1: (0, 1, 2, 3, 4, 5)})
+        return {0: (0, 1, 2), 1: (0, 1, 2, 3, 4, 5)}
 
     @cached_property
     def plates(self) -> list[Plate]:
@@ -67,24 +60,9 @@ class Shell:
         return by_region(self.mesh, self.body.plate, self.body.regions)
 
     @property
-    def size(self) -> int:
-        return self.nodes.size
-
-    @property
     def reference_frequency(self) -> float:
         plate = self.body.plate
         return frequency_scale(self.mesh.points, plate.material, plate.thickness)
-
-    @property
-    def directions(self) -> tuple[str, ...]:
-        return DIRECTIONS
-
-    @property
-    def transformation(self) -> None:
-        """None: the space's coordinates are the model's."""
-
-    def domain(self, comm: MPI.Comm) -> Any:
-        return self.mesh.distribute(comm)
 
     def space(self, domain: Any) -> Any:
         return shell_space(domain)
@@ -131,33 +109,6 @@ class Shell:
         dm = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
         mass = (rho * t * ufl.dot(u, du) + rho * t**3 / 12 * ufl.dot(theta, dtheta)) * dm
         return Forms(mass, stiffness)
-
-    def element_coordinates(self, cells: Indices) -> list[Indices]:
-        return self.nodes.per_component(cells)
-
-    def trace(self, place: str | float) -> Trace:
-        """Displacements on a named group, or of a cross-section."""
-        if isinstance(place, str):
-            return trace(self.mesh, self.nodes, place, degree=2)
-        return section(self.mesh, self.nodes, place, degree=2)
-
-    def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self.trace(place).mean()
-
-    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        return self.trace(place).motion(about)
-
-    def centroid(self, place: str | float) -> Array:
-        return self.trace(place).centroid
-
-    def strip(self, face: str, window: Window) -> Strip:
-        return face_strip(self.mesh, self.nodes, face, window)
-
-    def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
-
-    def rigid_motions(self) -> Array:
-        return rigid_motions(self.nodes)
 
 
 def _frame(mesh: Any) -> tuple[Any, Any, Any]:

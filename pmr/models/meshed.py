@@ -1,0 +1,77 @@
+"""What shells and solids share: displacements on named groups of a mesh, whatever the cells carry besides."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.dolfinx_compat import MPI
+from pmr.mesh.named import NamedMesh
+from pmr.mesh.nodes import Nodes, number_nodes
+from pmr.mesh.strip import Strip, Window, face_strip
+from pmr.mesh.trace import Trace, coordinates_on, section, trace
+from pmr.models import DIRECTIONS
+from pmr.models.regions import rigid_motions
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class MeshedModel(ABC):
+    """A structural model whose coordinates sit on a mesh; its displacement is quadratic."""
+
+    mesh: NamedMesh
+    transformation: None = None  # the space's coordinates are the model's
+
+    @property
+    @abstractmethod
+    def components(self) -> Mapping[int, tuple[int, ...]]:
+        """Which displacements (0, 1, 2) and rotations (3, 4, 5) vertices, edges, faces and cells carry."""
+
+    @cached_property
+    def nodes(self) -> Nodes:
+        return number_nodes(self.mesh.cell, self.mesh.points, self.mesh.cells, self.components)
+
+    @property
+    def size(self) -> int:
+        return self.nodes.size
+
+    @property
+    def directions(self) -> tuple[str, ...]:
+        return DIRECTIONS
+
+    def domain(self, comm: MPI.Comm) -> Any:
+        return self.mesh.distribute(comm)
+
+    def element_coordinates(self, cells: Indices) -> list[Indices]:
+        return self.nodes.per_component(cells)
+
+    def trace(self, place: str | float) -> Trace:
+        """Displacements on a named group, or of a cross-section."""
+        if isinstance(place, str):
+            return trace(self.mesh, self.nodes, place, degree=2)
+        return section(self.mesh, self.nodes, place, degree=2)
+
+    def displacement(self, place: str | float) -> sp.csr_matrix:
+        return self.trace(place).mean()
+
+    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        return self.trace(place).motion(about)
+
+    def centroid(self, place: str | float) -> Array:
+        return self.trace(place).centroid
+
+    def strip(self, face: str, window: Window) -> Strip:
+        return face_strip(self.mesh, self.nodes, face, window)
+
+    def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
+
+    def rigid_motions(self) -> Array:
+        return rigid_motions(self.nodes)
