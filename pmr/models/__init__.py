@@ -11,7 +11,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import MPI
+from pmr.grid import Grid
 from pmr.mesh.strip import Strip, Window
+from pmr.stress import StressRows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -125,4 +127,23 @@ class StructuralModel(Protocol):
 
     def rigid_motions(self) -> Array:
         """Coordinates (n, k) of the rigid motions, one for each of the `directions`; rotations about the origin."""
+        ...
+
+    @property
+    def grid(self) -> Grid:
+        """What the body looks like: its cells, those of results too."""
+        ...
+
+    def point_displacements(self) -> sp.csr_matrix:
+        """Rows (3 N, n) that measure the displacement along x, y, z of each of the grid's points."""
+        ...
+
+    def stresses(self) -> StressRows:
+        """Stresses of the grid's cells, from the strains of `forms`.
+
+        Raises
+        ------
+        InputError
+            If the section's dimensions are not known.
+        """
         ...

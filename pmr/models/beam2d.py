@@ -22,10 +22,12 @@ from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import MPI, constant, hermite_space, interval_mesh
 from pmr.errors import InputError
+from pmr.grid import Grid
 from pmr.mesh.strip import Strip, Window, line_points
 from pmr.models import Forms
 from pmr.scene import Body
 from pmr.sliding import Row
+from pmr.stress import StressRows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -163,6 +165,24 @@ class Beam2D:
             motions[self.directions.index(direction) :: self.per_node, i] = 1.0
         motions[self.directions.index("y") :: self.per_node, -1] = self.nodes
         return motions
+
+    @property
+    def grid(self) -> Grid:
+        """The axis as lines."""
+        first, nothing = np.arange(len(self.nodes) - 1), np.zeros_like(self.nodes)
+        return Grid("line", np.stack([self.nodes, nothing, nothing], axis=1), np.stack([first, first + 1], axis=1))
+
+    def point_displacements(self) -> sp.csr_matrix:
+        along = [i for i, d in enumerate("xyz") if d in self.directions]
+        nodes = np.arange(len(self.nodes))[:, None]
+        columns = self.per_node * nodes + [self.directions.index("xyz"[i]) for i in along]
+        rows = 3 * nodes + along
+        entries = np.ones(rows.size), (rows.ravel(), columns.ravel())
+        return sp.csr_matrix(entries, shape=(3 * len(self.nodes), self.size))
+
+    def stresses(self) -> StressRows:
+        allowed = "a planar beam's section is not known; beams in space, shells and solids have stresses"
+        raise InputError("scene", "body", None, allowed)
 
     def slider(self, offset: float = 0.0, name: str = "slider") -> Row:
         """The row w(s + offset) = 0 as an exact piecewise cubic in s; its multiplier is a force in N."""

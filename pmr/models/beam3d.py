@@ -36,12 +36,15 @@ from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import MPI, cellwise, constant, create_mesh, hermite_space
 from pmr.errors import InputError
+from pmr.grid import Grid
 from pmr.mesh.strip import Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms
 from pmr.models.beam2d import ENDS, HERMITE, station
+from pmr.models.beam_stress import stress_rows
 from pmr.models.polyline import Polyline, divided
 from pmr.models.profile import box_section
 from pmr.scene.structures import Beam3DBody, BeamSection
+from pmr.stress import StressRows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -228,6 +231,25 @@ class Beam3D:
         for i, e in enumerate(np.eye(3)):
             motions[:, :3, 3 + i] = np.cross(e, self.axis.nodes)
         return motions.reshape(-1, 6)
+
+    @property
+    def grid(self) -> Grid:
+        """The axis as lines."""
+        first = np.arange(len(self.axis.segment))
+        return Grid("line", self.axis.nodes, np.stack([first, first + 1], axis=1))
+
+    def point_displacements(self) -> sp.csr_matrix:
+        columns = (6 * np.arange(len(self.axis.nodes))[:, None] + np.arange(3)).ravel()
+        return sp.csr_matrix((np.ones(len(columns)), columns, np.arange(len(columns) + 1)), (len(columns), self.size))
+
+    def stresses(self) -> StressRows:
+        profile = self.body.profile
+        if profile is None:
+            allowed = "stresses take the section's dimensions; a profile is allowed"
+            raise InputError("scene", "body.profile", None, allowed)
+        h = np.diff(self.axis.stations)
+        softening = self.planes[0].softening(h), self.planes[1].softening(h)
+        return stress_rows(self.axis, profile, self.body.material, self.section.torsion_constant, softening)
 
 
 def _interpolated(plane: Bending, h: Array, X: Array) -> tuple[Array, Array]:

@@ -12,7 +12,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import MPI
-from pmr.mesh.named import NamedMesh
+from pmr.grid import Grid
+from pmr.mesh.named import KINDS, NamedMesh
 from pmr.mesh.nodes import Nodes, number_nodes
 from pmr.mesh.strip import Strip, Window, face_strip
 from pmr.mesh.trace import Trace, coordinates_on, section, trace
@@ -75,3 +76,15 @@ class MeshedModel(ABC):
 
     def rigid_motions(self) -> Array:
         return rigid_motions(self.nodes)
+
+    @property
+    def grid(self) -> Grid:
+        """The mesh as it is; displacements within its cells are quadratic, a picture takes their vertices'."""
+        name, order = next((name, order) for name, (kind, _, order) in KINDS.items() if kind == self.mesh.cell)
+        return Grid(name, self.mesh.points, self.mesh.cells[:, order], self.mesh.regions)
+
+    def point_displacements(self) -> sp.csr_matrix:
+        points = np.arange(len(self.mesh.points))
+        first = self.nodes.of(points[:, None], 0, len(points))
+        columns = (first[:, None] + np.arange(3)).ravel()
+        return sp.csr_matrix((np.ones(len(columns)), columns, np.arange(len(columns) + 1)), (len(columns), self.size))

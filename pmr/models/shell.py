@@ -37,7 +37,9 @@ from pmr.mesh.named import NamedMesh
 from pmr.models import Forms
 from pmr.models.meshed import MeshedModel
 from pmr.models.regions import by_region, frequency_scale
+from pmr.models.shell_stress import stress_rows
 from pmr.scene.structures import Plate, ShellBody
+from pmr.stress import StressRows
 
 KINDS = ("triangle",)
 
@@ -109,6 +111,9 @@ class Shell(MeshedModel):
         dm = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
         mass = (rho * t * ufl.dot(u, du) + rho * t**3 / 12 * ufl.dot(theta, dtheta)) * dm
         return Forms(mass, stiffness)
+
+    def stresses(self) -> StressRows:
+        return stress_rows(self.mesh, self.nodes, self.plates)
 
 
 def _frame(mesh: Any) -> tuple[Any, Any, Any]:

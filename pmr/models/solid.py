@@ -27,7 +27,9 @@ from pmr.mesh.named import NamedMesh
 from pmr.models import Forms
 from pmr.models.meshed import MeshedModel
 from pmr.models.regions import by_region, frequency_scale
+from pmr.models.solid_stress import stress_rows
 from pmr.scene.structures import Material, SolidBody
+from pmr.stress import StressRows
 
 KINDS = ("tetrahedron", "hexahedron")
 
@@ -70,3 +72,6 @@ class Solid(MeshedModel):
         dk, dm = (ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree}) for degree in (k, m))
         stiffness = (lame * ufl.tr(epsilon) * ufl.tr(d_epsilon) + 2 * mu * ufl.inner(epsilon, d_epsilon)) * dk
         return Forms(rho * ufl.dot(u, du) * dm, stiffness)
+
+    def stresses(self) -> StressRows:
+        return stress_rows(self.mesh, self.nodes, self.materials)
