@@ -7,7 +7,6 @@ with S sparse and A the form that von Mises' stress takes in the components at h
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,19 +121,14 @@ class StressHistory:
     peak: StressPeak
 
 
-def stress_history(rows: StressRows, grid: Grid, t: Array, blocks: Iterable[Array]) -> StressHistory:
-    """History of von Mises stresses that come in blocks (s, P) over the times t (S,)."""
-    largest, point = [np.empty(0)], [np.empty(0, np.int64)]
-    for values in blocks:
-        point.append(values.argmax(axis=1))
-        largest.append(values.max(axis=1))
-    value, at = np.concatenate(largest), np.concatenate(point)
-    k = int(value.argmax())
-    p = int(at[k])
+def stress_history(rows: StressRows, grid: Grid, t: Array, largest: Array, point: Indices) -> StressHistory:
+    """History with its peak, from the largest stress (S,) in Pa at each time and the point (S,) where it is."""
+    k = int(largest.argmax())
+    p = int(point[k])
     x, y, z = (float(c) for c in rows.points[p])
     cell = int(rows.cell[p])
-    peak = StressPeak(float(value[k]), float(t[k]), (x, y, z), rows.faces[rows.face[p]], cell, grid.region(cell))
-    return StressHistory(np.asarray(t), value, at, peak)
+    peak = StressPeak(float(largest[k]), float(t[k]), (x, y, z), rows.faces[rows.face[p]], cell, grid.region(cell))
+    return StressHistory(np.asarray(t), largest, point, peak)
 
 
 def _largest(values: Array, cell: Indices, cells: int) -> Array:

@@ -138,12 +138,6 @@ class StructuralModel(Protocol):
         """Rows (3 N, n) that measure the displacement along x, y, z of each of the grid's points."""
         ...
 
-    def stresses(self) -> StressRows:
-        """Stresses of the grid's cells, from the strains of `forms`.
-
-        Raises
-        ------
-        InputError
-            If the section's dimensions are not known.
-        """
+    def stresses(self) -> StressRows | None:
+        """Stresses of the grid's cells, from the strains of `forms`; None for a beam without a profile."""
         ...

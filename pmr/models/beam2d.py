@@ -27,7 +27,6 @@ from pmr.mesh.strip import Strip, Window, line_points
 from pmr.models import Forms
 from pmr.scene import Body
 from pmr.sliding import Row
-from pmr.stress import StressRows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -180,9 +179,8 @@ class Beam2D:
         entries = np.ones(rows.size), (rows.ravel(), columns.ravel())
         return sp.csr_matrix(entries, shape=(3 * len(self.nodes), self.size))
 
-    def stresses(self) -> StressRows:
-        allowed = "a planar beam's section is not known; beams in space, shells and solids have stresses"
-        raise InputError("scene", "body", None, allowed)
+    def stresses(self) -> None:
+        """None: of the section no more than its stiffness is known."""
 
     def slider(self, offset: float = 0.0, name: str = "slider") -> Row:
         """The row w(s + offset) = 0 as an exact piecewise cubic in s; its multiplier is a force in N."""

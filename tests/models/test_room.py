@@ -105,6 +105,22 @@ def test_a_place_follows_a_rigid_motion(model: StructuralModel) -> None:
     assert (model.displacement("tip") - motion[: len(expected) // 2 + (len(expected) == 3)]).nnz == 0
 
 
+def test_points_of_the_grid_follow_a_rigid_motion_and_nothing_is_stressed(model: StructuralModel) -> None:
+    grid, R = model.grid, model.rigid_motions()
+    moved = (model.point_displacements() @ R).reshape(len(grid.points), 3, -1)
+    expected = np.zeros_like(moved)
+    if R.shape[1] == 3:
+        expected[:, :2, :2], expected[:, 1, 2] = np.eye(2), grid.points[:, 0]
+    else:
+        expected[:, :, :3], expected[:, :, 3:] = np.eye(3), np.cross(np.eye(3), grid.points[:, None]).swapaxes(1, 2)
+    assert moved == pytest.approx(expected, abs=1e-12)
+    assert grid.cells.max() == len(grid.points) - 1
+    rows = model.stresses()
+    if rows is not None:
+        assert np.abs(rows.of(R.T)).max() < 1e-11 * np.abs(rows.rows).max() * np.abs(R).max()
+        assert len(rows.points) == len(rows.cell) == len(rows.face) and rows.cell.max() == len(grid.cells) - 1
+
+
 def test_a_cantilever_bends_and_sags_as_a_beam(model: StructuralModel) -> None:
     """F L^3 / (3 EI) and rho g A L^4 / (8 EI), but for Poisson's ratio, shear and coarse meshes."""
     direction = bending(model)

@@ -16,7 +16,6 @@ from surfaces import mapped
 
 from pmr.assembly import assemble_model
 from pmr.dolfinx_compat import MPI
-from pmr.errors import InputError
 from pmr.mesh.named import NamedMesh
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
@@ -257,10 +256,9 @@ def test_corners_of_a_beam_lie_on_its_outside() -> None:
 
 def test_a_beam_without_a_profile_has_no_stresses() -> None:
     section = BeamSection(area=1e-2, second_moment_y=1e-5, second_moment_z=2e-5, torsion_constant=1e-5)
-    with pytest.raises(InputError, match="body.profile: stresses take the section's dimensions"):
-        Beam3D(Beam3DBody(points=((0, 0, 0), (2, 0, 0)), section=section)).stresses()
-    with pytest.raises(InputError, match="a planar beam's section is not known"):
-        Beam2D(Body(length=2.0, bending_stiffness=1.0, mass_per_length=1.0), np.linspace(0.0, 2.0, 4)).stresses()
+    assert Beam3D(Beam3DBody(points=((0, 0, 0), (2, 0, 0)), section=section)).stresses() is None
+    body = Body(length=2.0, bending_stiffness=1.0, mass_per_length=1.0)
+    assert Beam2D(body, np.linspace(0.0, 2.0, 4)).stresses() is None
 
 
 def bent(model: StructuralModel) -> np.ndarray:

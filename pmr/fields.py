@@ -1,0 +1,62 @@
+"""Fields over a body's grid at a few times, as pictures and files of them take them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.grid import Grid
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+_CELL, _REGION = "cell.", "region."
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Displacements and fields over the cells at S times, in single precision.
+
+    Attributes
+    ----------
+    grid : Grid
+    t : (S,) array, s
+    displacement : (S, N, 3) array, m
+    cells : mapping of name to (S, C) array
+        Von Mises' stress in Pa on each face of the cells.
+    """
+
+    grid: Grid
+    t: Array
+    displacement: Single
+    cells: Mapping[str, Single]
+
+    def save(self, file: Path) -> None:
+        """Write everything as compressed npz."""
+        grid = self.grid
+        arrays: dict[str, NDArray] = {
+            "t": self.t,
+            "displacement": self.displacement,
+            "grid.cell": np.array(grid.cell),
+            "grid.points": grid.points,
+            "grid.cells": grid.cells,
+        }
+        arrays |= {_CELL + name: values for name, values in self.cells.items()}
+        arrays |= {_REGION + name: cells for name, cells in grid.regions.items()}
+        with file.open("wb") as stream:
+            np.savez_compressed(stream, **arrays)
+
+    @classmethod
+    def load(cls, file: Path) -> Fields:
+        """Read what `save` wrote."""
+        with np.load(file, allow_pickle=False) as data:
+
+            def named(prefix: str) -> dict[str, NDArray]:
+                return {key.removeprefix(prefix): data[key] for key in data.files if key.startswith(prefix)}
+
+            grid = Grid(str(data["grid.cell"]), data["grid.points"], data["grid.cells"], named(_REGION))
+            return cls(grid, data["t"], data["displacement"], named(_CELL))

@@ -1,0 +1,116 @@
+"""What is seen of a body's states: displacements of its points, stresses of its cells, where the largest one sits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.assembly import share
+from pmr.dolfinx_compat import MPI
+from pmr.fields import Fields
+from pmr.models import StructuralModel
+from pmr.recovery import BLOCK
+from pmr.stress import StressHistory, stress_history
+from pmr.structure import Structure, couple
+
+Array = NDArray[np.float64]
+
+
+class View:
+    """Looks at states that are spread over ranks; every method is collective and says the same on every rank.
+
+    Parameters
+    ----------
+    model : StructuralModel
+    comm : MPI communicator
+    T : (n, n') sparse matrix, optional
+        The model's coordinates are T z; by default they are z.
+    """
+
+    def __init__(self, model: StructuralModel, comm: MPI.Comm = MPI.COMM_WORLD, T: sp.csr_matrix | None = None) -> None:
+        self.comm, self.grid, self.stress_rows = comm, model.grid, model.stresses()
+        T = sp.eye(model.size, format="csr") if T is None else T
+        mine = T.tocsc()[:, slice(*share(T.shape[1], comm))]
+        self._points = sp.csr_matrix(model.point_displacements() @ mine)
+        self._stresses = None if self.stress_rows is None else sp.csr_matrix(self.stress_rows.rows @ mine)
+
+    @classmethod
+    def of(cls, structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> View:
+        """The view of a structure, whose clamps and rigid masses leave out coordinates of its model."""
+        return cls(structure.model, comm, couple(structure).T)
+
+    def displacements(self, q: Array) -> Array:
+        """(S, N, 3) in m of the grid's points, from this rank's rows (S, n_local) of the states."""
+        values = self._summed(self._points, q)
+        return values.reshape(len(values), len(self.grid.points), 3)
+
+    def von_mises(self, q: Array) -> Array:
+        """(S, P) in Pa at the points of `stress_rows`, likewise.
+
+        Raises
+        ------
+        ValueError
+            If the model has no stresses.
+        """
+        if self.stress_rows is None or self._stresses is None:
+            raise ValueError("a beam without a profile has no stresses")
+        return self.stress_rows.von_mises(self.stress_rows.shaped(self._summed(self._stresses, q)))
+
+    def _summed(self, rows: sp.csr_matrix, q: Array) -> Array:
+        values = np.ascontiguousarray((rows @ q.T).T)
+        self.comm.Allreduce(MPI.IN_PLACE, values)
+        return values
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The stress history of all states, None where the model has no stresses; fields of some of them."""
+
+    stress: StressHistory | None
+    fields: Fields
+
+
+def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] = ()) -> Seen:
+    """Go through states once; collective.
+
+    Parameters
+    ----------
+    view : View
+    t : (S,) array, s
+        Times of the states.
+    blocks : iterable of (k, n_local) arrays
+        This rank's rows of the states, in order: `pmr.recovery.Recovery.blocks`, or `in_blocks`.
+    pictures : sequence of int
+        Numbers of the states whose fields are kept.
+    """
+    rows, cells, chosen = view.stress_rows, len(view.grid.cells), np.unique(np.asarray(pictures, np.int64))
+    largest, point = np.zeros(len(t)), np.zeros(len(t), np.int64)
+    displacement = np.zeros((len(chosen), len(view.grid.points), 3), np.float32)
+    fields = {_name(face): np.zeros((len(chosen), cells), np.float32) for face in (rows.faces if rows else ())}
+    first = 0
+    for q in blocks:
+        last = first + len(q)
+        kept = np.flatnonzero((chosen >= first) & (chosen < last))
+        displacement[kept] = view.displacements(q[chosen[kept] - first])
+        if rows is not None:
+            values = view.von_mises(q)
+            largest[first:last], point[first:last] = values.max(axis=1), values.argmax(axis=1)
+            for face, part in rows.by_cell(values[chosen[kept] - first], cells).items():
+                fields[_name(face)][kept] = part
+        first = last
+    history = None if rows is None else stress_history(rows, view.grid, t, largest, point)
+    return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields))
+
+
+def in_blocks(q: Array) -> Iterator[Array]:
+    """States (S, n_local) a few at a time."""
+    for k in range(0, len(q), BLOCK):
+        yield q[k : k + BLOCK]
+
+
+def _name(face: str) -> str:
+    return "von_mises_" + face.replace(" ", "_")

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from boxes import box
+
+from pmr.assembly import share
+from pmr.dolfinx_compat import MPI
+from pmr.models.beam2d import Beam2D
+from pmr.models.beam3d import Beam3D
+from pmr.models.shell import Shell
+from pmr.scene import Body
+from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, PointMass, ShellBody
+from pmr.structure import Clamp, Structure, couple
+from pmr.views import View, in_blocks, look
+
+pytestmark = pytest.mark.mpi
+TIMES = np.linspace(0.0, 1.0, 131)  # three blocks
+
+
+def shell() -> Shell:
+    return Shell(ShellBody(plate=Plate(thickness=0.008)), box(along=4))
+
+
+def clamped() -> Structure:
+    payload = PointMass(name="payload", on="tip", mass=10.0, coupling="rigid")
+    return Structure(shell(), (Clamp("tail"),), (payload,))
+
+
+def states(size: int) -> np.ndarray:
+    """The same whole states (S, n) on every rank."""
+    return np.random.default_rng(5).normal(size=(len(TIMES), size)) * np.sin(3.0 * TIMES)[:, None]
+
+
+def mine(z: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(z[:, slice(*share(z.shape[1], MPI.COMM_WORLD))])
+
+
+def test_a_view_takes_the_coordinates_that_clamps_and_masses_leave() -> None:
+    structure = clamped()
+    T, model, view = couple(structure).T, structure.model, View.of(structure)
+    z = states(T.shape[1])
+    q = (T @ z.T).T
+    expected = (model.point_displacements() @ q.T).T.reshape(len(q), -1, 3)
+    assert view.displacements(mine(z)) == pytest.approx(expected, abs=1e-12)
+    held = np.flatnonzero(model.mesh.points[:, 0] == 0.0)
+    assert len(held) and not expected[:, held].any()
+    rows = model.stresses()
+    sizes = rows.von_mises(rows.of(q))
+    assert view.von_mises(mine(z)) == pytest.approx(sizes, rel=1e-9, abs=1e-9 * sizes.max())
+
+
+def test_one_look_finds_the_largest_stress_and_keeps_pictures() -> None:
+    view, q = View(shell()), states(shell().size)
+    seen = look(view, TIMES, in_blocks(mine(q)), pictures=[130, 0, 64])
+    rows = shell().stresses()
+    sizes = rows.von_mises(rows.of(q))
+    assert seen.stress is not None
+    assert seen.stress.largest == pytest.approx(sizes.max(axis=1), rel=1e-9)
+    k, p = np.unravel_index(sizes.argmax(), sizes.shape)
+    peak = seen.stress.peak
+    assert peak.value == pytest.approx(sizes.max(), rel=1e-9) and peak.t == TIMES[k]
+    assert peak.position == pytest.approx(rows.points[p]) and peak.face == rows.faces[rows.face[p]]
+    assert peak.region in ("bottom", "left", "right", "top")
+    fields = seen.fields
+    assert fields.t.tolist() == TIMES[[0, 64, 130]].tolist()
+    points = (shell().point_displacements() @ q[130]).reshape(-1, 3)
+    assert fields.displacement[2] == pytest.approx(points, rel=1e-6, abs=1e-6)
+    for face in ("outer", "middle", "inner"):
+        assert fields.cells[f"von_mises_{face}"][1] == pytest.approx(sizes[64, rows.on(face)], rel=1e-5)
+
+
+def test_a_beam_shows_its_corners() -> None:
+    profile = BoxProfile(width=0.3, height=0.4, wall=0.008)
+    beam = Beam3D(Beam3DBody(points=((0, 0, 0), (2, 0, 0)), profile=profile, elements=5))
+    seen = look(View(beam), TIMES, in_blocks(mine(states(beam.size))), pictures=[3])
+    assert sorted(seen.fields.cells) == [
+        f"von_mises_{c}" for c in ("bottom_left", "bottom_right", "top_left", "top_right")
+    ]
+    assert seen.fields.cells["von_mises_top_left"].shape == (1, 5) and seen.fields.grid.cell == "line"
+
+
+def test_a_planar_beam_has_pictures_but_no_stresses() -> None:
+    beam = Beam2D(Body(length=2.0, bending_stiffness=1.0, mass_per_length=1.0), np.linspace(0.0, 2.0, 4))
+    view, q = View(beam), states(beam.size)
+    seen = look(view, TIMES, in_blocks(mine(q)), pictures=[7])
+    assert seen.stress is None and not seen.fields.cells
+    expected = np.zeros((4, 3))
+    expected[:, 1] = q[7, ::2]
+    assert seen.fields.displacement[0] == pytest.approx(expected, rel=1e-6)
+    with pytest.raises(ValueError, match="no stresses"):
+        view.von_mises(mine(q))
