@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.fields import Fields
 from pmr.scene import Scene, SceneBase, from_data
 
 Array = NDArray[np.float64]
@@ -106,52 +107,6 @@ class FrequencyCurves:
 
 
 @dataclass(frozen=True)
-class Fields:
-    """Recovered fields of the reduced model on the vertices and cells of its mesh, at F times.
-
-    Attributes
-    ----------
-    t : (F,) array, s
-    points : (N, 3) array, m
-    cells : (C, k) integer array
-        Vertices of lines, triangles, tetrahedra or hexahedra, in the order of VTK.
-    kind : str
-        ``"line"``, ``"triangle"``, ``"tetra"`` or ``"hexahedron"``.
-    displacement : (F, N, 3) array, m
-    von_mises : mapping of a face's name to (F, C) array, Pa
-        Empty where no stress was asked for.
-    """
-
-    t: Array
-    points: Array
-    cells: NDArray[np.int64]
-    kind: str
-    displacement: NDArray[np.float32]
-    von_mises: Mapping[str, NDArray[np.float32]]
-
-    def save(self, file: Path) -> None:
-        """Write as npz."""
-        arrays = {name: getattr(self, name) for name in ("t", "points", "cells", "displacement")}
-        faces = {f"von_mises.{name}": stress for name, stress in self.von_mises.items()}
-        with file.open("wb") as stream:
-            np.savez(stream, kind=np.array(self.kind), **arrays, **faces)
-
-    @classmethod
-    def load(cls, file: Path) -> Fields:
-        """Read what `save` wrote."""
-        with np.load(file, allow_pickle=False) as data:
-            faces = {key.removeprefix("von_mises."): data[key] for key in data.files if key.startswith("von_mises.")}
-            return cls(
-                t=data["t"],
-                points=data["points"],
-                cells=data["cells"],
-                kind=str(data["kind"]),
-                displacement=data["displacement"],
-                von_mises=faces,
-            )
-
-
-@dataclass(frozen=True)
 class RunResult:
     """All of one run.
 
@@ -161,8 +116,8 @@ class RunResult:
     ``estimate.{beam,tip,kappa,chi,largest}`` (`pmr.estimate`), ``warnings``, ``coordinates``, ``basis``, ``seconds``,
     ``versions``, ``scene_hash`` and more; ``max_von_mises.{full,reduced}`` (Pa) where stresses are recovered.
 
-    `fields` are what a scene's recovery asks for, and `peak_stress` the largest von Mises stress in Pa over its times,
-    ``reduced`` and, where there is a full model, ``full``.
+    `fields` are some of what a scene's recovery asks for, and `peak_stress` the largest von Mises stress in Pa,
+    ``reduced`` and, where there is a full model, ``full``, over all of its times ``t`` in s.
     """
 
     scene: SceneBase

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,16 +11,18 @@ from numpy.typing import NDArray
 
 from pmr import compare, environment, estimate
 from pmr.basis import Basis
-from pmr.build import build
+from pmr.build import Built, build
 from pmr.clock import Clock
 from pmr.dolfinx_compat import MPI
 from pmr.dolfinx_compat import versions as fenicsx_versions
 from pmr.frequencies import closed_form_frequencies, reduced_frequencies
+from pmr.fullorder import Checkpoint
 from pmr.operators import FullModel
 from pmr.parallel import free_dropped
+from pmr.recovered import Recovered, recover, recovered_steps
 from pmr.reduced import ReducedModel
 from pmr.reduction import build_basis, description, project, take_snapshots
-from pmr.references import references
+from pmr.references import References, references
 from pmr.responses import Simulations, course, full_simulator, quantities, simulate
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene, SceneBase, StructureScene
@@ -53,8 +55,15 @@ class Outcome:
     reduced: ReducedModel
 
 
-def run(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Outcome | None:
+def run(
+    scene: SceneBase,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    clock: Clock | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> Outcome | None:
     """Run a scene on `comm`; what is not distributed runs on rank 0, the other ranks get None.
+
+    With a `checkpoint` a full-order simulation that was cut off goes on.
 
     Raises
     ------
@@ -69,12 +78,18 @@ def run(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None =
     reduction = _reduce(scene, built.model, clock)
     with clock.stage("frequencies"):
         curves = _frequency_curves(scene, reduction)
-    found = references(scene, reduction.model, clock)
+    found = references(scene, reduction.model, clock, recovered_steps(scene).tolist(), checkpoint)
+    seen = _recovered(scene, built, reduction, found, clock)
     if comm.rank > 0:
         return None
-    simulations = simulate(scene, reduction.reduced, found, clock)
+    simulations = simulate(scene, reduction.reduced, found.responses, clock)
     summary = _summary(scene, reduction, simulations, clock.seconds) | _estimated(scene, reduction.reduced, clock)
-    return Outcome(_result(scene, summary, simulations.responses, reduction, curves), reduction.reduced)
+    result = _result(scene, summary, simulations.responses, reduction, curves)
+    if seen is not None:
+        result = replace(
+            result, summary=summary | seen.summary(), fields=seen.reduced.fields, peak_stress=seen.histories()
+        )
+    return Outcome(result, reduction.reduced)
 
 
 def reduce(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
@@ -106,6 +121,16 @@ def full_frequencies(scene: SceneBase, model: FullModel, s: Array) -> Array:
     count = min(FREQUENCY_CURVES, model.size - len(model.rows.names))
     solver = eigensolver(model, scene.reduction.solver)
     return np.array([solver.lowest(float(at), count).omega for at in s])
+
+
+def _recovered(
+    scene: SceneBase, built: Built, reduction: Reduction, found: References, clock: Clock
+) -> Recovered | None:
+    if not isinstance(scene, StructureScene) or scene.recovery is None:
+        return None
+    with clock.stage("recover"):
+        V = np.array(reduction.basis.V.getDenseArray())
+        return recover(scene, built, V, reduction.reduced, found.states)
 
 
 def _reduce(scene: SceneBase, model: FullModel, clock: Clock) -> Reduction:
@@ -161,7 +186,7 @@ def _summary(
             "largest_residual": float(reduction.snapshots.residuals.max()),
             "rows_left_out": list(reduction.reduced.left_out),
         },
-        "seconds": {name: seconds[name] for name in ("assemble", "snapshots", "pod")}
+        "seconds": {name: seconds[name] for name in ("assemble", "snapshots", "pod", "recover") if name in seconds}
         | {"simulate": dict(simulations.seconds)},
         "simulators": {"reduced": simulations.first}
         | ({"full": full_simulator(scene, reduction.model.size)} if "full" in responses else {}),

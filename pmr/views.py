@@ -29,19 +29,27 @@ class View:
     comm : MPI communicator
     T : (n, n') sparse matrix, optional
         The model's coordinates are T z; by default they are z.
+    stresses : bool
+        Whether stresses are looked at, where the model has any.
     """
 
-    def __init__(self, model: StructuralModel, comm: MPI.Comm = MPI.COMM_WORLD, T: sp.csr_matrix | None = None) -> None:
-        self.comm, self.grid, self.stress_rows = comm, model.grid, model.stresses()
+    def __init__(
+        self,
+        model: StructuralModel,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+        T: sp.csr_matrix | None = None,
+        stresses: bool = True,
+    ) -> None:
+        self.comm, self.grid, self.stress_rows = comm, model.grid, model.stresses() if stresses else None
         T = sp.eye(model.size, format="csr") if T is None else T
         mine = T.tocsc()[:, slice(*share(T.shape[1], comm))]
         self._points = sp.csr_matrix(model.point_displacements() @ mine)
         self._stresses = None if self.stress_rows is None else sp.csr_matrix(self.stress_rows.rows @ mine)
 
     @classmethod
-    def of(cls, structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> View:
+    def of(cls, structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD, stresses: bool = True) -> View:
         """The view of a structure, whose clamps and rigid masses leave out coordinates of its model."""
-        return cls(structure.model, comm, couple(structure).T)
+        return cls(structure.model, comm, couple(structure).T, stresses)
 
     def displacements(self, q: Array) -> Array:
         """(S, N, 3) in m of the grid's points, from this rank's rows (S, n_local) of the states."""

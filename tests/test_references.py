@@ -18,7 +18,7 @@ def test_the_full_model_moves_alike_by_all_that_simulate_it(load_scene) -> None:
     found = {}
     for simulator in ("march", "exudyn", "petsc"):
         scene = load_scene("paper_evolved", [*SHORT, f"simulation.full={simulator}", "compare.against=['full']"])
-        found[simulator] = references(scene, full_model(scene))
+        found[simulator] = references(scene, full_model(scene)).responses
     if MPI.COMM_WORLD.rank > 0:
         assert found["march"] == found["exudyn"] == {}
         return
@@ -48,3 +48,16 @@ def test_the_cable_is_one_too(load_scene) -> None:
 def test_the_size_decides_unless_the_scene_does(load_scene, size: int, chosen: str) -> None:
     assert full_simulator(load_scene("paper_simple"), size) == chosen
     assert full_simulator(load_scene("paper_simple", ["simulation.full=exudyn"]), size) == "exudyn"
+
+
+@pytest.mark.mpi
+def test_states_are_the_same_by_all_that_know_them(load_scene) -> None:
+    found, steps = {}, [0, 20, 50]
+    for simulator in ("march", "petsc"):
+        scene = load_scene("paper_evolved", [*SHORT, f"simulation.full={simulator}", "compare.against=['full']"])
+        model = full_model(scene)
+        found[simulator] = references(scene, model, steps=steps).states
+        assert found[simulator].shape == (3, model.M.getLocalSize()[0])
+    size = MPI.COMM_WORLD.allreduce(np.abs(found["march"]).max(), op=MPI.MAX)
+    assert size > 1e-6
+    np.testing.assert_allclose(found["petsc"], found["march"], rtol=0.0, atol=1e-6 * size)

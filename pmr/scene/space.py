@@ -170,6 +170,7 @@ class Recovery(_Section):
 
     every: Positive = 0.02  # s
     stress: bool = Field(default=True, strict=True)
+    frames: Count = 101  # of the fields that are kept, for pictures
     series: bool = Field(default=True, strict=True)  # write a series of fields that ParaView opens
 
 
