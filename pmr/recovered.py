@@ -77,9 +77,8 @@ def recover(
     states = comm.bcast(states)
     assert states is not None
     view = View.of(built.structure, comm, stresses=scene.recovery.stress)
-    pictures = np.unique(
-        np.linspace(0, len(steps) - 1, min(scene.recovery.frames, len(steps))).round().astype(np.int64)
-    )
+    frames = min(scene.recovery.frames, len(steps))
+    pictures = np.unique(np.rint(np.linspace(0, len(steps) - 1, frames)).astype(np.int64))
 
     def seen(blocks: Iterable[Array], kept: NDArray[np.int64]) -> Seen:
         return look(view, states.t, blocks, kept.tolist())

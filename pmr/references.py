@@ -73,7 +73,7 @@ def _full(
 ) -> tuple[Response | None, Array | None]:
     if full_simulator(scene, model.size) == "petsc":
         path, loads, stepping = course(scene)
-        watch = Watch(energies=True, states=stepping.step * np.asarray(steps))
+        watch = Watch(energies=True, states=[stepping.step * step for step in steps])
         with clock.stage("full") as done:
             history = observe(model, path, loads, stepping, watch, progress=done, checkpoint=checkpoint)
         return respond(model, history), history.states.q if len(steps) else None

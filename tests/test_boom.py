@@ -1,33 +1,28 @@
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from booms import Boom, boom
 from boxes import box
 
 from pmr import fullorder
-from pmr import scene as scenes
 from pmr.basis import modal_basis
-from pmr.boom import structure_of
 from pmr.compare import nrms
 from pmr.dolfinx_compat import MPI
 from pmr.errors import InputError
-from pmr.models import StructuralModel
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.operators import FullModel
 from pmr.reduced import ReducedModel
 from pmr.residual.model import flexible_model
-from pmr.responses import course
-from pmr.scene import StructureScene
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
-from pmr.signals import SignalBase
-from pmr.simulate import TimeStepping, march
+from pmr.simulate import march
 from pmr.simulate.modal import modal_form
 from pmr.snapshots.free_modes import free_modes
-from pmr.structure import Structure, structural_model
+from pmr.structure import structural_model
 from pmr.yielding import Yielding
 
 pytestmark = pytest.mark.mpi
@@ -57,22 +52,6 @@ def at_rest(body: ReducedModel, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     multipliers = rows.multipliers(s, q, f)
     assert body.flexibility is not None
     return q @ body.outputs.T + body.flexibility.displacement(s, multipliers, f), multipliers
-
-
-@dataclass(frozen=True)
-class Boom:
-    """The reference boom on any model, and what moves it."""
-
-    structure: Structure
-    path: SignalBase
-    loads: list[SignalBase]
-    stepping: TimeStepping
-
-
-def boom(model: StructuralModel, span: float = 10.0) -> Boom:
-    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}"])
-    assert isinstance(scene, StructureScene)
-    return Boom(replace(structure_of(scene), model=model), *course(scene))
 
 
 @pytest.fixture(scope="module", params=[shell, beam])

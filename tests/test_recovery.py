@@ -3,6 +3,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import booms
 import numpy as np
 import pytest
 from boxes import box
@@ -10,7 +11,6 @@ from boxes import box
 from pmr import fullorder
 from pmr.basis import Basis, modal_basis
 from pmr.body import Trajectory, displacement
-from pmr.boom import reference_scene
 from pmr.fullorder import Watch
 from pmr.models.shell import Shell
 from pmr.operators import FullModel, full_model, local_csr
@@ -59,7 +59,7 @@ def planar(load_scene: Callable) -> Case:
 
 def boom(load_scene: Callable) -> Case:
     model = Shell(ShellBody(plate=Plate(thickness=0.008)), box(length=6.0, along=8, around=1, skew=0.2))
-    scene = reference_scene(model, span=0.5)
+    scene = booms.boom(model, span=0.5)
     return Case(structural_model(scene.structure), scene.path, scene.loads, scene.stepping)
 
 

@@ -37,10 +37,10 @@ def test_the_full_model_moves_alike_by_all_that_simulate_it(load_scene) -> None:
 def test_the_cable_is_one_too(load_scene) -> None:
     scene = load_scene("paper_evolved", [*SHORT, "compare.ancf_elements=4", "compare.against=['full','ancf']"])
     model = full_model(scene)
-    found = references(scene, model)
+    found = references(scene, model).responses
     assert list(found) == ["full", "ancf"]
     np.testing.assert_array_equal(found["ancf"].x, model.output_positions)
-    assert references(load_scene("paper_evolved", [*SHORT, "compare.against=[]"]), model) == {}
+    assert references(load_scene("paper_evolved", [*SHORT, "compare.against=[]"]), model).responses == {}
     assert reference("full", scene, model) is not None
 
 

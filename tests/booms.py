@@ -1,0 +1,33 @@
+"""The reference boom of workflows/boom.toml on any model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pmr import scene as scenes
+from pmr.boom import structure_of
+from pmr.models import StructuralModel
+from pmr.responses import course
+from pmr.scene import StructureScene
+from pmr.signals import SignalBase
+from pmr.simulate import TimeStepping
+from pmr.structure import Structure
+
+WORKFLOWS = Path(__file__).parents[1] / "workflows"
+
+
+@dataclass(frozen=True)
+class Boom:
+    """The reference boom on any model, and what moves it."""
+
+    structure: Structure
+    path: SignalBase
+    loads: list[SignalBase]
+    stepping: TimeStepping
+
+
+def boom(model: StructuralModel, span: float = 10.0) -> Boom:
+    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}"])
+    assert isinstance(scene, StructureScene)
+    return Boom(replace(structure_of(scene), model=model), *course(scene))
