@@ -52,7 +52,7 @@ def test_the_size_decides_unless_the_scene_does(load_scene, size: int, chosen: s
 
 @pytest.mark.mpi
 def test_states_are_the_same_by_all_that_know_them(load_scene) -> None:
-    found, steps = {}, [0, 20, 50]
+    found, steps = {}, [0, 20, 40]
     for simulator in ("march", "petsc"):
         scene = load_scene("paper_evolved", [*SHORT, f"simulation.full={simulator}", "compare.against=['full']"])
         model = full_model(scene)
