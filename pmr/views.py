@@ -56,8 +56,8 @@ class View:
         values = self._summed(self._points, q)
         return values.reshape(len(values), len(self.grid.points), 3)
 
-    def von_mises(self, q: Array) -> Array:
-        """(S, P) in Pa at the points of `stress_rows`, likewise.
+    def stresses(self, q: Array) -> Array:
+        """(S, P, c) in Pa at the points of `stress_rows`, likewise.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class View:
         """
         if self.stress_rows is None or self._stresses is None:
             raise ValueError("a beam without a profile has no stresses")
-        return self.stress_rows.von_mises(self.stress_rows.shaped(self._summed(self._stresses, q)))
+        return self.stress_rows.shaped(self._summed(self._stresses, q))
 
     def _summed(self, rows: sp.csr_matrix, q: Array) -> Array:
         values = np.ascontiguousarray((rows @ q.T).T)
@@ -105,7 +105,7 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
         kept = np.flatnonzero((chosen >= first) & (chosen < last))
         displacement[kept] = view.displacements(q[chosen[kept] - first])
         if rows is not None:
-            values = view.von_mises(q)
+            values = rows.von_mises(view.stresses(q))
             largest[first:last], point[first:last] = values.max(axis=1), values.argmax(axis=1)
             for face, part in rows.by_cell(values[chosen[kept] - first], cells).items():
                 fields[_name(face)][kept] = part

@@ -7,8 +7,8 @@ r"""Stresses of a solid, from the strains of its weak form: on its surface, and 
 Strains of quadratic elements are most accurate at Gauss' points, two in each direction of a hexahedron (Barlow:
 Optimal stress locations in finite element models, International Journal for Numerical Methods in Engineering 10, 1976,
 243-251), four in a tetrahedron.  From there they are continued linearly to the middle of each facet that belongs to the
-surface, so that the bending of a wall with a single cell across shows on both of its faces; the mean is that of the
-cell.
+surface, so that the bending of a wall with a single cell across shows on both of its faces; in the middle of a cell
+they are the mean over its points, in a wall the membrane stress.
 """
 
 from __future__ import annotations
