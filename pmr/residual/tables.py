@@ -81,7 +81,7 @@ class Polynomials:
         k, m, powers = self.shape
         if powers == 1:
             return Polynomials(self.entries * 0.0, self.shape)
-        exponents = np.tile(np.arange(powers - 1, -1, -1), k * m)
+        exponents = np.tile(np.arange(powers - 1.0, -1.0, -1.0), k * m)
         kept = np.flatnonzero(exponents)
         return Polynomials(sp.csr_matrix(sp.diags(exponents[kept]) @ self.entries[kept]), (k, m, powers - 1))
 
