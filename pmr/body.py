@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -10,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.errors import InputError
 from pmr.flexibility import Flexibility
 from pmr.sliding import Rows, stack
 
@@ -22,7 +24,8 @@ class SlidingBody(Protocol):
     .. math::
         M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C q + H f - (G + 1/k) \lambda = 0
 
-    G and H come from the residual flexibility and vanish without one, 1/k is the rows' own compliance.
+    G and H come from the residual flexibility and vanish without one, 1/k is the rows' own compliance.  Rows that only
+    push hold where they are closed, C q + H f - (G + 1/k) lambda = clearance, and have lambda = 0 elsewhere.
     `ReducedModel` is such a body (dense), `FullBody` another (sparse).  Shapes: M, D, K (n, n), B (n, i),
     outputs (o, n), C(s) (m, n).
     """
@@ -59,6 +62,11 @@ class SlidingBody(Protocol):
     @property
     def row_compliance(self) -> Array:
         """1/k of each row's pad, (m,) in m/N; 0 where it is rigid."""
+        ...
+
+    @property
+    def row_clearance(self) -> Array:
+        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
         ...
 
     @property
@@ -103,6 +111,25 @@ def force_outputs(body: Observed) -> NDArray[np.bool_]:
     return np.array([unit == "N" for unit in body.output_units] or [False] * len(body.output_positions), dtype=bool)
 
 
+def pushing_rows(body: SlidingBody) -> list[int]:
+    """Numbers of the rows that only push: their multipliers are never negative, and zero while they are open."""
+    return np.flatnonzero(~np.isnan(body.row_clearance)).tolist()
+
+
+def refuse_pushing_rows(names: Sequence[str], clearance: Array, where: str, source: str = "body") -> None:
+    """Refuse rows, given by their names and clearances (m,), of which some only push.
+
+    Raises
+    ------
+    InputError
+        That names them.
+    """
+    pushing = [name for name, c in zip(names, clearance, strict=True) if not np.isnan(c)]
+    if pushing:
+        allowed = f"{', '.join(pushing)} only push; rows that hold both ways are allowed in {where}, march does all"
+        raise InputError(source, "rows", None, allowed)
+
+
 def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, loads: Array) -> Array:
     """Outputs O q + W f - X(s) lambda, (T, o) in m, of coordinates q (T, n) along a trajectory."""
     result = np.asarray((body.outputs @ q.T).T)
@@ -133,6 +160,11 @@ class FullBody:
     def row_compliance(self) -> Array:
         """1/k of each row's pad, (m,) in m/N."""
         return self.rows.compliance
+
+    @property
+    def row_clearance(self) -> Array:
+        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
+        return self.rows.clearance
 
     @property
     def flexibility(self) -> None:

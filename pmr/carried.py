@@ -40,7 +40,7 @@ class CarriedRow(Row):
 
 
 def carried(path: Row, carriers: sp.csr_matrix) -> CarriedRow:
-    """C(s) = c(s) U as a row on the coordinates; it has the name, breaks and compliance of c(s)."""
+    """C(s) = c(s) U as a row on the coordinates; it has the name, breaks, compliance and clearance of c(s)."""
     U = sp.csr_matrix(carriers)
     used = np.unique(U[np.unique(path.dofs)].indices).astype(np.int64)
     U_used = U[:, used].toarray()
@@ -55,6 +55,7 @@ def carried(path: Row, carriers: sp.csr_matrix) -> CarriedRow:
         used[chosen],
         np.take_along_axis(entries, chosen[None], axis=2),
         path.compliance,
+        path.clearance,
         path=path,
         carriers=U,
     )

@@ -119,6 +119,7 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
     drift = body.apply_rows(s, v) + path_rate[:, None] * body.apply_rows(s, q, derivative=1)
     if body.flexibility is not None:
         violation = violation + body.flexibility.row_motion(s, multipliers, loads)
+    violation = np.where(np.isnan(body.row_clearance), violation, _overlap(violation - body.row_clearance, multipliers))
     if body.flexibility is not None or np.any(body.row_compliance):
         drift = np.full_like(drift, np.nan)  # rows that give way have no equation at velocity level
     outputs, force = displacement(body, q, s, multipliers, loads), force_outputs(body)
@@ -132,6 +133,11 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
         residual_velocity=np.abs(drift).max(axis=1),
         seconds=trajectory.seconds,
     )
+
+
+def _overlap(excess: Array, multipliers: Array) -> Array:
+    """What rows that only push violate, (T, m) in m: where they push any gap, elsewhere a negative one."""
+    return np.where(multipliers > 0.0, excess, np.maximum(excess, 0.0))
 
 
 def respond_cable(cable: ancf.Cable, motion: ancf.CableMotion) -> Response:

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.body import Trajectory, displacement, force_outputs
+from pmr.body import Trajectory, displacement, force_outputs, pushing_rows
 from pmr.compare import nrms
 from pmr.reduced import ReducedModel
 from pmr.signals import SignalBase
@@ -90,6 +90,11 @@ def no_estimate(model: ReducedModel) -> str | None:
         return (
             "without residual flexibility the statics of what the basis leaves out are lost with it, and no table says "
             "how much that is"
+        )
+    if pushing_rows(model):
+        return (
+            "pads only push: what the companions say of an error adds up for linear models, and an impact a moment "
+            "earlier changes all that follows"
         )
     if not is_modal(model):
         return (

@@ -15,6 +15,13 @@ one, and a parabola along the axis without a ripple.
 The multiplier is the force of the pad in N, positive if it pushes the body inwards; 1/k is the pad's compliance.  A pad
 that neither moves nor is rigid is a spring: as a part of the stiffness it costs no row, leaves the body no rigid motion
 and has a share in its Rayleigh damping; its force is an output.
+
+A unilateral pad only pushes, once the body has come out by the pad's clearance c:
+
+.. math::
+    \lambda \ge 0, \qquad g = c - (C q + H f - (G + 1/k) \lambda) \ge 0, \qquad \lambda\, g = 0
+
+It is a row wherever it sits, for whether it holds changes over time.
 """
 
 from __future__ import annotations
@@ -58,6 +65,10 @@ class Pad:
     length, width : float, m
     stiffness : float, N/m
         Infinite for a rigid one.
+    unilateral : bool
+        Whether it only pushes.
+    clearance : float, m
+        How far the body at rest is from a unilateral one.
     """
 
     name: str
@@ -67,11 +78,23 @@ class Pad:
     length: float = 0.3
     width: float = 0.08
     stiffness: float = 3e8
+    unilateral: bool = False
+    clearance: float = 0.0
 
     def __post_init__(self) -> None:
         for key in ("length", "width", "stiffness"):
             if not getattr(self, key) > 0.0:
                 raise InputError("scene", f"pads.{self.name}.{key}", getattr(self, key), "more than 0 is allowed")
+        if not 0.0 <= self.clearance < np.inf:
+            raise InputError("scene", f"pads.{self.name}.clearance", self.clearance, "a length from 0 on is allowed")
+        if self.clearance > 0.0 and not self.unilateral:
+            allowed = "only a pad with unilateral = true may have one: any other is attached to the body"
+            raise InputError("scene", f"pads.{self.name}.clearance", self.clearance, allowed)
+
+    @property
+    def free_way(self) -> float | None:
+        """The clearance of a pad that only pushes, m; None for one that holds both ways."""
+        return self.clearance if self.unilateral else None
 
 
 @dataclass(frozen=True)
@@ -119,9 +142,9 @@ class Holding:
     Attributes
     ----------
     rows : tuple of Row
-        Of what moves and of what is rigid.
+        Of what moves, is rigid or only pushes.
     springs : tuple of Row
-        Of what neither moves nor is rigid, on the coordinates it belongs to: k c^T c is part of the stiffness.
+        Of all the others, on the coordinates they belong to: k c^T c is part of the stiffness.
     """
 
     rows: tuple[Row, ...]
@@ -146,7 +169,8 @@ class Holding:
             if spring.name == name:
                 return c / spring.compliance
         found = ", ".join(spring.name for spring in self.springs) or "none"
-        raise InputError("scene", "outputs.pad", name, f"pads that neither move nor are rigid are allowed: {found}")
+        allowed = f"pads that neither move nor are rigid or unilateral are allowed: {found}"
+        raise InputError("scene", "outputs.pad", name, f"{allowed}; the forces of others are multipliers")
 
     def _vectors(self, size: int) -> list[sp.csr_matrix]:
         return [Rows((spring,), size).at(spring.breaks[0]) for spring in self.springs]
@@ -165,8 +189,9 @@ def hold(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Holding:
         *(_hold(hold, model, T, pads.travel) for hold in pads.holds),
     ]
     moving = [moving_pad(pad, model, T, pads.travel) for pad in pads.moving]
-    rigid = [row for row in staying if row.fixed]
-    return Holding((*rigid, *moving), tuple(row for row in staying if not row.fixed))
+    springs = [row.compliance > 0.0 and row.clearance is None for row in staying]
+    rows = [row for row, spring in zip(staying, springs, strict=True) if not spring]
+    return Holding((*rows, *moving), tuple(row for row, spring in zip(staying, springs, strict=True) if spring))
 
 
 def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
@@ -181,7 +206,7 @@ def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple
     pieces = rebased(bump(3, STATIONS * step), step * np.arange(-reach, reach + 1)).c[:, ::-1] / STATIONS
     dofs = np.arange(count)[:, None] + np.arange(2 * reach)
     coefficients = np.repeat(pieces[:, None, :], count, axis=1)
-    return carried(Row(pad.name, breaks, dofs, coefficients, 1.0 / pad.stiffness), U)
+    return carried(Row(pad.name, breaks, dofs, coefficients, 1.0 / pad.stiffness, pad.free_way), U)
 
 
 def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
@@ -189,7 +214,8 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
     step, reach = _lattice(pad)
     offsets = step * np.arange(1 - reach, reach)
     weights = value(bump(3, STATIONS * step), offsets) / STATIONS
-    return _staying(pad.name, weights @ _stations(pad, model, pad.at + offsets) @ T, travel, pad.stiffness)
+    path = replace(fixed_row(pad.name, 0, 1.0, travel), compliance=1.0 / pad.stiffness, clearance=pad.free_way)
+    return carried(path, sp.csr_matrix(weights @ _stations(pad, model, pad.at + offsets) @ T))
 
 
 def _hold(hold: Hold, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
@@ -197,12 +223,8 @@ def _hold(hold: Hold, model: StructuralModel, T: sp.csr_matrix, travel: tuple[fl
         allowed = f"{', '.join(model.directions)} are allowed"
         raise InputError("scene", f"pads.{hold.name}.direction", hold.direction, allowed)
     measured = model.motion(hold.on)[model.directions.index(hold.direction)]
-    return _staying(hold.name, measured @ T, travel, hold.stiffness)
-
-
-def _staying(name: str, U: sp.csr_matrix, travel: tuple[float, float], stiffness: float) -> Row:
-    """A row with one carrier."""
-    return carried(replace(fixed_row(name, 0, 1.0, travel), compliance=1.0 / stiffness), sp.csr_matrix(U))
+    path = replace(fixed_row(hold.name, 0, 1.0, travel), compliance=1.0 / hold.stiffness)
+    return carried(path, sp.csr_matrix(measured @ T))
 
 
 def _lattice(pad: Pad) -> tuple[float, int]:

@@ -77,6 +77,7 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
         output_units=model.output_units,
         provenance=provenance,
         pads=pads if pads.any() else None,
+        clearance=None if np.isnan(model.rows.clearance).all() else model.rows.clearance,
     )
 
 
@@ -88,6 +89,7 @@ def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:
         rows=PPoly(np.ascontiguousarray(model.rows.c[:, :, keep]), model.rows.x),
         row_names=tuple(model.row_names[i] for i in keep),
         pads=None if model.pads is None else model.pads[keep],
+        clearance=None if model.clearance is None else model.clearance[keep],
         left_out=(*model.left_out, *(model.row_names[i] for i in numbers)),
     )
 

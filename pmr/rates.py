@@ -50,6 +50,9 @@ def force_rates(model: ReducedModel, trajectory: Trajectory, path: SignalBase, l
     right += _times(evaluate(tables.inputs, s), loads.rate) + ds * _times(evaluate(tables.inputs, s, 1), loads.value)
     right -= ds * _times(evaluate(tables.rows, s, 1), z)
     G = evaluate(tables.rows, s) + np.diag(model.row_compliance)
+    is_open = ~np.isnan(model.row_clearance) & (z == 0.0)  # no force, and none that changes
+    apart = is_open[:, :, None] | is_open[:, None, :]
+    G, right = np.where(apart, np.eye(z.shape[1]), G), np.where(is_open, 0.0, right)
     return Rates(z, np.linalg.solve(G, right[:, :, None])[:, :, 0])
 
 

@@ -8,7 +8,8 @@ with r generalised coordinates p.  For mass-normalised modes the columns of V ca
 m sqrt(kg); for orthonormal POD vectors V is dimensionless and p carries the unit of the coordinates (m, rad).
 G, H, W and X are those of the residual flexibility (`pmr.flexibility`) and vanish without one; 1/k is the pads'
 compliance.  lambda is in N: with rows that measure a displacement in m, -C^T lambda is the force of the sliders on
-the body.
+the body.  A row that only pushes holds with its clearance on the right-hand side and lambda >= 0, or is open with
+lambda = 0 (docs/pads.md).
 """
 
 from __future__ import annotations
@@ -63,6 +64,8 @@ class ReducedModel:
         What the coordinates leave out, quasi-static.
     companions : Companions, optional
         The first modes left out, with which the error is estimated (`pmr.estimate`).
+    clearance : (m,) array, m, or None
+        How far a row that only pushes lets the body go, NaN where it holds both ways; None where all do.
     """
 
     M: Array
@@ -81,6 +84,7 @@ class ReducedModel:
     pads: Array | None = None
     flexibility: Flexibility | None = None
     companions: Companions | None = None
+    clearance: Array | None = None
 
     @property
     def size(self) -> int:
@@ -91,6 +95,11 @@ class ReducedModel:
     def row_compliance(self) -> Array:
         """1/k of each row's pad, (m,) in m/N."""
         return np.zeros(len(self.row_names)) if self.pads is None else self.pads
+
+    @property
+    def row_clearance(self) -> Array:
+        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
+        return np.full(len(self.row_names), np.nan) if self.clearance is None else self.clearance
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -164,7 +173,8 @@ class ReducedModel:
             "output_units": self.output_units,
             "provenance": self.provenance,
         }
-        arrays = {name: getattr(self, name) for name in _MATRICES} | {"pads": self.row_compliance}
+        arrays = {name: getattr(self, name) for name in _MATRICES}
+        arrays |= {"pads": self.row_compliance, "clearance": self.row_clearance}
         if self.flexibility is not None:
             arrays |= self.flexibility.arrays()
         if self.companions is not None:
@@ -210,6 +220,7 @@ class ReducedModel:
                     pads=np.asarray(data["pads"], dtype=float) if "pads" in data else None,  # since version 2
                     flexibility=Flexibility.from_arrays(data),
                     companions=Companions.from_arrays(data),  # since version 3
+                    clearance=np.asarray(data["clearance"], float) if "clearance" in data else None,  # since version 4
                     left_out=tuple(header["left_out"]),
                     output_names=tuple(header.get("output_names", ())),  # since version 4
                     output_units=tuple(header.get("output_units", ())),
@@ -240,6 +251,9 @@ class ReducedModel:
             return "the rows' breaks do not increase"
         if self.row_compliance.shape != (m,) or not np.all(self.row_compliance >= 0.0):
             return f"pads has shape {self.row_compliance.shape} or negative values, {(m,)} from 0 on are allowed"
+        clearance = self.row_clearance
+        if clearance.shape != (m,) or not np.all(np.isnan(clearance) | (clearance >= 0.0) & np.isfinite(clearance)):
+            return f"clearance has shape {clearance.shape} or values that are no lengths, {(m,)} from 0 on are allowed"
         parts = [part.contradiction(m, i, o) for part in (self.flexibility, self.companions) if part is not None]
         return next((wrong for wrong in parts if wrong), None)
 

@@ -51,6 +51,8 @@ class Row:
         Highest power first, as in `scipy.interpolate.PPoly`.
     compliance : float, m/N
         1/k of a pad that gives way, C q = lambda / k; 0 for a rigid one.
+    clearance : float, m, or None
+        Of a row that only pushes: how far C q may go before it holds.  None where the row holds both ways.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Row:
     dofs: NDArray[np.int64]
     coefficients: Array
     compliance: float = 0.0
+    clearance: float | None = None
 
     @cached_property
     def _polynomial(self) -> PPoly:
@@ -93,8 +96,8 @@ class Row:
 
     @property
     def fixed(self) -> bool:
-        """Whether the row neither moves nor gives way: a support, whose meaning a basis may hold once and for all."""
-        return self.compliance == 0.0 and not self.moves
+        """Whether the row always holds, in one place: a support, whose meaning a basis may hold once and for all."""
+        return self.compliance == 0.0 and self.clearance is None and not self.moves
 
     def project(self, V: Array, first: int = 0) -> PPoly:
         """C(s) V as a piecewise polynomial with values (r,).
@@ -134,6 +137,11 @@ class Rows:
     def compliance(self) -> Array:
         """1/k of each row's pad, (m,) in m/N; 0 where it is rigid."""
         return np.array([row.compliance for row in self.rows])
+
+    @property
+    def clearance(self) -> Array:
+        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
+        return np.array([np.nan if row.clearance is None else row.clearance for row in self.rows])
 
     @property
     def moving(self) -> list[int]:

@@ -14,7 +14,7 @@ from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.pads import Hold, Pad, Pads, fixed_pad, hold, moving_pad
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
-from pmr.sliding import Row
+from pmr.sliding import Row, Rows
 from pmr.structure import Action, PadForce, Structure, Weight, structural_model
 
 TRAVEL = (0.4, 1.5)
@@ -124,6 +124,33 @@ def test_wrong_pads_are_refused() -> None:
         moving_pad(Pad("p", "floor"), beam(), free(beam()), TRAVEL)
 
 
+@pytest.mark.parametrize(
+    ("clearance", "unilateral", "says"),
+    [(-1e-3, True, "a length from 0 on"), (np.nan, True, "a length from 0 on"), (1e-3, False, "unilateral = true")],
+)
+def test_a_clearance_that_means_nothing_is_refused(clearance: float, unilateral: bool, says: str) -> None:
+    with pytest.raises(InputError, match=rf"scene: pads\.p\.clearance = .*: .*{says}"):
+        Pad("p", "top", unilateral=unilateral, clearance=clearance)
+
+
+def test_a_pad_that_only_pushes_is_a_row_wherever_it_sits(model: StructuralModel) -> None:
+    """Rigid or not, fixed or not; its clearance goes with the row, and it holds no rigid motion once and for all."""
+    fixed = [Pad(name, "bottom", 0.2, stiffness=k, unilateral=True) for name, k in (("soft", 1e8), ("rigid", np.inf))]
+    side = Pad("side", "left", unilateral=True, clearance=1e-3)
+    pads = Pads((*fixed, Pad("spring", "top", 0.2)), (side, Pad("mouth", "bottom")), travel=TRAVEL)
+    found = hold(pads, model, free(model))
+    assert [row.name for row in found.rows] == ["soft", "rigid", "side", "mouth"]
+    assert [row.name for row in found.springs] == ["spring"]
+    assert [row.clearance for row in found.rows] == [0.0, 0.0, 1e-3, None]
+    assert not any(row.fixed or row.held is not None for row in found.rows)
+    finer = [row.refined(np.linspace(*TRAVEL, 3)) if not row.moves else row.refined(row.breaks) for row in found.rows]
+    assert [row.clearance for row in finer] == [0.0, 0.0, 1e-3, None]
+    rows = Rows(found.rows, model.size)
+    assert np.array_equal(rows.clearance, [0.0, 0.0, 1e-3, np.nan], equal_nan=True)
+    with pytest.raises(InputError, match=r"nor are rigid or unilateral are allowed: spring; .* multipliers"):
+        found.force("soft", model.size)
+
+
 def held(model: StructuralModel, stiffness: float = 3e8) -> Structure:
     """On four pads and a cylinder, with weight."""
     pads = Pads(
@@ -166,5 +193,5 @@ def test_springs_are_what_neither_moves_nor_is_rigid(model: StructuralModel) -> 
     found = hold(held(model, stiffness=np.inf).pads, model, free(model))
     assert [row.name for row in found.rows] == ["tail", "mouth", "beside"]
     assert [row.name for row in found.springs] == ["side", "edge", "cylinder"]
-    with pytest.raises(InputError, match="pads that neither move nor are rigid are allowed: side, edge, cylinder"):
+    with pytest.raises(InputError, match="neither move nor are rigid or unilateral are allowed: side, edge, cylinder"):
         found.force("mouth", model.size)

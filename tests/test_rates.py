@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from on_pads import beam_on_pads, flexible_on_pads
 from oracle import flexible, free_modes, inertial, paper_basis, project, rich_body
 
 from pmr.body import Trajectory, displacement
@@ -55,6 +56,19 @@ def test_they_are_the_rates_of_outputs_and_coordinates(integrate, pads: Array | 
     energy = kinetic_energy(model, run, PATH, LOADS)[1:-1]
     residual = expected - np.einsum("tn,tn->t", run.v, run.v)[1:-1] / 2.0
     assert np.abs(energy - expected)[late].max() < 0.05 * np.abs(residual[late]).max()
+
+
+def test_rows_that_are_open_have_no_force_that_changes() -> None:
+    """A beam that rises from the lower pads to the upper ones and back."""
+    model = flexible_on_pads(beam_on_pads(clearance=1e-3), 5)
+    loads = (SmoothRamp(times=(0.0, 0.1), values=(0.0, 9.81)), Sine(amplitude=4000.0, frequency=5.0))
+    run = march.simulate(model, PATH, loads, STEPPING)
+    z, pushes = force_rates(model, run, PATH, load_rates(model, loads, run.t)), run.multipliers > 0.0
+    assert not z.rate[~pushes].any() and 0.1 < pushes.mean() < 0.9
+    y = displacement(model, run.q, run.s, run.multipliers, loads_at(loads, run.t))
+    same = np.all((pushes[2:] == pushes[1:-1]) & (pushes[:-2] == pushes[1:-1]), axis=1)
+    found = velocity(model, run, PATH, loads)[1:-1]
+    assert np.abs(found - rate(y))[same].max() < 2e-4 * np.abs(found).max()
 
 
 def test_without_flexibility_they_are_those_of_the_coordinates() -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import json
 import subprocess
 import sys
 import zipfile
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
+from pmr.body import pushing_rows
 from pmr.errors import InputError
 from pmr.reduced import ReducedModel, satisfied_rows
 
@@ -37,6 +39,21 @@ def test_a_model_survives_its_file(model: ReducedModel, tmp_path: Path) -> None:
         assert getattr(loaded, name) == getattr(model, name)
     s = np.linspace(0.0, 5.0, 17)
     assert np.array_equal(loaded.C(s), model.C(s)) and np.array_equal(loaded.C(1.3, 1), model.C(1.3, 1))
+
+
+def test_clearances_survive_the_file_and_old_files_have_none(model: ReducedModel, tmp_path: Path) -> None:
+    pushing = replace(model, clearance=np.array([np.nan, 2e-3]))
+    file = pushing.save(tmp_path / "m.npz")
+    loaded = ReducedModel.load(file)
+    assert np.array_equal(loaded.row_clearance, [np.nan, 2e-3], equal_nan=True)
+    assert np.isnan(model.row_clearance).all() and pushing_rows(loaded) == [1]
+    assert np.array_equal(loaded.leading(2).row_clearance, loaded.row_clearance, equal_nan=True)
+    with np.load(file) as data:
+        arrays = {name: data[name] for name in data if name != "clearance"}
+    header = json.loads(str(arrays.pop("header")))
+    assert header["version"] == 4
+    np.savez(tmp_path / "old.npz", header=np.array(json.dumps(header | {"version": 3})), **arrays)
+    assert pushing_rows(ReducedModel.load(tmp_path / "old.npz")) == []
 
 
 def test_nothing_in_the_file_is_pickled(model: ReducedModel, tmp_path: Path) -> None:
@@ -90,6 +107,8 @@ def test_rows_satisfied_identically_are_recognised_relative_to_the_others() -> N
         ({"input_names": ("F",)}, "B has shape (4, 2), (4, 1) is allowed"),
         ({"row_names": ("slider",)}, "the rows have shape (2, 4)"),
         ({"output_positions": np.arange(5.0)}, "outputs has shape (6, 4)"),
+        ({"clearance": np.zeros(3)}, "clearance has shape (3,)"),
+        ({"clearance": np.array([np.nan, -1e-3])}, "values that are no lengths, (2,) from 0 on are allowed"),
     ],
 )
 def test_a_model_that_contradicts_itself_is_refused(

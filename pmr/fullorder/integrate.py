@@ -24,6 +24,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.body import refuse_pushing_rows
 from pmr.dolfinx_compat import MPI, PETSc
 from pmr.errors import SimulationError
 from pmr.fullorder.checkpoint import Checkpoint
@@ -74,13 +75,14 @@ def observe(
     ------
     InputError
         If the path leaves the rows' domain, a load is missing, the initial position violates a row, rigid rows move
-        with rho_inf = 1, or the checkpoint is not of this simulation.
+        with rho_inf = 1, rows only push, or the checkpoint is not of this simulation.
     SimulationError
         If a step fails; with step, time, slider position and, where rows depend on each other, their names.
     """
     begin = time.perf_counter()
     s = path_at(path, model.rows.domain if model.rows.rows else (-np.inf, np.inf), stepping.times)
     f = loads_at(one_for_each(loads, model.input_names), stepping.times)
+    refuse_pushing_rows(model.rows.names, model.rows.clearance, "the full order")
     rigid = model.rows.compliance == 0.0
     refuse_undamped([model.rows.names[k] for k in model.rows.moving if rigid[k]], s, stepping.rho_inf)
     recorder = Recorder(model, stepping, watch or Watch())

@@ -28,7 +28,7 @@ from exudyn.itemInterface import (
 )
 from numpy.typing import NDArray
 
-from pmr.body import SlidingBody
+from pmr.body import SlidingBody, refuse_pushing_rows
 from pmr.errors import InputError
 from pmr.simulate.start import InitialState
 
@@ -100,9 +100,9 @@ def add_body(mbs: Any, body: SlidingBody, start: InitialState, **parameters: Any
     Raises
     ------
     InputError
-        If the body keeps the inertia of its residual part, for which there is no item.
+        If the body keeps the inertia of its residual part or has rows that only push, for which there are no items.
     """
-    refuse_kept_inertia(body)
+    refuse_what_march_alone_does(body)
     name = f"slidingBody{mbs.systemData.NumberOfObjects()}"
     nBody = add_coordinates(mbs, name, start)
     damping = {"dampingMatrix": matrix(body.D)} if _has_entries(body.D) else {}
@@ -117,8 +117,9 @@ def add_body(mbs: Any, body: SlidingBody, start: InitialState, **parameters: Any
     return SlidingBodyItems(nBody, oBody, mBody, nGround, mGround, None, oSupports, ())
 
 
-def refuse_kept_inertia(body: SlidingBody, source: str = "body") -> None:
-    """Exudyn's items know the quasi-static residual part only."""
+def refuse_what_march_alone_does(body: SlidingBody, source: str = "body") -> None:
+    """Exudyn's items know the quasi-static residual part only, and rows that hold both ways."""
+    refuse_pushing_rows(body.row_names, body.row_clearance, "Exudyn", source)
     if body.flexibility is not None and body.flexibility.keeps_inertia:
         allowed = "a model without residual inertia is allowed in Exudyn; march alone keeps it"
         raise InputError(source, "flexibility.inertia", None, allowed)

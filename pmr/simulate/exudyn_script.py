@@ -20,7 +20,7 @@ from pmr.errors import InputError
 from pmr.reduced import ReducedModel
 from pmr.signals import Constant, Signal, SignalBase, Sum
 from pmr.simulate import exudyn_script_body, exudyn_script_signals, exudyn_script_yielding
-from pmr.simulate.exudyn_items import refuse_kept_inertia
+from pmr.simulate.exudyn_items import refuse_what_march_alone_does
 from pmr.simulate.stepping import TimeStepping, one_for_each
 from pmr.yielding import yielding_rows
 
@@ -116,9 +116,10 @@ def exudyn_script(model: ReducedModel, file_name: str) -> str:
     Raises
     ------
     InputError
-        If the model's provenance has no usable scene, only some of its rows give way, or it keeps residual inertia.
+        If the model's provenance has no usable scene, only some of its rows give way, it keeps residual inertia or has
+        rows that only push.
     """
-    refuse_kept_inertia(model, file_name)
+    refuse_what_march_alone_does(model, file_name)
     scene, yielding = _scene(model, file_name), yielding_rows(model)
     if 0 < len(yielding) < len(model.row_names):
         names = ", ".join(model.row_names[i] for i in yielding)

@@ -101,6 +101,7 @@ def modal_form(body: SlidingBody) -> ModalForm:
         output_units=body.output_units,
         pads=body.row_compliance[kept],
         flexibility=body.flexibility,
+        clearance=body.row_clearance[kept],
     )
     return ModalForm(modal, X, np.asarray((body.M @ X).T), tuple(kept))
 

@@ -35,7 +35,7 @@ UNREACHED = 1e-8
 
 
 def fixed_rows(model: FullModel) -> tuple[Row, ...]:
-    """The rows that neither move nor give way: what holds the body while its sliders are released."""
+    """The rows that always hold, in one place: what holds the body while its sliders and pads are released."""
     return tuple(row for row in model.rows.rows if row.fixed)
 
 

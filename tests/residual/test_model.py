@@ -16,6 +16,7 @@ from pmr.reduction import build_basis, project, take_snapshots
 from pmr.residual.model import FLOOR, flexible_model
 from pmr.sliding import Rows
 from pmr.snapshots.free_modes import free_modes
+from pmr.truncation import truncated
 from pmr.yielding import Yielding
 
 NO_ANCF = "compare.against=[]"
@@ -129,6 +130,18 @@ def test_pads_come_along_and_a_support_that_gives_way_stays_a_row(load_scene) ->
     a, s, F = 5.0 - 2.5, 2.5, -50.0
     pads = F * ((1.0 + a / s) * 1e-6 * (1.0 + a / s) + a / s * 2e-6 * a / s)
     assert tip(found, 2.5) == pytest.approx(static_tip_deflection(F, 2.5, 5.0, 5e4) + pads, rel=1e-8)
+
+
+def test_clearances_come_along_and_a_rigid_support_that_only_pushes_stays_a_row(load_scene) -> None:
+    full = full_model(load_scene("simple_residual", [NO_ANCF, "mesh.elements=40"]))
+    on_rest = replace(full.rows.rows[1], clearance=1e-3)
+    model = replace(full, rows=Rows((full.rows.rows[0], on_rest, full.rows.rows[2]), full.size))
+    modes = free_modes(model, 6)
+    assert np.sum(modes.omega == 0.0) == 2  # free in y and in rotation
+    found = flexible_model(model, modal_basis(modes), {})
+    assert found.row_names == ("support y at 0 m", "slider")
+    for smaller in (found, truncated(found, 4)):
+        assert np.array_equal(smaller.row_clearance, [1e-3, np.nan], equal_nan=True)
 
 
 def test_sliders_in_one_place_are_refused(load_scene) -> None:

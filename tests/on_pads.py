@@ -1,0 +1,57 @@
+"""A planar beam between pads that only push: two under it and two above, in NumPy alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from oracle import flexible, free_modes, full_body, project, slider_row
+from textbook import LENGTH, RHO_A
+
+from pmr.body import FullBody
+from pmr.reduced import ReducedModel
+from pmr.sliding import Row, Rows, fixed_row
+
+Array = NDArray[np.float64]
+
+TAIL = 0.5  # m, where two of the pads stay; the others sit at s
+WEIGHT = RHO_A * LENGTH  # N under one m/s^2
+NAMES = ("tail bottom", "tail top", "mouth bottom", "mouth top")
+
+
+def beam_on_pads(clearance: float | None, stiffness: float = 1e6, elements: int = 10) -> FullBody:
+    """Free but for the axis; gravity in m/s^2, positive downwards, and a force at the tip; None for bilateral pads."""
+    plain = full_body(elements)
+    mouth, nodes = slider_row(plain.output_positions), plain.output_positions
+    dofs, weights = mouth.at(TAIL)
+    tail = fixed_row("tail", dofs, weights, (nodes[0], nodes[-1]))
+    pads = [_pad(row, sign, name, clearance, 1.0 / stiffness) for (row, sign), name in zip(
+        [(tail, -1.0), (tail, 1.0), (mouth, -1.0), (mouth, 1.0)], NAMES, strict=True
+    )]  # fmt: skip
+    upwards = np.zeros(plain.size)
+    upwards[1::3] = 1.0
+    tip = np.zeros(plain.size)
+    tip[-2] = 1.0
+    return replace(
+        plain,
+        B=np.stack([-(plain.M @ upwards), tip], axis=1),
+        rows=Rows((plain.rows.rows[0], *pads), plain.size),
+        input_names=("gravity", "F"),
+    )
+
+
+def modes_on_pads(body: FullBody, count: int) -> ReducedModel:
+    """On the lowest modes without the pads, two rigid ones among them, and without residual flexibility."""
+    return replace(
+        project(body, free_modes(body, count)[0]), pads=body.row_compliance[1:], clearance=body.row_clearance[1:]
+    )
+
+
+def flexible_on_pads(body: FullBody, count: int) -> ReducedModel:
+    """The same with residual flexibility."""
+    return replace(flexible(body, count), clearance=body.row_clearance[1:])
+
+
+def _pad(row: Row, sign: float, name: str, clearance: float | None, compliance: float) -> Row:
+    return replace(row, name=name, coefficients=sign * row.coefficients, compliance=compliance, clearance=clearance)
