@@ -19,10 +19,11 @@ from pmr.operators import FullModel
 from pmr.reduced import ReducedModel
 from pmr.residual.model import flexible_model
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
-from pmr.simulate import march
+from pmr.signals import Constant
+from pmr.simulate import TimeStepping, march
 from pmr.simulate.modal import modal_form
 from pmr.snapshots.free_modes import free_modes
-from pmr.structure import structural_model
+from pmr.structure import GRAVITY, structural_model
 from pmr.yielding import Yielding
 
 pytestmark = pytest.mark.mpi
@@ -138,3 +139,37 @@ def test_ten_coordinates_follow_the_boom(scene: Boom) -> None:
     ]
     few, many = ((o.y[:, 58:60], o.y[:, :58], np.hstack([o.multipliers, o.y[:, 60:]])) for o in found)
     assert max(nrms(a, b) for a, b in zip(few, many, strict=True)) < 0.003
+
+
+def weight_and_centre(scene: Scene) -> tuple[float, float]:
+    """Of boom and payload, in N and m."""
+    steel = 7850.0 * 2.0 * (0.3 + 0.4) * 0.008 * 6.0
+    return (steel + 250.0) * GRAVITY, (3.0 * steel + 6.0 * 250.0) / (steel + 250.0)
+
+
+def test_a_boom_on_pads_that_only_push_rests_as_statics_says() -> None:
+    """Its weight alone, drawn in: what is ahead of the mouth is heavier, so the tail is held down from above."""
+    scene = reference_scene(beam(), side_clearance=1e-3)
+    full = structural_model(scene.structure)
+    assert len(full.output_positions) == 60 and len(full.rows.names) == 13  # all pads, and the cylinder
+    body = replace(reduced(full, 10), D=10.0 * np.eye(10))
+    loads = (Constant(amount=0.0), Constant(amount=0.0), scene.loads[2])
+    found = march.observe(modal_form(body), Constant(amount=1.5), loads, TimeStepping(4.0, 1e-2, rho_inf=0.5))
+    forces = dict(zip(body.row_names, found.multipliers[-1], strict=True))
+    weight, centre = weight_and_centre(scene)
+    tail = weight * (centre - 1.5) / (1.5 - 0.15)
+    for name, force in forces.items():
+        carries = {"tail top": tail / 2.0, "mouth bottom": (weight + tail) / 2.0}.get(name.rsplit(" ", 1)[0], 0.0)
+        assert force == pytest.approx(carries, rel=1e-3), name
+
+
+def test_side_pads_touch_within_their_clearance_only() -> None:
+    """A gust carries the boom across; the pads it hasn't reached have no force at all."""
+    scene = reference_scene(beam(), span=3.0, side_clearance=1e-3)
+    body = reduced(structural_model(scene.structure), 10)
+    found = march.observe(modal_form(body), scene.path, scene.loads, scene.stepping)
+    sides = [k for k, name in enumerate(body.row_names) if name.endswith("side")]
+    forces, ys = found.multipliers[:, sides], found.y[:, 58]
+    assert forces[:2000].max() == 0.0 and np.abs(ys[:2000]).max() < 1e-9  # before the gust
+    assert np.count_nonzero(forces.max(axis=0) > 100.0) >= 2 and found.multipliers.min() > -1e-6
+    assert 1e-3 < np.abs(ys).max() < 0.1

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.body import SlidingBody, Trajectory
-from pmr.errors import SimulationError
+from pmr.body import SlidingBody, Trajectory, pushing_rows
+from pmr.errors import InputError, SimulationError
 from pmr.polynomials import total
 from pmr.signals import SignalBase
 from pmr.simulate import inertial_kernel as kernel
@@ -64,8 +64,18 @@ def simulate_modal(
     initial: InitialState | None = None,
     progress: Progress | None = None,
 ) -> Trajectory:
-    """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates."""
+    """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates.
+
+    Raises
+    ------
+    InputError
+        As for `pmr.simulate.Simulator`, and if rows only push: their multipliers follow from second derivatives of the
+        deformation, which jump where a row opens or closes.
+    """
     body = form.body
+    if names := ", ".join(body.row_names[k] for k in pushing_rows(body)):
+        allowed = f"a model without is allowed where rows only push: {names}"
+        raise InputError("body", "flexibility.inertia", None, allowed)
     course = _course(form, path, loads, stepping)
     r, m, i, T = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1
     kept = kernel.Kept(*(np.empty((T, size)) for size in (r, r, m, m)))

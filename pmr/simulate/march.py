@@ -4,8 +4,9 @@ r"""The compiled simulator: generalized-alpha in modal coordinates, a microsecon
     M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C(s) q + H(s) f - (G(s) + 1/k) \lambda = 0
 
 M, K and D never change: they are diagonalised once (`pmr.simulate.modal`), and a step is r scalar updates and one
-m x m solve for the multipliers (`pmr.simulate.march_kernel`).  Rayleigh and modal damping stay in the diagonal; a
-damping that couples the modes costs two products with an r x r matrix a step.
+m x m solve for the multipliers (`pmr.simulate.march_kernel`), or a few where rows only push
+(`pmr.simulate.march_contact`).  Rayleigh and modal damping stay in the diagonal; a damping that couples the modes costs
+two products with an r x r matrix a step.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from pmr.simulate import inertial, march_system
 from pmr.simulate import march_kernel as kernel
 from pmr.simulate.march_arrays import V, Z
 from pmr.simulate.march_scheme import GeneralizedAlpha
-from pmr.simulate.march_start import check_stable, dependent_rows, starting_state
+from pmr.simulate.march_start import check_stable, reason, starting_state
 from pmr.simulate.modal import ModalForm, modal_form, support_forces
 from pmr.simulate.start import InitialState, consistent_start
 from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
@@ -178,7 +179,7 @@ class _March:
             seconds += time.perf_counter() - begin
             if failed:
                 k = first + taken
-                why = dependent_rows(self.body, float(self.s[k]), failed)
+                why = reason(self.body, float(self.s[k]), failed)
                 raise SimulationError(f"march failed at {_where(self.s, k, self.step)}: {why}")
             if progress is not None:
                 progress((last - 1) / (T - 1))

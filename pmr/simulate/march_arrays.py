@@ -56,6 +56,35 @@ class Outputs(NamedTuple):
     of_rows: Array  # (k, q, o'): X, row after row, highest power first, and W; q = 0 without residual flexibility
 
 
+class Memory(NamedTuple):
+    """What a force and its share in generalized-alpha's a do in the following step, on a unit mass."""
+
+    gain: float  # next share = gain * next force + a_from_force * force + a_from_share * share
+    a_from_force: float  # predicted a; v and z likewise
+    a_from_share: float
+    v_from_force: float
+    v_from_share: float
+    z_from_force: float
+    z_from_share: float
+
+
+class Contact(NamedTuple):
+    """Rows that only push, among m rows, and which of all rows hold at present."""
+
+    memory: Memory
+
+    pushes: NDArray[np.bool_]  # (m,)
+    clearance: Array  # (m,) m; 0 where a row holds both ways
+    closed: NDArray[np.bool_]  # (m,): rows that hold; true where they do both ways
+    wrong: NDArray[np.bool_]  # (m,): rows that have to change sides
+    factored: NDArray[np.int64]  # (1,): how many closed rows `State.factor` is of; negative where it is of others
+    numbers: NDArray[np.int64]  # (m,): those rows, ascending
+    excess: Array  # (m,) m: how far the rows would come out beyond their clearance without multipliers
+    entries: Array  # (m,): room for one row of a matrix, or a right-hand side
+    force: Array  # (m,) N: multipliers of rows that push at the end of the step before
+    share: Array  # (m,) N: and their part in the acceleration-like a
+
+
 class State(NamedTuple):
     """What changes; r modes, m rows."""
 
@@ -67,3 +96,4 @@ class State(NamedTuple):
     factor: Array  # (m, m): L below the diagonal, 1 / pivots on it, of the Schur complement L diag(pivots) L^T
     weighted: Array  # (m, r'): C / S where damping couples the modes; else (0, r')
     shares: Array  # (q,): what `Outputs.of_rows` is multiplied by
+    contact: Contact | None = None  # None, a type of its own to the compiler, where all rows hold both ways

@@ -9,46 +9,59 @@ import numpy as np
 from numba import typeof, types
 from numpy.typing import NDArray
 
-from pmr.simulate import kept
-from pmr.simulate.compiled import compiled, compiled_for_python
-from pmr.simulate.march_arrays import Outputs, Scheme, State, System
+from pmr.simulate import kept, march_contact
+from pmr.simulate.compiled import compiled, compiled_for_python, inlined
+from pmr.simulate.march_arrays import Contact, Outputs, Scheme, State, System
 from pmr.simulate.march_kernel import step
 from pmr.simulate.march_outputs import observe
+from pmr.simulate.march_scheme import GeneralizedAlpha
 
 Array = NDArray[np.float64]
 Memory = NDArray[np.int64]
+Arguments = tuple[System, Scheme, Outputs, State, Array, Array]
 
 #: Returned instead of the number of a row where s lies off the path.
 OFF_THE_PATH = -1
 
 
-def _example() -> tuple[System, Scheme, Outputs, State, Array, Array]:
-    """Arguments of the types that all have."""
+def _example(contact: Contact | None) -> Arguments:
+    """Arguments of the types that all have whose rows hold both ways, or that all others have."""
     one, two, three, four = (np.zeros((1,) * n) for n in range(1, 5))
     system = System(one, four, four, two, three, 0)
-    state = State(two, one, one, np.zeros(1, np.int64), two, two, two, one)
+    state = State(two, one, one, np.zeros(1, np.int64), two, two, two, one, contact)
     return system, Scheme(*[0.0] * len(Scheme._fields)), Outputs(two, three), state, one, one
 
 
-_TYPE = typeof(_example())
-_kept = kept.kept(_TYPE)
+_CONTACT = march_contact.contact(np.zeros(1), GeneralizedAlpha(1.0, 0.0).memory())
+_TYPE, _TYPE_IN_CONTACT = (typeof(_example(contact)) for contact in (None, _CONTACT))
+_kept, _kept_in_contact = kept.kept(_TYPE), kept.kept(_TYPE_IN_CONTACT)
 
 
 def keep(system: System, scheme: Scheme, outputs: Outputs, state: State, f: Array, y: Array) -> Memory:
     """Memory for `advance`; the arrays have to outlive it."""
-    memory = np.zeros(kept.words(_TYPE), np.int64)
+    memory = np.zeros(kept.words(_TYPE if state.contact is None else _TYPE_IN_CONTACT), np.int64)
     _keep(memory.ctypes.data, (system, scheme, outputs, state, f, y))
     return memory
 
 
 @compiled
-def _keep(address: int, arguments: tuple[System, Scheme, Outputs, State, Array, Array]) -> None:
+def _keep(address: int, arguments: Arguments) -> None:
     kept.keep(address, arguments)
 
 
 @compiled_for_python
 def _advance(address: int, s: float) -> int:
-    system, scheme, outputs, state, f, y = _kept(address)
+    return _advanced(_kept(address), s)
+
+
+@compiled_for_python
+def _advance_in_contact(address: int, s: float) -> int:
+    return _advanced(_kept_in_contact(address), s)
+
+
+@inlined
+def _advanced(arguments: Arguments, s: float) -> int:
+    system, scheme, outputs, state, f, y = arguments
     breaks = system.breaks
     if not breaks[0] <= s <= breaks[len(breaks) - 1]:
         return OFF_THE_PATH
@@ -59,12 +72,14 @@ def _advance(address: int, s: float) -> int:
 
 
 @cache
-def entry() -> Callable[[int, float], int]:
+def entry(in_contact: bool) -> Callable[[int, float], int]:
     """``advance(address, s)``: a step to s under the loads in f, its outputs in y; compiled when first asked for.
 
-    Returns 0, the number of a dependent row from 1, or OFF_THE_PATH.  Nothing is looked at as a call of a compiled
+    For arguments whose rows all hold both ways, or of which some only push (`in_contact`).  Returns what `step` of
+    `pmr.simulate.march_kernel` does, or OFF_THE_PATH.  Nothing is looked at as a call of a compiled
     function would do it: the address has to be that of the memory that `keep` gave.
     """
     signature = (types.int64, types.float64)
-    _advance.compile(signature)
-    return _advance.overloads[signature].entry_point
+    advance = _advance_in_contact if in_contact else _advance
+    advance.compile(signature)
+    return advance.overloads[signature].entry_point

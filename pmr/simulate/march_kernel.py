@@ -16,7 +16,8 @@ so that only the multipliers are left to be solved for, m x m,
 .. math::
     (dq\, C S^{-1} C^T + G)\, \lambda = C (z^* + dq\, S^{-1} (B f - \Omega^2 z^* - D v^*)) + H f
 
-and a step ends with the prediction of the next.  The factor is kept while s stays where it is.
+and a step ends with the prediction of the next.  The factor is kept while s stays where it is.  Where rows only push,
+which of them hold is found together with the multipliers (`pmr.simulate.march_contact`).
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from pmr.simulate.march_arrays import (
     V_NEXT,
     Z_FREE,
     Z_NEXT,
+    Contact,
     Outputs,
     Scheme,
     State,
@@ -44,6 +46,7 @@ from pmr.simulate.march_arrays import (
     V,
     Z,
 )
+from pmr.simulate.march_contact import let_go, remember, settle
 from pmr.simulate.march_outputs import observe
 from pmr.simulate.march_rows import dot, move_rows, solve
 
@@ -54,14 +57,19 @@ FINISHED = 0
 
 @inlined
 def step(system: System, scheme: Scheme, state: State, s: float, f: Array) -> int:
-    """Advance by one step to the path coordinate s and the loads f (i,) at its end; 0, or a dependent row from 1."""
+    """Advance by one step to the path coordinate s and the loads f (i,) at its end.
+
+    Returns 0, the number from 1 of a dependent row, or `march_contact.UNSETTLED`.
+    """
     failed = move_rows(system, state, s)
     if failed:
         return failed
     m, i, coupled = len(state.multipliers), len(f), len(system.damped) > 0
     if coupled:
         _couple(system, scheme, state.modes)
-    multiplier = _find_multipliers(state, f)
+    failed, multiplier = _find_multipliers(state.contact, system, scheme, state, f)
+    if failed:
+        return failed
     if m > 1 or i > 1 or coupled:
         _add_others(system, state, f)
     force = f[0] if i > 0 else 0.0
@@ -70,20 +78,45 @@ def step(system: System, scheme: Scheme, state: State, s: float, f: Array) -> in
 
 
 @inlined
-def _find_multipliers(state: State, f: Array) -> float:
-    """Multipliers from the rows that the free motion violates; returns the first one, or 0."""
+def _find_multipliers(
+    contact: Contact | None, system: System, scheme: Scheme, state: State, f: Array
+) -> tuple[int, float]:
+    """Multipliers from the rows that the free motion violates; returns what failed, or 0, and the first one, or 0."""
+    if contact is not None:  # decided when compiled
+        return _find_in_contact(contact, system, scheme, state, f)
+    violation = _violate(state, f)
+    m, multipliers = len(state.multipliers), state.multipliers
+    if m == 1:  # as `solve` would do, without the way through memory
+        first = violation * state.factor[0, 0]
+        multipliers[0] = first
+        return FINISHED, first
+    solve(state.factor, multipliers)
+    return FINISHED, multipliers[0] if m else 0.0
+
+
+@inlined
+def _find_in_contact(contact: Contact, system: System, scheme: Scheme, state: State, f: Array) -> tuple[int, float]:
+    """The same where rows only push; as often as rows let go, each of them once at most."""
+    while True:
+        _violate(state, f)
+        failed = settle(contact, state.couplings, state.factor, state.multipliers)
+        if failed or not let_go(contact, scheme, state):
+            remember(contact, state.multipliers)
+            return failed, state.multipliers[0]
+        if len(system.damped) > 0:
+            _couple(system, scheme, state.modes)
+
+
+@inlined
+def _violate(state: State, f: Array) -> float:
+    """How far the free motion violates the rows, in place of their multipliers; returns the last one, or 0."""
     m, multipliers, violation = len(state.multipliers), state.multipliers, 0.0
     for k in range(m):
         violation = dot(state.modes[ROW + k], state.modes[Z_FREE])
         for l in range(len(f)):
             violation += state.couplings[k, m + l] * f[l]
         multipliers[k] = violation
-    if m == 1:  # as `solve` would do, without the way through memory
-        first = violation * state.factor[0, 0]
-        multipliers[0] = first
-        return first
-    solve(state.factor, multipliers)
-    return multipliers[0] if m else 0.0
+    return violation
 
 
 @inlined

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pmr.simulate.compiled import inlined
 from pmr.simulate.lanes import LANES, load, spread, store, total
-from pmr.simulate.march_arrays import ROW, State, System
+from pmr.simulate.march_arrays import ROW, Contact, State, System
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def move_rows(system: System, state: State, s: float) -> int:
         _evaluate(system.couplings[j, k], x, state.couplings[k])
         for n in range(system.damped.shape[1]):
             state.weighted[k, n] = dot(system.damped[2, n], state.modes[ROW + k])
-        if not _factorise(state.couplings[k], state.factor, k):
+        if not _add_to_factor(state.contact, state, k):
             state.position[0] = np.nan
             return k + 1
     return 0
@@ -99,7 +99,16 @@ def _evaluate(c: Array, x: float, values: Array) -> None:
 
 
 @inlined
-def _factorise(entries: Array, factor: Array, k: int) -> bool:
+def _add_to_factor(contact: Contact | None, state: State, k: int) -> bool:
+    """Row k joins the factor, where it is known to hold; False if it depends on those before it."""
+    if contact is None:
+        return factorise(state.couplings[k], state.factor, k)
+    contact.factored[0] = -1  # which rows hold follows later, in `pmr.simulate.march_contact`
+    return True
+
+
+@inlined
+def factorise(entries: Array, factor: Array, k: int) -> bool:
     """Row k of the factor L diag(d) L^T from the matrix's entries (k + 1,); False if it depends on those before it."""
     for l in range(k):
         entry = entries[l]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulate.march_arrays import Scheme
+from pmr.simulate.march_arrays import Memory, Scheme
 
 Array = NDArray[np.float64]
 
@@ -67,6 +67,20 @@ class GeneralizedAlpha:
             v_from_acceleration=v_gain + h * ((1.0 - gamma) * a_gain + gamma * a_from_acceleration),
             a_from_a=a_from_a,
             a_from_acceleration=a_from_acceleration,
+        )
+
+    def memory(self) -> Memory:
+        """What a force leaves for the step after its own."""
+        h, gamma, beta, a_m, a_f = self.step, self.gamma, self.beta, self.alpha_m, self.alpha_f
+        a_from_force, a_from_share = a_f / (1.0 - a_m), -a_m / (1.0 - a_m)
+        return Memory(
+            gain=(1.0 - a_f) / (1.0 - a_m),
+            a_from_force=a_from_force,
+            a_from_share=a_from_share,
+            v_from_force=h * gamma * a_from_force,
+            v_from_share=h * (1.0 - gamma + gamma * a_from_share),
+            z_from_force=h**2 * beta * a_from_force,
+            z_from_share=h**2 * (0.5 - beta + beta * a_from_share),
         )
 
     def predict(self, z: Array, v: Array, acceleration: Array) -> tuple[Array, Array, Array]:

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.body import SlidingBody
-from pmr.errors import InputError
+from pmr.body import SlidingBody, pushing_rows
+from pmr.errors import InputError, SimulationError
 from pmr.reduced import ReducedModel
-from pmr.simulate.march_arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, State, V, Z
+from pmr.simulate import march_contact
+from pmr.simulate.march_arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, State, V, Z
 from pmr.simulate.march_scheme import GeneralizedAlpha
 from pmr.simulate.march_system import state
 from pmr.simulate.modal import ModalForm
@@ -24,14 +25,16 @@ def starting_state(
 ) -> State:
     """State of a body in modal form at t = 0.
 
-    Where rows give way, the multipliers follow from the position; rigid rows hold the acceleration, their own motion
-    left out as in Exudyn.
+    Where rows give way, the multipliers follow from the position, and which of those that only push are closed; rigid
+    rows hold the acceleration, their own motion left out as in Exudyn.
 
     Raises
     ------
     InputError
-        If the initial position violates a rigid row or a size is wrong, or the body keeps the inertia of its residual
-        part.
+        If the initial position violates a rigid row or a size is wrong, a rigid row only pushes, or the body keeps the
+        inertia of its residual part.
+    SimulationError
+        If rows that give way depend on each other, and some of them only push.
     """
     if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
         allowed = "a model without residual inertia is allowed here; march.simulate and inertial.simulate keep it"
@@ -39,8 +42,10 @@ def starting_state(
     body, scheme = form.body, method.scheme()
     start = consistent_start(body, s, s_rate, initial)
     C, free = body.C(s), body.B @ f - body.D @ start.v - np.diagonal(body.K) * start.q
-    begun = state(form, scheme)
-    begun.multipliers[:] = _multipliers(body, s, C, free, f, start.q)
+    begun = state(form, scheme, method.memory())
+    begun.multipliers[:] = _multipliers(body, s, C, free, f, start.q, begun.contact)
+    if begun.contact is not None:
+        begun.contact.force[:] = begun.contact.share[:] = np.where(begun.contact.pushes, begun.multipliers, 0.0)
     modes = begun.modes[:, : body.size]
     z, v, a = method.predict(start.q, start.v, free - C.T @ begun.multipliers)
     modes[Z], modes[V], modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = start.q, start.v, z, v, a
@@ -48,12 +53,58 @@ def starting_state(
     return begun
 
 
-def _multipliers(body: ReducedModel, s: float, C: Array, free: Array, f: Array, z: Array) -> Array:
+def _multipliers(
+    body: ReducedModel, s: float, C: Array, free: Array, f: Array, z: Array, contact: Contact | None
+) -> Array:
     G, rigid = row_flexibility(body, s)
     H = body.flexibility.inputs(s) if body.flexibility else np.zeros((len(C), len(f)))
     A = np.where(rigid[:, None], C @ C.T, G)
     right = np.where(rigid, C @ free, C @ z + H @ f)
-    return np.linalg.lstsq(A, right, rcond=None)[0]
+    if contact is None:
+        return np.linalg.lstsq(A, right, rcond=None)[0]
+    refuse_rigid_pushing(body, rigid)
+    multipliers = _closed(body, s, contact, G, right)
+    multipliers[rigid] = np.linalg.lstsq(A[np.ix_(rigid, rigid)], (right - A @ multipliers)[rigid], rcond=None)[0]
+    return multipliers
+
+
+def _closed(body: ReducedModel, s: float, contact: Contact, G: Array, motion: Array) -> Array:
+    """Close the rows that push where the body stands, given their motion (m,) m without multipliers.
+
+    Returns the multipliers (m,) of the rows that give way, and zero for those that don't.
+    """
+    gives = np.flatnonzero(np.any(G != 0.0, axis=1))
+    of_those = march_contact.contact(body.row_clearance[gives], contact.memory)
+    forces, multipliers = motion[gives], np.zeros(len(motion))
+    assert of_those is not None
+    failed = march_contact.settle(of_those, G[np.ix_(gives, gives)], np.zeros((len(gives), len(gives))), forces)
+    if failed:
+        number = failed if failed < 0 else int(gives[failed - 1]) + 1
+        raise SimulationError(f"march failed at t = 0 s, slider at {s:g} m: {reason(body, s, number)}")
+    contact.closed[gives], multipliers[gives] = of_those.closed, forces
+    return multipliers
+
+
+def refuse_rigid_pushing(body: SlidingBody, rigid: NDArray[np.bool_]) -> None:
+    """Refuse rows that only push and are rigid, (m,).
+
+    Raises
+    ------
+    InputError
+        The force of an impact of rigid parts is no number.
+    """
+    names = ", ".join(body.row_names[k] for k in pushing_rows(body) if rigid[k])
+    if names:
+        allowed = f"{names} only push and are rigid: a pad's stiffness or residual flexibility is needed for an impact"
+        raise InputError("body", "rows", None, allowed)
+
+
+def reason(body: SlidingBody, s: float, failed: int) -> str:
+    """Why a step to s failed, in words, from what `pmr.simulate.march_kernel.step` returned."""
+    if failed == march_contact.UNSETTLED:
+        names = ", ".join(body.row_names[k] for k in pushing_rows(body))
+        return f"which of the rows {names} are closed was not settled in {march_contact.LIMIT} solves"
+    return dependent_rows(body, s, failed)
 
 
 def check_stable(body: SlidingBody, s: Array, rho_inf: float) -> None:

@@ -14,11 +14,13 @@ from pmr.simulate.march_arrays import (
     ROW,
     STIFFNESS,
     UNIT,
+    Memory,
     Outputs,
     Scheme,
     State,
     System,
 )
+from pmr.simulate.march_contact import contact
 from pmr.simulate.modal import ModalForm
 from pmr.sliding import common_breaks, rebased
 
@@ -108,7 +110,7 @@ def table_breaks(body: ReducedModel) -> Array:
     return common_breaks([body.rows, *extra], body.domain)
 
 
-def state(form: ModalForm, scheme: Scheme) -> State:
+def state(form: ModalForm, scheme: Scheme, memory: Memory) -> State:
     """At rest; the rows are evaluated in the first step."""
     body, coupled = form.body, not form.classically_damped
     r, m, i = body.size, len(body.row_names), len(body.input_names)
@@ -127,6 +129,7 @@ def state(form: ModalForm, scheme: Scheme) -> State:
         factor=np.zeros((m, m)),
         weighted=_padded(np.zeros((m if coupled else 0, r))),
         shares=np.zeros(0 if body.flexibility is None else m * len(body.flexibility.outputs.c) + i),
+        contact=contact(body.row_clearance, memory),
     )
 
 

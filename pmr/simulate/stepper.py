@@ -20,7 +20,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.simulate import march_kept, march_system
 from pmr.simulate.march_arrays import V, Z
 from pmr.simulate.march_scheme import GeneralizedAlpha
-from pmr.simulate.march_start import dependent_rows, starting_state
+from pmr.simulate.march_start import reason, starting_state
 from pmr.simulate.modal import modal_form
 from pmr.simulate.start import InitialState, consistent_start
 
@@ -52,7 +52,9 @@ class Stepper:
     Raises
     ------
     InputError
-        If a number is out of its range, or the initial position violates a rigid row.
+        If a number is out of its range, the initial position violates a rigid row, or a rigid row only pushes.
+    SimulationError
+        If rows that give way depend on each other at the start, and some of them only push.
     """
 
     def __init__(
@@ -91,7 +93,7 @@ class Stepper:
             march_system.outputs(form.body, chosen),
             self._state,
         )
-        self._advance = march_kept.entry()
+        self._advance = march_kept.entry(self._state.contact is not None)
         self._memory = march_kept.keep(*self.arguments, self._f, self._y)
         self._address = self._memory.ctypes.data
 
@@ -124,7 +126,7 @@ class Stepper:
         failed = self._advance(self._address, s)
         if failed:
             self._check(s)
-            raise SimulationError(f"{self._where(s)}: {dependent_rows(self._form.body, s, failed)}")
+            raise SimulationError(f"{self._where(s)}: {reason(self._form.body, s, failed)}")
         self._steps += 1
         return self._y
 
