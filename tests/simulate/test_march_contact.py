@@ -214,20 +214,19 @@ def test_impacts_converge_with_second_order_to_an_independent_integrator(few: Re
     assert max(errors[0][:2]) < 3e-3 and errors[0][2] < 1.2e-2 and max(errors[-1]) < 5e-5
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("rho_inf", [0.0, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("stiffness", [1e6, 1e8, 1e10])
 @pytest.mark.parametrize("kind", BODIES)
-def test_energy_never_grows_over_hundreds_of_impacts(kind: str, stiffness: float, rho_inf: float) -> None:
+def test_energy_never_grows_over_many_impacts(kind: str, stiffness: float, rho_inf: float) -> None:
     """Contact resolved (0.05 rad a step) or not at all (some 100 rad); pads and residual part included."""
     body = BODIES[kind](beam_on_pads(CLEARANCE, stiffness), 6)
     v = np.zeros(6)
     v[:4] = np.random.default_rng(0).standard_normal(4) * [0.6, 0.6, 1.0, 0.6]
     for h in (1e-4, 1e-3, 1e-2):
         start = InitialState(np.zeros(6), v)
-        found = march.simulate(body, Constant(amount=3.5), REST, TimeStepping(5000 * h, h, rho_inf), start)
-        total = energy(body, found, np.zeros((5001, 2))).total
-        assert np.sum(np.diff((found.multipliers > 0.0).astype(int), axis=0) > 0) > 8
+        found = march.simulate(body, Constant(amount=3.5), REST, TimeStepping(10000 * h, h, rho_inf), start)
+        total = energy(body, found, np.zeros((10001, 2))).total
+        assert np.sum(np.diff((found.multipliers > 0.0).astype(int), axis=0) > 0) > 10
         assert total.max() <= total[0] * (1.0 + 1e-12)
         if h == 1e-4 and stiffness == 1e6:
             assert total[-1] > 0.99 * total[0]  # resolved impacts are elastic
