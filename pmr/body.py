@@ -116,6 +116,11 @@ def pushing_rows(body: SlidingBody) -> list[int]:
     return np.flatnonzero(~np.isnan(body.row_clearance)).tolist()
 
 
+def released_rows(body: SlidingBody) -> list[int]:
+    """Numbers of the rows that move or only push: whose multipliers are forces of sliders and pads."""
+    return sorted({*body.moving, *pushing_rows(body)})
+
+
 def refuse_pushing_rows(names: Sequence[str], clearance: Array, where: str, source: str = "body") -> None:
     """Refuse rows, given by their names and clearances (m,), of which some only push.
 

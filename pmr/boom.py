@@ -35,7 +35,7 @@ def structure_of(scene: StructureScene, comm: MPI.Comm = MPI.COMM_WORLD) -> Stru
     """What a scene describes; the same on every rank, collective.
 
     Outputs: the displacement in m along each transverse direction at the observed places, then of the tip, then the
-    forces in N of the pads that stay; the forces of those that move are the rows' multipliers.
+    forces in N of the pads that stay and hold both ways; those of all others are the rows' multipliers.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def structure_of(scene: StructureScene, comm: MPI.Comm = MPI.COMM_WORLD) -> Stru
     across = {d: named[d] for d in transverse(scene)}
     line = [Action(f"{d} at {x:g} m", x, own) for d, own in across.items() for x in scene.observe.stations]
     tip = [Action(f"{scene.observe.tip} {d}", scene.observe.tip, own) for d, own in across.items()]
-    forces = [PadForce(pad.name) for pad in pads.fixed if np.isfinite(pad.stiffness)]
+    forces = [PadForce(pad.name) for pad in pads.fixed if np.isfinite(pad.stiffness) and not pad.unilateral]
     weight = [Weight(_down(scene, kind))] if scene.gravity else []
     return Structure(
         model,
@@ -74,7 +74,7 @@ def _pads(scene: StructureScene) -> Pads:
 def _ring(ring: PadRing, faces: tuple[str, ...]) -> list[Pad]:
     stiffness = np.inf if ring.stiffness == "rigid" else ring.stiffness
     return [
-        Pad(name, face, ring.at, across, ring.length, ring.width, stiffness)
+        Pad(name, face, ring.at, across, ring.length, ring.width, stiffness, ring.unilateral, ring.clearance_on(face))
         for name, face, across in ring.places
         if face in faces
     ]

@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.body import SlidingBody, Trajectory, displacement, force_outputs
+from pmr.body import SlidingBody, Trajectory, displacement, force_outputs, released_rows
 from pmr.results import Energy, Response
 from pmr.simulate import ancf
 
@@ -128,7 +128,7 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
         x=body.output_positions[~force],
         displacement=outputs[:, ~force],
         energy=energy(body, trajectory, loads),
-        slider_force=np.hstack([outputs[:, force], trajectory.multipliers[:, body.moving]]),
+        slider_force=np.hstack([outputs[:, force], trajectory.multipliers[:, released_rows(body)]]),
         residual_position=np.abs(violation).max(axis=1),
         residual_velocity=np.abs(drift).max(axis=1),
         seconds=trajectory.seconds,

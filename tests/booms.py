@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,7 +28,7 @@ class Boom:
     stepping: TimeStepping
 
 
-def boom(model: StructuralModel, span: float = 10.0) -> Boom:
-    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}"])
+def boom(model: StructuralModel, span: float = 10.0, overrides: Sequence[str] = ()) -> Boom:
+    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}", *overrides])
     assert isinstance(scene, StructureScene)
     return Boom(replace(structure_of(scene), model=model), *course(scene))

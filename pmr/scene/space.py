@@ -99,6 +99,12 @@ class PadRing(_Section):
     length: Positive = 0.3  # m
     width: Positive = 0.08  # m
     stiffness: Positive | Literal["rigid"] = 3e8  # N/m
+    unilateral: bool = Field(default=False, strict=True)  # they only push
+    clearance: NotNegative | dict[Face, NotNegative] = 0.0  # m, between unilateral pads and the body at rest
+
+    def clearance_on(self, face: Face) -> float:
+        """Of the pads on a face, m."""
+        return self.clearance.get(face, 0.0) if isinstance(self.clearance, dict) else self.clearance
 
     @property
     def places(self) -> list[tuple[str, Face, float]]:
