@@ -30,10 +30,15 @@ def check_structure(scene: StructureScene) -> None:
         raise _refusal("slider.offsets", list(scene.slider.offsets), "pads have an `at` of their own: leave it out")
     if not any(ring.moving for ring in scene.pads):
         raise _refusal("pads", None, "at least one ring of pads with moving = true is allowed: nothing slides")
+    for i, ring in enumerate(scene.pads):
+        if ring.clearance and not ring.unilateral:
+            raise _refusal(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
     if not scene.signals:
         raise _refusal("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
     if "ancf" in scene.compare.against:
         raise _refusal("compare.against", list(scene.compare.against), "ANCF is for planar beams; full is allowed")
+    if any(ring.unilateral for ring in scene.pads):
+        _pushing(scene)
     choice = scene.reduction
     if choice.positions == "nodes" and choice.basis == "eigenmodes":
         raise _refusal("reduction.positions", "nodes", "'path' or a list of places in m is allowed in space")
@@ -44,6 +49,15 @@ def check_structure(scene: StructureScene) -> None:
         if abs(steps - round(steps)) > 1e-6 or not 1 <= round(steps) <= scene.time.steps:
             allowed = f"a multiple of time.step = {scene.time.step:g} s up to time.end is allowed"
             raise _refusal("recovery.every", scene.recovery.every, allowed)
+
+
+def _pushing(scene: StructureScene) -> None:
+    if scene.simulation.simulators != ("march",):
+        simulators = list(scene.simulation.simulators)
+        raise _refusal("simulation.simulators", simulators, "march is allowed: it alone knows pads that only push")
+    if "full" in scene.compare.against:
+        allowed = "[] is allowed: the full model knows no pads that only push"
+        raise _refusal("compare.against", list(scene.compare.against), allowed)
 
 
 def _body(scene: StructureScene) -> None:

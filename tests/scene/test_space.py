@@ -15,6 +15,7 @@ WORKFLOWS = Path(__file__).parents[2] / "workflows"
 AT_THE_WEB = (
     "pads=[{name='a',at=0.15,faces={bottom=[-0.15,0.15],top=[-0.15,0.15]}},{name='b',moving=true,faces={top=[0.15]}}]"
 )
+MOUTH = "name='mouth',moving=true,faces={bottom=[0.0]}"
 VERTICAL = "loads=[{name='F',signal=1000.0}]"
 
 
@@ -98,6 +99,8 @@ def test_a_wall_is_a_long_plate() -> None:
         ("body.box.wall=0.5", "body.box.wall = 0.5: less than width and height is allowed"),
         ("slider.offsets=[0.1]", "slider.offsets"),
         ("pads=[]", "nothing slides"),
+        (f"pads=[{{{MOUTH},unilateral=true}}]", "compare.against = ['full']: [] is allowed"),
+        (f"pads=[{{{MOUTH},clearance=1e-3}}]", "pads[0].clearance = 0.001: 0 is allowed unless unilateral = true"),
         ("compare.against=['ancf']", "ANCF is for planar beams"),
         ("reduction={basis='eigenmodes',positions='nodes'}", "'path' or a list"),
         ("recovery={every=0.0015}", "recovery.every = 0.0015: a multiple of time.step"),
