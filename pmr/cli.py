@@ -245,7 +245,7 @@ def _print_table(outcome: Outcome) -> None:
 
     summary, found = outcome.result.summary, marks.rows(outcome.result)
     table = Table(title=outcome.result.scene.title, title_justify="left", title_style="bold")
-    table.add_column("e_NRMS, or length")
+    table.add_column("e_NRMS, or largest value")
     table.add_column("")
     table.add_column("here", justify="right")
     if any(row.published for row in found):

@@ -6,16 +6,15 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import jinja2
 
-from pmr.report import marks, provenance, sentences
-from pmr.report.animation import animation, scale_text
-from pmr.report.figures import Drawing, drawings
+from pmr.report import planar, space
+from pmr.report.case import Case
 from pmr.report.figures.vector import FONT, words
 from pmr.report.fonts import embedded
 from pmr.results import RunResult
+from pmr.scene import StructureScene
 
 _log = logging.getLogger(__name__)
 
@@ -28,26 +27,6 @@ class ReportFiles:
     pdf: Path
 
 
-@dataclass(frozen=True)
-class Case:
-    """One run, ready for the templates: everything in it is text, markup or plain data."""
-
-    anchor: str
-    title: str
-    source: str | None
-    key_numbers: list[sentences.KeyNumber]
-    paragraph: str
-    table: list[marks.Row]
-    verdicts: dict[str, int]
-    apart: bool
-    reasons: list[str]
-    drawings: dict[str, Drawing]
-    animation: dict[str, Any]
-    scale: str
-    provenance: list[list[provenance.Table]]
-    software: list[str]
-
-
 def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     """Write report.html and report.pdf for one or several runs into `folder`, which is made if need be.
 
@@ -57,13 +36,13 @@ def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     Raises
     ------
     ValueError
-        If there is no result, or one without a response of the reduced beam.
+        If there is no result, or one without a response of the reduced model.
     """
     if not results:
         raise ValueError("a report needs at least one result")
     for result in results:
         if "reduced" not in result.responses:
-            raise ValueError(f"{result.scene.title}: a report needs the response of the reduced beam")
+            raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
     return write([case(result, f"case-{number}") for number, result in enumerate(results, start=1)], folder)
 
 
@@ -82,23 +61,8 @@ def write(cases: Sequence[Case], folder: Path) -> ReportFiles:
 
 def case(result: RunResult, anchor: str) -> Case:
     """Everything that the report says about one run."""
-    table, motion = marks.rows(result), animation(result)
-    return Case(
-        anchor=anchor,
-        title=result.scene.title,
-        source=result.scene.published.source if result.scene.published else None,
-        key_numbers=sentences.key_numbers(result),
-        paragraph=sentences.paragraph(result, table),
-        table=table,
-        verdicts=marks.verdicts(table),
-        apart=bool(marks.apart(table)),
-        reasons=marks.reasons(result, table),
-        drawings=drawings(result, anchor),
-        animation=motion,
-        scale=scale_text(motion),
-        provenance=provenance.tables(result),
-        software=provenance.software(result),
-    )
+    kind = space if isinstance(result.scene, StructureScene) else planar
+    return kind.case(result, anchor)
 
 
 def render(cases: Sequence[Case]) -> str:
@@ -111,7 +75,7 @@ def render(cases: Sequence[Case]) -> str:
         undefined=jinja2.StrictUndefined,
     )
     text = "".join(words(drawing.svg) for one in cases for drawing in one.drawings.values())
-    title = cases[0].title if len(cases) == 1 else "Reduced sliding beams"
+    title = cases[0].title if len(cases) == 1 else "Reduced sliding structures"
     font = embedded(FONT, "".join(sorted(set(text))))
     headings = list(dict.fromkeys(number.label for one in cases for number in one.key_numbers))
     return environment.get_template("report.html").render(title=title, cases=cases, headings=headings, font=font)

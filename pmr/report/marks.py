@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 from typing import Any
 
-from pmr.report.numbers import MINUS, SPACE, length, percent, significant
+from pmr.report.numbers import MINUS, SPACE, length, percent, quantity, significant
 from pmr.results import RunResult
 from pmr.scene import Published
 
 TOLERANCE = 0.05  # relative deviation up to which two figures count as the same
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
 ORDER = ("reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf")
+PLACES = {"tip": "tip", "beam": "beam", "pad_force": "pad forces"}
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,8 @@ def mark_for(here: float, published: float, is_error: bool = True) -> Mark:
 
 
 def rows(result: RunResult) -> list[Row]:
-    """The error table of a case: normalised errors first, then the largest displacement and difference."""
-    return [*_errors(result), *_lengths(result)]
+    """The error table of a case: normalised errors, then the largest displacement, difference and stress."""
+    return [*_errors(result), *_lengths(result), *_stresses(result)]
 
 
 def verdicts(table: list[Row]) -> dict[str, int]:
@@ -97,16 +98,32 @@ def _errors(result: RunResult) -> Iterator[Row]:
     for pair in (*(p for p in ORDER if p in errors), *(p for p in errors if p not in ORDER)):
         first, _, second = pair.partition("_vs_")
         comparison = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}"
-        for place in ("tip", "beam"):
+        for place, called in PLACES.items():
             if place not in errors[pair]:
                 continue
             here = float(errors[pair][place])
             other = printed.get(pair, {}).get(place)
-            row = Row(comparison, place, percent(here))
+            row = Row(comparison, called, percent(here))
             if other is not None:
-                row = _compared(comparison, place, here, other, decimals)
+                row = _compared(comparison, called, here, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
-            yield row if absolute is None else replace(row, absolute=length(absolute, 3))
+            norm = None if absolute is None else _norm(place, float(absolute))
+            yield replace(row, absolute=norm)
+
+
+def _norm(place: str, value: float) -> str:
+    """The norm of a difference with its unit: forces have one of their own."""
+    return quantity(value, "N") if place == "pad_force" else length(value, 3)
+
+
+def _stresses(result: RunResult) -> Iterator[Row]:
+    largest: Mapping[str, float] = result.summary.get("max_von_mises", {})
+    for name in ("reduced", "full"):
+        if name in largest:
+            yield Row("largest von Mises stress", NAMES[name], quantity(largest[name], "Pa", 4))
+    if {"full", "reduced"} <= set(largest) and largest["full"] > 0.0:
+        apart = signed_deviation(largest["reduced"], largest["full"])
+        yield Row("largest von Mises stress", "reduced to full", apart)
 
 
 def _compared(comparison: str, place: str, here: float, other: float, decimals: int) -> Row:

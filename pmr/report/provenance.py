@@ -39,12 +39,12 @@ def tables(result: RunResult) -> list[list[Table]]:
     """Parameters, times and circumstances of a run, in the columns in which they fill a page."""
     summary, scene = result.summary, result.beam
     columns = (
-        (Table("Beam and mesh", tuple(_beam(scene))), Table("Run", tuple(_run(summary, scene)))),
+        (Table("Beam and mesh", tuple(_beam(scene))), Table("Run", tuple(run(summary, scene)))),
         (
             Table("Slider and loads", tuple(_motion(scene))),
-            Table("Wall time", tuple(_seconds(summary.get("seconds", {})))),
+            Table("Wall time", tuple(times(summary.get("seconds", {})))),
         ),
-        (Table("Time stepping and reduction", tuple(_method(scene))),),
+        (Table("Time stepping and reduction", tuple(method(scene))),),
     )
     return [[table for table in column if table.rows] for column in columns]
 
@@ -85,11 +85,16 @@ def _beam(scene: Scene) -> Iterator[tuple[str, str]]:
     else:
         graded = f", last over first {plain(scene.mesh.grading)}" if scene.mesh.grading != 1.0 else ""
         yield "elements", f"{scene.mesh.elements}{graded}"
-    damping = scene.damping
-    if damping.mass or damping.stiffness:
+    yield from damping(scene)
+
+
+def damping(scene: SceneBase) -> Iterator[tuple[str, str]]:
+    """Rayleigh damping, if there is any."""
+    rayleigh = scene.damping
+    if rayleigh.mass or rayleigh.stiffness:
         yield (
             "Rayleigh damping",
-            f"{plain(damping.mass)}{SPACE}1/s · M + {plain(damping.stiffness)}{SPACE}s · K",
+            f"{plain(_rounded(rayleigh.mass))}{SPACE}1/s · M + {plain(_rounded(rayleigh.stiffness))}{SPACE}s · K",
         )
 
 
@@ -106,7 +111,8 @@ def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
         yield f"load {load.name}", f"{described(load.signal, unit)}; {where}"
 
 
-def _method(scene: SceneBase) -> Iterator[tuple[str, str]]:
+def method(scene: SceneBase) -> Iterator[tuple[str, str]]:
+    """Time stepping and reduction."""
     time, reduction = scene.time, scene.reduction
     yield "simulated time", f"{plain(time.end)}{SPACE}s"
     yield "step", f"{plain(1e3 * time.step)}{SPACE}ms, {plain(time.steps)} steps"
@@ -125,15 +131,17 @@ def _method(scene: SceneBase) -> Iterator[tuple[str, str]]:
         yield "ANCF elements", str(scene.compare.ancf_elements)
 
 
-def _seconds(seconds: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def times(seconds: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Wall times of the parts of a run."""
     for name, value in seconds.items():
         if isinstance(value, Mapping):
-            yield from _seconds(value)
+            yield from times(value)
         else:
             yield _STEPS.get(name, name), quantity(float(value), "s")
 
 
-def _run(summary: Mapping[str, Any], scene: SceneBase) -> Iterator[tuple[str, str]]:
+def run(summary: Mapping[str, Any], scene: SceneBase) -> Iterator[tuple[str, str]]:
+    """What ran where."""
     yield "scene", str(summary.get("scene_hash") or scene.hash)
     if summary.get("commit"):
         yield "commit", str(summary["commit"])
@@ -146,6 +154,11 @@ def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield from ((f"{name} {key}", text) for key, text in _flat(value))
         elif value is not None:
             yield str(name), str(value)
+
+
+def _rounded(value: float) -> float:
+    """To what is read, where the value was computed from a damping ratio."""
+    return float(f"{value:.4g}")
 
 
 def _with_unit(value: Any, unit: str) -> str:

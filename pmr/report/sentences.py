@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from pmr.report.marks import Row, verdicts
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
 from pmr.results import RunResult
+from pmr.scene import StructureScene
+
+_PLACES = {"tip": "error at the tip", "beam": "error along the beam", "pad_force": "error of the pad forces"}
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,11 @@ def paragraph(result: RunResult, table: list[Row]) -> str:
     return " ".join(_sentences(result, table))
 
 
+def noun(result: RunResult) -> str:
+    """What is reduced, in a word: a planar scene is a beam."""
+    return "model" if isinstance(result.scene, StructureScene) else "beam"
+
+
 def estimate(result: RunResult) -> str:
     """The error estimate in a sentence, beside the true error where that is known; else empty."""
     found = result.summary.get("estimate")
@@ -35,15 +43,16 @@ def estimate(result: RunResult) -> str:
     if found is None or (found["beam"] is None and true is not None):
         return ""
     if found["beam"] is None:
-        return f"The error can't be estimated without the full beam: {found['reason']}."
-    said = f"The estimate, which needs no full beam, is {percent(found['tip'])} at the tip and {percent(found['beam'])}"
+        return f"The error can't be estimated without the full {noun(result)}: {found['reason']}."
+    tip, beam = percent(found["tip"]), percent(found["beam"])
+    said = f"The estimate, which needs no full {noun(result)}, is {tip} at the tip and {beam}"
     if not true:
         return f"{said} along the beam; it includes a margin of a quarter."
     return f"{said} along the beam, {significant(found['beam'] / true, 3)} times the true error."
 
 
 def speed_ratio(result: RunResult) -> float | None:
-    """How many times as fast the reduced beam is simulated as the full one."""
+    """How many times as fast the reduced model is simulated as the full one."""
     full, reduced = (result.responses.get(name) for name in ("full", "reduced"))
     if full is None or reduced is None or reduced.seconds <= 0.0 or full.seconds <= 0.0:
         return None
@@ -56,50 +65,55 @@ def _numbers(result: RunResult) -> Iterator[KeyNumber]:
     arrow = f"{coordinates['full']}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
     yield KeyNumber(arrow, "coordinates")
     errors = result.summary.get("errors", {}).get("reduced_vs_full", {})
-    if "tip" in errors:
-        yield KeyNumber(percent(errors["tip"]), "error at the tip")
-    if "beam" in errors:
-        yield KeyNumber(percent(errors["beam"]), "error along the beam")
+    for place, label in _PLACES.items():
+        if place in errors:
+            yield KeyNumber(percent(errors[place]), label)
     estimated = result.summary.get("estimate", {}).get("beam")
     if estimated is not None:
         yield KeyNumber(percent(estimated), "estimated, along the beam")
     if result.summary.get("max_error") is not None:
         yield KeyNumber(length(result.summary["max_error"]), "largest difference to full")
+    stress = result.summary.get("max_von_mises", {})
+    if "reduced" in stress:
+        beside = f", full {quantity(stress['full'], 'Pa')}" if "full" in stress else ""
+        yield KeyNumber(quantity(stress["reduced"], "Pa"), f"largest von Mises stress{beside}")
     ratio = speed_ratio(result)
     if ratio is not None:
         yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "speed against full")
 
 
 def _sentences(result: RunResult, table: list[Row]) -> Iterator[str]:
-    yield _size(result)
-    yield from _accuracy(result)
+    yield size(result)
+    yield from accuracy(result)
     if said := estimate(result):
         yield said
     yield from (f"Note: {warning}." for warning in result.summary.get("warnings", ()))
-    yield from _speed(result)
+    yield from speed(result)
     count = sum(verdicts(table).values())
     if count:
         told = ", ".join(f"{number} {text}" for text, number in verdicts(table).items())
         yield f"Beside {count} published figures: {told}."
 
 
-def _size(result: RunResult) -> str:
+def size(result: RunResult) -> str:
+    """Coordinates before and after."""
     coordinates = result.summary.get("coordinates", {})
     reduced = coordinates.get("reduced", result.shapes.shapes.shape[1])
     motion = f"{plain(result.scene.time.end)}{SPACE}s of motion are simulated."
     if "full" not in coordinates:
-        return f"The reduced beam has {reduced} coordinates; {motion}"
+        return f"The reduced {noun(result)} has {reduced} coordinates; {motion}"
     full = coordinates["full"]
-    less = percent(1.0 - reduced / full, 2)
-    return f"The reduced beam has {reduced} coordinates instead of {full}, a reduction by {less}; {motion}"
+    less = percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)  # no reduction is by 100 %
+    return f"The reduced {noun(result)} has {reduced} coordinates instead of {full}, a reduction by {less}; {motion}"
 
 
-def _accuracy(result: RunResult) -> Iterator[str]:
+def accuracy(result: RunResult) -> Iterator[str]:
+    """Errors against the references that the run has."""
     errors = result.summary.get("errors", {})
     if against := _tip_and_beam(errors.get("reduced_vs_full")):
         tip, beam = against
         error = f"a normalised RMS error of {tip} at the tip and {beam} along the beam"
-        yield f"It follows the full beam with {error}."
+        yield f"It follows the full {noun(result)} with {error}."
     largest, most = result.summary.get("max_displacement"), result.summary.get("max_error")
     if largest is not None and most is not None:
         yield f"The largest difference is {length(most)} where displacements reach {length(largest)}."
@@ -114,7 +128,8 @@ def _tip_and_beam(errors: Mapping[str, float] | None) -> tuple[str, str] | None:
     return percent(errors["tip"]), percent(errors["beam"])
 
 
-def _speed(result: RunResult) -> Iterator[str]:
+def speed(result: RunResult) -> Iterator[str]:
+    """Seconds of the simulations."""
     reduced, ratio = result.responses["reduced"], speed_ratio(result)
     if reduced.seconds <= 0.0:
         return
@@ -125,4 +140,4 @@ def _speed(result: RunResult) -> Iterator[str]:
         yield f"{took}, {paced}."
         return
     full = quantity(result.responses["full"].seconds, "s")
-    yield f"{took}, {paced}; that of the full beam took {full}, {significant(ratio, 2)} times as long."
+    yield f"{took}, {paced}; that of the full {noun(result)} took {full}, {significant(ratio, 2)} times as long."

@@ -215,7 +215,7 @@ def test_without_results_there_is_no_report(tmp_path: Path) -> None:
 
 
 def test_without_a_reduced_beam_there_is_no_report(make_result, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="Case: a report needs the response of the reduced beam"):
+    with pytest.raises(ValueError, match="Case: a report needs the response of the reduced model"):
         write_report([make_result(responses=("full",))], tmp_path)
 
 

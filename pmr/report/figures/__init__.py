@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure
@@ -13,7 +13,10 @@ from pmr.report.figures.timeline import Array
 from pmr.report.figures.vector import svg
 from pmr.results import Response, RunResult
 
-__all__ = ["Drawing", "drawings"]
+__all__ = ["Drawing", "Named", "drawings", "drawn"]
+
+#: Name, figure and caption.
+Named = tuple[str, Figure, str]
 
 
 @dataclass(frozen=True)
@@ -34,17 +37,23 @@ def drawings(result: RunResult, prefix: str) -> dict[str, Drawing]:
     prefix : str
         Put before every identifier in the SVG; unique among the cases of a page.
     """
+    return drawn(_figures(result), prefix)
+
+
+def drawn(figures: Iterable[Named], prefix: str) -> dict[str, Drawing]:
+    """Figures with their names and captions as SVG, in the report's style."""
     with style():
         return {
             name: Drawing(f"{prefix}-{name}", svg(figure, f"{prefix}-{name}", caption), caption)
-            for name, figure, caption in _figures(result)
+            for name, figure, caption in figures
         }
 
 
-def _figures(result: RunResult) -> Iterator[tuple[str, Figure, str]]:
-    """Name, figure and caption, one after the other, so that only one figure is held at a time."""
-    yield "position", inputs.position(result), "Slider position over time."
-    yield "loads", inputs.loads(result), "Loads over time."
+def _figures(result: RunResult) -> Iterator[Named]:
+    """One after the other, so that only one figure is held at a time."""
+    offsets, length = result.scene.slider.offsets, result.beam.body.length
+    yield "position", inputs.position(result, offsets, length), "Slider position over time."
+    yield "loads", inputs.loads(result, result.beam.loads), "Loads over time."
     yield "snapshots", shapes.snapshots(result), captions.snapshots(result)
     yield "tip", histories.history(result, _tip, "Displacement", "m"), captions.tip(result)
     yield "energy", histories.history(result, _energy, "Total energy", "J"), captions.energy(result)

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS
-from pmr.report.figures.timeline import Quantity, Timeline, drawn, reference
+from pmr.report.figures.timeline import Quantity, Timeline, drawn, reference, tip_of
 from pmr.report.numbers import SPACE
+from pmr.report.sentences import noun
 from pmr.results import RunResult
 
-_BEAMS = {"full": "the full beam", "ancf": "ANCF", "reduced": "the reduced beam"}
+
+def called(simulator: str, result: RunResult) -> str:
+    """A simulator's model in a sentence."""
+    return "ANCF" if simulator == "ancf" else f"the {simulator} {noun(result)}"
 
 
 def tip(result: RunResult) -> str:
     """Below the tip's history."""
     about = "deviates most" if reference(result) else "moves most"
-    return _history(result, "Transverse displacement of the tip", f", where the tip of the reduced beam {about}")
+    return history(result, "Transverse displacement of the tip", f", where the tip of the reduced beam {about}")
 
 
 def snapshots(result: RunResult) -> str:
@@ -25,13 +29,13 @@ def snapshots(result: RunResult) -> str:
 
 def energy(result: RunResult) -> str:
     """Below the total energy's history."""
-    return _history(result, "Total energy: kinetic and strain energy less the work of the loads")
+    return history(result, "Total energy: kinetic and strain energy less the work of the loads")
 
 
 def energy_parts(result: RunResult) -> str:
     """Below the parts of the energy."""
     base = reference(result)
-    beside = f"; on the right, the differences to {_BEAMS[base]}" if base else ""
+    beside = f"; on the right, the differences to {called(base, result)}" if base else ""
     return f"Strain, kinetic and external energy, which is minus the work of the loads{beside}."
 
 
@@ -57,9 +61,10 @@ def frequencies(result: RunResult) -> str:
     return f"Lowest eigenfrequencies for a resting slider at s.{level if result.beam.body.axial else ''}"
 
 
-def _history(result: RunResult, what: str, where: str = "") -> str:
-    base, window = reference(result), Timeline(result).detail()
-    below = f"; below, the difference to {_BEAMS[base]}" if base else ""
+def history(result: RunResult, what: str, where: str = "", focus: Quantity = tip_of) -> str:
+    """Below a quantity's history, whose detail is about `focus` and lies `where`."""
+    base, window = reference(result), Timeline(result).detail(focus)
+    below = f"; below, the difference to {called(base, result)}" if base else ""
     framed = ""
     if window:
         span = f"{window.start:.2f}{SPACE}s to {window.end:.2f}{SPACE}s"

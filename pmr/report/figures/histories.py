@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from pmr.report.decimation import ceiling
 from pmr.report.figures.canvas import HALF, PENS, WIDE, bins_of, key, log_axis, sheet
-from pmr.report.figures.timeline import Quantity, Timeline, reference
+from pmr.report.figures.timeline import Array, Quantity, Span, Timeline, reference, tip_of
 from pmr.results import RunResult
 
 MOST_SLIDERS = 4  # panels of one figure
 
 
-def history(result: RunResult, what: Quantity, label: str, base: str) -> Figure:
+def history(result: RunResult, what: Quantity, label: str, base: str, focus: Quantity = tip_of) -> Figure:
     """A quantity over time for every simulator; below it the difference to the reference; beside it a detail.
 
     Parameters
@@ -25,10 +27,16 @@ def history(result: RunResult, what: Quantity, label: str, base: str) -> Figure:
         Name of the quantity, for the axis.
     base : str
         Unit without prefix.
+    focus : callable
+        The quantity whose largest difference the detail is about.
     """
     time = Timeline(result)
-    signals, window = time.signals(what), time.detail()
-    panels = [(label, signals)]
+    return curves(time, time.signals(what), label, base, time.detail(focus))
+
+
+def curves(time: Timeline, signals: Mapping[str, Array], label: str, base: str, window: Span | None) -> Figure:
+    """The same of signals (T,) that are at hand, with the detail that `window` names."""
+    panels: list[tuple[str, Mapping[str, Array]]] = [(label, signals)]
     if differences := time.differences(signals):
         panels.append(("Difference", differences))
     widths, heights = ((3.6, 1.0) if window else (1.0,)), (1.35, 1.0)[: len(panels)]

@@ -44,12 +44,16 @@ def singular_values(result: RunResult) -> Figure:
     return figure
 
 
-def frequencies(result: RunResult) -> Figure:
-    """Lowest eigenfrequencies in Hz against the slider position; closed forms as far up as the models."""
+def frequencies(result: RunResult, length: float | None = None) -> Figure:
+    """Lowest eigenfrequencies in Hz against the slider position; closed forms as far up as the models.
+
+    With the `length` of a body in m, against what of it reaches beyond the slider.
+    """
     curves = result.frequencies
     shown = [family for family in (curves.full, curves.reduced) if np.isfinite(family).any()]
     top = np.max([np.nanmax(family, axis=1) for family in shown], axis=0)[:, None]
     closed = np.where(curves.closed_form <= 1.01 * top, curves.closed_form, np.nan)
+    x = curves.s if length is None else length - curves.s
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
     handles = []
@@ -59,10 +63,10 @@ def frequencies(result: RunResult) -> Figure:
         ("closed form", closed, _dots(INK, "none", 2.6), spread(len(curves.s), CLOSED_FORM_POINTS)),
     ):
         if np.isfinite(omega).any():
-            ax.plot(curves.s[where], omega[where] / TURN, **look)
+            ax.plot(x[where], omega[where] / TURN, **look)
             handles.append(Line2D([], [], label=label, **look))
     octave_axis(ax, min(float(np.nanmin(family)) for family in shown) / TURN, float(top.max()) / TURN)
-    ax.set_xlabel("Slider position s in m")
+    ax.set_xlabel("Slider position s in m" if length is None else "Length beyond the mouth in m")
     ax.set_ylabel("Eigenfrequency in Hz")
     key(figure, handles)
     return figure

@@ -32,13 +32,18 @@ class Span:
     end: float
 
 
+def tip_of(response: Response) -> Array:
+    """Displacement of the tip, (T,) m."""
+    return response.tip
+
+
 def drawn(result: RunResult) -> Mapping[str, Response]:
     """Responses in the order in which they are drawn, the thickest line first."""
     return {name: result.responses[name] for name in PENS if name in result.responses}
 
 
 def reference(result: RunResult) -> str | None:
-    """What the others are compared with: the full model, or else ANCF; None for a reduced beam alone."""
+    """What the others are compared with: the full model, or else ANCF; None for a reduced model alone."""
     return next((name for name in ("full", "ancf") if name in result.responses), None)
 
 
@@ -54,7 +59,7 @@ def sliding(t: Array, rate: Array) -> tuple[Span, ...]:
 
 
 class Timeline:
-    """The time axis of a case: that of the reduced beam, on which the signals of the others are drawn too."""
+    """The time axis of a case: that of the reduced model, on which the signals of the others are drawn too."""
 
     def __init__(self, result: RunResult) -> None:
         self.result = result
@@ -73,19 +78,22 @@ class Timeline:
             return {}
         return {name: signal - signals[base] for name, signal in signals.items() if name != base}
 
-    def detail(self) -> Span | None:
-        """A twentieth of the time, about the largest tip difference of the reduced beam to its reference.
+    def detail(self, what: Quantity = tip_of) -> Span | None:
+        """A twentieth of the time, about the largest difference of the reduced model to its reference.
 
-        Without a reference it is about the largest tip displacement; None for a motion too short to be seen
-        closer.
+        Without a reference it is about the largest value; None for a motion too short to be seen closer.
         """
+        signals = self.signals(what)
+        signal = self.differences(signals).get("reduced", signals["reduced"])
+        return self.window(int(np.argmax(np.abs(signal))))
+
+    def window(self, step: int) -> Span | None:
+        """A twentieth of the time about a time step; None for a motion too short to be seen closer."""
         if len(self.t) < SHORT:
             return None
-        tips = self.signals(lambda response: response.tip)
-        signal = self.differences(tips).get("reduced", tips["reduced"])
         start, end = float(self.t[0]), float(self.t[-1])
         half = (end - start) / 40.0
-        middle = float(np.clip(self.t[int(np.argmax(np.abs(signal)))], start + half, end - half))
+        middle = float(np.clip(self.t[step], start + half, end - half))
         return Span(middle - half, middle + half)
 
     def draw(
@@ -117,15 +125,21 @@ class Timeline:
         unit = unit_for(max((float(np.abs(curve).max()) for curve in curves.values()), default=0.0), base)
         spans = [Span(float(self.t[0]), float(self.t[-1])), *([window] if window else [])]
         for ax, span in zip(axes, spans, strict=True):
-            inside = np.flatnonzero((self.t >= span.start) & (self.t <= span.end))
-            for order, (name, curve) in enumerate(curves.items()):
-                shown = inside[extremes(curve[inside], bins_of(ax))]
-                line = PENS[name].line(weight)
-                ax.plot(self.t[shown], curve[shown] / unit.size, zorder=2.0 + order / 10.0, **line)
+            self.trace(ax, curves, unit.size, span, weight)
             self.frame(ax, f"{label} in {unit.name}" if ax is axes[0] else "", span, last)
         if window:
             axes[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS))
             axes[0].axvspan(window.start, window.end, facecolor="none", edgecolor=INK, linewidth=0.6, zorder=4.0)
+
+    def trace(
+        self, ax: Axes, curves: Mapping[str, Array], size: float, span: Span | None = None, weight: float = 1.0
+    ) -> None:
+        """Curves over `size`, the value of one unit of the axis, within `span`."""
+        start, end = (span.start, span.end) if span else (float(self.t[0]), float(self.t[-1]))
+        inside = np.flatnonzero((self.t >= start) & (self.t <= end))
+        for order, (name, curve) in enumerate(curves.items()):
+            shown = inside[extremes(curve[inside], bins_of(ax))]
+            ax.plot(self.t[shown], curve[shown] / size, zorder=2.0 + order / 10.0, **PENS[name].line(weight))
 
     def frame(self, ax: Axes, label: str, span: Span | None = None, last: bool = True) -> None:
         """Limits and labels of the time axis, and the phases in which the slider moves."""

@@ -101,10 +101,11 @@ def tip_and_energy(result: RunResult) -> Figure:
 
 def _figures(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
     caption = "Transverse displacement of the tip (top) and total energy (bottom) over time. Grey: the slider moves."
+    where = (result.scene.slider.offsets, result.beam.body.length)
     return (
         (
-            drawing(f"{prefix}-position", inputs.position, "Slider position over time.", result),
-            drawing(f"{prefix}-loads", inputs.loads, "Load over time.", result),
+            drawing(f"{prefix}-position", inputs.position, "Slider position over time.", result, *where),
+            drawing(f"{prefix}-loads", inputs.loads, "Load over time.", result, result.beam.loads),
         ),
         (drawing(f"{prefix}-history", tip_and_energy, caption, result),),
     )

@@ -1,0 +1,62 @@
+"""Figures over time of a structure in space: forces of its pads, its largest stress."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pmr.report.decimation import onto
+from pmr.report.figures.canvas import INK, WIDE, key, sheet
+from pmr.report.figures.histories import curves
+from pmr.report.figures.timeline import Quantity, Timeline
+from pmr.report.numbers import unit_for
+from pmr.report.space.layout import Force, stress_times
+from pmr.results import RunResult
+
+MOST_PADS = 12  # panels of one figure
+
+
+def pad_forces(result: RunResult, pads: Sequence[Force]) -> Figure:
+    """Forces of a ring's pads, one panel each on one scale: what presses on one face is seen against the other."""
+    time, shown = Timeline(result), pads[:MOST_PADS]
+    signals = [time.signals(_force(pad)) for pad in shown]
+    largest = max((float(np.abs(s).max()) for panel in signals for s in panel.values()), default=0.0)
+    unit, rows = unit_for(largest, "N"), -(-len(shown) // 2)
+    gaps = {"hspace": 0.3, "wspace": 0.06}
+    figure, axes = sheet(
+        WIDE, 0.66 + 0.85 * rows, rows, 2, margins={"top": 0.42}, sharex=True, sharey=True, gridspec_kw=gaps
+    )
+    for k, (pad, panel) in enumerate(zip(shown, signals, strict=True)):
+        ax, last = axes.flat[k], k >= len(shown) - 2
+        time.trace(ax, panel, unit.size, weight=0.6)
+        time.frame(ax, "" if k % 2 else f"Force in {unit.name}", last=last)
+        ax.tick_params(labelbottom=last)
+        ax.set_title(pad.name, loc="left", pad=2.0)
+    for ax in axes.flat[len(shown) :]:
+        ax.set_visible(False)
+    key(figure, time.legend(list(signals[0])))
+    return figure
+
+
+def stress(result: RunResult) -> Figure:
+    """Largest von Mises stress over time; below it the difference, beside it the time about the largest of all."""
+    time, t = Timeline(result), stress_times(result)
+    signals = {name: onto(time.t, t, result.peak_stress[name]) for name in _known(result)}
+    peak = int(np.argmax(signals["reduced"]))
+    figure = curves(time, signals, "Von Mises stress", "Pa", time.window(peak))
+    unit = unit_for(max(float(s.max()) for s in signals.values()), "Pa")
+    for ax in figure.axes[: 2 if time.window(peak) else 1]:
+        ax.plot(time.t[peak], signals["reduced"][peak] / unit.size, "o", markersize=4.0, color=INK, zorder=5.0)
+        ax.set_ylim(bottom=0.0)
+    return figure
+
+
+def _known(result: RunResult) -> list[str]:
+    """In the order in which they are drawn."""
+    return [name for name in ("full", "reduced") if name in result.peak_stress]
+
+
+def _force(pad: Force) -> Quantity:
+    return lambda response: response.slider_force[:, pad.column]

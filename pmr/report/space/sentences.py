@@ -1,0 +1,59 @@
+"""What a structure in space says in a few sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pmr.report import sentences
+from pmr.report.numbers import MINUS, SPACE, percent, quantity
+from pmr.report.space.layout import scene_of
+from pmr.results import RunResult
+from pmr.scene.choice import choose
+
+MODELS = {"beam2d": "a planar beam", "beam3d": "a beam in space", "shell": "a shell", "solid": "a solid"}
+
+
+def paragraph(result: RunResult) -> str:
+    """Which model and why, how small it became, how well it follows, what it bears, how fast it is."""
+    return " ".join(_sentences(result))
+
+
+def where_the_peak_is(result: RunResult, simulator: str) -> str:
+    """Time and place of the largest von Mises stress; empty where they are not known."""
+    peak = result.summary.get("stress_peak", {}).get(simulator)
+    if peak is None:
+        return ""
+    x, y, z = (f"{value:.2f}".replace("-", MINUS) for value in peak["position"])
+    on = f", {peak['face']} face" if peak.get("face") else ""
+    of = f" of {peak['region']}" if peak.get("region") else ""
+    return f"at {peak['t']:.2f}{SPACE}s and ({x}, {y}, {z}){SPACE}m{on}{of}"
+
+
+def _sentences(result: RunResult) -> Iterator[str]:
+    scene = scene_of(result)
+    chosen = choose(scene)
+    named = scene.body.model != "auto"
+    because = "as the scene names it" if named else f"since {'; '.join(chosen.reasons)}"
+    yield f"The structure is represented by {MODELS[chosen.model]}, {because}."
+    yield sentences.size(result)
+    yield from sentences.accuracy(result)
+    force = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("pad_force")
+    if force is not None:
+        yield f"The forces of all pads are within {percent(force)}."
+    yield from _stress(result)
+    if said := sentences.estimate(result):
+        yield said
+    yield from (f"Note: {warning}." for warning in result.summary.get("warnings", ()))
+    yield from sentences.speed(result)
+
+
+def _stress(result: RunResult) -> Iterator[str]:
+    largest = result.summary.get("max_von_mises", {})
+    if "reduced" not in largest:
+        return
+    where = where_the_peak_is(result, "reduced")
+    said = f"The largest von Mises stress is {quantity(largest['reduced'], 'Pa')}{f', {where}' if where else ''}"
+    if largest.get("full"):
+        apart = percent(abs(largest["reduced"] / largest["full"] - 1.0), 2)
+        said += f"; the full model has {quantity(largest['full'], 'Pa')}, {apart} apart"
+    yield f"{said}."
