@@ -14,7 +14,7 @@ from pmr.grid import Grid
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
-_CELL, _REGION = "cell.", "region."
+_STRESS, _REGION = "von_mises.", "region."
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,29 @@ class Fields:
     grid : Grid
     t : (S,) array, s
     displacement : (S, N, 3) array, m
-    cells : mapping of name to (S, C) array
-        Von Mises' stress in Pa on each face of the cells.
+    von_mises : mapping of a face's name to (S, C) array
+        Von Mises' stress in Pa on that face of the cells; empty where no stress is known.
     """
 
     grid: Grid
     t: Array
     displacement: Single
-    cells: Mapping[str, Single]
+    von_mises: Mapping[str, Single]
+
+    @property
+    def points(self) -> Array:
+        """Of the grid, (N, 3) m."""
+        return self.grid.points
+
+    @property
+    def cells(self) -> NDArray[np.int64]:
+        """Of the grid, (C, k): points of each cell, in VTK's order."""
+        return self.grid.cells
+
+    @property
+    def kind(self) -> str:
+        """Of the grid's cells: line, triangle, tetra or hexahedron."""
+        return self.grid.cell
 
     def save(self, file: Path) -> None:
         """Write everything as compressed npz."""
@@ -45,7 +60,7 @@ class Fields:
             "grid.points": grid.points,
             "grid.cells": grid.cells,
         }
-        arrays |= {_CELL + name: values for name, values in self.cells.items()}
+        arrays |= {_STRESS + name: values for name, values in self.von_mises.items()}
         arrays |= {_REGION + name: cells for name, cells in grid.regions.items()}
         with file.open("wb") as stream:
             np.savez_compressed(stream, **arrays)
@@ -59,4 +74,4 @@ class Fields:
                 return {key.removeprefix(prefix): data[key] for key in data.files if key.startswith(prefix)}
 
             grid = Grid(str(data["grid.cell"]), data["grid.points"], data["grid.cells"], named(_REGION))
-            return cls(grid, data["t"], data["displacement"], named(_CELL))
+            return cls(grid, data["t"], data["displacement"], named(_STRESS))

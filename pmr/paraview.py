@@ -13,7 +13,7 @@ from pmr.fields import Fields
 def write_series(folder: Path, name: str, fields: Fields) -> Path:
     """Write ``name.pvd``, which is returned, and beside it a folder ``name`` with a file for each time.
 
-    Points carry ``displacement`` in m (ParaView: Warp By Vector), cells the fields under their own names.
+    Points carry ``displacement`` in m (ParaView: Warp By Vector), cells ``von_mises_<face>`` in Pa.
     """
     import meshio
 
@@ -29,7 +29,7 @@ def write_series(folder: Path, name: str, fields: Fields) -> Path:
             fields.grid.points,
             cells,
             point_data={"displacement": np.ascontiguousarray(fields.displacement[k])},
-            cell_data={key: [np.ascontiguousarray(values[k])] for key, values in fields.cells.items()},
+            cell_data={_name(face): [np.ascontiguousarray(stress[k])] for face, stress in fields.von_mises.items()},
         )
         file = steps / f"{k:05}.vtu"
         meshio.write(file, mesh)
@@ -39,3 +39,7 @@ def write_series(folder: Path, name: str, fields: Fields) -> Path:
     listing = folder / f"{name}.pvd"
     ElementTree.ElementTree(root).write(listing, encoding="utf-8", xml_declaration=True)
     return listing
+
+
+def _name(face: str) -> str:
+    return "von_mises_" + face.replace(" ", "_")

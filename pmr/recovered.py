@@ -39,9 +39,8 @@ class Recovered:
         }
 
     def histories(self) -> dict[str, Array]:
-        """Largest von Mises stress (S,) in Pa of ``reduced`` and ``full``, over the times ``t`` (S,) s."""
-        found = {name: seen.stress for name, seen in self._named() if seen.stress is not None}
-        return {"t": found["reduced"].t} | {name: s.largest for name, s in found.items()} if found else {}
+        """Largest von Mises stress (S,) in Pa over the recovered times, of ``reduced`` and ``full``."""
+        return {name: seen.stress.largest for name, seen in self._named() if seen.stress is not None}
 
     def _named(self) -> list[tuple[str, Seen]]:
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]

@@ -117,7 +117,7 @@ class RunResult:
     ``versions``, ``scene_hash`` and more; ``max_von_mises.{full,reduced}`` (Pa) where stresses are recovered.
 
     `fields` are some of what a scene's recovery asks for, and `peak_stress` the largest von Mises stress in Pa,
-    ``reduced`` and, where there is a full model, ``full``, over all of its times ``t`` in s.
+    ``reduced`` and, where there is a full model, ``full``, over all of its times.
     """
 
     scene: SceneBase

@@ -98,7 +98,7 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
     rows, cells, chosen = view.stress_rows, len(view.grid.cells), np.unique(np.asarray(pictures, np.int64))
     largest, point = np.zeros(len(t)), np.zeros(len(t), np.int64)
     displacement = np.zeros((len(chosen), len(view.grid.points), 3), np.float32)
-    fields = {_name(face): np.zeros((len(chosen), cells), np.float32) for face in (rows.faces if rows else ())}
+    fields = {face: np.zeros((len(chosen), cells), np.float32) for face in (rows.faces if rows else ())}
     first = 0
     for q in blocks:
         last = first + len(q)
@@ -108,7 +108,7 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
             values = rows.von_mises(view.stresses(q))
             largest[first:last], point[first:last] = values.max(axis=1), values.argmax(axis=1)
             for face, part in rows.by_cell(values[chosen[kept] - first], cells).items():
-                fields[_name(face)][kept] = part
+                fields[face][kept] = part
         first = last
     history = None if rows is None else stress_history(rows, view.grid, t, largest, point)
     return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields))
@@ -118,7 +118,3 @@ def in_blocks(q: Array) -> Iterator[Array]:
     """States (S, n_local) a few at a time."""
     for k in range(0, len(q), BLOCK):
         yield q[k : k + BLOCK]
-
-
-def _name(face: str) -> str:
-    return "von_mises_" + face.replace(" ", "_")

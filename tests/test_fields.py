@@ -10,7 +10,7 @@ from pmr.grid import Grid
 
 def test_fields_are_read_as_they_were_written(tmp_path: Path) -> None:
     grid = Grid("line", np.eye(3), np.array([[0, 1], [1, 2]]), {"first half": np.array([0])})
-    cells = {"von_mises_top_left": np.array([[1.0, 2.0]], np.float32)}
+    cells = {"top left": np.array([[1.0, 2.0]], np.float32)}
     fields = Fields(grid, np.array([0.5]), np.ones((1, 3, 3), np.float32), cells)
     fields.save(tmp_path / "fields.npz")
     found = Fields.load(tmp_path / "fields.npz")
@@ -18,5 +18,5 @@ def test_fields_are_read_as_they_were_written(tmp_path: Path) -> None:
     assert np.array_equal(found.grid.points, grid.points) and np.array_equal(found.grid.cells, grid.cells)
     assert np.array_equal(found.t, fields.t) and np.array_equal(found.displacement, fields.displacement)
     assert found.displacement.dtype == np.float32
-    assert found.cells.keys() == cells.keys()
-    assert np.array_equal(found.cells["von_mises_top_left"], cells["von_mises_top_left"])
+    assert found.von_mises.keys() == cells.keys()
+    assert np.array_equal(found.von_mises["top left"], cells["top left"])

@@ -76,24 +76,22 @@ def test_one_look_finds_the_largest_stress_and_keeps_pictures() -> None:
         points = (shell().point_displacements() @ q[state]).reshape(-1, 3)
         assert fields.displacement[k] == pytest.approx(points, rel=1e-6, abs=1e-6)
     for face in ("outer", "middle", "inner"):
-        assert fields.cells[f"von_mises_{face}"][1] == pytest.approx(sizes[67, rows.on(face)], rel=1e-5)
+        assert fields.von_mises[face][1] == pytest.approx(sizes[67, rows.on(face)], rel=1e-5)
 
 
 def test_a_beam_shows_its_corners() -> None:
     profile = BoxProfile(width=0.3, height=0.4, wall=0.008)
     beam = Beam3D(Beam3DBody(points=((0, 0, 0), (2, 0, 0)), profile=profile, elements=5))
     seen = look(View(beam), TIMES, in_blocks(mine(states(beam.size))), pictures=[3])
-    assert sorted(seen.fields.cells) == [
-        f"von_mises_{c}" for c in ("bottom_left", "bottom_right", "top_left", "top_right")
-    ]
-    assert seen.fields.cells["von_mises_top_left"].shape == (1, 5) and seen.fields.grid.cell == "line"
+    assert sorted(seen.fields.von_mises) == ["bottom left", "bottom right", "top left", "top right"]
+    assert seen.fields.von_mises["top left"].shape == (1, 5) and seen.fields.grid.cell == "line"
 
 
 def test_a_planar_beam_has_pictures_but_no_stresses() -> None:
     beam = Beam2D(Body(length=2.0, bending_stiffness=1.0, mass_per_length=1.0), np.linspace(0.0, 2.0, 4))
     view, q = View(beam), states(beam.size)
     seen = look(view, TIMES, in_blocks(mine(q)), pictures=[7])
-    assert seen.stress is None and not seen.fields.cells
+    assert seen.stress is None and not seen.fields.von_mises
     expected = np.zeros((4, 3))
     expected[:, 1] = q[7, ::2]
     assert seen.fields.displacement[0] == pytest.approx(expected, rel=1e-6)
