@@ -59,8 +59,9 @@ def run(
 ) -> None:
     """Run scenes the whole way: operators, snapshots, basis, reduced model, simulations, comparison, report.
 
-    DIR then holds report.html, report.pdf, summary.json, reduced.npz and trajectories.npz; with several scenes the
-    report is one and the rest stands in a folder for each.
+    DIR then holds report.html, report.pdf, summary.json, reduced.npz and trajectories.npz, for structures in space
+    fields.npz and fields.pvd, which ParaView opens; with several scenes the report is one and the rest stands in a
+    folder for each.  A full-order simulation that was cut off goes on where it was.
 
     Examples
     --------
@@ -83,21 +84,23 @@ def run(
     except ImportError as error:
         _leave(f"FEniCSx is not installed ({error}); reduced models simulate without it, new ones need it", 1)
     from pmr.clock import Clock
+    from pmr.fullorder import Checkpoint
     from pmr.report.document import write_report
     from pmr.run import run as run_scene
 
     first = MPI.COMM_WORLD.rank == 0
     outcomes = []
     for file, scene in loaded:
+        where = folder if len(loaded) == 1 else folder / file.stem
+        kept = Checkpoint(where / f"full-{scene.hash}.checkpoint")
         with _progress(file.stem, shown=first) as progress:
             try:
-                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress))
+                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), kept)
             except InputError as error:
                 raise error.found_in(str(file)) from None
         if outcome is not None:
-            where = folder if len(loaded) == 1 else folder / file.stem
-            outcome.result.save(where)
-            outcome.reduced.save(where / "reduced.npz")
+            _save(outcome, where)
+            kept.file.unlink(missing_ok=True)
             outcomes.append(outcome)
     if outcomes:
         with _progress("report", shown=first) as progress:
@@ -106,6 +109,18 @@ def run(
         for outcome in outcomes:
             _print_table(outcome)
         out.print(f"report  {files.html}\n        {files.pdf}", highlight=False, soft_wrap=True)
+
+
+def _save(outcome: Outcome, folder: Path) -> None:
+    """Everything but the report."""
+    from pmr.paraview import write_series
+
+    result = outcome.result
+    result.save(folder)
+    outcome.reduced.save(folder / "reduced.npz")
+    recovery = result.scene.recovery if isinstance(result.scene, scenes.StructureScene) else None
+    if recovery is not None and recovery.series and result.fields is not None:
+        write_series(folder, "fields", result.fields)
 
 
 @app.command()
