@@ -208,6 +208,9 @@ class StructureScene(SceneBase):
             chosen = {"positions": "path"} | chosen
         return data | {"reduction": chosen}
 
+    def __hash__(self) -> int:
+        return hash(self.hash)  # some sections hold tables
+
     @property
     def signals(self) -> list[SignalBase]:
         weight = [self.gravity.signal] if self.gravity else []

@@ -22,7 +22,6 @@ from pmr.signals import Constant
 from pmr.studies.task import Task, TaskFunction, TaskResult
 
 if TYPE_CHECKING:
-    from pmr.build import Built
     from pmr.operators import FullModel
     from pmr.snapshots import Snapshots
 
@@ -42,17 +41,16 @@ def scene_of(arguments: Mapping[str, Any]) -> Any:
     return from_data(arguments["scene"])
 
 
+def model_of(scene: SceneBase) -> FullModel:
+    """The scene's full model, kept for the next task of this process that asks for the same one."""
+    return _model(_unloaded(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping}))
+
+
 @lru_cache(maxsize=4)
-def built_of(scene: SceneBase) -> Built:
-    """The scene's full model and what stands behind it, kept for the next task of this process."""
+def _model(scene: SceneBase) -> FullModel:
     from pmr.build import build
 
-    return build(scene)
-
-
-def model_of(scene: SceneBase) -> FullModel:
-    """The scene's full model, likewise."""
-    return built_of(scene).model
+    return build(scene).model
 
 
 def modes_tasks(scene: SceneBase) -> dict[str, Task]:

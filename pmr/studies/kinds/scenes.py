@@ -101,7 +101,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     """
     from pmr import compare
     from pmr.frequencies import reduced_frequencies
-    from pmr.responses import simulate_reduced
+    from pmr.responses import quantities, simulate_reduced
     from pmr.run import reduce_with
 
     scene = shared.scene_of(arguments)
@@ -112,7 +112,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     reduced = reduced_frequencies(reduction.reduced, s, full.shape[1])
     record: dict[str, Scalar] = {
         f"errors.{pair}.{place}": error
-        for pair, places in compare.errors(responses).items()
+        for pair, places in compare.errors(responses, quantities=quantities(scene)).items()
         for place, error in places.items()
     }
     record |= _sizes(responses)
