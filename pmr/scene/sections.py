@@ -9,7 +9,7 @@ from abc import abstractmethod
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from pmr.signals import Constant, Real, Signal, SignalBase, bounds
 
@@ -18,6 +18,15 @@ NotNegative = Annotated[float, Field(ge=0.0, strict=True)]
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
 Count = Annotated[int, Field(ge=1, strict=True)]
 SUPPORT_ROWS = {"pinned": ("x", "y"), "clamped": ("x", "y", "rotation"), "roller": ("y",)}
+
+
+def _exists(file: Path) -> Path:
+    if not file.is_file():
+        raise ValueError(f"no such file: {file}")
+    return file
+
+
+ExistingFile = Annotated[Path, AfterValidator(_exists)]
 
 
 class _Section(BaseModel):
@@ -54,14 +63,7 @@ class MeshChoice(_Section):
 
     elements: Count | None = None
     grading: float = Field(default=1.0, ge=1e-3, le=1e3, strict=True)  # last element's length over the first's
-    file: Path | None = None
-
-    @field_validator("file")
-    @classmethod
-    def _exists(cls, file: Path | None) -> Path | None:
-        if file is not None and not file.is_file():
-            raise ValueError(f"no such file: {file}")
-        return file
+    file: ExistingFile | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> MeshChoice:

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
-from pmr.scene.sections import Compare, Count, NotNegative, Positive, SceneBase, Simulation, _Section
+from pmr.scene.sections import Compare, Count, ExistingFile, NotNegative, Positive, SceneBase, Simulation, _Section
 from pmr.scene.structures import BeamSection, Material, PointMass, Vector
 from pmr.signals import Constant, Real, Signal, SignalBase, SmoothRamp
 
@@ -76,14 +76,7 @@ class SpaceMesh(_Section):
     tail_layer: NotNegative = 0.0
     cells: Literal["hexahedra", "tetrahedra"] = "hexahedra"  # of a solid
     elements: Count = 60  # of a beam
-    file: Path | None = None
-
-    @field_validator("file")
-    @classmethod
-    def _exists(cls, file: Path | None) -> Path | None:
-        if file is not None and not file.is_file():
-            raise ValueError(f"no such file: {file}")
-        return file
+    file: ExistingFile | None = None
 
 
 class PadRing(_Section):

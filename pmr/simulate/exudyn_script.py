@@ -1,7 +1,7 @@
 """Export of a reduced model, with its scene, as a standalone Python script for Exudyn.
 
-The script consists of functions copied from `exudyn_script_signals` and from `exudyn_script_body` (or, where rows give
-way, `exudyn_script_yielding`), and of what the scene says: path, loads and time stepping.
+The script consists of functions copied from `exudyn_script_signals`, `exudyn_script_solver` and `exudyn_script_body`
+(or, where rows give way, `exudyn_script_yielding`), and of what the scene says: path, loads and time stepping.
 """
 
 from __future__ import annotations
@@ -9,17 +9,20 @@ from __future__ import annotations
 import inspect
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import TypeAdapter
 
+from pmr.body import force_outputs
 from pmr.errors import InputError
 from pmr.reduced import ReducedModel
+from pmr.scene.space import Gravity
 from pmr.signals import Constant, Signal, SignalBase, Sum
-from pmr.simulate import exudyn_script_body, exudyn_script_signals, exudyn_script_yielding
+from pmr.simulate import exudyn_script_body, exudyn_script_signals, exudyn_script_solver, exudyn_script_yielding
 from pmr.simulate.exudyn_items import refuse_what_march_alone_does
 from pmr.simulate.stepping import TimeStepping, one_for_each
 from pmr.yielding import yielding_rows
@@ -61,8 +64,8 @@ Written by pmr; needs numpy, scipy and exudyn, and {file_name} in this folder.
 def main():
     model = read_model(Path(__file__).with_name("{file_name}"))
     t, displacement = simulate(model, slider_position, LOADS, END, STEP, RHO_INF)
-    tip = displacement[:, -1]
-    print(f"Displacement at x = {{model.output_positions[-1]:g}} m over {{t[-1]:g}} s:")
+    tip = displacement[:, {tip}]
+    print(f"Displacement at x = {{model.output_positions[{tip}]:g}} m over {{t[-1]:g}} s:")
     for name, value in (("smallest", tip.min()), ("largest", tip.max()), ("last", tip[-1])):
         print(f"  {{name}}: {{1e3 * value:.4f}} mm")
 
@@ -72,6 +75,8 @@ if __name__ == "__main__":
 '''
 
 
+#: Functions of a body's module that a script needs.
+BODY = {"read_model", "multipliers", "system", "add_sliding_body", "simulate"}
 _FIRM = "    M p'' + D p' + K p + C(s)^T lambda = B f(t),    C(s) p = 0,    y = outputs p"
 _YIELDING = """\
     M p'' + D p' + K p + C(s)^T lambda = B f(t),    C(s) p + H(s) f - (G(s) + pads) lambda = 0,
@@ -132,10 +137,11 @@ def exudyn_script(model: ReducedModel, file_name: str) -> str:
         size=model.size,
         rows="\n".join(f"    {name}" for name in model.row_names),
         file_name=file_name,
-        imports=_imports(scene.kinds, module),
+        imports=_imports(scene.kinds, (module, exudyn_script_solver)),
         scene=scene.text(),
         signals=_sources(exudyn_script_signals, signals),
-        body=_sources(module, {"read_model", "multipliers", "system", "add_sliding_body", "simulate"}),
+        body=f"{_sources(module, BODY)}\n\n\n{_sources(exudyn_script_solver, {'solve'})}",
+        tip=int(np.flatnonzero(~force_outputs(model))[-1]),
     )
 
 
@@ -171,6 +177,8 @@ def _scene(model: ReducedModel, source: str) -> _Scene:
         scene = model.provenance["scene"]
         path = _SIGNAL.validate_python(scene["slider"]["path"])
         signals = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
+        if scene.get("gravity"):
+            signals.append(Gravity.model_validate(scene["gravity"]).signal)
         stepping = TimeStepping(*(float(scene["time"][key]) for key in ("end", "step", "rho_inf")))
     except (KeyError, TypeError, ValueError) as error:
         allowed = f"a reduced model that holds its scene (slider.path, loads, time) is allowed: {error!r}"
@@ -222,11 +230,12 @@ def _sources(module: Any, names: set[str]) -> str:
     return "\n\n\n".join(inspect.getsource(f).rstrip() for name, f in vars(module).items() if name in names)
 
 
-def _imports(kinds: set[str], body: Any) -> str:
-    """What the copied functions need; the items as the module `body` imports them."""
+def _imports(kinds: set[str], modules: Sequence[Any]) -> str:
+    """What the copied functions need; the items as their modules import them."""
     items = "".join(
         f"    {name},\n"
-        for name, value in vars(body).items()
+        for module in modules
+        for name, value in vars(module).items()
         if getattr(value, "__module__", None) == "exudyn.itemInterface"
     )
     cache = "from functools import lru_cache\n" if "table" in kinds else ""

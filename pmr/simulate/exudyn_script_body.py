@@ -13,9 +13,10 @@ from exudyn.itemInterface import (
     NodePointGround,
     ObjectConnectorCoordinateVector,
     ObjectGenericODE2,
-    SensorNode,
 )
 from scipy.interpolate import PPoly
+
+from pmr.simulate.exudyn_script_solver import solve
 
 
 def read_model(path):
@@ -74,22 +75,5 @@ def simulate(model, slider_position, loads, end, step, rho_inf):
     container = exu.SystemContainer()
     mbs = container.AddSystem()
     items = add_sliding_body(mbs, model, slider_position, loads)
-    sBody = mbs.AddSensor(
-        SensorNode(nodeNumber=items.nBody, outputVariableType=exu.OutputVariableType.Coordinates, storeInternal=True)
-    )
-    mbs.Assemble()
-
-    settings = exu.SimulationSettings()
-    settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = step
-    settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
-    settings.timeIntegration.endTime = end
-    settings.timeIntegration.numberOfSteps = round(end / step)
-    settings.timeIntegration.adaptiveStep = False
-    settings.timeIntegration.automaticStepSize = False
-    settings.timeIntegration.generalizedAlpha.spectralRadius = rho_inf
-    settings.timeIntegration.newton.useModifiedNewton = False
-    mbs.SolveDynamic(settings)
-
-    stored = mbs.GetSensorStoredData(sBody)
-    return stored[:, 0], stored[:, 1:] @ model.outputs.T
+    t, p = solve(mbs, items.nBody, end, step, rho_inf)
+    return t, p @ model.outputs.T

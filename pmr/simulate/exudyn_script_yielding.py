@@ -7,8 +7,10 @@ from types import SimpleNamespace
 
 import exudyn as exu
 import numpy as np
-from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2, SensorNode
+from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 from scipy.interpolate import PPoly
+
+from pmr.simulate.exudyn_script_solver import solve
 
 
 def read_model(path):
@@ -86,25 +88,7 @@ def simulate(model, slider_position, loads, end, step, rho_inf):
     container = exu.SystemContainer()
     mbs = container.AddSystem()
     items = add_sliding_body(mbs, model, slider_position, loads)
-    sBody = mbs.AddSensor(
-        SensorNode(nodeNumber=items.nBody, outputVariableType=exu.OutputVariableType.Coordinates, storeInternal=True)
-    )
-    mbs.Assemble()
-
-    settings = exu.SimulationSettings()
-    settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = step
-    settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
-    settings.timeIntegration.endTime = end
-    settings.timeIntegration.numberOfSteps = round(end / step)
-    settings.timeIntegration.adaptiveStep = False
-    settings.timeIntegration.automaticStepSize = False
-    settings.timeIntegration.generalizedAlpha.spectralRadius = rho_inf
-    settings.timeIntegration.newton.useModifiedNewton = False
-    mbs.SolveDynamic(settings)
-
-    stored = mbs.GetSensorStoredData(sBody)
-    t, p = stored[:, 0], stored[:, 1:]
+    t, p = solve(mbs, items.nBody, end, step, rho_inf)
     displacement = np.empty((len(t), len(model.outputs)))
     for k, time in enumerate(t):
         s, f = slider_position(time), np.array([load(time) for load in loads])

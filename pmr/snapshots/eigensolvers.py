@@ -14,11 +14,11 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import PETSc, SLEPc
+from pmr.dolfinx_compat import PETSc
 from pmr.errors import ConvergenceError
 from pmr.operators import FullModel, gather
 from pmr.snapshots.elimination import eliminate
-from pmr.snapshots.modes import ITERATIONS, TOLERANCE, Modes, finished
+from pmr.snapshots.modes import Modes, finished, lowest_of, solved
 from pmr.snapshots.one_factor import OneFactorEigenSolver
 
 Array = NDArray[np.float64]
@@ -125,42 +125,13 @@ class SlepcEigenSolver:
         return finished(model, s, omega2[:count], phi, cut)
 
     def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, found: list[PETSc.Vec]) -> tuple[Array, list[PETSc.Vec]]:
-        eps = SLEPc.EPS().create(comm=M.comm)
-        eps.setOperators(K, M)
-        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-        eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
-        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        eps.setTarget(-self._sigma)
-        eps.setDimensions(nev=count)
-        eps.setTolerances(TOLERANCE, ITERATIONS)
-        st = eps.getST()
-        st.setType(SLEPc.ST.Type.SINVERT)
-        ksp = st.getKSP()
-        ksp.setType("preonly")
-        ksp.getPC().setType("cholesky")
-        ksp.getPC().setFactorSolverType("mumps")
-        start = M.createVecRight()
-        first, last = start.getOwnershipRange()
-        # The same on any number of ranks, and along no direction of symmetry.
-        start.getArray()[:] = np.random.default_rng(7).uniform(0.5, 1.5, start.getSize())[first:last]
-        eps.setInitialSpace([start])
+        eps = lowest_of(K, M, self._sigma, count)
+        pc = eps.getST().getKSP().getPC()
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
         if found:
             eps.setDeflationSpace(found)
-        eps.solve()
-        converged = eps.getConverged()
-        if converged < count:
-            raise ConvergenceError(
-                f"SLEPc: {converged} of {count} eigenpairs converged to {TOLERANCE:g} within "
-                f"{eps.getIterationNumber()} iterations; ask for fewer modes, refine the mesh or choose solver = dense"
-            )
-        omega2, vectors = np.empty(count), []
-        for i in range(count):
-            vector = M.createVecRight()
-            omega2[i] = eps.getEigenpair(i, vector).real
-            vectors.append(vector)
-        order = np.argsort(omega2, kind="stable")
-        eps.destroy()
-        return omega2[order], [vectors[i] for i in order]
+        return solved(eps, count)
 
 
 def _check_count(count: int, dimension: int) -> None:

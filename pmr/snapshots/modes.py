@@ -9,7 +9,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import PETSc
+from pmr.dolfinx_compat import PETSc, SLEPc
+from pmr.errors import ConvergenceError
 from pmr.operators import FullModel
 from pmr.parallel import fix_signs, inner, times
 
@@ -30,6 +31,54 @@ class Modes:
     omega: Array
     phi: Array
     residuals: Array
+
+
+def lowest_of(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS:
+    """Krylov-Schur with shift-and-invert for the `count` lowest modes of (K, M); -sigma is the shift.
+
+    It begins with a vector that is the same on any number of ranks, and along no direction of symmetry.
+    """
+    eps = SLEPc.EPS().create(comm=M.comm)
+    eps.setOperators(K, M)
+    eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+    eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    eps.setTarget(-sigma)
+    eps.setDimensions(nev=count)
+    eps.setTolerances(TOLERANCE, ITERATIONS)
+    st = eps.getST()
+    st.setType(SLEPc.ST.Type.SINVERT)
+    st.getKSP().setType("preonly")
+    start = M.createVecRight()
+    first, last = start.getOwnershipRange()
+    start.getArray()[:] = np.random.default_rng(7).uniform(0.5, 1.5, start.getSize())[first:last]
+    eps.setInitialSpace([start])
+    return eps
+
+
+def solved(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
+    """Solve; omega^2 (count,) in ascending order, and the modes.
+
+    Raises
+    ------
+    ConvergenceError
+        If fewer converge.
+    """
+    eps.solve()
+    converged = eps.getConverged()
+    if converged < count:
+        raise ConvergenceError(
+            f"SLEPc: {converged} of {count} eigenpairs converged to {TOLERANCE:g} within "
+            f"{eps.getIterationNumber()} iterations; ask for fewer modes, refine the mesh or choose solver = dense"
+        )
+    omega2, vectors = np.empty(count), []
+    for i in range(count):
+        vector = eps.getOperators()[0].createVecRight()
+        omega2[i] = eps.getEigenpair(i, vector).real
+        vectors.append(vector)
+    order = np.argsort(omega2, kind="stable")
+    eps.destroy()
+    return omega2[order], [vectors[i] for i in order]
 
 
 def finished(model: FullModel, s: float, omega2: Array, phi: Array, cut: bool) -> Modes:

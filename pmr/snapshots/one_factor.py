@@ -17,12 +17,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import PETSc, SLEPc
-from pmr.errors import ConvergenceError
+from pmr.dolfinx_compat import PETSc
 from pmr.fullorder.effective import Factor
 from pmr.operators import FullModel
 from pmr.parallel import inner
-from pmr.snapshots.modes import ITERATIONS, TOLERANCE, Modes, finished
+from pmr.snapshots.modes import Modes, finished, lowest_of, solved
 
 Array = NDArray[np.float64]
 
@@ -46,41 +45,13 @@ class OneFactorEigenSolver:
             If fewer than `count` modes converge.
         """
         model = self._model
-        eps = SLEPc.EPS().create(comm=model.M.comm)
-        eps.setOperators(model.K, model.M)
-        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-        eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
-        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        eps.setTarget(-self._sigma)
-        eps.setDimensions(nev=count)
-        eps.setTolerances(TOLERANCE, ITERATIONS)
-        ksp = _inverse_of(eps)
-        pc = ksp.getPC()
+        eps = lowest_of(model.K, model.M, self._sigma, count)
+        pc = eps.getST().getKSP().getPC()
         pc.setType("python")
         pc.setPythonContext(_Changed(model, self._factor, s))
-        start = model.M.createVecRight()
-        first, last = start.getOwnershipRange()
-        start.getArray()[:] = np.random.default_rng(7).uniform(0.5, 1.5, start.getSize())[first:last]
-        eps.setInitialSpace([start])
-        eps.solve()
-        if eps.getConverged() < count:
-            raise ConvergenceError(f"SLEPc: {eps.getConverged()} of {count} eigenpairs converged at s = {s:g} m")
-        omega2, phi = np.empty(count), np.empty((last - first, count))
-        vector = model.M.createVecRight()
-        for i in range(count):
-            omega2[i] = eps.getEigenpair(i, vector).real
-            phi[:, i] = vector.getArray()
-        order = np.argsort(omega2, kind="stable")
-        eps.destroy()
-        return finished(model, s, omega2[order], np.ascontiguousarray(phi[:, order]), cut=False)
-
-
-def _inverse_of(eps: SLEPc.EPS) -> PETSc.KSP:
-    st = eps.getST()
-    st.setType(SLEPc.ST.Type.SINVERT)
-    ksp = st.getKSP()
-    ksp.setType("preonly")
-    return ksp
+        omega2, vectors = solved(eps, count)
+        phi = np.column_stack([vector.getArray() for vector in vectors])
+        return finished(model, s, omega2, phi, cut=False)
 
 
 class _Changed:

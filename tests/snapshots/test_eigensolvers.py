@@ -10,7 +10,7 @@ from textbook import CLOSED_FORM, beam_matrices, subspace_distance
 from pmr.dolfinx_compat import MPI
 from pmr.errors import ConvergenceError
 from pmr.operators import FullModel, full_model
-from pmr.snapshots import eigensolvers
+from pmr.snapshots import modes
 from pmr.snapshots.eigensolvers import DenseEigenSolver, SlepcEigenSolver, eigensolver
 from pmr.snapshots.elimination import DependentRowsError
 from pmr.snapshots.modes import Modes
@@ -62,7 +62,7 @@ def test_modes_are_defined_by_their_properties(model: FullModel, solver) -> None
 
 
 def test_residuals_tell_a_wrong_eigenpair(model: FullModel) -> None:
-    from pmr.snapshots.eigensolvers import _residuals
+    from pmr.snapshots.modes import _residuals
 
     modes = DenseEigenSolver(model).lowest(2.5, 3)
     wrong = _residuals(model, 2.5, modes.omega**2 * 1.1, modes.phi)
@@ -137,8 +137,8 @@ def test_more_modes_than_there_are_is_an_error_that_says_what_to_do(load_scene, 
 
 
 def test_too_few_converged_pairs_are_an_error_that_says_what_to_do(model: FullModel, monkeypatch) -> None:
-    monkeypatch.setattr(eigensolvers, "ITERATIONS", 1)
-    monkeypatch.setattr(eigensolvers, "TOLERANCE", 1e-200)
+    monkeypatch.setattr(modes, "ITERATIONS", 1)
+    monkeypatch.setattr(modes, "TOLERANCE", 1e-200)
     with pytest.raises(
         ConvergenceError, match="of 41 eigenpairs converged to 1e-200 within 1 iterations; ask for fewer"
     ):
