@@ -39,9 +39,10 @@ class ResidualFlexibility:
 
     def __init__(self, model: FullModel, V: Array, solver: str = "auto") -> None:
         self._comm = model.comm
-        Z = rigid_modes(model, solver)
+        rigid = rigid_bodies(model, V)
+        Z = rigid_modes(model, solver, expected=int(rigid.sum()))
         MZ = times(model.M, Z)
-        W = V[:, ~rigid_bodies(model, V)]
+        W = V[:, ~rigid]
         W = W - Z @ inner(MZ, W, self._comm)
         W = _orthonormal(W, times(model.K, W), self._comm)
         self._basis, self._dual = np.hstack([Z, W]), np.hstack([MZ, times(model.K, W)])

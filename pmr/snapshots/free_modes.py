@@ -105,11 +105,14 @@ def excited(model: FullModel, phi: Array) -> NDArray[np.bool_]:
     return np.asarray(np.any(size > UNREACHED * size.max(axis=1, keepdims=True), axis=0))
 
 
-def rigid_modes(model: FullModel, solver: str = "auto") -> Array:
-    """All rigid-body modes that the fixed supports leave free, M-orthonormal; this rank's rows (n_local, count)."""
+def rigid_modes(model: FullModel, solver: str = "auto", expected: int = 1) -> Array:
+    """All rigid-body modes that the fixed supports leave free, M-orthonormal; this rank's rows (n_local, count).
+
+    As many as are `expected` cost one solution, more of them two.
+    """
     held = _with_rows(model, fixed_rows(model))
     solve, free = eigensolver(held, solver), model.size - len(held.rows.rows)
-    for count in (2, 7):  # a planar body on a pin has one, a free one in space six
+    for count in (expected + 1, 7):  # a planar body on a pin has one, a free one in space six
         phi = solve.lowest(_somewhere(held), min(count, free)).phi
         rigid = rigid_bodies(model, phi)
         if not rigid.all():
