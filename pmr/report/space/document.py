@@ -10,15 +10,17 @@ from pmr.report.case import Case, common
 from pmr.report.provenance import Table
 from pmr.report.space import provenance
 from pmr.report.space.figures import drawings, force_names, tip_names
+from pmr.report.space.pictures import Album, album
 from pmr.report.space.sentences import paragraph
 from pmr.results import RunResult
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpaceCase(Case):
-    """Beside what every case says, names of the figures that there may be several of, and sizes."""
+    """Beside what every case says: pictures, names of the figures that there may be several of, sizes."""
 
     template: ClassVar[str] = "space_case.html"
+    album: Album
     tips: list[str]
     forces: list[str]
     sizes: list[list[Table]]
@@ -32,6 +34,7 @@ def case(result: RunResult, anchor: str) -> SpaceCase:
         paragraph=paragraph(result),
         about="displacements and pad forces",
         drawings=drawings(result, anchor),
+        album=album(result, anchor),
         tips=tip_names(result),
         forces=force_names(result),
         sizes=provenance.sizes(result),

@@ -9,6 +9,8 @@ from pmr.report.figures.timeline import Array, reference
 from pmr.report.numbers import SPACE, plain
 from pmr.report.space.histories import MOST_PADS, pad_forces, stress
 from pmr.report.space.layout import end_of, forces, mouths, scene_of, tips
+from pmr.report.space.moments import top
+from pmr.report.space.ramp import ramp
 from pmr.report.space.sentences import where_the_peak_is
 from pmr.results import Response, RunResult
 
@@ -42,6 +44,9 @@ def _figures(result: RunResult) -> Iterator[Named]:
         title = f"Displacement of the tip, {_SIDEWAYS[direction]}"
         caption = captions.history(result, title, f", where it {about}", what)
         yield f"tip-{direction}", histories.history(result, what, f"Displacement {direction}", "m", what), caption
+    if result.fields is not None and result.fields.von_mises:
+        caption = "Colours of the pictures: the larger of the von Mises stresses on both faces of a cell."
+        yield "ramp", ramp(top(result.fields) / 1e6), caption
     if "reduced" in result.peak_stress:
         yield "stress", stress(result), _stress(result)
     yield from _pads(result)

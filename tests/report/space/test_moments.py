@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pmr.report.space.moments import moments, positions, scale, stress_of, top
+
+
+def test_each_third_of_the_way_shows_its_largest_stress(make_space, make_fields) -> None:
+    fields = make_fields("triangle")
+    result = make_space(fields=fields)
+    found = moments(result, fields)
+    # s rises from 1.5 m at 0.2 s to 4 m at 0.7 s, the stress follows half a sine over the second
+    assert [moment.t for moment in found] == pytest.approx([0.35, 0.5, 0.55])
+    assert [moment.extension for moment in found] == pytest.approx([6.0 - moment.s for moment in found])
+    assert [moment.s for moment in found] == pytest.approx(
+        positions(result, fields)[[moment.frame for moment in found]]
+    )
+    assert found[1].peak == pytest.approx(stress_of(fields).max())
+
+
+def test_a_mouth_at_rest_is_shown_once(make_space, make_fields) -> None:
+    fields = make_fields("line")
+    (only,) = moments(make_space(fields=fields, slider={"path": 2.0}), fields)
+    assert (only.t, only.s) == (0.5, 2.0)
+
+
+def test_without_stresses_the_largest_displacement_counts(make_space, make_fields) -> None:
+    fields = replace(make_fields("line"), von_mises={})
+    found = moments(make_space(fields=fields), fields)
+    assert [moment.t for moment in found] == pytest.approx([0.35, 0.5, 0.55])
+    assert {moment.peak for moment in found} == {0.0}
+
+
+def test_scale_and_colours_are_round(make_space, make_fields) -> None:
+    fields = make_fields("triangle")
+    result = make_space(fields=fields)
+    assert scale(result, fields) == 50.0  # 8 mm of 6 m
+    assert top(fields) == pytest.approx(48e6)
+    assert np.quantile(stress_of(fields).max(axis=0), 0.98) <= top(fields)
+    still = replace(fields, displacement=0.0 * fields.displacement, von_mises={"outer": 0.0 * stress_of(fields)})
+    assert (scale(result, still), top(still)) == (1.0, 1.0)
