@@ -42,7 +42,7 @@ def animation(result: RunResult) -> dict[str, Any]:
                 "width": pen.width,
                 "dash": pen.dash,
                 "x": response.x[points].round(6).tolist(),
-                "w": _packed(motion),
+                "w": packed(motion),
             }
         )
     motions = [response.displacement for response in result.responses.values()]
@@ -57,7 +57,7 @@ def animation(result: RunResult) -> dict[str, Any]:
         "times": [float(t[0]), float(t[-1])],
         "frames": len(frames),
         "beams": beams,
-        "s": _packed(result.path[frames]),
+        "s": packed(result.path[frames]),
         "offsets": result.scene.slider.offsets,
         "supports": [{"at": support.at, "kind": support.kind} for support in result.beam.supports],
         "loads": [
@@ -65,11 +65,11 @@ def animation(result: RunResult) -> dict[str, Any]:
                 "name": load.name,
                 "at": load.at,
                 "direction": load.direction,
-                "values": _packed(result.loads[frames, i]),
+                "values": packed(result.loads[frames, i]),
             }
             for i, load in enumerate(result.beam.loads)
         ],
-        "speeds": _speeds(float(t[-1] - t[0])),
+        "speeds": speeds(float(t[-1] - t[0])),
     }
 
 
@@ -82,13 +82,14 @@ def scale_text(data: dict[str, Any]) -> str:
     return f"Deflection is drawn {drawn_as}; it reaches {quantity(data['largest'], 'm')}."
 
 
-def _packed(values: Array) -> dict[str, Any]:
+def packed(values: Array) -> dict[str, Any]:
+    """Little-endian 16-bit integers in base64, and the value of one count."""
     largest = float(np.abs(values).max(initial=0.0)) or 1.0
     counts = np.round(values / largest * _FULL_SCALE).astype("<i2")
     return {"count": largest / _FULL_SCALE, "data": base64.b64encode(counts.tobytes()).decode()}
 
 
-def _speeds(duration: float) -> dict[str, Any]:
+def speeds(duration: float) -> dict[str, Any]:
     """Playback speeds as multiples of real time; the one set first is round and plays for about `PLAYING`."""
     first = round_number(max(duration / PLAYING, 1e-6))
     choices = [first / 5.0, first / 2.0, first, 2.0 * first, 4.0 * first]

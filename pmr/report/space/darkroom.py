@@ -24,7 +24,8 @@ def develop(shot: Shot) -> bytes:
     """A picture as PNG."""
     plotter = pyvista.Plotter(off_screen=True, window_size=[FINER * pixels for pixels in shot.size], lighting="none")
     plotter.set_background("white")
-    plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.5, 0.7, 1.0)))
+    side = 0.7 if shot.direction[2] >= 0.0 else -0.7  # who looks from below has the light below
+    plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.5, side, 1.0)))
     for piece in shot.pieces:
         _add(plotter, piece, shot.limits)
     camera = plotter.camera

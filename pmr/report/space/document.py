@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pmr.report import marks, sentences
 from pmr.report.case import Case, common
@@ -11,16 +11,19 @@ from pmr.report.provenance import Table
 from pmr.report.space import provenance
 from pmr.report.space.figures import drawings, force_names, tip_names
 from pmr.report.space.pictures import Album, album
+from pmr.report.space.player import player, said
 from pmr.report.space.sentences import paragraph
 from pmr.results import RunResult
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpaceCase(Case):
-    """Beside what every case says: pictures, names of the figures that there may be several of, sizes."""
+    """Beside what every case says: pictures, the motion for the player, names of figures that repeat, sizes."""
 
     template: ClassVar[str] = "space_case.html"
     album: Album
+    player: dict[str, Any]
+    player_scale: str
     tips: list[str]
     forces: list[str]
     sizes: list[list[Table]]
@@ -28,6 +31,7 @@ class SpaceCase(Case):
 
 def case(result: RunResult, anchor: str) -> SpaceCase:
     """Everything that the report says about one run."""
+    motion = player(result)
     return SpaceCase(
         **common(result, anchor, marks.rows(result)),
         key_numbers=sentences.key_numbers(result),
@@ -35,6 +39,8 @@ def case(result: RunResult, anchor: str) -> SpaceCase:
         about="displacements and pad forces",
         drawings=drawings(result, anchor),
         album=album(result, anchor),
+        player=motion,
+        player_scale=said(motion),
         tips=tip_names(result),
         forces=force_names(result),
         sizes=provenance.sizes(result),

@@ -62,7 +62,7 @@ def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> Non
     )
     assert images == ["view-1", "view-2", "view-3", "close", "mesh"]
     assert 'id="case-1-ramp"' in page
-    assert "3.00\u00a0m" not in page and "displacements 50 times their size" in page
+    assert "displacements 50 times their size" in page
     assert "largest von Mises stress 47.2\u00a0MPa" in page
 
 
