@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pmr.results import Energy, Fields, FrequencyCurves, Response, RunResult, Shapes
+from pmr.fields import Fields
+from pmr.grid import Grid
+from pmr.results import Energy, FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import StructureScene
 
 MakeSpace = Callable[..., RunResult]
@@ -138,6 +140,6 @@ def make_fields() -> Callable[[str], Fields]:
         displacement = np.zeros((TIMES, len(points), 3), np.float32)
         displacement[:, :, 2] = -0.008 * np.outer(swing, (points[:, 0] / 6.0) ** 2)
         stress = np.outer(swing, 50e6 * (1.0 - points[cells].mean(axis=1)[:, 0] / 6.0)).astype(np.float32)
-        return Fields(t, points, cells, kind, displacement, {"outer": stress, "inner": stress / 2.0})
+        return Fields(Grid(kind, points, cells), t, displacement, {"outer": stress, "inner": stress / 2.0})
 
     return make
