@@ -82,4 +82,7 @@ def product(A: PETSc.Mat, x: Array) -> Array:
     right, result = A.createVecs()
     right.getArray()[:] = x
     A.mult(right, result)
-    return np.array(result.getArray())
+    found = np.array(result.getArray())
+    right.destroy()  # at once: what is only dropped is kept until all ranks clean up together
+    result.destroy()
+    return found
