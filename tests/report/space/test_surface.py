@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pmr.grid import Grid
 from pmr.report.space.surface import surface
 from pmr.scene.space import Box
 
@@ -32,7 +33,7 @@ def test_what_is_seen_is_the_outside(make_fields, kind: str, expected: float) ->
 def test_what_two_solids_share_is_not_seen(make_fields) -> None:
     fields = make_fields("hexahedron")
     assert len(surface(fields).faces) == 4 * len(fields.cells) + 2
-    wedge = replace(fields, kind="tetra", cells=np.array([[0, 1, 3, 4], [1, 3, 4, 5]]))
+    wedge = replace(fields, grid=Grid("tetra", fields.points, np.array([[0, 1, 3, 4], [1, 3, 4, 5]])))
     assert len(surface(wedge).faces) == 6
 
 
