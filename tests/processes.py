@@ -5,7 +5,31 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+
+import pytest
+
+from pmr.cli import main
+
+
+@dataclass(frozen=True)
+class Called:
+    """What a command left, named as a finished process has it."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def called(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str) -> Called:
+    """The command in this process, which has loaded everything already: for what ends before it computes."""
+    monkeypatch.setattr(sys, "argv", ["pmr", *arguments])
+    with pytest.raises(SystemExit) as left:
+        main()
+    captured = capsys.readouterr()
+    code = left.value.code
+    return Called(code if isinstance(code, int) else 0, captured.out, captured.err)
 
 
 def python(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

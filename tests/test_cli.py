@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from processes import python
+from processes import called, python
 
 SIMPLE = "workflows/paper_simple.toml"
 SHORT = [
@@ -31,6 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_run_leaves_what_the_help_says(folder: Path) -> None:
     assert {"report.html", "report.pdf", "summary.json", "reduced.npz", "trajectories.npz"} <= {
         file.name for file in folder.iterdir()
@@ -38,6 +39,7 @@ def test_a_run_leaves_what_the_help_says(folder: Path) -> None:
     assert (folder / "report.pdf").read_bytes()[:5] == b"%PDF-"
 
 
+@pytest.mark.slow
 def test_the_summary_keeps_its_contract(folder: Path) -> None:
     summary = json.loads((folder / "summary.json").read_text())
     for pair in ("reduced_vs_full", "full_vs_ancf", "reduced_vs_ancf"):
@@ -65,6 +67,7 @@ def test_several_scenes_make_one_report(tmp_path: Path) -> None:
     assert "A second scene" in html and "Sliding beam, simple case" in html
 
 
+@pytest.mark.slow
 def test_info_says_what_a_file_holds(folder: Path) -> None:
     stack, model, scene = pmr("info"), pmr("info", str(folder / "reduced.npz")), pmr("info", SIMPLE)
     assert "dolfinx" in stack.stdout and "float64" in stack.stdout
@@ -72,6 +75,7 @@ def test_info_says_what_a_file_holds(folder: Path) -> None:
     assert "153" not in scene.stdout and "s from 1.25 to 3.75 m" in scene.stdout
 
 
+@pytest.mark.slow
 def test_an_exported_script_runs_without_pmr(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "reduced.npz").write_bytes((folder / "reduced.npz").read_bytes())
     done = pmr("export", str(tmp_path / "reduced.npz"), "--to", "exudyn")
@@ -103,19 +107,28 @@ BAD = [
 
 
 @pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a) for a, _ in BAD])
-def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str) -> None:
-    done = pmr(*arguments)
+def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str, monkeypatch, capsys) -> None:
+    done = called(monkeypatch, capsys, *arguments)
     assert done.returncode == 2
     assert done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
     assert says in done.stderr
 
 
-def test_the_place_for_results_is_tried_before_anything_is_computed(folder: Path) -> None:
-    for out in (f"{folder}/summary.json", f"{folder}/summary.json/x"):
-        done = pmr("run", SIMPLE, "--out", out)
+def test_bad_input_ends_a_process_of_its_own_likewise() -> None:
+    arguments, says = BAD[3]
+    done = pmr(*arguments)
+    assert done.returncode == 2 and done.stdout == "" and says in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_the_place_for_results_is_tried_before_anything_is_computed(tmp_path: Path, monkeypatch, capsys) -> None:
+    (tmp_path / "file").write_text("")
+    for out in (f"{tmp_path}/file", f"{tmp_path}/file/x"):
+        done = called(monkeypatch, capsys, "run", SIMPLE, "--out", out)
         assert done.returncode == 2 and "can be written to is allowed" in done.stderr and done.stdout == ""
 
 
+@pytest.mark.slow
 def test_an_export_replaces_no_model(folder: Path, tmp_path: Path) -> None:
     model = folder / "reduced.npz"
     content = model.read_bytes()
@@ -125,6 +138,7 @@ def test_an_export_replaces_no_model(folder: Path, tmp_path: Path) -> None:
     assert model.read_bytes() == content and (tmp_path / "reduced.npz").read_bytes() == b"another"
 
 
+@pytest.mark.slow
 def test_several_simulators_say_how_far_they_agree(tmp_path: Path) -> None:
     short = ("--set", "time.end=0.2", "--set", "slider.path=1.3", "--set", "compare.against=[]")
     done = pmr("run", SIMPLE, *short, "--simulators", "exudyn-callback, march,exudyn", "--out", str(tmp_path))
@@ -140,8 +154,8 @@ def test_several_simulators_say_how_far_they_agree(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "says"), [("march,euler", "'march', 'exudyn', 'exudyn-multiplier' or 'exudyn-callback'"), ("", "exudyn")]
 )
-def test_unknown_simulators_are_refused(names: str, says: str) -> None:
-    done = pmr("run", SIMPLE, "--simulators", names)
+def test_unknown_simulators_are_refused(names: str, says: str, monkeypatch, capsys) -> None:
+    done = called(monkeypatch, capsys, "run", SIMPLE, "--simulators", names)
     assert done.returncode == 2 and says in done.stderr and "simulation.simulators" in done.stderr
 
 
@@ -151,12 +165,13 @@ def test_without_fenicsx_a_run_says_so_in_one_line() -> None:
     assert done.returncode == 1 and "FEniCSx is not installed" in done.stderr and "Traceback" not in done.stderr
 
 
-def test_help_teaches() -> None:
-    top, run = pmr("--help"), pmr("run", "--help")
+def test_help_teaches(monkeypatch, capsys) -> None:
+    top, run = called(monkeypatch, capsys, "--help"), called(monkeypatch, capsys, "run", "--help")
     assert "pmr run workflows/paper_simple.toml" in top.stdout
     assert "--set reduction.coordinates=10" in run.stdout and "summary.json" in run.stdout
 
 
+@pytest.mark.slow
 def test_bad_input_ends_all_ranks() -> None:
     done = pmr("run", SIMPLE, "--set", "reduction.snapshots=51", ranks=2)
     assert done.returncode != 0 and "at most 50" in done.stderr

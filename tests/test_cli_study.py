@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from processes import python
+from processes import called, python
 
 from pmr.studies.results import StudyResults
 
@@ -61,6 +61,7 @@ def done(small: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_study_leaves_what_the_help_says(done: Path) -> None:
     expected = {"report.html", "report.pdf", "runs.csv", "runs.npz", "seconds.csv", "summary.json", "tasks"}
     assert expected == {file.name for file in done.iterdir()}
@@ -70,6 +71,7 @@ def test_a_study_leaves_what_the_help_says(done: Path) -> None:
     assert 0.0 < twenty < 0.1 * ten
 
 
+@pytest.mark.slow
 def test_called_again_it_goes_on(small: Path, done: Path) -> None:
     before = tables(done)
     again = pmr(str(small), "--out", str(done))
@@ -77,6 +79,7 @@ def test_called_again_it_goes_on(small: Path, done: Path) -> None:
     assert tables(done) == before
 
 
+@pytest.mark.slow
 def test_runs_can_be_named_and_computed_one_by_one(small: Path, done: Path) -> None:
     names = [f"support_rows=drop,coordinates={r}" for r in (10, 20)]
     assert pmr(str(small), "--list").stdout.split() == names
@@ -86,6 +89,7 @@ def test_runs_can_be_named_and_computed_one_by_one(small: Path, done: Path) -> N
     assert tables(done) == before
 
 
+@pytest.mark.slow
 def test_a_failing_run_leaves_exit_code_1_and_the_other_runs(small: Path, done: Path) -> None:
     more = "change.reduction.snapshots=21"  # more than the mesh has nodes for
     failed = pmr(str(small), "--out", str(done.with_name("failed")), "--set", more, "--jobs", "1")
@@ -104,13 +108,14 @@ BAD = [
 
 
 @pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a[-2:]) for a, _ in BAD])
-def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str) -> None:
-    done = pmr(*arguments)
+def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str, monkeypatch, capsys) -> None:
+    done = called(monkeypatch, capsys, "study", *arguments)
     assert done.returncode == 2
     assert done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
     assert says in done.stderr
 
 
+@pytest.mark.slow
 def test_bad_input_is_said_once_on_several_ranks() -> None:
     done = pmr("nowhere.toml", ranks=2)
     assert done.returncode != 0 and done.stderr.count("no such study file") == 1

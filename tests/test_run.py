@@ -229,6 +229,7 @@ def test_one_and_two_ranks_give_the_same_figures(tmp_path) -> None:
     assert a["max_displacement"] == pytest.approx(b["max_displacement"], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_free_modes_with_flexibility_come_with_an_estimate(load_scene) -> None:
     scene = load_scene("evolved_residual", [*SHORT, "simulation.simulators=['march']"])
     outcome = run(scene)

@@ -41,6 +41,7 @@ def test_the_mesh_is_what_its_script_writes(tmp_path: Path) -> None:
     assert set(np.round(np.diff(kept), 9)) == {0.0625, 0.125} and {1.25, 3.75} <= set(np.round(kept, 9))
 
 
+@pytest.mark.slow
 def test_the_graded_mesh_runs() -> None:
     short = ["time.end=0.5", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}"]
     outcome = run(scene.load(ROOT / "workflows" / "graded_mesh.toml", short))

@@ -76,6 +76,7 @@ def pdf_objects(pdf: bytes) -> bytes:
     return b"\n".join(found)
 
 
+@pytest.mark.slow
 def test_files_are_html_and_pdf(written, html: str, pdf: bytes) -> None:
     assert (written.files.html.name, written.files.pdf.name) == ("report.html", "report.pdf")
     assert html.startswith("<!doctype html>") and html.rstrip().endswith("</html>")

@@ -85,6 +85,7 @@ print(hashlib.sha256(pool.S.getDenseArray().tobytes() + basis.V.getDenseArray().
 """
 
 
+@pytest.mark.slow
 def test_two_runs_of_the_dense_path_agree_to_the_byte() -> None:
     scene = "workflows/paper_evolved.toml"
     digests = {

@@ -66,6 +66,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_all_runs_have_the_figures_of_what_they_need(done: Path) -> None:
     results = StudyResults.load(done)
     assert results.is_complete and len(results.runs) == RUNS

@@ -119,6 +119,7 @@ def test_six_free_modes_with_flexibility_beat_ten_coordinates(results: StudyResu
     assert six.figures["coordinates.reduced"] == 6 and 0.0 < 5.0 * float(errors[0] or 0.0) < float(errors[1] or 0.0)
 
 
+@pytest.mark.slow
 def test_errors_fall_with_the_number_of_coordinates(results: StudyResults) -> None:
     rows, error = results.column("reduction.support_rows"), results.column("errors.reduced_vs_full.beam")
     for kind in ("hold", "drop"):
@@ -127,6 +128,7 @@ def test_errors_fall_with_the_number_of_coordinates(results: StudyResults) -> No
     assert np.all(error[rows == "drop"] <= error[rows == "hold"])
 
 
+@pytest.mark.slow
 def test_what_too_few_coordinates_lack_is_left_empty(results: StudyResults) -> None:
     held = next(run for run in results.runs if run.key == "coordinates=4,support_rows=hold")
     assert held.figures["frequency_error.1"] is not None
