@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from pmr.report.marks import Row, verdicts
-from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant, unit_for
 from pmr.results import RunResult
 from pmr.scene import StructureScene
 
@@ -75,8 +75,9 @@ def _numbers(result: RunResult) -> Iterator[KeyNumber]:
         yield KeyNumber(length(result.summary["max_error"]), "largest difference to full")
     stress = result.summary.get("max_von_mises", {})
     if "reduced" in stress:
-        beside = f", full {quantity(stress['full'], 'Pa')}" if "full" in stress else ""
-        yield KeyNumber(quantity(stress["reduced"], "Pa"), f"largest von Mises stress{beside}")
+        unit = unit_for(stress["reduced"], "Pa")
+        values = [significant(stress[name] / unit.size) for name in ("full", "reduced") if name in stress]
+        yield KeyNumber(f"{f'{SPACE}→{SPACE}'.join(values)}{SPACE}{unit.name}", "largest von Mises stress")
     ratio = speed_ratio(result)
     if ratio is not None:
         yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "speed against full")

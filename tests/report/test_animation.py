@@ -70,3 +70,12 @@ def test_player_reads_what_is_there(data: dict[str, Any]) -> None:
     assert set(re.findall(r"this\.data\.(\w+)", player)) <= set(data)
     assert set(re.findall(r"\bload\.(\w+)", player)) - {"values", "largest"} <= set(data["loads"][0])
     assert {"x", "w", "label", "colour", "width", "dash"} <= set(data["beams"][0])
+
+
+@pytest.mark.parametrize("script", ["animation.js", "space_player.js"])
+def test_players_hide_nothing_of_what_they_share(script: str) -> None:
+    folder = resources.files("pmr.report").joinpath("templates")
+    member = re.compile(r"^  (?:get )?(\w+)\([^)]*\) \{", re.MULTILINE)
+    shared, own = (set(member.findall(folder.joinpath(name).read_text("utf-8"))) for name in ("playback.js", script))
+    assert {"toggle", "step", "clock"} <= shared and "draw" in own
+    assert shared & own == {"constructor"}

@@ -23,7 +23,7 @@ def where_the_peak_is(result: RunResult, simulator: str) -> str:
     peak = result.summary.get("stress_peak", {}).get(simulator)
     if peak is None:
         return ""
-    x, y, z = (f"{value:.2f}".replace("-", MINUS) for value in peak["position"])
+    x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in peak["position"])  # zero has no sign
     on = f", {peak['face']} face" if peak.get("face") else ""
     of = f" of {peak['region']}" if peak.get("region") else ""
     return f"at {peak['t']:.2f}{SPACE}s and ({x}, {y}, {z}){SPACE}m{on}{of}"

@@ -51,7 +51,7 @@ class BeamPlayer extends Playback {
       this.names(pen, lane * this.lane + 12, shown);
     }
     this.axis(pen);
-    this.say(this.moment);
+    this.say(this.clock);
   }
 
   x(position) { return this.left + position * this.metre; }

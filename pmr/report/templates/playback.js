@@ -28,7 +28,7 @@ class Playback {
     return start + (end - start) * this.frame / Math.max(this.last, 1);
   }
 
-  get moment() { return `t = ${this.time.toFixed(this.data.times[1] < 1 ? 4 : 2)} s`; }
+  get clock() { return `t = ${this.time.toFixed(this.data.times[1] < 1 ? 4 : 2)} s`; }
 
   say(text) {
     this.output.textContent = text;

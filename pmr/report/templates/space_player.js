@@ -3,6 +3,7 @@ const SHADERS = [
   `#version 300 es
   uniform vec3 right, above, towards, centre;
   uniform vec2 size;
+  uniform float nearer, deep;
   in vec3 place;
   in float value;
   out vec3 seen;
@@ -11,7 +12,7 @@ const SHADERS = [
     vec3 p = place - centre;
     seen = vec3(dot(p, right), dot(p, above), dot(p, towards));
     level = value;
-    gl_Position = vec4(seen.xy / size, -seen.z / 30.0, 1.0);
+    gl_Position = vec4(seen.xy / size, -(seen.z + nearer) / deep, 1.0);
   }`,
   `#version 300 es
   precision highp float;
@@ -81,8 +82,6 @@ class SpacePlayer extends Playback {
     gl.uniform3fv(this.at("ramp"), this.data.ramp.flatMap(rgb));
     gl.clearColor(1, 1, 1, 1);
     gl.enable(gl.DEPTH_TEST);
-    gl.enable(gl.POLYGON_OFFSET_FILL);
-    gl.polygonOffset(1, 1);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   }
 
@@ -159,7 +158,7 @@ class SpacePlayer extends Playback {
     for (const block of this.data.tail) this.block(block, this.back);
     this.section(this.data.section);
     const out = this.data.length - this.back;
-    this.say(`${this.moment}, ${out.toFixed(2)} m out`);
+    this.say(`${this.clock}, ${out.toFixed(2)} m out`);
   }
 
   look(aspect) {
@@ -173,6 +172,7 @@ class SpacePlayer extends Playback {
     gl.uniform3f(this.at("above"), -se * c, -se * s, ce);
     const away = 1 / Math.max(zoom, 1); // who comes closer comes closer to the mouth
     gl.uniform3f(this.at("centre"), away * (front + back) / 2, 0, -0.2 * away);
+    gl.uniform1f(this.at("deep"), front - back);
     gl.uniform2f(this.at("size"), half, half * aspect);
   }
 
@@ -193,9 +193,7 @@ class SpacePlayer extends Playback {
     if (!this.lines.checked) return;
     const ends = new Float32Array(3 * this.edges.length);
     this.edges.forEach((point, i) => { for (let j = 0; j < 3; j++) ends[3 * i + j] = places[3 * point + j]; });
-    gl.enable(gl.BLEND);
-    this.show(gl.LINES, ends, null, [...rgb("#1c2733"), 0.3], false, false);
-    gl.disable(gl.BLEND);
+    this.over(() => this.show(gl.LINES, ends, null, [...rgb("#1c2733"), 0.3], false, false));
   }
 
   block({ corners, sides }, back, colour = [...rgb("#3b4a57"), 1]) {
@@ -207,10 +205,18 @@ class SpacePlayer extends Playback {
   section({ corners, sides }) {
     const gl = this.pen, point = (k) => corners.slice(3 * k, 3 * k + 3);
     const outline = sides.flatMap((side) => side.flatMap((k, i) => [...point(k), ...point(side[(i + 1) % 4])]));
+    this.over(() => {
+      this.block({ corners, sides }, 0, [...rgb("#9fb0bd"), 0.16]);
+      this.show(gl.LINES, new Float32Array(outline), null, [...rgb("#5b6875"), 0.5], false, false);
+    });
+  }
+
+  // What is seen through and hides nothing.
+  over(draw) {
+    const gl = this.pen;
     gl.enable(gl.BLEND);
     gl.depthMask(false);
-    this.block({ corners, sides }, 0, [...rgb("#9fb0bd"), 0.16]);
-    this.show(gl.LINES, new Float32Array(outline), null, [...rgb("#5b6875"), 0.5], false, false);
+    draw();
     gl.depthMask(true);
     gl.disable(gl.BLEND);
   }
@@ -224,6 +230,7 @@ class SpacePlayer extends Playback {
     gl.uniform4f(this.at("plain"), ...colour);
     gl.uniform1i(this.at("coloured"), coloured);
     gl.uniform1i(this.at("lit"), lit);
+    gl.uniform1f(this.at("nearer"), kind === gl.LINES ? 0.02 : 0); // m: lines lie on surfaces
     gl.drawArrays(kind, 0, count);
   }
 }
