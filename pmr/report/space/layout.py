@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.figures.timeline import Quantity
-from pmr.results import RunResult
+from pmr.results import Fields, RunResult
 from pmr.scene import StructureScene
 from pmr.scene.choice import model_of, transverse
 from pmr.scene.space import PadRing
@@ -61,6 +61,14 @@ def end_of(result: RunResult) -> float:
     if scene.body.box is not None:
         return scene.body.box.length
     return float(result.fields.points[:, 0].max()) if result.fields is not None else scene.observe.end
+
+
+def fields_of(result: RunResult) -> Fields | None:
+    """The fields with the vertical along z, as pictures have it: the planar beam's own vertical is y."""
+    fields = result.fields
+    if fields is None or model_of(scene_of(result)) != "beam2d" or np.any(fields.displacement[..., 2]):
+        return fields
+    return replace(fields, displacement=fields.displacement[..., [0, 2, 1]])
 
 
 def stress_times(result: RunResult) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.numbers import SPACE, plain, quantity
-from pmr.report.space.layout import scene_of
+from pmr.report.space.layout import fields_of, scene_of
 from pmr.report.space.moments import Moment, moments, scale, stress_of, top
 from pmr.report.space.stage import Block, stage
 from pmr.report.space.studio import NoPictureError, Piece, Shot, develop, framed
@@ -55,9 +55,10 @@ class Album:
 
 def album(result: RunResult, prefix: str) -> Album:
     """Make the pictures; without fields there are none, and nothing is said."""
-    if result.fields is None:
+    fields = fields_of(result)
+    if fields is None:
         return Album()
-    planned = list(_Views(result, result.fields).shots())
+    planned = list(_Views(result, fields).shots())
     try:
         developed = develop([shot for _, shot, _ in planned])
     except NoPictureError as error:

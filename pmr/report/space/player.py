@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.report.animation import packed, speeds
 from pmr.report.numbers import percent, plain
-from pmr.report.space.layout import end_of, scene_of
+from pmr.report.space.layout import end_of, fields_of, scene_of
 from pmr.report.space.moments import moments, positions, scale, stress_of, top
 from pmr.report.space.stage import Block, stage
 from pmr.report.space.studio import RAMP
@@ -27,19 +27,22 @@ Array = NDArray[np.float64]
 
 EXACT = 1e-4  # of the largest shape, which is left out
 MOST_SHAPES = 32
+MOST_FACES = 60_000  # of a page that stays below 5 MB; larger ones have pictures alone
 MOST_VALUES = 400_000  # of all shapes of a quantity: two bytes each, and a third more in base64
 
 
 def player(result: RunResult) -> dict[str, Any]:
-    """What the page's player needs, ready for JSON; empty without fields of at least two times.
+    """What the page's player needs, ready for JSON; empty without fields of two times or with too many faces.
 
     Points in m, coefficients (frames, k) with shapes (k, 3 P) of the displacement in m and (k, S) of the faces' stress
     over that of the last colour; the first face of each pair of triangles has the same number as the second.
     """
-    fields = result.fields
+    fields = fields_of(result)
     if fields is None or len(fields.t) < 2:
         return {}
     body = surface(fields, scene_of(result).body.box)
+    if len(body.faces) > MOST_FACES:
+        return {}
     moved = body.moved(fields, fields.displacement).reshape(len(fields.t), -1)
     around = stage(result, body)
     motion, lost = compressed(moved)

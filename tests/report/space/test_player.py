@@ -78,12 +78,16 @@ def test_what_rests_is_no_error(boom_in_motion: RunResult) -> None:
     assert "NaN" not in json.dumps(data)
 
 
-def test_without_fields_or_with_one_time_nothing_is_played(boom: RunResult, boom_in_motion: RunResult) -> None:
+def test_without_fields_with_one_time_or_too_many_faces_nothing_is_played(
+    monkeypatch, boom: RunResult, boom_in_motion: RunResult
+) -> None:
     fields = boom_in_motion.fields
     once = replace(
         fields, t=fields.t[:1], displacement=fields.displacement[:1], von_mises={"outer": fields.von_mises["outer"][:1]}
     )
     assert player(boom) == player(replace(boom_in_motion, fields=once)) == {}
+    monkeypatch.setattr(players, "MOST_FACES", 10)
+    assert player(boom_in_motion) == {}
     assert said({}) == ""
 
 
