@@ -66,6 +66,7 @@ def scene(request) -> Boom:
     return boom(request.param())
 
 
+@pytest.mark.slow
 def test_statics_is_that_of_the_full_model(scene: Boom) -> None:
     """With two rigid turns and two modes: what is left out is answered by the tables, everywhere on the path."""
     full = structural_model(scene.structure)

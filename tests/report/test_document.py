@@ -83,6 +83,7 @@ def test_files_are_html_and_pdf(written, html: str, pdf: bytes) -> None:
     assert pdf.startswith(b"%PDF-") and pdf.rstrip().endswith(b"%%EOF")
 
 
+@pytest.mark.slow
 def test_pdf_has_a_few_pages_for_each_case(pdf_objects: bytes) -> None:
     pages = len(re.findall(rb"/Type\s*/Page\b(?!s)", pdf_objects))
     assert 2 * 3 <= pages <= 2 * 5
