@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmr.results import Response
-from pmr.scene import Damping, Reduction, SceneBase, from_data
+from pmr.scene import Damping, Reduction, SceneBase, StructureScene, from_data
 from pmr.scene.sections import Compare, Simulation, TimeChoice
 from pmr.signals import Constant
 from pmr.studies.task import Task, TaskFunction, TaskResult
@@ -67,7 +67,8 @@ def modes_tasks(scene: SceneBase) -> dict[str, Task]:
             snapshots=choice.snapshots, modes=choice.modes, positions=choice.positions, solver=choice.solver
         )
     held = _unloaded(scene).model_copy(update={"reduction": kept})
-    if choice.basis != "eigenmodes" or choice.positions != "path":  # then the path decides nothing, nor its time span
+    planar = not isinstance(scene, StructureScene)  # in space the path says where pads have rows at all
+    if planar and (choice.basis != "eigenmodes" or choice.positions != "path"):  # then the path decides nothing
         update = {"slider": scene.slider.model_copy(update={"path": NOTHING}), "time": TimeChoice(end=1.0, step=1.0)}
         held = held.model_copy(update=update)
     if choice.basis != "eigenmodes":
