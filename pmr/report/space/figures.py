@@ -45,7 +45,7 @@ def _figures(result: RunResult) -> Iterator[Named]:
         caption = captions.history(result, title, f", where it {about}", what)
         yield f"tip-{direction}", histories.history(result, what, f"Displacement {direction}", "m", what), caption
     if result.fields is not None and result.fields.von_mises:
-        caption = "Colours of the pictures: the larger of the von Mises stresses on both faces of a cell."
+        caption = "Colours of the pictures: the largest von Mises stress of each cell."
         yield "ramp", ramp(top(result.fields) / 1e6), caption
     if "reduced" in result.peak_stress:
         yield "stress", stress(result), _stress(result)

@@ -16,7 +16,6 @@ Array = NDArray[np.float64]
 
 REACH = 0.08  # largest displacement as drawn, over the length of the body
 EXTENSIONS = 3
-_QUARTERED = (1.0, 1.2, 1.6, 2.0, 2.4, 3.2, 4.0, 4.8, 6.0, 8.0, 10.0)
 ALMOST_ALL = 0.98  # of the cells: a few peaks must not leave the rest in one colour
 
 
@@ -69,7 +68,8 @@ def top(fields: Fields) -> float:
     if most <= 0.0:
         return 1.0
     decade = 10.0 ** np.floor(np.log10(most))
-    return float(decade * next(step for step in _QUARTERED if step * decade >= most))
+    step = (0.4 if most < 4.0 * decade else 0.8) * decade
+    return float(f"{step * np.ceil(most / step - 1e-9):.2g}")
 
 
 def _size(fields: Fields) -> Array:

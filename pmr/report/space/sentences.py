@@ -8,7 +8,7 @@ from pmr.report import sentences
 from pmr.report.numbers import MINUS, SPACE, percent, quantity
 from pmr.report.space.layout import scene_of
 from pmr.results import RunResult
-from pmr.scene.choice import choose
+from pmr.scene.choice import choose, model_of
 
 MODELS = {"beam2d": "a planar beam", "beam3d": "a beam in space", "shell": "a shell", "solid": "a solid"}
 
@@ -24,7 +24,8 @@ def where_the_peak_is(result: RunResult, simulator: str) -> str:
     if peak is None:
         return ""
     x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in peak["position"])  # zero has no sign
-    on = f", {peak['face']} face" if peak.get("face") else ""
+    kind = "corner" if model_of(scene_of(result)).startswith("beam") else "face"
+    on = f", {peak['face']} {kind}" if peak.get("face") else ""
     of = f" of {peak['region']}" if peak.get("region") else ""
     return f"at {peak['t']:.2f}{SPACE}s and ({x}, {y}, {z}){SPACE}m{on}{of}"
 

@@ -34,11 +34,14 @@ def test_without_stresses_the_largest_displacement_counts(make_space, make_field
     assert {moment.peak for moment in found} == {0.0}
 
 
-def test_scale_and_colours_are_round(make_space, make_fields) -> None:
+def test_scale_and_quarters_of_the_colours_are_round(make_space, make_fields) -> None:
     fields = make_fields("triangle")
     result = make_space(fields=fields)
     assert scale(result, fields) == 50.0  # 8 mm of 6 m
     assert top(fields) == pytest.approx(48e6)
     assert np.quantile(stress_of(fields).max(axis=0), 0.98) <= top(fields)
+    for most, colour in ((24.3e6, 28e6), (47.3e6, 48e6), (9.9e6, 10e6), (4.0e5, 4.0e5)):
+        level = replace(fields, von_mises={"outer": np.full_like(stress_of(fields), most)})
+        assert top(level) == pytest.approx(colour)
     still = replace(fields, displacement=0.0 * fields.displacement, von_mises={"outer": 0.0 * stress_of(fields)})
     assert (scale(result, still), top(still)) == (1.0, 1.0)
