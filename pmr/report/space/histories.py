@@ -45,7 +45,7 @@ def stress(result: RunResult) -> Figure:
     time, t = Timeline(result), stress_times(result)
     signals = {name: onto(time.t, t, result.peak_stress[name]) for name in _known(result)}
     peak = int(np.argmax(signals["reduced"]))
-    figure = curves(time, signals, "Von Mises stress", "Pa", time.window(peak))
+    figure = curves(time, signals, "Stress", "Pa", time.window(peak))
     unit = unit_for(max(float(s.max()) for s in signals.values()), "Pa")
     for ax in figure.axes[: 2 if time.window(peak) else 1]:
         ax.plot(time.t[peak], signals["reduced"][peak] / unit.size, "o", markersize=4.0, color=INK, zorder=5.0)
