@@ -6,7 +6,10 @@ import pytest
 
 from pmr.report import marks, write_report
 from pmr.report.document import case, render
+from pmr.report.space.sentences import where_the_peak_is
 from pmr.results import RunResult
+
+BOX = {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008}
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +76,10 @@ def test_kinds_of_cases_mix_in_one_report(boom: RunResult, whole: RunResult, tmp
     html = files.html.read_text()
     assert 'id="case-1-snapshots"' in html and 'id="case-2-pads-1"' in html
     assert files.pdf.read_bytes().startswith(b"%PDF-")
+
+
+def test_a_zero_has_no_sign(make_space) -> None:
+    peak = {"t": 0.5, "position": [1.0, -1e-13, 0.0], "face": "bottom left", "region": ""}
+    beam = make_space(summary={"stress_peak": {"reduced": peak}}, body={"model": "beam3d", "box": BOX})
+    assert where_the_peak_is(beam, "reduced") == "at 0.50\u00a0s and (1.00, 0.00, 0.00)\u00a0m, bottom left corner"
+    assert where_the_peak_is(beam, "full") == ""
