@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import PETSc, assemble, cell_dofs, original_cells
 from pmr.models import StructuralModel
-from pmr.parallel import sparse
+from pmr.parallel import freed, sparse
 from pmr.scene import Damping
 
 Indices = NDArray[np.int64]
@@ -41,7 +41,8 @@ def assemble_model(model: StructuralModel, domain: Any) -> Operators:
         first, last = matrices[0].getOwnershipRange()
         columns = share(T.shape[1], matrices[0].comm.tompi4py())
         P = sparse(T.tocsr()[first:last], matrices[0], columns=int(columns[1] - columns[0]))
-        matrices = [A.PtAP(P) for A in matrices]
+        matrices = [projected(A, P) for A in matrices]
+        freed(P)
     return Operators(*matrices)
 
 
@@ -55,21 +56,33 @@ def model_order(model: StructuralModel, space: Any) -> Indices:
     """
     ours = model.element_coordinates(original_cells(space.mesh))
     theirs = cell_dofs(space)
-    pairs = np.concatenate([np.stack([a.ravel(), b.ravel()]) for a, b in zip(ours, theirs, strict=True)], axis=1)
-    everyone = np.concatenate(space.mesh.comm.allgather(np.unique(pairs, axis=1)), axis=1)
     order = np.full(space.dofmap.index_map.size_global * space.dofmap.index_map_bs, -1, np.int64)
-    order[everyone[0]] = everyone[1]
+    for mine, its in zip(ours, theirs, strict=True):
+        order[mine.ravel()] = its.ravel()
+    known = np.flatnonzero(order >= 0)
+    for numbers, places in space.mesh.comm.allgather((known, order[known])):
+        order[numbers] = places
     if not np.array_equal(np.sort(order), np.arange(len(order))):
         raise RuntimeError("the model's coordinates and the space's do not match")
     return order
 
 
 def reordered(A: PETSc.Mat, order: Indices) -> PETSc.Mat:
-    """A with rows and columns in the model's order, in consecutive shares of about equal size."""
+    """A with rows and columns in the model's order, in consecutive shares of about equal size; A itself is freed."""
     comm = A.comm.tompi4py()
     first, last = share(len(order), comm)
     mine = PETSc.IS().createGeneral(order[first:last].astype(PETSc.IntType), comm=comm)
-    return A.createSubMatrix(mine, mine)
+    result = A.createSubMatrix(mine, mine)
+    freed(A, mine)
+    return result
+
+
+def projected(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+    """P^T A P; A is freed."""
+    product = A.PtAP(P)
+    result = product.copy()  # a product keeps its factors for ever
+    freed(product, A)
+    return result
 
 
 def share(size: int, comm: Any) -> Indices:

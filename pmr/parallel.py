@@ -19,9 +19,12 @@ SIGN_TOLERANCE = 1e-6
 
 def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
     """Dense PETSc matrix (n, k) from this rank's rows, distributed as the rows of `like`."""
-    rows, total = like.getLocalSize()[0], like.getSize()[0]
-    assert len(local) == rows
-    matrix = PETSc.Mat().createDense(((rows, total), (PETSc.DECIDE, local.shape[1])), comm=like.comm)
+    return _tall(local, like.getSizes()[0], like.comm)
+
+
+def _tall(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
+    assert len(local) == sizes[0]
+    matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), comm=comm)
     matrix.setUp()
     matrix.getDenseArray()[:] = local
     matrix.assemble()
@@ -34,15 +37,25 @@ def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> 
     `columns` is how many of the columns this rank owns; PETSc decides by default.
     """
     owned = PETSc.DECIDE if columns is None else columns
-    csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
+    csr = (rows.indptr.astype(PETSc.IntType, copy=False), rows.indices.astype(PETSc.IntType, copy=False), rows.data)
     matrix = PETSc.Mat().createAIJ((like.getSizes()[0], (owned, rows.shape[1])), csr=csr, comm=like.comm)
     matrix.assemble()
     return matrix
 
 
 def times(A: PETSc.Mat, local: Array) -> Array:
-    """This rank's rows of A X, X given by this rank's rows."""
-    return np.array(A.matMult(tall(local, A)).getDenseArray())
+    """This rank's rows of A X, X given by this rank's rows: spread as the columns of A."""
+    right = _tall(local, A.getSizes()[1], A.comm)
+    product = A.matMult(right)
+    result = np.array(product.getDenseArray())
+    freed(right, product)
+    return result
+
+
+def freed(*objects: Any) -> None:
+    """Give the memory of PETSc's objects back at once; collective.  What Python drops stays until `free_dropped`."""
+    for one in objects:
+        one.destroy()
 
 
 def inner(X: Array, Y: Array, comm: Any) -> Array:

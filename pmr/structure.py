@@ -16,13 +16,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.assembly import Operators, assemble_model, share
+from pmr.assembly import Operators, assemble_model, projected, share
 from pmr.dolfinx_compat import MPI, PETSc
 from pmr.errors import InputError
 from pmr.models import StructuralModel
 from pmr.operators import FullModel, columns
 from pmr.pads import Pads, hold
-from pmr.parallel import sparse
+from pmr.parallel import freed, sparse
 from pmr.scene import Damping
 from pmr.scene.structures import PointMass
 from pmr.sliding import Rows
@@ -106,19 +106,20 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     size = coupling.T.shape[1]
     holding = hold(structure.pads, model, coupling.T)
     springs = holding.stiffness(size)
+    loads = [coupling.load(load, base.M) for load in structure.loads]
     operators = Operators(
         _reduced(base.M, coupling.T, _padded(attached, springs)),
         _reduced(base.K, coupling.T, _padded(springs, attached)),
     )
     measured = [
-        coupling.row(output) if isinstance(output, Action) else holding.force(output.pad, size).toarray().ravel()
+        coupling.row(output) if isinstance(output, Action) else holding.force(output.pad, size)
         for output in structure.outputs
     ]
     return FullModel(
         operators.M,
         operators.damping(structure.damping),
         operators.K,
-        inputs=columns(operators.M, [_sparse_column(coupling.load(load, base.M)) for load in structure.loads]),
+        inputs=columns(operators.M, [_sparse_column(load) for load in loads]),
         outputs=columns(operators.M, [_sparse_column(row) for row in measured]),
         rows=Rows(holding.rows, size),
         input_names=tuple(load.name for load in structure.loads),
@@ -155,8 +156,8 @@ class Coupling:
             total += G.T @ sp.diags(inertia) @ G
         return total.tocsr()
 
-    def row(self, action: Action) -> Array:
-        """Entries (n',) of the row that an action is or measures.
+    def row(self, action: Action) -> sp.csr_matrix:
+        """Row (1, n') that an action is or measures.
 
         Raises
         ------
@@ -168,10 +169,10 @@ class Coupling:
             raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
         measure = self.model.displacement if action.direction in ("x", "y", "z") else self.model.motion
         row = measure(action.on)[self.model.directions.index(action.direction)]
-        return np.asarray((row @ self.T).toarray()).ravel()
+        return sp.csr_matrix(row @ self.T)
 
-    def load(self, load: Action | Weight, M: PETSc.Mat) -> Array:
-        """Entries (n',) of a load's column; collective."""
+    def load(self, load: Action | Weight, M: PETSc.Mat) -> sp.csr_matrix:
+        """A load's column as a row (1, n'); collective."""
         if isinstance(load, Action):
             return self.row(load)
         along = dict(zip("xyz", load.direction, strict=True))
@@ -180,10 +181,11 @@ class Coupling:
         first, last = M.getOwnershipRange()
         x.getArray()[:] = (self.model.rigid_motions() @ acceleration)[first:last]
         M.mult(x, f)
+        freed(x)
         column = self.T.T @ np.concatenate(M.comm.tompi4py().allgather(f.getArray()))
         for G, inertia in zip(self.motions, self.inertias, strict=True):
             column += G.T @ (inertia * acceleration)
-        return np.asarray(column)
+        return sp.csr_matrix(column)
 
 
 def couple(structure: Structure) -> Coupling:
@@ -229,16 +231,19 @@ def _inertia(mass: PointMass, directions: Sequence[str]) -> Array:
 
 
 def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
-    """T^T A T + added, distributed in consecutive shares; entries of `added` keep their place even if zero."""
+    """T^T A T + added, distributed in consecutive shares; entries of `added` keep their place even if zero.
+
+    A is freed.
+    """
     first, last = A.getOwnershipRange()
     low, high = share(T.shape[1], A.comm.tompi4py())
-    result = A.PtAP(sparse(T[first:last], A, columns=int(high - low)))
+    P = sparse(T[first:last], A, columns=int(high - low))
+    result = projected(A, P)
+    freed(P)
     if added.nnz:
-        result.axpy(
-            1.0,
-            sparse(added[low:high], result, columns=int(high - low)),
-            structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN,
-        )
+        more = sparse(added[low:high], result, columns=int(high - low))
+        result.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        freed(more)
     return result
 
 
@@ -259,6 +264,6 @@ def _padded(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
     return sp.csr_matrix((entries, places), shape=A.shape)
 
 
-def _sparse_column(column: Array) -> tuple[Indices, Array]:
-    dofs = np.flatnonzero(column)
-    return dofs, column[dofs]
+def _sparse_column(row: sp.csr_matrix) -> tuple[Indices, Array]:
+    kept = row.data != 0.0
+    return row.indices[kept].astype(np.int64), row.data[kept]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pmr.dolfinx_compat import PETSc
 from pmr.errors import InputError
 from pmr.operators import FullModel, local_csr
-from pmr.parallel import sparse, tall
+from pmr.parallel import freed, sparse, tall
 
 Array = NDArray[np.float64]
 
@@ -27,15 +27,15 @@ class Factor:
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
-        self._like = A.duplicate(copy=True)
-        self._like.setOption(PETSc.Mat.Option.SPD, True)
-        self._pc = PETSc.PC().create(comm=A.comm)
-        self._pc.setOperators(self._like)
-        self._pc.setType("cholesky")
-        self._pc.setFactorSolverType("mumps")
-        self._pc.setFactorSetUpSolverType()
-        self._pc.setUp()
-        self._factor = self._pc.getFactorMatrix()
+        A.setOption(PETSc.Mat.Option.SPD, True)
+        pc = PETSc.PC().create(comm=A.comm)
+        pc.setOperators(A)
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        pc.setUp()
+        self._factor = pc.getFactorMatrix()
+        pc.destroy()  # and with it its hold on A: the factor alone solves
         if self._factor.getMumpsInfog(1) < 0:
             raise InputError("body", name, None, "a positive definite matrix is allowed")
 
@@ -47,18 +47,16 @@ class Factor:
         """Answers, this rank's rows (n_local, k), to a few right-hand sides given likewise."""
         result = np.empty_like(columns)
         for k in range(0, columns.shape[1], BLOCK):
-            right = tall(columns[:, k : k + BLOCK], self._like)
+            right = tall(columns[:, k : k + BLOCK], self._factor)
             answer = right.duplicate()
             self._factor.matSolve(right, answer)
             result[:, k : k + BLOCK] = answer.getDenseArray()
-            right.destroy()
-            answer.destroy()
+            freed(right, answer)
         return result
 
     def destroy(self) -> None:
         """Give the factor's memory back."""
-        self._pc.destroy()
-        self._like.destroy()
+        self._factor.destroy()
 
 
 def effective_matrix(model: FullModel, v_gain: float, q_gain: float) -> PETSc.Mat:

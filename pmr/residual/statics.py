@@ -10,9 +10,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from pmr.dolfinx_compat import PETSc
-from pmr.errors import ConvergenceError
+from pmr.errors import ConvergenceError, InputError
+from pmr.fullorder.effective import Factor
 from pmr.operators import FullModel, gather
-from pmr.parallel import tall
+from pmr.parallel import freed, times
 from pmr.sliding import Row, Rows
 from pmr.snapshots.eigensolvers import is_dense
 from pmr.snapshots.elimination import Elimination, eliminate
@@ -27,6 +28,10 @@ class StaticSolver(Protocol):
 
     def solve(self, g: Array) -> Array:
         """This rank's rows (n_local, k) of the answers to loads given likewise; collective."""
+        ...
+
+    def destroy(self) -> None:
+        """Give the factor's memory back; collective."""
         ...
 
 
@@ -66,32 +71,25 @@ class _Dense:
             x = self._T @ scipy.linalg.cho_solve(self._factor, self._T.T @ np.concatenate(shares))
         return np.ascontiguousarray(self._comm.bcast(x)[self._share])
 
+    def destroy(self) -> None:
+        self.__dict__.pop("_factor", None)
+
 
 class _Mumps:
     def __init__(self, model: FullModel, elimination: Elimination) -> None:
         self._T = elimination.petsc(model.K)
         K = model.K.PtAP(self._T)
-        K.setOption(PETSc.Mat.Option.SPD, True)
-        self._ksp = PETSc.KSP().create(comm=K.comm)
-        self._ksp.setOperators(K)
-        self._ksp.setType("preonly")
-        pc = self._ksp.getPC()
-        pc.setType("cholesky")
-        pc.setFactorSolverType("mumps")
         try:
-            self._ksp.setUp()
-        except PETSc.Error as error:
+            self._factor = Factor(K, "stiffness")
+        except InputError as error:
             raise ConvergenceError(_SINGULAR.format(error)) from None
-        self._factor = pc.getFactorMatrix()
+        finally:
+            freed(K)
         self._transposed = self._T.transpose(PETSc.Mat())
 
     def solve(self, g: Array) -> Array:
-        load = tall(g, self._T)
-        right = self._transposed.matMult(load)
-        z = right.duplicate()
-        self._factor.matSolve(right, z)
-        answer = self._T.matMult(z)
-        result = np.array(answer.getDenseArray())
-        for matrix in (load, right, z, answer):
-            matrix.destroy()
-        return result
+        return times(self._T, self._factor.solve_columns(times(self._transposed, g)))
+
+    def destroy(self) -> None:
+        self._factor.destroy()
+        freed(self._T, self._transposed)

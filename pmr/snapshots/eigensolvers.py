@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pmr.dolfinx_compat import PETSc
 from pmr.errors import ConvergenceError
 from pmr.operators import FullModel, gather
+from pmr.parallel import freed, times
 from pmr.snapshots.elimination import eliminate
 from pmr.snapshots.modes import Modes, finished, lowest_of, solved
 from pmr.snapshots.one_factor import OneFactorEigenSolver
@@ -121,7 +122,8 @@ class SlepcEigenSolver:
             order = np.argsort(omega2, kind="stable")[:wanted]
             omega2, z = omega2[order], [z[i] for i in order]
         cut = len(omega2) > count and _clustered(omega2[count - 1], omega2[count])
-        phi = np.column_stack([(T * vector).getArray() for vector in z[:count]])
+        phi = times(T, np.column_stack([vector.getArray() for vector in z[:count]]))
+        freed(T, M, K, *z)
         return finished(model, s, omega2[:count], phi, cut)
 
     def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, found: list[PETSc.Vec]) -> tuple[Array, list[PETSc.Vec]]:
@@ -129,6 +131,7 @@ class SlepcEigenSolver:
         pc = eps.getST().getKSP().getPC()
         pc.setType("cholesky")
         pc.setFactorSolverType("mumps")
+        freed(pc)  # a name that outlives the solver would keep the factor
         if found:
             eps.setDeflationSpace(found)
         return solved(eps, count)
@@ -156,8 +159,9 @@ def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
     pc.setType("cholesky")
     pc.setFactorSolverType("mumps")
     pc.setFactorSetUpSolverType()
-    pc.getFactorMatrix().setMumpsIcntl(24, 1)  # null pivots are looked for: MUMPS counts no inertia without
+    factor = pc.getFactorMatrix()
+    factor.setMumpsIcntl(24, 1)  # null pivots are looked for: MUMPS counts no inertia without
     pc.setUp()
-    negative = int(pc.getFactorMatrix().getInertia()[0])
-    pc.destroy()
+    negative = int(factor.getInertia()[0])
+    freed(factor, pc, shifted)
     return negative

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pmr.dolfinx_compat import PETSc
 from pmr.fullorder.effective import Factor
 from pmr.operators import FullModel
-from pmr.parallel import inner
+from pmr.parallel import freed, inner
 from pmr.snapshots.modes import Modes, finished, lowest_of, solved
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class OneFactorEigenSolver:
         F = model.K.copy()
         F.axpy(self._sigma, model.M, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         self._factor = Factor(F, "K + sigma M")
-        F.destroy()
+        freed(F)
 
     def lowest(self, s: float, count: int) -> Modes:
         """As there; collective.
@@ -49,8 +49,10 @@ class OneFactorEigenSolver:
         pc = eps.getST().getKSP().getPC()
         pc.setType("python")
         pc.setPythonContext(_Changed(model, self._factor, s))
+        freed(pc)  # a name that outlives the solver would keep what it holds
         omega2, vectors = solved(eps, count)
         phi = np.column_stack([vector.getArray() for vector in vectors])
+        freed(*vectors)
         return finished(model, s, omega2, phi, cut=False)
 
 
