@@ -39,11 +39,14 @@ class Basis:
         All singular values of the pool, descending.
     product : str
         ``"euclidean"`` or ``"mass"``.
+    rigid : (n_local, c) array, optional
+        This rank's rows of all rigid-body modes, M-orthonormal, where they are known.
     """
 
     V: PETSc.Mat
     sigma: Array
     product: str
+    rigid: Array | None = None
 
     @property
     def size(self) -> int:
@@ -110,7 +113,7 @@ def pod(
 
 def modal_basis(modes: Snapshots) -> Basis:
     """Modes as they are: M-orthonormal, so that their singular values in the mass product are all 1."""
-    return Basis(modes.S, np.ones(modes.S.getSize()[1]), "mass")
+    return Basis(modes.S, np.ones(modes.S.getSize()[1]), "mass", modes.rigid)
 
 
 def with_rigid_modes(
@@ -135,7 +138,7 @@ def with_rigid_modes(
     """
     count = rigid.shape[1]
     if count == 0:
-        return pod(model, snapshots, size, product, solver)
+        return replace(pod(model, snapshots, size, product, solver), rigid=rigid)
     if size <= count:
         allowed = f"the fixed supports leave {count} rigid-body modes free; more than these are allowed"
         raise InputError("scene", "reduction.coordinates", size, allowed)
@@ -145,7 +148,7 @@ def with_rigid_modes(
     V = np.hstack([rigid, np.array(rest.V.getDenseArray())])
     gram = np.eye(count) if product == "mass" else inner(rigid, rigid, model.comm)
     held = np.linalg.svd(np.linalg.cholesky(gram).T @ share, compute_uv=False)
-    return Basis(tall(V, model.M), np.concatenate([held, rest.sigma]), product)
+    return Basis(tall(V, model.M), np.concatenate([held, rest.sigma]), product, rigid)
 
 
 def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:

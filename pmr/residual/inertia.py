@@ -9,31 +9,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.carried import Path, path_of
+from pmr.carried import path_of
 from pmr.dolfinx_compat import PETSc
 from pmr.flexibility import Flexibility
 from pmr.inertia import Inertia
 from pmr.operators import FullModel
 from pmr.parallel import times
-from pmr.residual.operator import ResidualFlexibility
-from pmr.residual.tables import BLOCK, paired, path_loads, stacked
+from pmr.residual.tables import paired, stacked
 from pmr.sliding import Row
 
 Array = NDArray[np.float64]
 
 
-def with_inertia(
-    flexibility: Flexibility, model: FullModel, residual: ResidualFlexibility, rows: Sequence[Row]
-) -> Flexibility:
+def with_inertia(flexibility: Flexibility, model: FullModel, answers: list[Array], rows: Sequence[Row]) -> Flexibility:
     """The tables with those of the residual part's inertia and damping, on the same breaks; collective.
 
-    Two static solves for each coordinate that the rows touch and each input, mass and damping in between.  They mean
-    something for a basis of eigenmodes only: any other one couples with the residual part by inertia.
+    `answers` are those that `pmr.residual.tables.tables` got for the same rows: no more solves.  They mean something
+    for a basis of eigenmodes only: any other one couples with the residual part by inertia.
     """
     breaks = flexibility.rows.x
-    rows = [row.refined(breaks) for row in rows]
-    path = path_of(rows, model.size)
-    of_mass, of_damping = _responses(model, residual, path)
+    path = path_of([row.refined(breaks) for row in rows], model.size)
+    of_mass = _squared(model.M, answers)
+    damped = model.D.norm(PETSc.NormType.FROBENIUS) > 0.0
+    of_damping = _squared(model.D, answers) if damped else np.zeros_like(of_mass)
     C, p = stacked(path.rows, path.size), path.size
     C1 = C.derivative()
     C2 = C1.derivative()
@@ -55,19 +53,16 @@ def with_inertia(
     return replace(flexibility, inertia=inertia)
 
 
-def _responses(model: FullModel, residual: ResidualFlexibility, path: Path) -> tuple[Array, Array]:
-    """R M R and R D R between the path's loads and the inputs, (p + i, p + i) each, the same on every rank."""
-    loads = path_loads(model, path)
-    damped = model.D.norm(PETSc.NormType.FROBENIUS) > 0.0
-    of_mass, of_damping = [], []
-    for k in range(0, loads.shape[1], BLOCK):
-        x = residual.apply(loads[:, k : k + BLOCK].toarray())
-        of_mass.append(loads.T @ residual.apply(times(model.M, x)))
-        if damped:
-            of_damping.append(loads.T @ residual.apply(times(model.D, x)))
-    mass = np.asarray(model.comm.allreduce(np.hstack(of_mass)))
-    damping = np.asarray(model.comm.allreduce(np.hstack(of_damping))) if damped else np.zeros_like(mass)
-    return (mass + mass.T) / 2.0, (damping + damping.T) / 2.0
+def _squared(A: PETSc.Mat, answers: list[Array]) -> Array:
+    """X^T A X of the columns X in all blocks, the same on every rank: R A R on the path's loads and the inputs."""
+    ends = np.cumsum([0, *(x.shape[1] for x in answers)])
+    result = np.zeros((ends[-1], ends[-1]))
+    for j, y in enumerate(answers):
+        Ay = times(A, y)
+        for i, x in enumerate(answers[: j + 1]):
+            result[ends[i] : ends[i + 1], ends[j] : ends[j + 1]] = x.T @ Ay
+    upper = np.triu(np.asarray(A.comm.tompi4py().allreduce(result)))
+    return np.asarray(upper + np.triu(upper, 1).T)
 
 
 def _symmetric(c: Array) -> Array:

@@ -59,7 +59,7 @@ def flexible_model(model: FullModel, basis: Basis, provenance: dict[str, Any], s
     that coupling is neglected, at a price while it lacks low modes: the paper's basis, evolved case, is off by 87 % of
     the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
-    flexible = _flexible(model, basis, provenance, solver)[0]
+    flexible = _flexible(model, basis, provenance, solver)
     free_dropped(model.comm)
     return flexible
 
@@ -74,18 +74,19 @@ def modal_model(
     InputError, ValueError
         As `flexible_model`, and if the basis holds anything but eigenmodes.
     """
-    flexible, residual = _flexible(model, basis, provenance, solver)
+    answers: list[Array] = []
+    flexible = _flexible(model, basis, provenance, solver, answers)
     assert flexible.flexibility is not None
     if not is_modal(flexible):
         raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
-    inertial = replace(flexible, flexibility=with_inertia(flexible.flexibility, model, residual, _released(model)))
+    inertial = replace(flexible, flexibility=with_inertia(flexible.flexibility, model, answers, _released(model)))
     free_dropped(model.comm)
     return inertial if coordinates == basis.size else truncated(inertial, coordinates)
 
 
 def _flexible(
-    model: FullModel, basis: Basis, provenance: dict[str, Any], solver: str
-) -> tuple[ReducedModel, ResidualFlexibility]:
+    model: FullModel, basis: Basis, provenance: dict[str, Any], solver: str, answers: list[Array] | None = None
+) -> ReducedModel:
     whole = galerkin(model, basis, provenance)
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
     violated = set(fixed) - set(satisfied_rows(whole.rows, SATISFIED))
@@ -93,11 +94,12 @@ def _flexible(
         raise ValueError(f"the basis violates {', '.join(model.rows.names[i] for i in sorted(violated))}")
     V = np.array(basis.V.getDenseArray())
     reduced = _without_round_off(without_rows(whole, fixed), rigid_bodies(model, V))
-    residual = ResidualFlexibility(model, V, solver)
-    flexibility = tables(model, residual, _released(model), reduced.rows.x)
+    residual = ResidualFlexibility(model, V, solver, basis.rigid)
+    flexibility = tables(model, residual, _released(model), reduced.rows.x, answers)
+    residual.destroy()
     flexible = _with_floor(replace(reduced, flexibility=flexibility))
     _check_independence(flexible)
-    return flexible, residual
+    return flexible
 
 
 def _released(model: FullModel) -> list[Row]:

@@ -34,15 +34,16 @@ Array = NDArray[np.float64]
 class ResidualFlexibility:
     """R of a model on its fixed rows for the basis V, given by this rank's rows (n_local, r); collective.
 
-    V holds those rigid-body modes that loads or rows excite.
+    V holds those rigid-body modes that loads or rows excite; `rigid` (n_local, c) are all of them, M-orthonormal, where
+    they are known: otherwise they are computed.
     """
 
-    def __init__(self, model: FullModel, V: Array, solver: str = "auto") -> None:
+    def __init__(self, model: FullModel, V: Array, solver: str = "auto", rigid: Array | None = None) -> None:
         self._comm = model.comm
-        rigid = rigid_bodies(model, V)
-        Z = rigid_modes(model, solver, expected=int(rigid.sum()))
+        bodies = rigid_bodies(model, V)
+        Z = rigid_modes(model, solver, expected=int(bodies.sum())) if rigid is None else rigid
         MZ = times(model.M, Z)
-        W = V[:, ~rigid]
+        W = V[:, ~bodies]
         W = W - Z @ inner(MZ, W, self._comm)
         W = _orthonormal(W, times(model.K, W), self._comm)
         self._basis, self._dual = np.hstack([Z, W]), np.hstack([MZ, times(model.K, W)])
@@ -50,9 +51,13 @@ class ResidualFlexibility:
 
     def apply(self, g: Array) -> Array:
         """R g, this rank's rows (n_local, k) in m, of loads given likewise in N."""
-        g = g - self._dual @ inner(self._basis, g, self._comm)
-        x = self._solver.solve(g)
-        return np.asarray(x - self._basis @ inner(self._dual, x, self._comm))
+        x = self._solver.solve(g - self._dual @ inner(self._basis, g, self._comm))
+        x -= self._basis @ inner(self._dual, x, self._comm)
+        return x
+
+    def destroy(self) -> None:
+        """Give the factor's memory back; collective."""
+        self._solver.destroy()
 
 
 def _orthonormal(X: Array, AX: Array, comm: object) -> Array:

@@ -18,20 +18,33 @@ from pmr.sliding import Row
 
 Array = NDArray[np.float64]
 
-#: Loads answered at a time; bounds memory at this many vectors of full length.
-BLOCK = 64
+#: Loads answered at a time: a few times as many vectors of full length are in memory.  A column costs an eighth of what
+#: it costs alone, and twice as many at a time would not make it cheaper (70,000 coordinates of a shell).
+BLOCK = 32
 
 
-def tables(model: FullModel, residual: ResidualFlexibility, rows: Sequence[Row], breaks: Array) -> Flexibility:
+def tables(
+    model: FullModel,
+    residual: ResidualFlexibility,
+    rows: Sequence[Row],
+    breaks: Array,
+    answers: list[Array] | None = None,
+) -> Flexibility:
     """Tables of the `rows` between common `breaks` (k + 1,) m, which hold all of the rows' own; collective.
 
-    R is had on the rows' carriers, or the coordinates that they touch, and on the inputs: one static solve each.
+    R is had on the rows' carriers, or the coordinates that they touch, and on the inputs: one static solve each.  Where
+    a list is given, it takes the `answers`: this rank's rows (n_local, up to `BLOCK`) of R times these loads, in order.
     """
     rows = [row.refined(breaks) for row in rows]
     path = path_of(rows, model.size)
     loads = path_loads(model, path)
     seen = sp.hstack([loads, local_csr(model.outputs)], format="csr").T
-    blocks = [seen @ residual.apply(loads[:, k : k + BLOCK].toarray()) for k in range(0, loads.shape[1], BLOCK)]
+    blocks = []
+    for k in range(0, loads.shape[1], BLOCK):
+        x = residual.apply(loads[:, k : k + BLOCK].toarray())
+        blocks.append(seen @ x)
+        if answers is not None:
+            answers.append(x)
     R = np.asarray(model.comm.allreduce(np.hstack(blocks)))
     own, outputs = R[: loads.shape[1]], R[loads.shape[1] :]
     own = (own + own.T) / 2.0

@@ -27,6 +27,9 @@ class Snapshots:
         Normwise backward error ||K phi - omega^2 M phi|| / ((||K|| + omega^2 ||M||) ||phi||), infinity norms.
     source : str
         How the columns were made.
+    rigid : (n_local, c) array, optional
+        This rank's rows of all rigid-body modes that the fixed supports leave free, M-orthonormal, where the source
+        comes across them.
     """
 
     S: PETSc.Mat
@@ -34,3 +37,4 @@ class Snapshots:
     s: Array
     residuals: Array
     source: str
+    rigid: Array | None = None

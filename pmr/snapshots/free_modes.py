@@ -10,20 +10,21 @@ structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.operators import FullModel, local_csr
-from pmr.parallel import sparse, tall, times
+from pmr.parallel import freed, sparse, tall, times
 from pmr.sliding import Row, Rows, contributions
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigensolvers import eigensolver
 from pmr.snapshots.modes import Modes
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 #: A vector whose strain energy exceeds its round-off no more than this many times is a rigid-body mode.  Measured:
 #: these stay below 0.2 times, the softest mode of a cantilever exceeds it 2e8 times on 50 elements and 200 times on
@@ -63,26 +64,36 @@ def free_modes(model: FullModel, count: int, solver: str = "auto", companions: i
     ConvergenceError
         If too few modes converge.
     """
-    modes = _excited(model, count + companions + 1, solver)  # one more tells whether all rigid-body modes are there
-    found = len(modes.omega)
+    lowest = _lowest(model, count + companions + 1, solver)  # one more tells whether all rigid-body modes are there
+    modes, found = lowest.modes, len(lowest.excited)
     if found <= count:
         allowed = f"loads and sliders excite {found} modes of this mesh; fewer than these are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
-    rigid, taken = rigid_bodies(model, modes.phi), min(count + companions, found - 1)
-    if rigid[: count + 1].all():
+    taken = lowest.excited[: min(count + companions, found - 1)]
+    if lowest.rigid[lowest.excited[: count + 1]].all():
         allowed = f"the fixed supports leave at least {count + 1} rigid-body modes free; at least as many are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
     return Snapshots(
-        S=tall(np.ascontiguousarray(modes.phi[:, :taken]), model.M),
-        omega=np.where(rigid, 0.0, modes.omega)[:taken],
-        s=np.full(taken, np.nan),
-        residuals=modes.residuals[:taken],
+        S=tall(np.ascontiguousarray(modes.phi[:, taken]), model.M),
+        omega=np.where(lowest.rigid, 0.0, modes.omega)[taken],
+        s=np.full(len(taken), np.nan),
+        residuals=modes.residuals[taken],
         source="eigenmodes on the fixed supports, sliders released",
+        rigid=np.ascontiguousarray(modes.phi[:, lowest.rigid]),
     )
 
 
-def _excited(model: FullModel, count: int, solver: str) -> Modes:
-    """The `count` lowest modes that are excited; fewer if there are no more."""
+@dataclass(frozen=True)
+class _Lowest:
+    """The lowest modes, the numbers of those that are excited, and which ones (k,) are rigid-body modes."""
+
+    modes: Modes
+    excited: Indices
+    rigid: NDArray[np.bool_]
+
+
+def _lowest(model: FullModel, count: int, solver: str) -> _Lowest:
+    """With `count` that are excited, fewer if there are no more."""
     held = _with_rows(model, fixed_rows(model))
     free, solve, asked = model.size - len(held.rows.rows), eigensolver(held, solver), count
     while True:
@@ -90,7 +101,7 @@ def _excited(model: FullModel, count: int, solver: str) -> Modes:
         modes = solve.lowest(_somewhere(held), asked)
         chosen = np.flatnonzero(excited(model, modes.phi))[:count]
         if len(chosen) == count or asked == free:
-            return Modes(modes.omega[chosen], np.ascontiguousarray(modes.phi[:, chosen]), modes.residuals[chosen])
+            return _Lowest(modes, chosen, rigid_bodies(model, modes.phi))
         asked = 2 * asked
 
 
@@ -131,6 +142,7 @@ def rigid_bodies(model: FullModel, local: Array) -> NDArray[np.bool_]:
     energy, scale = model.comm.allreduce(
         np.array([np.sum(local * times(model.K, local), axis=0), np.sum(abs(local) * times(size, abs(local)), axis=0)])
     )
+    freed(size)
     return np.asarray(energy <= RIGID * np.finfo(float).eps * scale)
 
 

@@ -72,6 +72,17 @@ def test_all_rigid_body_motions_are_found(load_scene, supports: str | None, coun
         assert np.abs(np.diff(whole[:, :2], 2, axis=0)).max() < 1e-7 * np.abs(whole).max()
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("solver", ["dense", "slepc"])
+def test_all_rigid_bodies_come_along(load_scene, solver: str) -> None:
+    full = model(load_scene, "mesh.elements=30", "supports=[{at=0.0,kind='roller'}]")
+    free = replace(full, rows=Rows(full.rows.rows[-1:], full.size))
+    found, Z = free_modes(free, 6, solver), rigid_modes(free, solver)
+    assert found.rigid.shape == Z.shape and Z.shape[1] == 3
+    share = inner(times(free.M, Z), found.rigid, free.comm)
+    assert np.abs(share.T @ share - np.eye(3)).max() < 1e-9
+
+
 @pytest.mark.parametrize("change", ["body.bending_stiffness=1e-3", "body.bending_stiffness=1e12", "mesh.elements=400"])
 def test_rigid_and_soft_are_told_apart_at_any_scale(load_scene, change: str) -> None:
     full = model(load_scene, change, "body.axial=false", "reduction.solver=dense")
