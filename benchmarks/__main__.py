@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks import approaches, compiling, growth, latency, limit, offline, peer, report, requirements
+from benchmarks import approaches, compiling, growth, latency, limit, offline, peer, report, requirements, scale
 from pmr import environment
 from pmr.dolfinx_compat import versions as fenicsx_versions
 
@@ -42,6 +42,7 @@ def sections(long: bool) -> Mapping[str, Callable[[], Any]]:
             },
         },
         "offline": lambda: offline.measure(long, 3 if long else 1),
+        "scale": lambda: scale.measure(scale.MANY_SIZES if long else scale.SIZES),
     }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmarks.scale import own_memory
 from pmr.report.figures.canvas import MUTED, WIDE, key, log_axis, octave_axis, sheet
 from pmr.study_report.axes import SERIES, dots, log_x
 
@@ -70,6 +71,30 @@ def offline(found: Mapping[str, Any]) -> Figure:
     log_axis(ax, float(seconds.min()), float(seconds.max()))
     ax.set_xlabel("Coordinates of the full model (–)")
     ax.set_ylabel("Time (s)")
+    key(figure, handles)
+    return figure
+
+
+def scale(found: Mapping[str, Any]) -> Figure:
+    """Seconds of the stages and memory over the coordinates, one rank and two."""
+    figure, axes = sheet(WIDE, 2.8, columns=2, gridspec_kw={"wspace": 0.22})
+    done, handles = [record for record in found["records"] if record["seconds"]], []
+    seconds = {"assembly": "assembly", "modes": "free modes", "flexibility": "flexibility", "inertia": "its inertia"}
+    for ranks in sorted({record["ranks"] for record in done}):
+        records = [record for record in done if record["ranks"] == ranks]
+        size = [record["size"] for record in records]
+        for number, (stage, name) in enumerate({**seconds, "memory": "memory"}.items()):
+            look = dots(number, 3.2) | ({"markerfacecolor": SERIES[number][0]} if ranks == 1 else {"linestyle": ":"})
+            value = [own_memory(r) / 1024.0 if stage == "memory" else r["seconds"][stage] for r in records]
+            lines = axes[0, int(stage == "memory")].plot(size, value, label=name, **look)
+            handles += lines if ranks == 1 else []
+    sizes = np.array([record["size"] for record in done], float)
+    for ax, label in zip(axes[0], ("Time (s)", "Memory of all ranks (GiB)"), strict=True):
+        values = np.concatenate([line.get_ydata() for line in ax.get_lines()])
+        log_x(ax, sizes.min() / 1.3, sizes.max() * 1.3)
+        log_axis(ax, float(values.min()), float(values.max()))
+        ax.set_xlabel("Coordinates of the full model (–)")
+        ax.set_ylabel(label)
     key(figure, handles)
     return figure
 

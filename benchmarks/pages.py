@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from benchmarks import figures
+from benchmarks.page_of_scale import scale
 from pmr.report.numbers import SPACE, percent, plain, quantity, significant
 from pmr.report.sentences import KeyNumber
 from pmr.study_report.content import Block, Content, Grid, drawing
@@ -335,4 +336,5 @@ PAGES: Mapping[str, tuple[str, Callable[[Any, str], Content]]] = {
     "compiling": ("Compiling", compiling),
     "peer": ("POD and projection beside pyMOR", peer),
     "offline": ("Before the simulation", offline),
+    "scale": ("A shell before the simulation", scale),
 }

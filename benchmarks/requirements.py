@@ -35,6 +35,8 @@ def _all(sections: Mapping[str, Any]) -> Iterator[Requirement]:
     if "limit" in sections:
         factor = max(size["factor"] for size in sections["limit"]["sizes"])
         yield Requirement("compiled loop over the least time that the core allows", factor, 3.0, False, "ratio")
+    if "scale" in sections:
+        yield from _scale(sections["scale"])
 
 
 def _approaches(found: Mapping[str, Any]) -> Iterator[Requirement]:
@@ -64,6 +66,12 @@ def _in_exudyn(found: Mapping[str, Any]) -> Iterator[Requirement]:
     yield Requirement(text, min(found["ratio"]["callbacks"].values()), 15.0, True, "ratio")
     error = found["error"]["callbacks"] / found["error"]["residual flexibility"]
     yield Requirement("its error along the beam over that of residual flexibility", error, 7.0, True, "ratio")
+
+
+def _scale(found: Mapping[str, Any]) -> Iterator[Requirement]:
+    for one in found["agreement"]:
+        worst = max(value for name, value in one.items() if name != "size")
+        yield Requirement(f"shell of {one['size']} coordinates: one rank and two agree", worst, 1e-8, False, "")
 
 
 def _latency(found: Mapping[str, Any]) -> Iterator[Requirement]:

@@ -1,0 +1,149 @@
+"""What the page says of `benchmarks.scale`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from benchmarks import figures
+from benchmarks.scale import own_memory
+from pmr.report.numbers import SPACE, plain, quantity, significant
+from pmr.report.sentences import KeyNumber
+from pmr.study_report.content import Block, Content, Grid, drawing
+
+STAGES = {
+    "mesh": "mesh",
+    "assembly": "assembly",
+    "modes": "free modes",
+    "projection": "projection",
+    "flexibility": "flexibility",
+    "inertia": "its inertia",
+    "total": "total",
+}
+COMPARED = {
+    "frequencies": "frequencies",
+    "modes": "modes",
+    "rows": "G",
+    "inputs": "H",
+    "outputs": "X",
+    "row inertia": "inertia of rows",
+    "input inertia": "and inputs",
+    "row damping": "damping",
+}
+
+
+def scale(found: Mapping[str, Any], prefix: str) -> Content:
+    """The reference boom as a shell, finer and finer."""
+    done = [record for record in found["records"] if record["seconds"]]
+    if not done:
+        return Content(headline="No size was finished.", paragraphs=_unfinished(found["records"]))
+    largest = max(done, key=lambda record: (record["size"], -record["ranks"]))
+    caption = (
+        "Seconds of each stage, and memory above that of a process which has loaded the libraries only, against the "
+        "full model's coordinates; filled: one rank, open: two."
+    )
+    return Content(
+        headline=f"{_memory(sum(largest['peak_MB']))} and {_took(largest['seconds']['total'])} from the mesh to the "
+        f"reduced model for {plain(largest['size'])} coordinates.",
+        key_numbers=[
+            KeyNumber(_took(largest["seconds"]["total"]), f"{plain(largest['size'])} coordinates, {_on(largest)}"),
+            KeyNumber(_memory(sum(largest["peak_MB"])), "peak memory of all its ranks"),
+            KeyNumber(_each(largest), "for each coordinate"),
+        ],
+        paragraphs=[
+            "workflows/boom_shell.toml with finer and finer cells: ten coordinates with residual flexibility, its "
+            "inertia and four companions, twelve pads. Flexibility is one factorisation of the stiffness and a static "
+            "solve for each of the moving pads' 546 carriers and each load, its inertia the products of the answers "
+            "with mass and damping. These answers, 4.4 kB a coordinate, the matrices and the factor are what fills "
+            "the memory; nothing is dense with the model's size squared.",
+            "Seconds are wall time of the slowest rank. Processor time is that of all ranks together: less than the "
+            "wall time where others use the cores too, and more where ranks wait for one another, which counts as "
+            "busy. Load: processes that wanted to run, others' included, before and after each run.",
+            *_unfinished(found["records"]),
+        ],
+        blocks=[
+            Block(
+                "Time and memory",
+                rows=((drawing(f"{prefix}-stages", figures.scale, caption, found),),),
+                grids=(_seconds(done), _peaks(done), _exponents(found["exponents"])),
+            ),
+            *([Block("One rank and two", grids=(_agreement(found["agreement"]),))] if found["agreement"] else []),
+        ],
+    )
+
+
+def _seconds(done: Sequence[Mapping[str, Any]]) -> Grid:
+    rows = tuple(
+        (
+            f"{plain(record['size'])} {_on(record)}",
+            *(_took(record["seconds"][stage]) for stage in STAGES),
+            _took(record["processor"]),
+            " to ".join(significant(load, 2) for load in record["load"]),
+        )
+        for record in done
+    )
+    return Grid("Wall time of each stage.", ("coordinates", *STAGES.values(), "processor", "load"), rows)
+
+
+def _peaks(done: Sequence[Mapping[str, Any]]) -> Grid:
+    rows = tuple(
+        (
+            f"{plain(record['size'])} {_on(record)}",
+            *(_memory(record["peak_MB_after"][stage]) for stage in STAGES if stage != "total"),
+            _memory(max(record["peak_MB"])),
+            _memory(sum(record["peak_MB"])),
+            _each(record),
+        )
+        for record in done
+    )
+    heads = ("coordinates", *(name for stage, name in STAGES.items() if stage != "total"), "a rank", "all", "each")
+    caption = (
+        "Peak memory: of all ranks up to the end of each stage; of the largest rank; of all; and for each coordinate, "
+        "without what the libraries take."
+    )
+    return Grid(caption, heads, rows)
+
+
+def _exponents(found: Mapping[str, Mapping[str, float]]) -> Grid:
+    heads = {**STAGES, "processor": "processor", "memory": "memory"}
+    rows = tuple(
+        (f"{ranks} rank{'s' if ranks != '1' else ''}", *(significant(fitted[name], 2) for name in heads))
+        for ranks, fitted in found.items()
+        if fitted
+    )
+    return Grid("Exponents over the coordinates, fitted to all sizes.", ("on", *heads.values()), rows)
+
+
+def _agreement(found: Sequence[Mapping[str, Any]]) -> Grid:
+    rows = tuple((plain(one["size"]), *(significant(one[name], 2) for name in COMPARED)) for one in found)
+    caption = (
+        "Largest relative difference between the models of one rank and of two: frequencies; modes; tables of the "
+        "rows' flexibility G, of rows and inputs H, of outputs and rows X, of inertia and damping, over the largest "
+        "value of the same row, input or output. Round-off in the stiffness grows with the number of elements along "
+        "the boom, and a table of what few modes leave out is what remains after these are taken away."
+    )
+    return Grid(caption, ("coordinates", *COMPARED.values()), rows)
+
+
+def _unfinished(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    return [
+        f"Cells of {plain(1e3 * record['cells'])}{SPACE}mm {_on(record)}: {'; '.join(record['notes'])}."
+        for record in records
+        if record["notes"]
+    ]
+
+
+def _on(record: Mapping[str, Any]) -> str:
+    return f"on {record['ranks']}"
+
+
+def _took(seconds: float) -> str:
+    return quantity(seconds, "s") if seconds < 600.0 else f"{significant(seconds / 60.0)}{SPACE}min"
+
+
+def _memory(megabytes: float) -> str:
+    return f"{significant(megabytes / 1024.0)}{SPACE}GiB"
+
+
+def _each(record: dict[str, Any]) -> str:
+    return f"{significant(own_memory(record) * 1.024**2 * 1e3 / record['size'], 2)}{SPACE}kB"

@@ -1,0 +1,115 @@
+"""A module run in a process of its own, on one rank or several, watched while it runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO, Any
+
+#: Seconds between two looks at a run's memory.
+LOOK = 0.5
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+_MPI = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "OMPI_MCA_mpi_yield_when_idle": "1",
+    "OMPI_MCA_hwloc_base_binding_policy": "none",
+    "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
+}
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a run may take: wall seconds, and bytes of memory over all its ranks (by default as much as it wants)."""
+
+    seconds: float
+    memory: float = float("inf")
+
+
+def record_of(module: str, arguments: Sequence[str], ranks: int, bounds: Bounds) -> dict[str, Any]:
+    """The last JSON line that ``python -m module arguments`` prints; where there is none, ``{"notes": [why]}``."""
+    command = [sys.executable, "-m", module, *arguments]
+    if ranks > 1:
+        command = [_launcher(), "-n", str(ranks), *command]
+    environment = os.environ | _MPI | {"OMP_NUM_THREADS": "1"}
+    folder = Path(__file__).resolve().parents[1]
+    with TemporaryFile("w+") as out, TemporaryFile("w+") as complaints:
+        run = subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=out, stderr=complaints, start_new_session=True
+        )
+        try:
+            stopped = _watched(run, bounds)
+        finally:
+            _end(run)
+        lines = [line for line in _lines(out) if line.startswith("{")]
+        if stopped is None and lines:
+            return json.loads(lines[-1])  # type: ignore[no-any-return]
+        why = stopped or "failed: " + (_lines(complaints) or [f"it ended with {run.returncode}"])[-1]
+    return {"notes": [why]}
+
+
+def _launcher() -> str:
+    # The launcher that belongs to this Python's MPI stands beside it, where pip brought MPI along.
+    beside = Path(sys.executable).parent / "mpiexec"
+    return str(beside) if beside.is_file() else shutil.which("mpirun") or "mpirun"
+
+
+def _watched(run: subprocess.Popen[bytes], bounds: Bounds) -> str | None:
+    """Wait for the end; why it was stopped, if it was."""
+    begin = time.perf_counter()
+    while True:
+        try:
+            run.wait(LOOK)
+            return None
+        except subprocess.TimeoutExpired:
+            memory = sum(_resident(process) for process in _session(run.pid))
+        if time.perf_counter() - begin > bounds.seconds:
+            return f"stopped after {bounds.seconds:g} s"
+        if memory > bounds.memory:
+            return f"stopped at {memory / 2**30:.1f} GiB of memory"
+
+
+def _end(run: subprocess.Popen[bytes]) -> None:
+    """Nothing of the run outlives it: launchers put their ranks into process groups of their own."""
+    if run.poll() is None:
+        for process in _session(run.pid):
+            try:
+                os.kill(process, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+    run.wait()
+
+
+def _session(leader: int) -> list[int]:
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            fields = (folder / "stat").read_text().rpartition(")")[2].split()
+        except OSError:  # gone meanwhile
+            continue
+        if int(fields[3]) == leader:
+            found.append(int(folder.name))
+    return found
+
+
+def _resident(process: int) -> int:
+    """Bytes of a process in memory."""
+    try:
+        return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * _PAGE
+    except OSError:
+        return 0
+
+
+def _lines(file: IO[str]) -> list[str]:
+    file.seek(0)
+    return [line.strip() for line in file.read().splitlines() if line.strip()]

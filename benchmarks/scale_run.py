@@ -1,0 +1,146 @@
+"""One run of `benchmarks.scale`: the reference boom's reduced model from its mesh on; prints a JSON line.
+
+Works under mpirun; seconds are those of the slowest rank, memory is counted on each.  Stages are timed where a run of
+pmr goes through them, so that what is measured is what a run does.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import resource
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+import pmr.build
+import pmr.residual.model
+import pmr.run
+from pmr import scene
+from pmr.assembly import assemble_model
+from pmr.boom import structure_of
+from pmr.dolfinx_compat import MPI
+from pmr.flexibility import Flexibility
+from pmr.run import Reduction
+from pmr.sliding import evaluate
+
+Array = NDArray[np.float64]
+
+SCENE = Path(__file__).parents[1] / "workflows" / "boom_shell.toml"
+#: Where the stages are called from.
+STAGES = {
+    "mesh": ((pmr.build, "structure_of"),),
+    "assembly": ((pmr.build, "structural_model"),),
+    "modes": ((pmr.run, "take_snapshots"),),
+    "projection": ((pmr.residual.model, "galerkin"),),
+    "flexibility": ((pmr.residual.model, "ResidualFlexibility"), (pmr.residual.model, "tables")),
+    "inertia": ((pmr.residual.model, "with_inertia"),),
+}
+#: Values of tables compared: five between two breaks.
+PLACES = 5
+
+
+def main(cells: float, file: Path | None = None) -> None:
+    """Reduce the boom meshed with `cells` (m) around the section; leave what is compared in a `file`."""
+    comm = MPI.COMM_WORLD
+    coarse = boom(1.0)
+    structure = structure_of(coarse, comm)
+    assemble_model(structure.model, structure.model.domain(comm))  # forms compiled
+    timer, loaded = Timer(comm), _peak()
+    for stage, places in STAGES.items():
+        for module, name in places:
+            setattr(module, name, timer.of(stage, getattr(module, name)))
+    begin, before = time.perf_counter(), time.process_time()
+    reduction = pmr.run.reduce(boom(cells), comm)
+    seconds = timer.seconds | {"total": comm.allreduce(time.perf_counter() - begin, MPI.MAX)}
+    record = {
+        "cells": cells,
+        "size": reduction.model.size,
+        "entries": int(reduction.model.K.getInfo()["nz_used"]),
+        "ranks": comm.size,
+        "seconds": seconds,
+        "processor": comm.allreduce(time.process_time() - before, MPI.SUM),
+        "peak_MB": comm.allgather(_peak()),
+        "peak_MB_after": timer.peaks,
+        "loaded_MB": comm.allgather(loaded),
+        "notes": [],
+    }
+    if file is not None:
+        leave(reduction, file)
+    if comm.rank == 0:
+        print(json.dumps(record), flush=True)
+
+
+def boom(cells: float) -> scene.SceneBase:
+    """The reference boom as a shell of triangles, at ten coordinates."""
+    return scene.load(SCENE, [f"mesh.size={cells}", f"mesh.along={2.0 * cells}"])
+
+
+class Timer:
+    """Wall seconds of stages on the slowest rank, and all ranks' peak memory in MB at their ends."""
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        self._comm, self.seconds, self.peaks = comm, dict[str, float](), dict[str, float]()
+
+    def of(self, stage: str, called: Callable[..., Any]) -> Callable[..., Any]:
+        """What is called, timed; collective.  Stages called several times add up."""
+
+        @functools.wraps(called, updated=())
+        def timed(*arguments: Any, **named: Any) -> Any:
+            self._comm.Barrier()
+            begin = time.perf_counter()
+            result = called(*arguments, **named)
+            taken = self._comm.allreduce(time.perf_counter() - begin, MPI.MAX)
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + taken
+            self.peaks[stage] = self._comm.allreduce(_peak(), MPI.SUM)
+            return result
+
+        return timed
+
+
+def leave(reduction: Reduction, file: Path) -> None:
+    """Modes, frequencies and values of the tables in a file, by rank 0; collective."""
+    model, flexibility = reduction.model, reduction.reduced.flexibility
+    shares = model.comm.gather(np.array(reduction.basis.V.getDenseArray()), root=0)
+    if shares is None:
+        return
+    assert flexibility is not None
+    np.savez(file, modes=np.concatenate(shares), omega=reduction.snapshots.omega, **values(flexibility))
+
+
+def values(flexibility: Flexibility) -> dict[str, Array]:
+    """Values (places, c) of all tables; the columns are what has a unit and a size in common."""
+    inertia = flexibility.inertia
+    assert inertia is not None
+    breaks = flexibility.rows.x
+    share = (np.arange(PLACES) + 0.5) / PLACES
+    s = (breaks[:-1, None] + np.diff(breaks)[:, None] * share).ravel()
+
+    def along(table: PPoly, kept: int | None = None) -> Array:
+        """Table (m, c) at all places; one column for each of the axis `kept`, or one for all."""
+        found = evaluate(table, s)
+        return found.reshape(-1, 1) if kept is None else np.moveaxis(found, kept, -1).reshape(-1, found.shape[kept])
+
+    return {
+        "table rows": along(flexibility.rows),
+        "table inputs": along(flexibility.inputs, 2),
+        "table outputs": along(flexibility.outputs, 1),
+        "table row inertia": along(inertia.A0),
+        "table input inertia": along(inertia.E0, 2),
+        "table row damping": along(inertia.D0),
+    }
+
+
+def _peak() -> float:
+    """Peak memory of this rank, MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+if __name__ == "__main__":
+    main(float(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None)

@@ -1,0 +1,148 @@
+"""Runs in processes of their own and what stops them; models compared; the section's page."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import page_of_scale, requirements, scale
+from benchmarks.ranks import Bounds, record_of
+
+MB = 2.0**20
+
+
+@pytest.fixture
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Makes a module of the given lines that processes find; returns its name."""
+
+    def make(*lines: str) -> str:
+        (tmp_path / "made_up.py").write_text("\n".join(lines) + "\n")
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        return "made_up"
+
+    return make
+
+
+def test_a_run_leaves_its_last_line(module) -> None:
+    name = module("import sys, json", "print('words')", "print(json.dumps({'told': sys.argv[1:]}))")
+    assert record_of(name, ["a", "b"], 1, Bounds(60.0)) == {"told": ["a", "b"]}
+
+
+def test_a_run_that_fails_says_why(module) -> None:
+    found = record_of(module("raise ValueError('too coarse')"), [], 1, Bounds(60.0))
+    assert found == {"notes": ["failed: ValueError: too coarse"]}
+
+
+def test_a_run_is_stopped_with_its_children(module, tmp_path: Path) -> None:
+    name = module(
+        "import subprocess, sys, time, pathlib",
+        "child = subprocess.Popen([sys.executable, '-c', 'import os, time; os.setpgid(0, 0); time.sleep(60)'])",
+        f"pathlib.Path({str(tmp_path / 'child')!r}).write_text(str(child.pid))",
+        "time.sleep(60)",
+    )
+    found = record_of(name, [], 1, Bounds(0.6))
+    assert found == {"notes": ["stopped after 0.6 s"]}
+    child = Path("/proc", (tmp_path / "child").read_text(), "stat")
+    for _ in range(100):
+        if gone(child):
+            break
+        time.sleep(0.05)
+    assert gone(child)
+
+
+def gone(process: Path) -> bool:
+    """Whether it has ended, waited for or not."""
+    try:
+        return process.read_text().rpartition(")")[2].split()[0] in "ZX"
+    except OSError:
+        return True
+
+
+def test_a_run_is_stopped_when_it_is_too_large(module) -> None:
+    name = module("import time", "held = bytearray(b'1') * 200_000_000", "time.sleep(60)")
+    (why,) = record_of(name, [], 1, Bounds(60.0, 150 * MB))["notes"]
+    assert why.startswith("stopped at 0.") and why.endswith("GiB of memory")
+
+
+def stored(file: Path, modes: np.ndarray, omega: list[float], table: np.ndarray) -> Path:
+    np.savez(file, modes=modes, omega=np.array(omega), **{"table rows": table})
+    return file
+
+
+def test_models_are_compared_whatever_their_rigid_modes(tmp_path: Path) -> None:
+    random = np.random.default_rng(3)
+    V, omega, table = (
+        np.linalg.qr(random.normal(size=(40, 5)))[0],
+        [0.0, 0.0, 1.0, 2.0, 3.0],
+        random.normal(size=(9, 2)),
+    )
+    table[:, 1] *= 1e-6
+    one = stored(tmp_path / "1.npz", V, omega, table)
+    turned = V.copy()
+    turned[:, :2] = V[:, :2] @ np.linalg.qr(random.normal(size=(2, 2)))[0]
+    found = scale.difference(one, stored(tmp_path / "2.npz", turned, omega, table))
+    assert max(found.values()) < 1e-14
+    changed = table.copy()
+    changed[4, 1] += 1e-3 * np.abs(table[:, 1]).max()
+    turned[:, 3] *= 1.0 + 1e-4
+    found = scale.difference(one, stored(tmp_path / "2.npz", turned, [0.0, 0.0, 1.0, 2.0, 3.0 * (1 + 1e-5)], changed))
+    assert found == pytest.approx({"frequencies": 1e-5, "modes": 1e-4, "rows": 1e-3}, rel=1e-6)
+    turned[:, 0] = V[:, 4]
+    assert scale.difference(one, stored(tmp_path / "2.npz", turned, omega, table))["modes"] > 0.1
+
+
+def record(size: int, ranks: int) -> dict:
+    seconds = {stage: 1e-6 * size**1.5 for stage in (*scale.STAGES, "total")}
+    return {
+        "cells": 0.1,
+        "size": size,
+        "ranks": ranks,
+        "seconds": seconds,
+        "processor": 1e-5 * size,
+        "peak_MB": [200.0 + 1e-2 * size / ranks] * ranks,
+        "peak_MB_after": dict.fromkeys(scale.STAGES, 300.0),
+        "loaded_MB": [200.0] * ranks,
+        "load": (1.0, 2.0),
+        "notes": [],
+    }
+
+
+def test_exponents_and_a_page_with_a_size_that_was_too_large() -> None:
+    records = [record(size, ranks) for size in (1000, 10_000, 40_000) for ranks in (1, 2)]
+    records.append({"cells": 0.01, "ranks": 1, "seconds": {}, "notes": ["stopped at 20.1 GiB of memory"]})
+    fitted = scale.exponents(records, 2)
+    assert fitted == pytest.approx(dict.fromkeys((*scale.STAGES, "total"), 1.5) | {"processor": 1.0, "memory": 1.0})
+    apart = dict.fromkeys(page_of_scale.COMPARED, 1e-12) | {"inputs": 3e-8}
+    found = {
+        "records": records,
+        "exponents": {str(ranks): scale.exponents(records, ranks) for ranks in (1, 2)},
+        "agreement": [{"size": 1000} | apart],
+    }
+    content = page_of_scale.scale(json.loads(json.dumps(found)), "x")
+    assert "0.586" in content.headline and "40\u202f000" in content.headline
+    assert any("10\u00a0mm on 1: stopped at 20.1 GiB" in text for text in content.paragraphs)
+    assert [len(grid.rows) for block in content.blocks for grid in block.grids] == [6, 6, 2, 1]
+    assert [one["holds"] for one in requirements.judged({"scale": found})] == [False]
+    nothing = page_of_scale.scale({"records": records[-1:]}, "x")
+    assert nothing.paragraphs and not nothing.blocks
+
+
+@pytest.mark.slow
+def test_what_is_measured_is_a_run(tmp_path: Path) -> None:
+    files = [tmp_path / "1.npz", tmp_path / "2.npz"]
+    records = [
+        record_of("benchmarks.scale_run", ["0.1", str(file)], ranks, Bounds(500.0))
+        for ranks, file in zip((1, 2), files, strict=True)
+    ]
+    for found, ranks in zip(records, (1, 2), strict=True):
+        assert found["size"] == 17_766 and found["ranks"] == ranks == len(found["peak_MB"])
+        seconds = found["seconds"]
+        assert set(seconds) == {*scale.STAGES, "total"}
+        assert 0.8 * seconds["total"] < sum(seconds[stage] for stage in scale.STAGES) < seconds["total"]
+        assert list(found["peak_MB_after"].values()) == sorted(found["peak_MB_after"].values())
+        assert scale.own_memory(found) < 400.0 * ranks
+    assert max(scale.difference(*files).values()) < 1e-8
