@@ -9,7 +9,8 @@ import pytest
 
 from pmr import scene
 from pmr.run import run
-from pmr.studies import files, pools, shared
+from pmr.studies import files, pools
+from pmr.studies import shared as common
 from pmr.studies.call import compute
 from pmr.studies.results import StudyResults
 from pmr.studies.task import Plan
@@ -138,5 +139,5 @@ def test_what_too_few_coordinates_lack_is_left_empty(results: StudyResults) -> N
 def test_modes_of_a_boom_know_its_path() -> None:
     """Where its pads have rows: without it there is no model."""
     boom = scene.load(SCENE.with_name("boom_beam.toml"))
-    (task,) = shared.modes_tasks(boom).values()
-    assert shared.scene_of(task.arguments).path_bounds == boom.path_bounds == (1.5, 4.0)
+    (task,) = common.modes_tasks(boom).values()
+    assert common.scene_of(task.arguments).path_bounds == boom.path_bounds == (1.5, 4.0)
