@@ -10,6 +10,24 @@ from pathlib import Path
 import numpy as np
 
 
+@dataclass(frozen=True)
+class Mean:
+    """A spring on a weighted mean of displacements: shares (N,) of all nodes, degree of freedom 1 to 3, N/m.
+
+    An infinite stiffness holds the mean at zero.
+    """
+
+    shares: np.ndarray
+    direction: int
+    stiffness: float
+
+    @property
+    def terms(self) -> list[str]:
+        """Of an equation, the largest first; ccx reads 20 characters of a number and no exponent behind them."""
+        nodes = sorted(np.flatnonzero(self.shares), key=lambda n: -abs(self.shares[n]))
+        return [f"{n + 1}, {self.direction}, {self.shares[n]:.12e}" for n in nodes]
+
+
 @dataclass
 class Deck:
     """A shell model as a ccx input file.
@@ -26,6 +44,7 @@ class Deck:
     density: float = 7850.0
     sets: Mapping[str, np.ndarray] = field(default_factory=dict)
     held: Sequence[tuple[str, int, int]] = ()
+    means: Sequence[Mean] = ()
 
     def _lines(self) -> list[str]:
         lines = ["*NODE, NSET=NALL"]
@@ -36,7 +55,24 @@ class Deck:
             lines += [f"*NSET, NSET={name}", *(f"{n + 1}," for n in nodes)]
         lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{self.young:.12e}, {self.poisson}", "*DENSITY", f"{self.density}"]
         lines += ["*SHELL SECTION, MATERIAL=M, ELSET=EALL", f"{self.thickness:.12e}", "*BOUNDARY"]
-        return [*lines, *(f"{name}, {first}, {last}" for name, first, last in self.held)]
+        lines += [f"{name}, {first}, {last}" for name, first, last in self.held]
+        for number, mean in enumerate(self.means, start=1):
+            lines += self._mean(number, mean)
+        return lines
+
+    def _mean(self, number: int, mean: Mean) -> list[str]:
+        """Rigid: an equation.  Otherwise a node without mass, which moves as the mean does, on a spring."""
+        terms = mean.terms
+        if np.isinf(mean.stiffness):
+            return ["*EQUATION", f"{len(terms)}", *terms]
+        node, element = len(self.points) + number, len(self.quads) + number
+        return [
+            *("*NODE", f"{node}, 0.0, 0.0, {number}.0"),
+            *(f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING{number}", f"{element}, {node}"),
+            *(f"*SPRING, ELSET=SPRING{number}", "1", f"{mean.stiffness:.12e}"),
+            *("*BOUNDARY", f"{node}, 2, 3"),
+            *("*EQUATION", f"{len(terms) + 1}", f"{node}, 1, -1.0", *terms),
+        ]
 
     def frequencies(self, count: int, folder: Path) -> np.ndarray:
         """The lowest frequencies in Hz."""
