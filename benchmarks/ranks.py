@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -15,8 +16,8 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any
 
-#: Seconds between two looks at a run's memory.
-LOOK = 0.5
+#: Seconds between two looks at a run's memory, and bytes that are left to all others on the machine.
+LOOK, LEFT = 0.5, 2**30
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 _MPI = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -54,8 +55,15 @@ def record_of(module: str, arguments: Sequence[str], ranks: int, bounds: Bounds)
         lines = [line for line in _lines(out) if line.startswith("{")]
         if stopped is None and lines:
             return json.loads(lines[-1])  # type: ignore[no-any-return]
-        why = stopped or "failed: " + (_lines(complaints) or [f"it ended with {run.returncode}"])[-1]
+        why = stopped or f"failed: {_reason(_lines(complaints)) or f'it ended with {run.returncode}'}"
     return {"notes": [why]}
+
+
+def _reason(complaints: list[str]) -> str:
+    """What was complained of: the last error, or the last line in words; launchers frame what they say with dashes."""
+    in_words = [line for line in complaints if any(letter.isalpha() for letter in line)]
+    errors = [line for line in in_words if re.match(r"[\w.]*(Error|Exception)\b", line)]
+    return (errors or in_words or [""])[-1]
 
 
 def _launcher() -> str:
@@ -77,6 +85,8 @@ def _watched(run: subprocess.Popen[bytes], bounds: Bounds) -> str | None:
             return f"stopped after {bounds.seconds:g} s"
         if memory > bounds.memory:
             return f"stopped at {memory / 2**30:.1f} GiB of memory"
+        if bounds.memory < float("inf") and _available() < LEFT:
+            return f"stopped at {memory / 2**30:.1f} GiB of memory: others on the machine needed the rest"
 
 
 def _end(run: subprocess.Popen[bytes]) -> None:
@@ -100,6 +110,12 @@ def _session(leader: int) -> list[int]:
         if int(fields[3]) == leader:
             found.append(int(folder.name))
     return found
+
+
+def _available() -> int:
+    """Bytes of the machine's memory that new work may take."""
+    (line,) = [line for line in Path("/proc/meminfo").read_text().splitlines() if line.startswith("MemAvailable")]
+    return 1024 * int(line.split()[1])
 
 
 def _resident(process: int) -> int:

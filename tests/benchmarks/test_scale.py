@@ -35,6 +35,9 @@ def test_a_run_leaves_its_last_line(module) -> None:
 def test_a_run_that_fails_says_why(module) -> None:
     found = record_of(module("raise ValueError('too coarse')"), [], 1, Bounds(60.0))
     assert found == {"notes": ["failed: ValueError: too coarse"]}
+    name = module("import sys", "sys.exit('Error: one\\nfrom the launcher\\n-----')")
+    assert record_of(name, [], 1, Bounds(60.0)) == {"notes": ["failed: Error: one"]}
+    assert record_of(module("raise SystemExit(3)"), [], 1, Bounds(60.0)) == {"notes": ["failed: it ended with 3"]}
 
 
 def test_a_run_is_stopped_with_its_children(module, tmp_path: Path) -> None:
