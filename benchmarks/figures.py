@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.scale import own_memory
 from pmr.report.figures.canvas import MUTED, WIDE, key, log_axis, octave_axis, sheet
+from pmr.report.numbers import power_of_ten
 from pmr.study_report.axes import SERIES, dots, log_x
 
 
@@ -92,6 +93,8 @@ def scale(found: Mapping[str, Any]) -> Figure:
     for ax, label in zip(axes[0], ("Time (s)", "Memory of all ranks (GiB)"), strict=True):
         values = np.concatenate([line.get_ydata() for line in ax.get_lines()])
         log_x(ax, sizes.min() / 1.3, sizes.max() * 1.3)
+        powers = [power for power in range(3, 8) if sizes.min() / 1.3 <= 10.0**power <= sizes.max() * 1.3]
+        ax.set_xticks([10.0**power for power in powers], [power_of_ten(power) for power in powers])
         log_axis(ax, float(values.min()), float(values.max()))
         ax.set_xlabel("Coordinates of the full model (–)")
         ax.set_ylabel(label)

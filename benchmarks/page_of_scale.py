@@ -46,7 +46,7 @@ def scale(found: Mapping[str, Any], prefix: str) -> Content:
         headline=f"{_memory(sum(largest['peak_MB']))} and {_took(largest['seconds']['total'])} from the mesh to the "
         f"reduced model for {plain(largest['size'])} coordinates.",
         key_numbers=[
-            KeyNumber(_took(largest["seconds"]["total"]), f"{plain(largest['size'])} coordinates, {_on(largest)}"),
+            KeyNumber(_took(largest["seconds"]["total"]), f"{plain(largest['size'])} coordinates, {_ranks(largest)}"),
             KeyNumber(_memory(sum(largest["peak_MB"])), "peak memory of all its ranks"),
             KeyNumber(_each(largest), "for each coordinate"),
         ],
@@ -119,15 +119,15 @@ def _agreement(found: Sequence[Mapping[str, Any]]) -> Grid:
     caption = (
         "Largest relative difference between the models of one rank and of two: frequencies; modes; tables of the "
         "rows' flexibility G, of rows and inputs H, of outputs and rows X, of inertia and damping, over the largest "
-        "value of the same row, input or output. Round-off in the stiffness grows with the number of elements along "
-        "the boom, and a table of what few modes leave out is what remains after these are taken away."
+        "value of the same row, input or output. H and X, between the pads and places far from them, are what little "
+        "remains after the modes are taken away."
     )
     return Grid(caption, ("coordinates", *COMPARED.values()), rows)
 
 
 def _unfinished(records: Sequence[Mapping[str, Any]]) -> list[str]:
     return [
-        f"Cells of {plain(1e3 * record['cells'])}{SPACE}mm {_on(record)}: {'; '.join(record['notes'])}."
+        f"Cells of {plain(1e3 * record['cells'])}{SPACE}mm, {_ranks(record)}: {'; '.join(record['notes'])}."
         for record in records
         if record["notes"]
     ]
@@ -135,6 +135,10 @@ def _unfinished(records: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def _on(record: Mapping[str, Any]) -> str:
     return f"on {record['ranks']}"
+
+
+def _ranks(record: Mapping[str, Any]) -> str:
+    return "one rank" if record["ranks"] == 1 else f"{record['ranks']} ranks"
 
 
 def _took(seconds: float) -> str:

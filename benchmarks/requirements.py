@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from pmr.report.numbers import plain
+
 
 @dataclass(frozen=True)
 class Requirement:
@@ -71,7 +73,7 @@ def _in_exudyn(found: Mapping[str, Any]) -> Iterator[Requirement]:
 def _scale(found: Mapping[str, Any]) -> Iterator[Requirement]:
     for one in found["agreement"]:
         worst = max(value for name, value in one.items() if name != "size")
-        yield Requirement(f"shell of {one['size']} coordinates: one rank and two agree", worst, 1e-8, False, "")
+        yield Requirement(f"shell of {plain(one['size'])} coordinates: one rank and two agree", worst, 1e-8, False, "")
 
 
 def _latency(found: Mapping[str, Any]) -> Iterator[Requirement]:

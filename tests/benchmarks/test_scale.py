@@ -127,7 +127,7 @@ def test_exponents_and_a_page_with_a_size_that_was_too_large() -> None:
     }
     content = page_of_scale.scale(json.loads(json.dumps(found)), "x")
     assert "0.586" in content.headline and "40\u202f000" in content.headline
-    assert any("10\u00a0mm on 1: stopped at 20.1 GiB" in text for text in content.paragraphs)
+    assert any("10\u00a0mm, one rank: stopped at 20.1 GiB" in text for text in content.paragraphs)
     assert [len(grid.rows) for block in content.blocks for grid in block.grids] == [6, 6, 2, 1]
     assert [one["holds"] for one in requirements.judged({"scale": found})] == [False]
     nothing = page_of_scale.scale({"records": records[-1:]}, "x")
