@@ -9,10 +9,13 @@ from booms import Boom, boom
 from boxes import box
 
 from pmr import fullorder
+from pmr import scene as scenes
 from pmr.basis import modal_basis
+from pmr.build import build
 from pmr.compare import nrms
 from pmr.dolfinx_compat import MPI
 from pmr.errors import InputError
+from pmr.mesh.box import BoxBoom, write_shell
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.operators import FullModel
@@ -180,3 +183,49 @@ def test_side_pads_touch_within_their_clearance_only() -> None:
     assert forces[:2000].max() == 0.0 and np.abs(ys[:2000]).max() < 1e-9  # before the gust
     assert np.count_nonzero(forces.max(axis=0) > 100.0) >= 2 and found.multipliers.min() > -1e-6
     assert 1e-3 < np.abs(ys).max() < 0.1
+
+
+OWN = """
+title = "A mesh of one's own"
+[body]
+model = "shell"
+thickness = 0.008
+[mesh]
+file = "boom.msh"
+[[pads]]
+name = "tail"
+at = 0.15
+faces = { bottom = [-0.1, 0.1], left = [0.0] }
+[[pads]]
+name = "mouth"
+moving = true
+faces = { bottom = [-0.1, 0.1], left = [0.0] }
+[[holds]]
+name = "cylinder"
+[slider]
+path = { kind = "smooth_ramp", times = [0.1, 0.9], values = [1.5, 2.0] }
+[[loads]]
+name = "F"
+signal = 1000.0
+[time]
+end = 1.0
+step = 1e-2
+[observe]
+start = 0.5
+end = 3.5
+count = 4
+"""
+
+
+def test_a_mesh_of_ones_own_is_read(tmp_path: Path) -> None:
+    if MPI.COMM_WORLD.size > 1:
+        pytest.skip("every rank has a folder of its own here")
+    write_shell(BoxBoom(length=4.0, size=0.2), tmp_path / "boom.msh")
+    (tmp_path / "own.toml").write_text(OWN)
+    model = build(scenes.load(tmp_path / "own.toml")).model
+    assert model.output_names[-4:] == ("tip z", *(f"force of tail {pad}" for pad in PADS))
+    with pytest.raises(InputError, match=r"boom.msh: no group named nose; found: bottom, left, right, tail, tip, top"):
+        build(scenes.load(tmp_path / "own.toml", ["observe.tip=nose"]))
+
+
+PADS = ("bottom right", "bottom left", "left")
