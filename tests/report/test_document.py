@@ -89,10 +89,12 @@ def test_pdf_has_a_few_pages_for_each_case(pdf_objects: bytes) -> None:
     assert 2 * 3 <= pages <= 2 * 5
 
 
+@pytest.mark.slow
 def test_pdf_is_set_in_the_embedded_font(pdf_objects: bytes) -> None:
     assert re.search(rb"/BaseFont\s*/[A-Z]{6}\+pmr-figures", pdf_objects)
 
 
+@pytest.mark.slow
 def test_nothing_in_the_page_is_unknown_to_the_pdf_writer(written) -> None:
     assert written.warnings == []
 
