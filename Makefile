@@ -26,17 +26,34 @@ export OMPI_MCA_hwloc_base_binding_policy := none
 export OMPI_MCA_btl_vader_single_copy_mechanism := none
 export HYDRA_LAUNCHER := fork
 export MPIEXEC_TIMEOUT := 1200
+# A rank that waits lets others compute: there may be more of them than cores.
+export OMPI_MCA_mpi_yield_when_idle := 1
 
-# $(call pytest,VENV,OPTIONS): the suite, with the venv's own commands (mpirun too) first on PATH.
-pytest = @PATH="$(CURDIR)/$1/bin:/usr/bin:$$PATH" python -m pytest $2 </dev/null
+# OpenBLAS chooses its kernel by the processor, and with it the round-off; so that every machine tests the same, it is
+# named, whatever the environment presets.  The suite runs under KERNEL, its numerical part under all that this
+# processor can run (none where there is no OpenBLAS for x86).
+KERNELS := $(shell grep -qw avx2 /proc/cpuinfo && echo Haswell; grep -qw sse4_2 /proc/cpuinfo && echo Nehalem; \
+    grep -qw avx512vl /proc/cpuinfo && echo SkylakeX)
+KERNEL := $(firstword $(KERNELS))
+OTHERS := $(filter-out $(KERNEL),$(KERNELS))
 
-# $(call ranks,VENV,MPIRUN): the marked tests on two ranks. Rank 1 speaks only when something failed;
+# $(call pytest,VENV,KERNEL,OPTIONS): the suite, with the venv's own commands (mpirun too) first on PATH.
+pytest = @$(if $2,OPENBLAS_CORETYPE=$2 )PATH="$(CURDIR)/$1/bin:/usr/bin:$$PATH" python -m pytest $3 </dev/null
+
+# $(call ranks,VENV,KERNEL,MPIRUN,MARKS): the marked tests on two ranks. Rank 1 speaks only when something failed;
 # through mpi4py a failing rank ends the other one, which would wait for it.
 define ranks
-@log=$$(mktemp -d); PATH="$(CURDIR)/$1/bin:/usr/bin:$$PATH"; \
-$2 -n 2 /bin/sh -c 'r=$${OMPI_COMM_WORLD_RANK:-$$PMI_RANK}; [ "$$r" = 0 ] || exec >"$$0/$$r" 2>&1; exec "$$@"' \
-    "$$log" python -m mpi4py -m pytest -q -x --color=no -m mpi -p no:cacheprovider </dev/null; status=$$?; \
+@log=$$(mktemp -d); PATH="$(CURDIR)/$1/bin:/usr/bin:$$PATH"; $(if $2,export OPENBLAS_CORETYPE=$2;) \
+$3 -n 2 /bin/sh -c 'r=$${OMPI_COMM_WORLD_RANK:-$$PMI_RANK}; [ "$$r" = 0 ] || exec >"$$0/$$r" 2>&1; exec "$$@"' \
+    "$$log" python -m mpi4py -m pytest -q -x --color=no -m "$4" -p no:cacheprovider </dev/null; status=$$?; \
 [ $$status = 0 ] || { echo '--- rank 1:'; cat "$$log"/*; }; rm -rf "$$log"; exit $$status
+endef
+
+# $(call kernel,VENV,KERNEL,MPIRUN): the numerical part under one kernel, on one rank and on two.
+define kernel
+@echo "numerical part, $1, BLAS kernel $2"
+$(call pytest,$1,$2,-q -m numerical)
+$(call ranks,$1,$2,$3,numerical and mpi)
 endef
 
 .PHONY: help
@@ -79,14 +96,25 @@ bench-full: setup .venv/.bench ## the same with the paper's way over its whole t
 	@.venv/bin/python -m benchmarks --long
 
 .PHONY: test
-test: lint test-suite test-mpi ## lint, the whole suite, two ranks; in CI the wheel stack too
-	@if [ "$$CI" != true ]; then echo "wheel stack not tested: make test-wheel does it"; \
-	elif [ -z "$(PYTHON312)" ]; then echo "wheel stack not tested: no Python 3.12 or newer found"; \
-	else $(MAKE) --no-print-directory test-wheel; fi
+test: lint ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too, beside it
+	@if [ "$$CI" != true ]; then $(MAKE) --no-print-directory test-debian && echo "wheel stack not tested: make test-wheel does it"; \
+	elif [ -z "$(PYTHON312)" ]; then $(MAKE) --no-print-directory test-debian && echo "wheel stack not tested: no Python 3.12 or newer found"; \
+	else log=$$(mktemp); $(MAKE) --no-print-directory test-wheel >"$$log" 2>&1 </dev/null & \
+	    $(MAKE) --no-print-directory test-debian; status=$$?; \
+	    wait $$! || status=1; echo "--- wheel stack:"; cat "$$log"; rm -f "$$log"; exit $$status; fi
+
+.PHONY: test-debian
+test-debian: test-suite test-mpi test-kernels
 
 .PHONY: test-suite
 test-suite: setup .venv-snakemake/.ready
-	$(call pytest,.venv)
+	$(call pytest,.venv,$(KERNEL))
+
+.PHONY: test-kernels
+test-kernels: $(OTHERS:%=test-kernel-%) ## the numerical part under the other BLAS kernels, on one and two ranks
+
+test-kernel-%: setup
+	$(call kernel,.venv,$*,/usr/bin/mpirun)
 
 # Only the tests of workflows/Snakefile want it.
 .venv-snakemake/.ready: requirements/snakemake.txt
@@ -97,15 +125,15 @@ test-suite: setup .venv-snakemake/.ready
 
 .PHONY: test-fast
 test-fast: setup ## the suite without the slow tests
-	$(call pytest,.venv,-m "not slow")
+	$(call pytest,.venv,$(KERNEL),-m "not slow")
 
 .PHONY: test-peers
 test-peers: setup ## compare with CalculiX (apt-get install calculix-ccx)
-	$(call pytest,.venv,-m peers)
+	$(call pytest,.venv,$(KERNEL),-m peers)
 
 .PHONY: test-mpi
 test-mpi: setup ## the tests marked mpi, on two ranks
-	$(call ranks,.venv,/usr/bin/mpirun)
+	$(call ranks,.venv,$(KERNEL),/usr/bin/mpirun,mpi)
 
 .PHONY: lint
 lint: setup ## ruff, mypy and the layers
@@ -128,9 +156,15 @@ PYTHON312 = $(shell for p in python3.12 python3.13 python3.14 python3 \
 	@touch $@
 
 .PHONY: test-wheel
-test-wheel: .venv-wheel/.ready ## the suite and the two ranks on the wheel stack (Python 3.12 or newer)
-	$(call pytest,.venv-wheel)
-	$(call ranks,.venv-wheel,mpirun)
+test-wheel: test-wheel-suite $(OTHERS:%=test-wheel-kernel-%) ## all of it on the wheel stack (Python 3.12 or newer)
+
+.PHONY: test-wheel-suite
+test-wheel-suite: .venv-wheel/.ready
+	$(call pytest,.venv-wheel,$(KERNEL))
+	$(call ranks,.venv-wheel,$(KERNEL),mpirun,mpi)
+
+test-wheel-kernel-%: .venv-wheel/.ready
+	$(call kernel,.venv-wheel,$*,mpirun)
 
 .PHONY: clean
 clean: ## remove what make and the tests made, the venvs too

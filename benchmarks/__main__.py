@@ -17,7 +17,7 @@ from typing import Any
 
 from benchmarks import approaches, compiling, growth, latency, limit, offline, peer, report, requirements, scale
 from pmr import environment
-from pmr.dolfinx_compat import versions as fenicsx_versions
+from pmr.fem.compat import versions as fenicsx_versions
 
 PEER_ELEMENTS = (50, 1000)
 STEPS = 1_000_000

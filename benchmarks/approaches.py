@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
-from pmr.body import SlidingBody, Trajectory, displacement
-from pmr.compare import nrms
-from pmr.simulate import Simulator, exudyn, march
+from pmr.compare.errors import nrms
+from pmr.simulate import Simulator
+from pmr.simulate.exudyn import simulator as exudyn
 from pmr.simulate.modal import ModalForm, modal_form
+from pmr.simulate.native import simulator as march
 from pmr.simulate.stepping import loads_at
+from pmr.system.body import SlidingBody, Trajectory, displacement
 
 Array = NDArray[np.float64]
 
@@ -24,6 +26,10 @@ Array = NDArray[np.float64]
 SHARE = 0.02
 #: The compiled simulator takes milliseconds: so many runs count as one, the middle one of them.
 MARCHES = 10
+
+#: The paper's way, with a new Jacobian in each iteration, and with one that is kept while Newton's method converges.
+CALLBACKS = partial(exudyn.simulate, formulation="callbacks")
+MODIFIED = partial(exudyn.simulate, formulation="callbacks-modified-newton")
 
 
 def measure(name: str, repeats: int, share: float = SHARE) -> dict[str, Any]:
@@ -54,8 +60,8 @@ def in_exudyn(repeats: int) -> dict[str, Any]:
     """
     drive, paper, flexible = beams.drive("evolved"), beams.reduced("evolved"), beams.flexible(6)
     simulators: dict[str, tuple[Simulator, SlidingBody]] = {
-        "callbacks": (exudyn.simulate_with_callbacks, paper),
-        "callbacks, Jacobian kept": (exudyn.simulate_with_callbacks_and_modified_newton, paper),
+        "callbacks": (CALLBACKS, paper),
+        "callbacks, Jacobian kept": (MODIFIED, paper),
         "residual flexibility": (exudyn.simulate, flexible),
     }
     full = beams.full("evolved")
@@ -105,11 +111,10 @@ def _size(name: str, body: SlidingBody, as_in_paper: SlidingBody, share: float, 
     by("march, parts", march.simulate, body, parts)()  # compiled before the clock runs
     by("march", march.simulate, body, [drive])()
     everything = list(range(len(body.output_positions)))
-    callbacks, modified = exudyn.simulate_with_callbacks, exudyn.simulate_with_callbacks_and_modified_newton
     times = side_by_side(
         {
-            "callbacks": by("callbacks", callbacks, as_in_paper, parts),
-            "callbacks, Jacobian kept": by("callbacks, Jacobian kept", modified, as_in_paper, parts),
+            "callbacks": by("callbacks", CALLBACKS, as_in_paper, parts),
+            "callbacks, Jacobian kept": by("callbacks, Jacobian kept", MODIFIED, as_in_paper, parts),
             "updates": by("updates", exudyn.simulate, body, [drive]),
             "march": _middle(modal),
             "march, outputs only": _middle(partial(_observe, form, drive, everything)),

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from pmr import scene as scenes
-from pmr.body import FullBody
-from pmr.operators import full_model
-from pmr.reduced import ReducedModel
+from pmr.fullmodel.model import full_model
+from pmr.reduced.model import ReducedModel
 from pmr.run import reduce
 from pmr.scene import Scene
-from pmr.signals import SignalBase, Sine
+from pmr.scene.signals import SignalBase, Sine
 from pmr.simulate import TimeStepping
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.studies.kinds.speed import Later
-from pmr.studies.nested import galerkin
+from pmr.system.body import FullBody
+from pmr.system.projection import projected
 
 WORKFLOWS = Path(__file__).resolve().parents[1] / "workflows"
 STRETCHES = 8
@@ -87,7 +87,7 @@ def full(name: str = "evolved", elements: int | None = None, *settings: str) -> 
 def dense(name: str) -> ReducedModel:
     """The full model with dense matrices, as the paper simulates it."""
     body = full(name)
-    return galerkin(body, np.eye(body.size))
+    return projected(body, np.eye(body.size))
 
 
 @cache

@@ -12,8 +12,8 @@ from pathlib import Path
 _SCRIPT = """
 import json, time
 from benchmarks import beams
-from pmr.simulate import march, march_kept
-from pmr.simulate.stepper import Stepper
+from pmr.simulate import march, bound_step
+from pmr.simulate.native.stepper import Stepper
 
 body, drive = beams.reduced("evolved"), beams.drive("evolved").shorter(0.001)
 form = march.modal_form(body)

@@ -8,8 +8,8 @@ import numpy as np
 
 from benchmarks import beams
 from benchmarks.timing import exponent
-from pmr.simulate import march
 from pmr.simulate.modal import ModalForm
+from pmr.simulate.native import simulator as march
 
 MODES = (4, 8, 16, 32, 48, 64, 96, 128, 151)
 ELEMENTS = (10, 20, 50, 100)

@@ -11,8 +11,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks import beams
-from pmr.simulate.march_kernel import step_and_observe
-from pmr.simulate.stepper import Stepper
+from pmr.simulate.native.step import step_and_observe
+from pmr.simulate.native.stepper import Stepper
 from pmr.simulate.stepping import loads_at
 
 Array = NDArray[np.float64]

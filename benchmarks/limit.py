@@ -26,10 +26,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks import beams
-from pmr.simulate import march
-from pmr.simulate.compiled import OPTIONS
-from pmr.simulate.lanes import LANES, load, spread, store, total
-from pmr.simulate.march_system import aligned
+from pmr.simulate.native import simulator as march
+from pmr.simulate.native.compilation import OPTIONS
+from pmr.simulate.native.simd import LANES, load, spread, store, total
+from pmr.simulate.native.system import aligned
 
 Array = NDArray[np.float64]
 

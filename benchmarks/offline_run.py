@@ -17,13 +17,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks import beams
-from pmr.basis import pod
-from pmr.dolfinx_compat import MPI
+from pmr.compare.frequencies import closed_form_frequencies
 from pmr.errors import ConvergenceError, InputError
-from pmr.frequencies import closed_form_frequencies
-from pmr.operators import FullModel, full_model
-from pmr.parallel import tall
-from pmr.projection import reduced_model
+from pmr.fem.compat import MPI
+from pmr.fem.distributed import tall
+from pmr.fullmodel.model import FullModel, full_model
+from pmr.reduce.basis import pod
+from pmr.reduce.galerkin import reduced_model
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
 

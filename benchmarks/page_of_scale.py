@@ -9,7 +9,7 @@ from benchmarks import figures
 from benchmarks.scale import own_memory
 from pmr.report.numbers import SPACE, plain, quantity, significant
 from pmr.report.sentences import KeyNumber
-from pmr.study_report.content import Block, Content, Grid, drawing
+from pmr.report.studies.content import Block, Content, Grid, drawing
 
 STAGES = {
     "mesh": "mesh",
@@ -52,7 +52,7 @@ def scale(found: Mapping[str, Any], prefix: str) -> Content:
         ],
         paragraphs=[
             "workflows/boom_shell.toml with finer and finer cells: ten coordinates with residual flexibility, its "
-            "inertia and four companions, twelve pads. Flexibility is one factorisation of the stiffness and a static "
+            "inertia, 4 enrichment modes, twelve pads. Flexibility is one factorisation of the stiffness and a static "
             "solve for each of the moving pads' 546 carriers and each load, its inertia the products of the answers "
             "with mass and damping. These answers, 4.4 kB a coordinate, the matrices and the factor are what fills "
             "the memory; nothing is dense with the model's size squared.",

@@ -9,7 +9,7 @@ from benchmarks import figures
 from benchmarks.page_of_scale import scale
 from pmr.report.numbers import SPACE, percent, plain, quantity, significant
 from pmr.report.sentences import KeyNumber
-from pmr.study_report.content import Block, Content, Grid, drawing
+from pmr.report.studies.content import Block, Content, Grid, drawing
 
 WAYS = {
     "callbacks": "Exudyn, callbacks (the paper's way)",

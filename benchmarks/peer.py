@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from benchmarks import beams
 from benchmarks.timing import side_by_side
-from pmr.basis import pod
-from pmr.operators import full_model
-from pmr.projection import reduced_model
+from pmr.fullmodel.model import full_model
+from pmr.reduce.basis import pod
+from pmr.reduce.galerkin import reduced_model
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
 
 Array = NDArray[np.float64]

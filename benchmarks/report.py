@@ -13,8 +13,8 @@ from pmr.report.figures.vector import FONT, words
 from pmr.report.fonts import embedded
 from pmr.report.numbers import SPACE, plain, quantity, significant
 from pmr.report.provenance import Table
-from pmr.study_report.content import Grid
-from pmr.study_report.page import Plate, Section
+from pmr.report.studies.content import Grid
+from pmr.report.studies.page import Plate, Section
 
 #: Load of the machine, in processes that want to run, from which on times are called disturbed.
 BUSY = 0.5
@@ -27,7 +27,7 @@ def write(results: Mapping[str, Any], folder: Path) -> Path:
         for name, (title, content) in pages.PAGES.items()
         if name in results["sections"]
     ]
-    packages = [jinja2.PackageLoader("pmr.study_report"), jinja2.PackageLoader("pmr.report")]
+    packages = [jinja2.PackageLoader("pmr.report.studies"), jinja2.PackageLoader("pmr.report")]
     own = jinja2.FileSystemLoader(Path(__file__).with_name("templates"))
     environment = jinja2.Environment(
         loader=jinja2.ChoiceLoader([own, *packages]),

@@ -19,28 +19,28 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-import pmr.build
-import pmr.residual.model
+import pmr.fullmodel.build
+import pmr.reduce.residual.model
 import pmr.run
 from pmr import scene
-from pmr.assembly import assemble_model
-from pmr.boom import structure_of
-from pmr.dolfinx_compat import MPI
-from pmr.flexibility import Flexibility
+from pmr.constraints.polynomials import evaluate
+from pmr.fem.compat import MPI
+from pmr.fullmodel.assembly import assemble_model
+from pmr.fullmodel.from_scene import structure_of
+from pmr.reduced.flexibility import Flexibility
 from pmr.run import Reduction
-from pmr.sliding import evaluate
 
 Array = NDArray[np.float64]
 
 SCENE = Path(__file__).parents[1] / "workflows" / "boom_shell.toml"
 #: Where the stages are called from.
 STAGES = {
-    "mesh": ((pmr.build, "structure_of"),),
-    "assembly": ((pmr.build, "structural_model"),),
+    "mesh": ((pmr.fullmodel.build, "structure_of"),),
+    "assembly": ((pmr.fullmodel.build, "structural_model"),),
     "modes": ((pmr.run, "take_snapshots"),),
-    "projection": ((pmr.residual.model, "galerkin"),),
-    "flexibility": ((pmr.residual.model, "ResidualFlexibility"), (pmr.residual.model, "tables")),
-    "inertia": ((pmr.residual.model, "with_inertia"),),
+    "projection": ((pmr.reduce.residual.model, "galerkin"),),
+    "flexibility": ((pmr.reduce.residual.model, "ResidualFlexibility"), (pmr.reduce.residual.model, "tables")),
+    "inertia": ((pmr.reduce.residual.model, "with_inertia"),),
 }
 #: Values of tables compared: five between two breaks.
 PLACES = 5

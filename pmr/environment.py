@@ -3,16 +3,53 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
 import platform
 import subprocess
 import sys
-from collections.abc import Sequence
-from importlib import metadata
+from collections.abc import Mapping, Sequence
+from importlib import metadata, util
 from pathlib import Path
+from typing import Any
+
+from pmr.errors import InputError
 
 _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "weasyprint")
 _NUMERICAL = ("numpy", "scipy", "numba", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
+
+
+#: Packages that only a part of the work needs: what for, and how to get them.
+_NEEDED = {
+    "gmsh": "it draws the meshes of shells and solids; pip install gmsh installs it (or give mesh.file)",
+    "weasyprint": "it writes report.pdf; pip install weasyprint installs it, its system libraries are Pango's",
+}
+
+
+def needed(name: str) -> Any:
+    """The package `name`, imported where it is needed.
+
+    Raises
+    ------
+    InputError
+        If it, or a library that it loads, is missing: what it is for, and the command that installs it.
+    """
+    try:
+        return importlib.import_module(name)
+    except (ImportError, OSError) as error:
+        raise InputError("installation", name, None, f"not found ({error}); {_NEEDED[name]}") from None
+
+
+def check_installed(name: str) -> None:
+    """The same before long work, without the time that an import takes; a library may still be missing.
+
+    Raises
+    ------
+    InputError
+        If there is no such package.
+    """
+    if util.find_spec(name) is None:
+        raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")
 
 
 def versions() -> dict[str, str]:
@@ -36,16 +73,15 @@ def commit() -> str | None:
     return head.stdout.strip() + (" with changes" if changed.stdout.strip() else "")
 
 
-def code_digest(leave_out: Sequence[str] = ()) -> str:
-    """Digest of what computes: pmr's own source files and the versions of the numerical packages.
+def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
+    """Digest of what computes: source files, by path within pmr, and the versions of the numerical packages.
 
     Files whose path within pmr begins with one of `leave_out` do not count.
     """
-    root, digest = Path(__file__).resolve().parent, hashlib.sha256()
-    for file in sorted(root.rglob("*.py")):
-        name = file.relative_to(root).as_posix()
+    digest = hashlib.sha256()
+    for name, text in sorted(files.items()):
         if not name.startswith(tuple(leave_out)):
-            digest.update(name.encode() + b"\0" + file.read_bytes() + b"\0")
+            digest.update(name.encode() + b"\0" + text.encode() + b"\0")
     numerical = {package: _version(package) for package in _NUMERICAL} | {"python": platform.python_version()}
     digest.update(repr(numerical).encode())
     return digest.hexdigest()[:16]

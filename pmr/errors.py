@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pmr.text import visible
+
 
 class InputError(ValueError):
     """Something that was asked for cannot be done as stated.
@@ -24,6 +26,10 @@ class InputError(ValueError):
         self.source, self.key, self.value, self.allowed = source, key, value, allowed
         super().__init__(self._line())
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, Any, str]]:
+        # An exception is otherwise rebuilt from its line alone; errors travel between ranks and workers.
+        return InputError, (self.source, self.key, self.value, self.allowed)
+
     def found_in(self, source: str) -> InputError:
         """The same, said of the file (or option) in which the user wrote it."""
         return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
@@ -31,7 +37,7 @@ class InputError(ValueError):
     def _line(self) -> str:
         shown = "" if self.value is None else f" = {_short(self.value)}"
         where = f"{self.source}: {self.key}{shown}" if self.key else f"{self.source}{shown}"
-        return " ".join(f"{where}: {self.allowed}".split())
+        return visible(" ".join(f"{where}: {self.allowed}".split()))
 
 
 class SimulationError(RuntimeError):

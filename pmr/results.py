@@ -14,10 +14,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fields import Fields
+from pmr.fields.series import Fields
+from pmr.files import jsonfile
+from pmr.files.npz import read, write
+from pmr.files.swap import finished
 from pmr.scene import Scene, SceneBase, from_data
 
 Array = NDArray[np.float64]
+
+#: Names of all that a run may leave in its folder, the report aside: files that go together.
+RESULT_FILES = (
+    "scene.json", "summary.json", "trajectories.npz", "reduced.npz", "fields.npz", "fields.pvd", "fields/*.vtu",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -46,13 +54,26 @@ class Response:
         Transverse; the last column is the tip.  In space that of all places along y, along z, then of the tip.
     energy : Energy
     slider_force : (T, m) array, N
-        Multipliers of the sliders; in space forces of all pads, those that stay first.
+        Multipliers of the sliders; in space forces of all pads.  Which is which, `force_names` say.
     residual_position : (T,) array, m
         Largest violation of a row, max |C(s) q|; NaN where a simulator has no such rows.
     residual_velocity : (T,) array, m/s
         Largest violation of its time derivative, max |C(s) q' + C'(s) s' q|; NaN likewise.
     seconds : float
         Wall time of the solver alone.
+    output_names, output_units : tuples of str
+        Of the columns of `displacement`, (o,); empty in results of version 0.1 and where nobody named them.
+    force_names : tuple of str
+        Of the columns of `slider_force`, (m,), likewise.
+    round_off : float, m
+        What of a displacement may be round-off alone (`pmr.compare.errors.round_off`); 0 where that isn't known.
+    force_round_off : float, N
+        The same of a force (`pmr.compare.errors.force_round_off`).
+    force_peaks : (T, m) array, N, or None
+        `slider_force`, but of pads that only push the largest within the step that ends at t; None where a step is one.
+    surplus : float
+        Share of the largest energy that neither loads nor moving rows put in; NaN where a simulator can't tell, and in
+        results of version 0.1.
     """
 
     t: Array
@@ -63,6 +84,25 @@ class Response:
     residual_position: Array
     residual_velocity: Array
     seconds: float
+    output_names: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+    force_names: tuple[str, ...] = ()
+    round_off: float = 0.0
+    force_round_off: float = 0.0
+    force_peaks: Array | None = None
+    surplus: float = np.nan
+
+    def force(self, name: str, unnamed: int) -> Array:
+        """A force by its name, (T,) N, NaN if it isn't known; column `unnamed` where the response has no names.
+
+        Of pads that only push the peaks within each step, where these are known.
+        """
+        forces = self.slider_force if self.force_peaks is None else self.force_peaks
+        if not self.force_names:
+            return forces[:, unnamed]
+        if name not in self.force_names:
+            return np.full(len(self.t), np.nan)
+        return forces[:, self.force_names.index(name)]
 
     @property
     def tip(self) -> Array:
@@ -72,16 +112,23 @@ class Response:
     def arrays(self) -> dict[str, Array]:
         """Everything by name, as an npz file holds it."""
         energy = {f"energy.{part}": getattr(self.energy, part) for part in _ENERGIES}
-        return {name: getattr(self, name) for name in _RESPONSE_ARRAYS} | {"seconds": np.array(self.seconds)} | energy
+        names = {name: np.array(getattr(self, name), dtype=np.str_) for name in _NAMES}
+        return (
+            {name: getattr(self, name) for name in _RESPONSE_ARRAYS}
+            | {name: np.array(getattr(self, name)) for name in _SCALARS}
+            | energy
+            | ({} if self.force_peaks is None else {"force_peaks": self.force_peaks})
+            | {name: found for name, found in names.items() if found.size}
+        )
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Array]) -> Response:
         """The response that `arrays` was made from."""
-        return cls(
-            **{name: arrays[name] for name in _RESPONSE_ARRAYS},
-            energy=Energy(*(arrays[f"energy.{part}"] for part in _ENERGIES)),
-            seconds=float(arrays["seconds"]),
-        )
+        named: dict[str, Any] = {name: arrays[name] for name in _RESPONSE_ARRAYS}
+        named |= {name: tuple(map(str, arrays[name])) for name in _NAMES if name in arrays}
+        named |= {name: float(arrays[name]) for name in _SCALARS if name in arrays}
+        named["force_peaks"] = arrays.get("force_peaks")
+        return cls(**named, energy=Energy(*(arrays[f"energy.{part}"] for part in _ENERGIES)))
 
 
 @dataclass(frozen=True)
@@ -113,8 +160,10 @@ class RunResult:
     `responses` is keyed by simulator: ``reduced`` and, as asked, ``full`` and ``ancf``.  `summary` is what
     summary.json holds: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
     ``absolute_errors`` likewise (e_abs, m), ``max_displacement`` and ``max_error`` (m),
-    ``estimate.{beam,tip,kappa,chi,largest}`` (`pmr.estimate`), ``warnings``, ``coordinates``, ``basis``, ``seconds``,
-    ``versions``, ``scene_hash`` and more; ``max_von_mises.{full,reduced}`` (Pa) where stresses are recovered.
+    ``estimate.{beam,tip,kappa,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
+    ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``,
+    ``coordinates``, ``basis``, ``seconds``, ``versions``, ``scene_hash``, ``pads`` (least and largest force of each)
+    and more; ``max_von_mises.{full,reduced}`` (Pa) where stresses are recovered.
 
     `fields` are some of what a scene's recovery asks for, and `peak_stress` the largest von Mises stress in Pa,
     ``reduced`` and, where there is a full model, ``full``, over all of its times.
@@ -140,8 +189,8 @@ class RunResult:
     def save(self, folder: Path) -> None:
         """Write scene.json, summary.json and trajectories.npz into `folder`."""
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1))
-        (folder / "summary.json").write_text(json.dumps(self.summary, indent=1))
+        (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1), encoding="utf-8")
+        (folder / "summary.json").write_text(jsonfile.text(self.summary, indent=1), encoding="utf-8")
         arrays: dict[str, Array] = {"s": self.path, "s_rate": self.path_rate, "loads": self.loads}
         for name in ("singular_values", "x", "shapes"):
             arrays[f"basis.{name}"] = getattr(self.shapes, name)
@@ -150,40 +199,44 @@ class RunResult:
         for simulator, response in self.responses.items():
             arrays |= {f"{simulator}.{name}": array for name, array in response.arrays().items()}
         arrays |= {f"peak_stress.{name}": stress for name, stress in self.peak_stress.items()}
-        with (folder / "trajectories.npz").open("wb") as file:
-            np.savez(file, **arrays)
+        write(folder / "trajectories.npz", arrays)
         if self.fields is not None:
             self.fields.save(folder / "fields.npz")
 
     @classmethod
     def load(cls, folder: Path) -> RunResult:
         """Read what `save` wrote."""
-        summary = json.loads((folder / "summary.json").read_text())
-        with np.load(folder / "trajectories.npz", allow_pickle=False) as data:
-            simulators = sorted({key.split(".")[0] for key in data.files if key.endswith(".displacement")})
-            responses = {
-                simulator: Response.from_arrays(
-                    {key.removeprefix(f"{simulator}."): data[key] for key in data if key.startswith(f"{simulator}.")}
-                )
-                for simulator in simulators
-            }
-            return cls(
-                scene=from_data(json.loads((folder / "scene.json").read_text())),
-                summary=summary,
-                responses=responses,
-                path=data["s"],
-                path_rate=data["s_rate"],
-                loads=data["loads"],
-                shapes=Shapes(*(data[f"basis.{name}"] for name in ("singular_values", "x", "shapes"))),
-                frequencies=FrequencyCurves(
-                    *(data[f"frequencies.{name}"] for name in ("s", "full", "reduced", "closed_form"))
-                ),
-                fields=Fields.load(folder / "fields.npz") if (folder / "fields.npz").is_file() else None,
-                peak_stress={
-                    key.removeprefix("peak_stress."): data[key] for key in data.files if key.startswith("peak_stress.")
-                },
+        finished(folder)
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        data = read(folder / "trajectories.npz")
+        simulators = sorted({key.split(".")[0] for key in data if key.endswith(".displacement")})
+        responses = {
+            simulator: Response.from_arrays(
+                {key.removeprefix(f"{simulator}."): data[key] for key in data if key.startswith(f"{simulator}.")}
             )
+            for simulator in simulators
+        }
+        return cls(
+            scene=from_data(json.loads((folder / "scene.json").read_text(encoding="utf-8"))),
+            summary=summary,
+            responses=responses,
+            path=data["s"],
+            path_rate=data["s_rate"],
+            loads=data["loads"],
+            shapes=Shapes(*(data[f"basis.{name}"] for name in ("singular_values", "x", "shapes"))),
+            frequencies=FrequencyCurves(
+                *(data[f"frequencies.{name}"] for name in ("s", "full", "reduced", "closed_form"))
+            ),
+            fields=Fields.load(folder / "fields.npz") if (folder / "fields.npz").is_file() else None,
+            peak_stress={
+                key.removeprefix("peak_stress."): values
+                for key, values in data.items()
+                if key.startswith("peak_stress.")
+            },
+        )
 
 
 _ENERGIES = ("kinetic", "strain", "external")
+_SCALARS = ("seconds", "round_off", "force_round_off", "surplus")
+_NAMES = ("output_names", "output_units", "force_names")
 _RESPONSE_ARRAYS = ("t", "x", "displacement", "slider_force", "residual_position", "residual_velocity")

@@ -9,27 +9,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr import compare, environment, estimate
-from pmr.basis import Basis
-from pmr.build import Built, build
+from pmr import environment
 from pmr.clock import Clock
-from pmr.dolfinx_compat import MPI
-from pmr.dolfinx_compat import versions as fenicsx_versions
-from pmr.frequencies import closed_form_frequencies, reduced_frequencies
-from pmr.fullorder import Checkpoint
-from pmr.operators import FullModel
-from pmr.parallel import free_dropped
-from pmr.recovered import Recovered, recover, recovered_steps
-from pmr.reduced import ReducedModel
-from pmr.reduction import build_basis, description, project, take_snapshots
-from pmr.references import References, references
-from pmr.responses import Simulations, course, full_simulator, quantities, simulate
+from pmr.compare import coverage, estimate, memory, pad_forces, step_advice, trust, validity
+from pmr.compare import errors as compare
+from pmr.compare.frequencies import closed_form_frequencies, reduced_frequencies
+from pmr.compare.references import References, references
+from pmr.compare.responses import Simulations, excitation, full_simulator, quantities, simulate
+from pmr.compare.step_error import StepError, step_error
+from pmr.errors import InputError, SimulationError
+from pmr.fem.compat import MPI
+from pmr.fem.compat import versions as fenicsx_versions
+from pmr.fem.distributed import free_dropped
+from pmr.files import jsonfile
+from pmr.fullmodel import free_motions
+from pmr.fullmodel.build import Built, build
+from pmr.fullmodel.eigensolvers import eigensolver
+from pmr.fullmodel.model import FullModel
+from pmr.recover.from_scene import Recovered, recover, recovered_steps
+from pmr.reduce.basis import Basis
+from pmr.reduce.from_scene import build_basis, description, project, take_snapshots
+from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene, SceneBase, StructureScene
 from pmr.scene.choice import transverse
+from pmr.simulate import contact_step, resolution
+from pmr.simulate.petsc import Checkpoint
 from pmr.simulate.stepping import loads_at
 from pmr.snapshots import Snapshots
-from pmr.snapshots.eigensolvers import eigensolver
 
 Array = NDArray[np.float64]
 
@@ -75,6 +82,9 @@ def run(
     clock = clock or Clock()
     with clock.stage("assemble"):
         built = build(scene, comm)
+    free = comm.bcast(memory.available() if comm.rank == 0 else None)
+    size, outputs = built.model.size, built.model.outputs.getSize()[1]
+    memory.check(scene, size, outputs, free, tell=comm.rank == 0)
     reduction = _reduce(scene, built.model, clock)
     with clock.stage("frequencies"):
         curves = _frequency_curves(scene, reduction)
@@ -83,12 +93,23 @@ def run(
     if comm.rank > 0:
         return None
     simulations = simulate(scene, reduction.reduced, found.responses, clock)
-    summary = _summary(scene, reduction, simulations, clock.seconds) | _estimated(scene, reduction.reduced, clock)
+    summary = _summary(scene, reduction, simulations, clock.seconds)
+    summary |= _estimated(scene, reduction.reduced, curves.reduced, clock)
+    summary |= pad_forces.summary(scene, simulations.responses["reduced"])
+    summary["warnings"] += memory.warnings(scene, size, outputs)
+    summary["warnings"] += free_motions.warnings(scene, built.structure)
+    summary["warnings"] += pad_forces.warnings(scene, simulations.responses["reduced"])
+    path, _, stepping = excitation(scene)
+    summary |= contact_step.summary(reduction.reduced, path, stepping)
+    summary["warnings"] += contact_step.warnings(reduction.reduced, path, stepping)
+    summary |= {"no_reference": found.missing}
+    summary["warnings"] += trust.warnings(found.missing, simulations.responses["reduced"])
     result = _result(scene, summary, simulations.responses, reduction, curves)
     if seen is not None:
         result = replace(
             result, summary=summary | seen.summary(), fields=seen.reduced.fields, peak_stress=seen.histories()
         )
+    result.summary["warnings"] += validity.large_motion(result) + jsonfile.remarks(result.summary)
     return Outcome(result, reduction.reduced)
 
 
@@ -198,15 +219,41 @@ def _summary(
     }
 
 
-def _estimated(scene: SceneBase, reduced: ReducedModel, clock: Clock) -> dict[str, Any]:
-    """The error estimate, and what a user should know."""
-    found = None
+def _estimated(scene: SceneBase, reduced: ReducedModel, omega: Array, clock: Clock) -> dict[str, Any]:
+    """Errors estimated of the reduction and of the step, and what a user should know."""
+    path, loads, stepping = excitation(scene)
+    driven = [("the slider's path", path), *zip((f"load {name}" for name in reduced.input_names), loads, strict=True)]
+    found, failed, left_out = None, None, list[str]()
     if scene.reduction.estimate and estimate.no_estimate(reduced) is None:
         with clock.stage("estimate"):
-            tips = len(transverse(scene)) if isinstance(scene, StructureScene) else 1
-            found = estimate.estimate(reduced, *course(scene), tips)
-    asked = {"estimate": estimate.summary(reduced, found)} if scene.reduction.estimate else {}
-    return asked | {"warnings": estimate.warnings(reduced, course(scene)[2], found)}
+            try:
+                found = estimate.estimate(reduced, path, loads, stepping, _tips(scene))
+                left_out = coverage.not_covered(reduced, driven, stepping)
+            except SimulationError as error:
+                failed = str(error)
+    asked = {"estimate": estimate.summary(reduced, found, left_out, failed)} if scene.reduction.estimate else {}
+    said = resolution.unseen(driven, stepping) + estimate.warnings(reduced, stepping, found)
+    said += coverage.warnings(left_out)
+    step, reason = _step_error(scene, reduced, clock)
+    if step is not None:
+        said += step_advice.warnings(step, stepping, driven, omega)
+    elif reason is not None:
+        said.append(f"the error of the time step is not known: {reason}")
+    return asked | {"step": step_advice.summary(step, reason), "warnings": said}
+
+
+def _step_error(scene: SceneBase, reduced: ReducedModel, clock: Clock) -> tuple[StepError | None, str | None]:
+    """Error of the time step, or why there is no figure."""
+    with clock.stage("step"):
+        try:
+            return step_error(reduced, *excitation(scene), _tips(scene)), None
+        except (SimulationError, InputError) as error:
+            return None, str(error)
+
+
+def _tips(scene: SceneBase) -> int:
+    """Number of outputs at the tip."""
+    return len(transverse(scene)) if isinstance(scene, StructureScene) else 1
 
 
 def _result(

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pmr import scene as scenes
-from pmr.boom import structure_of
+from pmr.compare.responses import excitation
+from pmr.fullmodel.from_scene import structure_of
+from pmr.fullmodel.structure import Structure
 from pmr.models import StructuralModel
-from pmr.responses import course
 from pmr.scene import StructureScene
-from pmr.signals import SignalBase
+from pmr.scene.signals import SignalBase
 from pmr.simulate import TimeStepping
-from pmr.structure import Structure
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 
@@ -31,4 +31,4 @@ class Boom:
 def boom(model: StructuralModel, span: float = 10.0, overrides: Sequence[str] = ()) -> Boom:
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}", *overrides])
     assert isinstance(scene, StructureScene)
-    return Boom(replace(structure_of(scene), model=model), *course(scene))
+    return Boom(replace(structure_of(scene), model=model), *excitation(scene))

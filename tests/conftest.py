@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -7,12 +8,42 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import blas
 import pytest
+from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
 from pmr import scene
+from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
+from pmr.system.body import FullBody
 
-WORKFLOWS = Path(__file__).parents[1] / "workflows"
+TESTS = Path(__file__).parent
+WORKFLOWS = TESTS.parent / "workflows"
+#: Where BLAS and LAPACK have a hand in what is compared: run under several kernels of OpenBLAS, but of slow tests only
+#: those that are marked so.
+NUMERICAL = (
+    *("compare", "constraints", "convergence", "fem", "fullmodel", "models", "recover", "reduce", "reduced"),
+    *("simulate", "snapshots", "studies/kinds", "system", "test_environment.py", "test_run.py", "test_workflows.py"),
+)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Which kernels decided the round-off."""
+    found = sorted(f"{library.name} {library.kernel}" for library in blas.loaded())
+    terminalreporter.write_line(f"BLAS: {', '.join(found) or 'no OpenBLAS was loaded'}")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        there = item.path.relative_to(TESTS).as_posix().startswith(NUMERICAL)
+        if there and item.get_closest_marker("slow") is None:
+            item.add_marker(pytest.mark.numerical)
+
+
+def pytest_collection_finish() -> None:
+    """What is loaded stays: `free_dropped` collects garbage often, and needn't look through it each time."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
@@ -23,3 +54,27 @@ def load_scene() -> Callable[..., Scene]:
         return scene.load(WORKFLOWS / f"{name}.toml", overrides)
 
     return load
+
+
+@pytest.fixture(params=CASES)
+def case(request: pytest.FixtureRequest) -> Case:
+    """The paper's test cases."""
+    return CASES[request.param]
+
+
+@pytest.fixture(scope="session")
+def full() -> FullBody:
+    """The paper's full model: 50 elements, 153 coordinates."""
+    return full_body(elements=50)
+
+
+@pytest.fixture(scope="session")
+def reduced(full: FullBody) -> ReducedModel:
+    """The paper's reduced model: (5, 6) snapshots, 20 coordinates."""
+    return project(full, paper_basis(full, snapshots=5, modes=6, coordinates=20))
+
+
+@pytest.fixture(scope="session")
+def rich() -> FullBody:
+    """Damping, two sliders and two inputs, sparse."""
+    return rich_body()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import scipy.sparse as sp
 
-from pmr.assembly import share
-from pmr.body import FullBody
-from pmr.dolfinx_compat import MPI, PETSc
-from pmr.operators import FullModel
+from pmr.fem.compat import MPI, PETSc
+from pmr.fullmodel.assembly import share
+from pmr.fullmodel.model import FullModel
+from pmr.system.body import FullBody
 
 
 def distributed(body: FullBody, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from pmr.studies import files
-from pmr.studies.call import Outcome, save
+from pmr.studies.engine.call import Outcome, save
+from pmr.studies.engine.graph import digests
+from pmr.studies.engine.store import Store, Stored
 from pmr.studies.files import Project
-from pmr.studies.graph import digests
 from pmr.studies.results import StudyResults
-from pmr.studies.store import Store, Stored
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 #: A coarse beam over half a second.

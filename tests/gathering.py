@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pmr.dolfinx_compat import MPI
-from pmr.operators import gather
+from pmr.fem.compat import MPI
+from pmr.fem.matrices import gather
 
 
 def gathered(A) -> np.ndarray:

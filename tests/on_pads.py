@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from oracle import flexible, free_modes, full_body, project, slider_row
 from textbook import LENGTH, RHO_A
 
-from pmr.body import FullBody
-from pmr.reduced import ReducedModel
-from pmr.sliding import Row, Rows, fixed_row
+from pmr.constraints.rows import Row, Rows, fixed_row
+from pmr.reduced.model import ReducedModel
+from pmr.system.body import FullBody
 
 Array = NDArray[np.float64]
 

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 from textbook import LENGTH, beam_matrices
 
-from pmr.body import FullBody, SlidingBody
-from pmr.companions import Companions
-from pmr.flexibility import Flexibility
-from pmr.inertia import Inertia
-from pmr.reduced import ReducedModel, satisfied_rows
-from pmr.signals import Chirp, Constant, Ramp, SignalBase
+from pmr.constraints.polynomials import stacked
+from pmr.constraints.rows import Row, Rows, fixed_row
+from pmr.reduced.enrichment import EnrichmentModes
+from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.inertia import Inertia
+from pmr.reduced.model import ReducedModel, satisfied_rows
+from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulate import InitialState, TimeStepping
-from pmr.sliding import Row, Rows, fixed_row, stack
+from pmr.system.body import FullBody, SlidingBody
 
 Array = NDArray[np.float64]
 
@@ -120,7 +121,7 @@ def paper_basis(full: FullBody, snapshots: int, modes: int, coordinates: int) ->
 
 def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
     """Galerkin projection on the columns of V (n, r), without the rows that V satisfies to `tolerance`."""
-    rows = stack([row.project(V) for row in full.rows.rows], full.domain)
+    rows = stacked([row.project(V) for row in full.rows.rows], full.domain)
     left_out = satisfied_rows(rows, tolerance)
     kept = [i for i in range(len(full.row_names)) if i not in left_out]
     return ReducedModel(
@@ -182,8 +183,8 @@ def flexible(full: FullBody, count: int) -> ReducedModel:
     )
 
 
-def inertial(full: FullBody, count: int, companions: int = 0) -> ReducedModel:
-    """The same with the inertia and damping of what is left out, and the next modes as companions."""
+def inertial(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
+    """The same with the inertia and damping of what is left out, and the next modes as enrichment modes."""
     model, R = flexible(full, count), free_modes(full, count)[1]
     assert model.flexibility
     kept = [full.row_names.index(name) for name in model.row_names]
@@ -202,9 +203,9 @@ def inertial(full: FullBody, count: int, companions: int = 0) -> ReducedModel:
         E0=table(0, mass, None),
         D0=table(0, damping, 0), D1=table(0, damping, 1), F0=table(0, damping, None), energy=B.T @ mass @ B,
     )  # fmt: skip
-    more = free_modes(full, count + companions)[0][:, count:]
-    rows = stack([row.project(more) for row in full.rows.rows], full.domain)
-    beside = Companions(
+    more = free_modes(full, count + enrichment)[0][:, count:]
+    rows = stacked([row.project(more) for row in full.rows.rows], full.domain)
+    beside = EnrichmentModes(
         stiffness=np.diagonal(more.T @ full.K @ more),
         damping=np.diagonal(more.T @ full.D @ more),
         B=more.T @ B,
@@ -212,7 +213,7 @@ def inertial(full: FullBody, count: int, companions: int = 0) -> ReducedModel:
         rows=PPoly(np.ascontiguousarray(rows.c[:, :, kept]), rows.x),
     )
     flexibility = replace(model.flexibility, inertia=inertia)
-    return replace(model, flexibility=flexibility, companions=beside if companions else None)
+    return replace(model, flexibility=flexibility, enrichment=beside if enrichment else None)
 
 
 def generalized_alpha(

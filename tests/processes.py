@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pmr.cli import main
+from pmr.cli.app import main
 
 
 @dataclass(frozen=True)

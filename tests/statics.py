@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pmr.dolfinx_compat import PETSc
-from pmr.operators import FullModel, local_csr
+from pmr.fem.compat import PETSc
+from pmr.fem.matrices import local_csr
+from pmr.fullmodel.model import FullModel
 
 
 def static_outputs(model: FullModel) -> np.ndarray:

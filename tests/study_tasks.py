@@ -16,11 +16,11 @@ from typing import Any, Literal
 import numpy as np
 
 from pmr.errors import SimulationError
-from pmr.studies import pools
-from pmr.studies.call import Outcome, compute, save
+from pmr.studies.engine import pools
+from pmr.studies.engine.call import Outcome, compute, save
+from pmr.studies.engine.task import Plan, Task, TaskResult
 from pmr.studies.files import Part, Project
 from pmr.studies.study import StudyBase
-from pmr.studies.task import Plan, Task, TaskResult
 
 Needs = Mapping[str, TaskResult]
 COUNT = 12

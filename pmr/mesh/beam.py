@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import MPI, interval_mesh
 from pmr.errors import InputError
+from pmr.fem.compat import MPI, interval_mesh
 from pmr.scene import Scene
 
 Array = NDArray[np.float64]

@@ -14,6 +14,12 @@ import numpy as np
 from pmr.errors import InputError
 from pmr.mesh.drawing import Drawing, Entity
 
+#: The source of errors in a box's dimensions; where they stand is known to who asks for it.
+DIMENSIONS = "box boom"
+#: Rectangles that a drawing may have: some 40 coordinates each, four million, for which 50 GiB would be needed.
+MOST_RECTANGLES = 100_000
+#: Cells may be so thin, as a share of the others: gmsh takes points that lie much closer for one.
+THINNEST = 1e-4
 WALLS = ("bottom", "left", "top", "right")  # as one walks around the section, seen from the tip
 
 
@@ -48,29 +54,36 @@ class BoxBoom:
     frame_depth: float = 0.0
 
     def __post_init__(self) -> None:
-        side = min(self.width, self.height)
+        side, thinnest = min(self.width, self.height), THINNEST * self.layer
         allowed = {
             "length": self.length > 0.0,
             "size": 0.0 < self.size <= self.length,
             "size_along": 0.0 <= self.size_along <= self.length,
-            "tail_layer": 0.0 <= self.tail_layer <= self.layer,
+            "tail_layer": self.tail_layer == 0.0 or thinnest <= self.tail_layer <= self.layer,
             "wall": 0.0 < self.wall < side,
             "radius": self.radius == 0.0 or self.wall / 2.0 < self.radius < side / 2.0,
-            "frames": all(0.0 < x < self.length for x in self.frames) and list(self.frames) == sorted(set(self.frames)),
+            "frames": bool(np.all(np.diff([0.0, *self.frames, self.length]) >= thinnest)),
             "frame_depth": not self.frames
-            or 0.0 < self.frame_depth < (self.radius if self.radius > 0.0 else side / 2.0),
+            or THINNEST * self.size <= self.frame_depth < (self.radius if self.radius > 0.0 else side / 2.0),
         }
         words = {
             "wall": "less than width and height",
+            "size": "more than 0 and up to the length",
             "radius": "0, or more than half the wall and less than half of width and height",
-            "frames": "ascending places between tail and tip",
+            "frames": "ascending places between tail and tip, at least a ten-thousandth of a cell apart,",
             "size_along": "0, or up to the length",
-            "tail_layer": "0, or up to the other layers",
-            "frame_depth": "more than 0 and less than the corners' radius, or half the width if they are sharp",
+            "tail_layer": "0, or from a ten-thousandth up to all of the other layers",
+            "frame_depth": "more than a ten-thousandth of a cell and less than the corners' radius, or half the width "
+            "if they are sharp",
         }
         for key, fits in allowed.items():
             if not fits:
-                raise InputError("box boom", key, getattr(self, key), words.get(key, "more than 0") + " is allowed")
+                raise InputError(DIMENSIONS, key, getattr(self, key), words.get(key, "more than 0") + " is allowed")
+        rectangles = max(2.0 * (self.width + self.height) / self.size, 8.0) * self.length / self.layer
+        if not rectangles <= MOST_RECTANGLES:  # too many to count, perhaps: a float, infinite or not
+            said = f"sizes that make at most {MOST_RECTANGLES:,} cells are allowed; these make {rectangles:.1e}"
+            finest = "size" if self.size <= self.layer else "size_along"
+            raise InputError(DIMENSIONS, finest, getattr(self, finest), said)
 
     @property
     def layer(self) -> float:
@@ -115,7 +128,7 @@ def write_shell(boom: BoxBoom, file: Path) -> None:
 def write_solid(boom: BoxBoom, file: Path, hexahedra: bool = True) -> None:
     """Hexahedra, one across the wall, or tetrahedra of the same structure."""
     if boom.frames:
-        raise InputError("box boom", "frames", boom.frames, "a solid boom has none")
+        raise InputError(DIMENSIONS, "frames", boom.frames, "a solid boom has none")
     with Drawing() as drawing:
         patches = _wall_patches(drawing, boom, hexahedra)
         swept = drawing.sweep(patches, boom.length, boom.layers(0.0, boom.length), quads=hexahedra)

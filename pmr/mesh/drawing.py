@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.environment import needed
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Entity = tuple[int, int]  # dimension and tag
@@ -18,12 +20,15 @@ Entity = tuple[int, int]  # dimension and tag
 ELEMENTS = {1: ("line", 2), 2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8)}
 
 
+class NotDrawnError(ValueError):
+    """gmsh can't draw or mesh what it was given; it says so with a bare `Exception`."""
+
+
 class Drawing:
     """A gmsh model in which equal points and lines are one; a context, for gmsh is global to the process."""
 
     def __enter__(self) -> Drawing:
-        import gmsh
-
+        gmsh = needed("gmsh")
         gmsh.initialize(interruptible=False)
         gmsh.option.setNumber("General.Terminal", 0)
         self._model: Any = gmsh.model
@@ -36,6 +41,8 @@ class Drawing:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._finalize()
+        if kind is Exception:
+            raise NotDrawnError(str(error)) from None
 
     def point(self, x: float, y: float, z: float) -> int:
         """A point at a place in m."""
@@ -116,6 +123,8 @@ class Drawing:
             field_data[name] = np.array([tag, members[0][0]])
             for entity in members:
                 for element, _, nodes in zip(*self._model.mesh.getElements(*entity), strict=True):
+                    if int(element) not in ELEMENTS:
+                        raise NotDrawnError("cells collapse where sizes are too different")
                     kind, vertices = ELEMENTS[int(element)]
                     block = number[nodes.astype(np.int64)].reshape(-1, vertices)
                     if kind == "quad" and top == 2:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import MPI, create_mesh
 from pmr.errors import InputError
+from pmr.fem.compat import MPI, create_mesh
 from pmr.mesh.soundness import unsound
 
 Array = NDArray[np.float64]

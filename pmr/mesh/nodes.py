@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import cell_topology
+from pmr.fem.compat import cell_topology
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import cell_topology
+from pmr.fem.compat import cell_topology
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.nodes import codes
 from pmr.mesh.strip import FLAT

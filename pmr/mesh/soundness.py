@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pmr.dolfinx_compat import cell_topology
+from pmr.fem.compat import cell_topology
 from pmr.mesh.nodes import codes
 
 Array = NDArray[np.float64]

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 #: Cosine of the largest angle between a face's cells.
 FLAT = 0.9999
+#: Cells of a strip are cut into pieces that a pad resolves; more of them take gigabytes.
+MOST_PIECES = 500_000
 
 
 @dataclass(frozen=True)
@@ -29,8 +31,20 @@ class Window:
 
 
 @dataclass(frozen=True)
+class Extent:
+    """What a face offers: from where to where along the body's axis, and across, m; None for a line."""
+
+    along: tuple[float, float]
+    across: tuple[float, float] | None = None
+
+    def __str__(self) -> str:
+        across = "" if self.across is None else ", {:.4g} to {:.4g} m across".format(*self.across)
+        return "{:.4g} to {:.4g} m along the axis".format(*self.along) + across
+
+
+@dataclass(frozen=True)
 class Strip:
-    """Points of a face within a window.
+    """Points of a face within a window; none where the window lies beside the face.
 
     Attributes
     ----------
@@ -40,12 +54,18 @@ class Strip:
         Of quadrature, m^2 (on a line m).
     normal : (q, n) sparse matrix
         Displacement along the outward normal.
+    extent : Extent
+        Of the whole face.
+    line : bool
+        Whether the points lie on the line that stands for the face of a beam.
     """
 
     along: Array
     across: Array
     weights: Array
     normal: sp.csr_matrix
+    extent: Extent
+    line: bool = False
 
 
 def face_strip(mesh: NamedMesh, nodes: Nodes, face: str, window: Window) -> Strip:
@@ -54,7 +74,7 @@ def face_strip(mesh: NamedMesh, nodes: Nodes, face: str, window: Window) -> Stri
     Raises
     ------
     InputError
-        If there is no such face, it is not flat, or it has no point in the window.
+        If there is no such face, it is not flat, or it lies across the axis.
     """
     mesh.require([face])
     group = mesh.groups[face]
@@ -65,21 +85,27 @@ def face_strip(mesh: NamedMesh, nodes: Nodes, face: str, window: Window) -> Stri
     beside = int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
     corners = mesh.points[group.entities]
     least, most = corners.min(axis=1), corners.max(axis=1)
+    if abs(normal[axis]) > np.sqrt(1.0 - FLAT**2):
+        raise InputError("scene", "pads.on", face, "this face lies across the body's axis; faces along it are allowed")
+    extent = Extent(*((float(least[:, i].min()), float(most[:, i].max())) for i in (axis, beside)))
     inside = np.ones(len(corners), bool)
     for i, (start, end) in ((axis, window.along), (beside, window.across)):
         inside &= (most[:, i] > start) & (least[:, i] < end)
-    if abs(normal[axis]) > np.sqrt(1.0 - FLAT**2) or not inside.any():
-        allowed = "the pad lies beside this face; places on a face along the body's axis are allowed"
-        raise InputError("scene", "pads.on", face, allowed)
+    if not inside.any():
+        nothing = np.empty(0)
+        return Strip(nothing, nothing, nothing, sp.csr_matrix((0, nodes.size)), extent)
     cut = replace(mesh, groups={face: Group(2, group.entities[inside])})
     sizes = (most - least)[inside][:, [axis, beside]].max(axis=0)
     parts = int(np.ceil(np.max(sizes / window.spacing)))
+    if parts**2 * int(inside.sum()) > MOST_PIECES:
+        allowed = f"cells of this face are up to {parts} times as large as a pad resolves; finer cells or larger pads"
+        raise InputError("scene", "pads.on", face, f"{allowed} are allowed")
     points = trace(cut, nodes, face, degree=2, parts=max(1, parts))
     place = points.points[:, [axis, beside]]
     low, high = np.array([window.along, window.across]).T
     kept = np.flatnonzero(((place > low) & (place < high)).all(axis=1))
     displacement = sum(c * component[kept] for c, component in zip(normal, points.values, strict=True))
-    return Strip(place[kept, 0], place[kept, 1], points.weights[kept], sp.csr_matrix(displacement))
+    return Strip(place[kept, 0], place[kept, 1], points.weights[kept], sp.csr_matrix(displacement), extent)
 
 
 def line_points(window: Window, stations: Array) -> tuple[Array, Array]:
@@ -87,6 +113,8 @@ def line_points(window: Window, stations: Array) -> tuple[Array, Array]:
 
     The axis is cut at its `stations` (nodes, ascending) and at multiples of the window's spacing from its start.
     """
+    if window.along[0] >= stations[-1] or window.along[1] <= stations[0]:
+        return np.empty(0), np.empty(0)
     start, end = max(window.along[0], stations[0]), min(window.along[1], stations[-1])
     cuts = np.arange(window.along[0], window.along[1], window.spacing[0])
     inner = np.concatenate([stations, cuts])

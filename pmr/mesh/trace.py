@@ -20,8 +20,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import cell_topology, lagrange_rule
 from pmr.errors import InputError
+from pmr.fem.compat import cell_topology, lagrange_rule
 from pmr.mesh.named import Group, NamedMesh
 from pmr.mesh.nodes import Nodes
 
@@ -133,6 +133,9 @@ def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
     axis = int(np.ptp(mesh.points, axis=0).argmax())
     x = mesh.points[mesh.cells][:, :, axis]
     low, high = x.min(axis=1), x.max(axis=1)
+    slack = 1e-9 * (high.max() - low.min())  # round-off of a caller's arithmetic
+    if low.min() - slack <= at <= high.max() + slack:
+        at = float(np.clip(at, low.min(), high.max()))
     here = (low <= at) & (at <= high)
     if not here.any():
         allowed = f"a group or a number from {low.min():g} to {high.max():g} m is allowed"

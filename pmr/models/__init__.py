@@ -10,10 +10,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import MPI
-from pmr.grid import Grid
+from pmr.fem.compat import MPI
+from pmr.fields.grid import Grid
+from pmr.fields.stress import StressRows
 from pmr.mesh.strip import Strip, Window
-from pmr.stress import StressRows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -20,13 +20,13 @@ import scipy.sparse as sp
 import ufl
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import MPI, constant, hermite_space, interval_mesh
+from pmr.constraints.rows import Row
 from pmr.errors import InputError
-from pmr.grid import Grid
-from pmr.mesh.strip import Strip, Window, line_points
+from pmr.fem.compat import MPI, constant, hermite_space, interval_mesh
+from pmr.fields.grid import Grid
+from pmr.mesh.strip import Extent, Strip, Window, line_points
 from pmr.models import Forms
 from pmr.scene import Body
-from pmr.sliding import Row
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -126,11 +126,11 @@ class Beam2D:
         return self.motion(place)[:-1]
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        x = ENDS[place] * self.body.length if place in ENDS else place
-        if about is not None or isinstance(x, str) or not 0.0 <= x <= self.body.length:
+        if about is not None:
             raise InputError(
-                "scene", "place", place, f"tail, tip or a number from 0 to {self.body.length:g} m is allowed"
+                "scene", "place", place, "the place itself is allowed: a planar beam has no points beside it"
             )
+        x = station(place, self.body.length)
         rows = np.zeros((self.per_node, self.size))
         for i, direction in enumerate(self.directions):
             dofs, weights = self.point(x, direction)
@@ -150,7 +150,7 @@ class Beam2D:
         for i, x in enumerate(points):
             dofs, values = self.point(float(x), "y")
             rows[i, dofs] = FACES[face] * values
-        return Strip(points, across, weights, rows.tocsr())
+        return Strip(points, across, weights, rows.tocsr(), Extent((0.0, self.body.length)), line=True)
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         if place not in ENDS:

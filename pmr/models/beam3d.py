@@ -34,17 +34,17 @@ import scipy.sparse as sp
 import ufl
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import MPI, cellwise, constant, create_mesh, hermite_space
 from pmr.errors import InputError
-from pmr.grid import Grid
-from pmr.mesh.strip import Strip, Window, line_points
+from pmr.fem.compat import MPI, cellwise, constant, create_mesh, hermite_space
+from pmr.fields.grid import Grid
+from pmr.fields.stress import StressRows
+from pmr.mesh.strip import Extent, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms
 from pmr.models.beam2d import ENDS, HERMITE, station
 from pmr.models.beam_stress import stress_rows
 from pmr.models.polyline import Polyline, divided
 from pmr.models.profile import box_section
 from pmr.scene.structures import Beam3DBody, BeamSection
-from pmr.stress import StressRows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -212,8 +212,17 @@ class Beam3D:
         normal = sign * frames[:, component]
         turning = np.cross(across * frames[:, 3 - component], normal)  # (theta x arm) n = theta (arm x n)
         entries, ends = np.hstack([normal, turning]).ravel(), 6 * np.arange(len(points) + 1)
-        weighed = sp.csr_matrix((entries, np.arange(len(entries)), ends))
-        return Strip(points, np.full(len(points), across), weights, sp.csr_matrix(weighed @ self._motions(points)))
+        weighed = sp.csr_matrix((entries, np.arange(len(entries)), ends), shape=(len(points), 6 * len(points)))
+        normals = sp.csr_matrix(weighed @ self._motions(points))
+        return Strip(points, np.full(len(points), across), weights, normals, self._extent(component), line=True)
+
+    def _extent(self, component: int) -> Extent:
+        """Of a face whose normal is that component: as long as the axis, as broad as the profile, if there is one."""
+        profile, along = self.body.profile, (0.0, self.axis.length)
+        if profile is None:
+            return Extent(along)
+        half = (profile.height if component == 1 else profile.width) / 2.0
+        return Extent(along, (-half, half))
 
     def _elements(self, places: Array) -> Indices:
         """Numbers of the elements that hold places along the axis."""

@@ -16,10 +16,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.fields.stress import FIBRE, StressRows
 from pmr.models.beam2d import HERMITE
 from pmr.models.polyline import Polyline
 from pmr.scene.structures import BoxProfile, Material
-from pmr.stress import FIBRE, StressRows
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import MPI
-from pmr.grid import Grid
+from pmr.fem.compat import MPI
+from pmr.fields.grid import Grid
 from pmr.mesh.named import KINDS, NamedMesh
 from pmr.mesh.nodes import Nodes, number_nodes
 from pmr.mesh.strip import Strip, Window, face_strip

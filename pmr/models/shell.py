@@ -32,14 +32,14 @@ from typing import Any
 import numpy as np
 import ufl
 
-from pmr.dolfinx_compat import cellwise, constant, shell_space
+from pmr.fem.compat import cellwise, constant, shell_space
+from pmr.fields.stress import StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.models import Forms
 from pmr.models.meshed import MeshedModel
 from pmr.models.regions import by_region, frequency_scale
 from pmr.models.shell_stress import stress_rows
 from pmr.scene.structures import Plate, ShellBody
-from pmr.stress import StressRows
 
 KINDS = ("triangle",)
 

@@ -17,12 +17,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import cell_topology, lagrange_rule
+from pmr.fem.compat import cell_topology, lagrange_rule
+from pmr.fields.stress import PLANE, StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.nodes import Nodes
 from pmr.mesh.sides import body_axis, outward
 from pmr.scene.structures import Plate
-from pmr.stress import PLANE, StressRows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -22,14 +22,14 @@ from typing import Any
 import numpy as np
 import ufl
 
-from pmr.dolfinx_compat import cellwise, lagrange_space
+from pmr.fem.compat import cellwise, lagrange_space
+from pmr.fields.stress import StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.models import Forms
 from pmr.models.meshed import MeshedModel
 from pmr.models.regions import by_region, frequency_scale
 from pmr.models.solid_stress import stress_rows
 from pmr.scene.structures import Material, SolidBody
-from pmr.stress import StressRows
 
 KINDS = ("tetrahedron", "hexahedron")
 

@@ -20,12 +20,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import lagrange_rule
+from pmr.fem.compat import lagrange_rule
+from pmr.fields.stress import SPATIAL, StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.nodes import Nodes
 from pmr.mesh.sides import away, skin
 from pmr.scene.structures import Material
-from pmr.stress import SPATIAL, StressRows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -20,6 +20,8 @@ class Case:
 
     Attributes
     ----------
+    warnings : list of str
+        What whoever sizes a machine by these results has to know.
     about : str
         What the errors in `table` are errors of.
     """
@@ -30,6 +32,7 @@ class Case:
     source: str | None
     key_numbers: list[KeyNumber]
     paragraph: str
+    warnings: list[str]
     about: str
     table: list[Row]
     verdicts: dict[str, int]
@@ -48,6 +51,7 @@ def common(result: RunResult, anchor: str, table: list[Row]) -> dict[str, Any]:
         "title": result.scene.title,
         "source": published.source if published else None,
         "table": table,
+        "warnings": [warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
         "verdicts": marks.verdicts(table),
         "apart": bool(marks.apart(table)),
         "reasons": marks.reasons(result, table),

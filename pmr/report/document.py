@@ -6,15 +6,22 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jinja2
 
+from pmr.environment import needed
+from pmr.files.swap import fresh
 from pmr.report import planar, space
 from pmr.report.case import Case
 from pmr.report.figures.vector import FONT, words
 from pmr.report.fonts import embedded
 from pmr.results import RunResult
 from pmr.scene import StructureScene
+from pmr.text import visible
+
+#: Names of all that a report consists of.
+REPORT_FILES = ("report.html", "report.pdf")
 
 _log = logging.getLogger(__name__)
 
@@ -48,15 +55,12 @@ def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
 
 def write(cases: Sequence[Case], folder: Path) -> ReportFiles:
     """Write both files from what the templates need."""
-    import weasyprint  # takes a second to load, which only those who write a PDF should wait for
-
-    folder.mkdir(parents=True, exist_ok=True)
-    files = ReportFiles(folder / "report.html", folder / "report.pdf")
     page = render(cases)
-    files.html.write_text(page, encoding="utf-8")
-    weasyprint.HTML(string=page).write_pdf(files.pdf)
+    with fresh(folder, REPORT_FILES) as new:
+        (new / "report.html").write_text(page, encoding="utf-8")
+        needed("weasyprint").HTML(string=page).write_pdf(new / "report.pdf")  # takes a second to load
     _log.info("report of %d case(s) written to %s", len(cases), folder)
-    return files
+    return ReportFiles(folder / "report.html", folder / "report.pdf")
 
 
 def case(result: RunResult, anchor: str) -> Case:
@@ -65,11 +69,17 @@ def case(result: RunResult, anchor: str) -> Case:
     return kind.case(result, anchor)
 
 
+def readable(value: Any) -> Any:
+    """Text that is no markup of our own, with characters that would steer the page spelled out."""
+    return visible(value) if type(value) is str else value
+
+
 def render(cases: Sequence[Case]) -> str:
     """The page as HTML."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("pmr.report"),
         autoescape=True,
+        finalize=readable,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,

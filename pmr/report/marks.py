@@ -62,7 +62,7 @@ def mark_for(here: float, published: float, is_error: bool = True) -> Mark:
 
 def rows(result: RunResult) -> list[Row]:
     """The error table of a case: normalised errors, then the largest displacement, difference and stress."""
-    return [*_errors(result), *_lengths(result), *_stresses(result)]
+    return [*_errors(result), *_missing(result), *_lengths(result), *_stresses(result)]
 
 
 def verdicts(table: list[Row]) -> dict[str, int]:
@@ -109,6 +109,12 @@ def _errors(result: RunResult) -> Iterator[Row]:
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
             norm = None if absolute is None else _norm(place, float(absolute))
             yield replace(row, absolute=norm)
+
+
+def _missing(result: RunResult) -> Iterator[Row]:
+    """References that were asked for and can't be trusted; why, the run's warnings say."""
+    for name in result.summary.get("no_reference", {}):
+        yield Row(f"reduced against {NAMES.get(name, name)}", "", "no reference")
 
 
 def _norm(place: str, value: float) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 from pmr.report.numbers import SPACE, plain, quantity, signed
 from pmr.results import RunResult
 from pmr.scene import Scene, SceneBase
-from pmr.signals import SignalBase
+from pmr.scene.signals import SignalBase
 
 _STEPS = {
     "assemble": "full model",

@@ -45,10 +45,26 @@ def estimate(result: RunResult) -> str:
     if found["beam"] is None:
         return f"The error can't be estimated without the full {noun(result)}: {found['reason']}."
     tip, beam = percent(found["tip"]), percent(found["beam"])
-    said = f"The estimate, which needs no full {noun(result)}, is {tip} at the tip and {beam}"
-    if not true:
-        return f"{said} along the beam; it includes a margin of a quarter."
-    return f"{said} along the beam, {significant(found['beam'] / true, 3)} times the true error."
+    said = f"The estimate, which needs no full {noun(result)}, is {tip} at the tip and {beam} along the beam"
+    known = (
+        f", {significant(found['beam'] / true, 3)} times the true error"
+        if true
+        else "; it includes a margin of a quarter"
+    )
+    left_out = found.get("not_covered")
+    rest = f" It does not cover {'; nor '.join(left_out)}." if left_out else ""
+    return f"{said}{known}.{rest}"
+
+
+def step(result: RunResult) -> str:
+    """The error of the time step in a sentence; empty where there is no figure."""
+    found = result.summary.get("step", {})
+    if found.get("beam") is None:
+        return ""
+    tip, beam = percent(found["tip"]), percent(found["beam"])
+    size = "is" if found["settled"] else "is at least"
+    of = ", of the mean motion," if found["by"] == "mean" else ""
+    return f"The error of the time step itself{of} {size} {tip} at the tip and {beam} along the beam."
 
 
 def speed_ratio(result: RunResult) -> float | None:
@@ -88,7 +104,8 @@ def _sentences(result: RunResult, table: list[Row]) -> Iterator[str]:
     yield from accuracy(result)
     if said := estimate(result):
         yield said
-    yield from (f"Note: {warning}." for warning in result.summary.get("warnings", ()))
+    if said := step(result):
+        yield said
     yield from speed(result)
     count = sum(verdicts(table).values())
     if count:

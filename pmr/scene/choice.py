@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pmr.scene.signals import Chirp, SignalBase, Sine, Sum
 from pmr.scene.space import Box, StructureScene
-from pmr.signals import Chirp, SignalBase, Sine, Sum
 
 #: A wall is taken to answer at once up to this share of its own lowest frequency.
 QUASI_STATIC = 1.0 / 3.0

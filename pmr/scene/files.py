@@ -10,10 +10,14 @@ from pmr.errors import InputError
 from pmr.scene.checks import check
 from pmr.scene.sections import Scene, SceneBase
 from pmr.scene.space import StructureScene
-from pmr.tomlfiles import Change, Dialect, TomlFile, override
+from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 
 #: Published figures are those of one scene, not of the ones that extend it.
-DIALECT = Dialect("scene file", own=("published",))
+DIALECT = Dialect(
+    "scene file",
+    own=("published",),
+    alternatives={"damping": (("mass", "stiffness"), ("ratio", "frequencies"))},
+)
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> SceneBase:

@@ -11,7 +11,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from pmr.signals import Constant, Real, Signal, SignalBase, bounds
+from pmr.scene.signals import Constant, Real, Signal, SignalBase, bounds
+from pmr.scene.tomlfiles import is_file
 
 Positive = Annotated[float, Field(gt=0.0, strict=True)]
 NotNegative = Annotated[float, Field(ge=0.0, strict=True)]
@@ -21,8 +22,13 @@ SUPPORT_ROWS = {"pinned": ("x", "y"), "clamped": ("x", "y", "rotation"), "roller
 
 
 def _exists(file: Path) -> Path:
-    if not file.is_file():
+    if not is_file(file):
         raise ValueError(f"no such file: {file}")
+    try:
+        with file.open("rb") as stream:
+            stream.read(1)  # a file may open and still not be read
+    except OSError as error:
+        raise ValueError(f"can't be read: {error.strerror}") from None
     return file
 
 
@@ -100,6 +106,7 @@ class Damping(_Section):
 
     Less in between, more outside: zeta = (a / omega + b omega) / 2 at both gives a = 2 zeta omega_1 omega_2 /
     (omega_1 + omega_2) and b = 2 zeta / (omega_1 + omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.
+    A scene that extends another one may say it in either way: keys of the other way are not taken over.
     """
 
     mass: NotNegative = 0.0  # 1/s
@@ -146,7 +153,7 @@ class Reduction(_Section):
     order more accurate for smooth motions, at two to three times the cost of a step.
 
     `support_rows` says what becomes of a support's row that the basis satisfies already: ``drop`` leaves it out;
-    ``hold`` lets it take one coordinate, the weakest of the basis, as it does in the paper (`pmr.projection`).
+    ``hold`` lets it take one coordinate, the weakest of the basis, as it does in the paper (`pmr.reduce.galerkin`).
     """
 
     basis: Literal["eigenmodes", "free_modes"] = "eigenmodes"

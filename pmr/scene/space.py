@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from pmr.scene.sections import Compare, Count, ExistingFile, NotNegative, Positive, SceneBase, Simulation, _Section
-from pmr.scene.structures import BeamSection, Material, PointMass, Vector
-from pmr.signals import Constant, Real, Signal, SignalBase, SmoothRamp
+from pmr.scene.signals import Constant, Real, Signal, SignalBase, SmoothRamp
+from pmr.scene.structures import BeamSection, Material, PointMass, Vector, unit_vector
 
 GRAVITY = 9.80665  # m/s^2
 ModelName = Literal["auto", "beam2d", "beam3d", "shell", "solid"]
@@ -136,10 +136,13 @@ class SpaceLoad(_Section):
 
 
 class Gravity(_Section):
-    """The weight of everything; it comes up smoothly within the first `rise` seconds, 0: at once."""
+    """The weight of everything; it comes up smoothly within the first `rise` seconds, 0: at once.
+
+    Of `direction` the length does not count: it is kept as a unit vector.
+    """
 
     acceleration: Positive = GRAVITY  # m/s^2
-    direction: Vector = (0.0, 0.0, -1.0)
+    direction: Annotated[Vector, AfterValidator(unit_vector)] = (0.0, 0.0, -1.0)
     rise: NotNegative = 1.0  # s
 
     @property
@@ -162,6 +165,10 @@ class Observe(_Section):
     def stations(self) -> tuple[float, ...]:
         """Places along the axis, m."""
         return tuple(float(x) for x in np.linspace(self.start, self.end, self.count))
+
+    def tip_along(self, direction: str) -> str:
+        """What the output of the tip's displacement along y or z is called."""
+        return f"{self.tip} {direction}"
 
 
 class Recovery(_Section):

@@ -8,6 +8,7 @@ from typing import Any
 
 from pmr.errors import InputError
 from pmr.scene.choice import model_of
+from pmr.scene.pad_checks import check_pads
 from pmr.scene.sections import Slider
 from pmr.scene.space import StructureScene
 
@@ -33,6 +34,8 @@ def check_structure(scene: StructureScene) -> None:
     for i, ring in enumerate(scene.pads):
         if ring.clearance and not ring.unilateral:
             raise _refusal(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
+    check_pads(scene)
+    _observed(scene)
     if not scene.signals:
         raise _refusal("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
     if "ancf" in scene.compare.against:
@@ -49,6 +52,22 @@ def check_structure(scene: StructureScene) -> None:
         if abs(steps - round(steps)) > 1e-6 or not 1 <= round(steps) <= scene.time.steps:
             allowed = f"a multiple of time.step = {scene.time.step:g} s up to time.end is allowed"
             raise _refusal("recovery.every", scene.recovery.every, allowed)
+
+
+def _observed(scene: StructureScene) -> None:
+    """A box's ends are known before it is drawn; a mesh that is read says itself where it ends."""
+    if scene.observe.end < scene.observe.start:
+        raise _refusal(
+            "observe.end", scene.observe.end, f"observe.start = {scene.observe.start:g} m or more is allowed"
+        )
+    if scene.body.box is None:
+        return
+    length = scene.body.box.length
+    places = [("observe.start", scene.observe.start), ("observe.end", scene.observe.end)]
+    places += [(f"loads[{i}].on", load.on) for i, load in enumerate(scene.loads) if not isinstance(load.on, str)]
+    for key, at in places:
+        if not -1e-9 * length <= at <= (1.0 + 1e-9) * length:
+            raise _refusal(key, at, f"on the body, 0 to {length:g} m, is allowed")
 
 
 def _pushing(scene: StructureScene) -> None:
@@ -72,8 +91,13 @@ def _body(scene: StructureScene) -> None:
         raise _refusal("body.thickness", None, "a thickness in m is needed for a shell that is read")
     if body.box is not None and body.box.wall >= min(body.box.width, body.box.height):
         raise _refusal("body.box.wall", body.box.wall, "less than width and height is allowed")
+    if body.box is not None and body.box.radius >= min(body.box.width, body.box.height) / 2.0:
+        raise _refusal("body.box.radius", body.box.radius, "less than half of width and height is allowed")
     if body.section is not None and body.model != "beam3d":
         raise _refusal("body.section", None, "a section goes with body.model = 'beam3d'")
+    if body.section is not None and body.shear and None in (body.section.shear_area_y, body.section.shear_area_z):
+        allowed = "shear_area_y and shear_area_z in m^2 are needed, or body.shear = false"
+        raise _refusal("body.section", None, allowed)
     for name, region in body.regions.items():
         if model in BEAMS:
             raise _refusal(f"body.regions.{name}", None, "regions are for shells and solids")
@@ -85,10 +109,14 @@ def _body(scene: StructureScene) -> None:
 
 def _planar(scene: StructureScene) -> None:
     """A planar beam knows x, z and the rotation about y."""
-    for key, parts in (("loads", scene.loads), ("holds", scene.holds)):
+    for key, parts, known in (("loads", scene.loads, ("x", "z", "ry")), ("holds", scene.holds, ("x", "z"))):
         for part in parts:
-            if part.direction in ("y", "rx", "rz"):
-                raise _refusal(f"{key}.{part.name}.direction", part.direction, "x, z and ry are allowed for beam2d")
+            if part.direction not in known:
+                allowed = f"{', '.join(known[:-1])} and {known[-1]} are allowed for beam2d"
+                raise _refusal(f"{key}.{part.name}.direction", part.direction, allowed)
+    if not any(ring.moving and {"bottom", "top"} & set(ring.faces) for ring in scene.pads):
+        allowed = "a ring with moving = true at bottom or top is needed: a planar beam does not feel pads on its sides"
+        raise _refusal("pads", None, allowed)
     if scene.gravity is not None and scene.gravity.direction[1] != 0.0:
         raise _refusal("gravity.direction", list(scene.gravity.direction), "x and z are allowed for beam2d")
 

@@ -2,15 +2,34 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from pmr.scene.sections import NotNegative, Positive, _Section
-from pmr.signals import Real
+from pmr.scene.signals import Real
 
 Vector = tuple[Real, Real, Real]
+
+
+def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The direction alone; one of unit length, to round-off, stays as it is.
+
+    Raises
+    ------
+    ValueError
+        If it is zero or not finite.
+    """
+    largest = max(map(abs, direction))
+    if not 0.0 < largest < math.inf:
+        raise ValueError("a direction is allowed: three numbers, not all of them zero")
+    if abs(math.hypot(*direction) - 1.0) < 1e-12:
+        return direction
+    x, y, z = (c / largest for c in direction)  # squares of tiny and huge numbers would vanish or overflow
+    length = math.hypot(x, y, z)
+    return x / length, y / length, z / length
 
 
 class Material(_Section):

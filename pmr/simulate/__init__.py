@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from pmr.body import SlidingBody, Trajectory
-from pmr.signals import SignalBase
+from pmr.scene.signals import SignalBase
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Loads, Progress, TimeStepping
+from pmr.system.body import SlidingBody, Trajectory
 
 __all__ = ["InitialState", "Loads", "Progress", "Simulator", "TimeStepping"]
 

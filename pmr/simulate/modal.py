@@ -8,19 +8,20 @@ M, K and D of a sliding body never change, so this is done once; only m rows are
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.interpolate import PPoly
 
-from pmr.body import SlidingBody, Trajectory
 from pmr.errors import InputError
-from pmr.reduced import ReducedModel
+from pmr.reduced.damping import Rayleigh
+from pmr.reduced.model import ReducedModel
 from pmr.simulate.start import InitialState
+from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.projection import projected, symmetric
 
 Array = NDArray[np.float64]
 
@@ -28,10 +29,12 @@ Array = NDArray[np.float64]
 LARGEST = 3000
 #: Eigenvalues no further apart than this many times what couples them are left as they are: any mixture will do.
 CLOSE = 1e3
-#: Damping that is classical leaves off-diagonal terms of this size at most, relative to the diagonal ones; Rayleigh's
-#: leaves this share besides the mass and stiffness that it is made of (shell of 18,000 coordinates: 3e-12, solid of
-#: 20,000: 6e-10, as sharp as its modes are).
+#: Share that Rayleigh's damping may leave besides the mass and stiffness that it is made of (shell of 18,000
+#: coordinates: 3e-12, solid of 20,000: 6e-10, as sharp as its modes are).
 CLASSICAL = 1e-8
+#: Modes are coupled by any other damping if it leaves more than this share between them, and more than the modes'
+#: own error, `ERROR`, makes of the rest.
+COUPLED, ERROR = 1e-9, 1e-10
 
 
 @dataclass(frozen=True)
@@ -85,24 +88,14 @@ def modal_form(body: SlidingBody) -> ModalForm:
     free = np.setdiff1d(np.arange(body.size), list(body.held.values()))
     kept = [row for row in range(len(body.row_names)) if row not in body.held]
     M, D, K = (dense(A)[np.ix_(free, free)] for A in (body.M, body.D, body.K))
-    omega2, modes = diagonalise(M, K)
+    omega2, modes, known = *diagonalise(M, K), body.rayleigh
     X = np.zeros((body.size, len(free)))
     X[free] = modes
-    rows = body.rows_on(X)
-    modal = ReducedModel(
+    modal = replace(
+        projected(body, X).with_rows(kept),
         M=np.eye(len(free)),
-        D=_modal_damping(M, D, K, omega2, modes),
+        D=_modal_damping(D, D if known is None else D - known.alpha * M - known.beta * K, omega2, modes, known),
         K=np.diag(omega2),
-        B=X.T @ body.B,
-        outputs=np.asarray(body.outputs @ X),
-        rows=PPoly(np.ascontiguousarray(rows.c[:, :, kept]), rows.x),
-        input_names=body.input_names,
-        row_names=tuple(body.row_names[row] for row in kept),
-        output_positions=body.output_positions,
-        output_units=body.output_units,
-        pads=body.row_compliance[kept],
-        flexibility=body.flexibility,
-        clearance=body.row_clearance[kept],
     )
     return ModalForm(modal, X, np.asarray((body.M @ X).T), tuple(kept))
 
@@ -154,39 +147,40 @@ def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:
 
 
 def _refined(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
-    """Eigenvalues and vectors corrected to first order; products in the precision of M and K."""
+    """Eigenvalues and vectors corrected to first order, products in the precision of M and K.
+
+    The correction E turns modes by its antisymmetric part A and stretches them by half the defect.  Rigid motions have
+    gaps of nothing but round-off, so what is divided by a gap is made symmetric before: a coupling that differs from
+    its transposed by round-off would leave that over the gap in X^T M X, 1e-11.  I + E would leave A^T A there, and
+    A may be as large as 1 / CLOSE; I + E + E^2 / 2 leaves A^4 / 4.
+    """
     X = X.astype(M.dtype)
-    defect = np.asarray(np.eye(len(M)) - X.T @ (M @ X), float)  # from M-orthonormality
-    S = X.T @ (K @ X)
-    omega2 = np.asarray(np.diagonal(S) / (1.0 - np.diagonal(defect)), float)
-    coupling = np.asarray(S - np.diag(np.diagonal(S)), float)
+    defect = np.asarray(symmetric(np.eye(len(M)) - X.T @ (M @ X)), float)  # from M-orthonormality
+    S = np.asarray(symmetric(X.T @ (K @ X)), float)
+    omega2 = np.diagonal(S) / (1.0 - np.diagonal(defect))
+    coupling = S - np.diag(np.diagonal(S))
     gap = omega2[None, :] - omega2[:, None]
     near = np.abs(gap) <= CLOSE * (np.abs(coupling) + np.abs(omega2) * np.abs(defect))  # no first order there
     with np.errstate(divide="ignore", invalid="ignore"):
         correction = np.where(near, defect / 2.0, (coupling + omega2[None, :] * defect) / gap)
+    correction += correction @ correction / 2.0
     return omega2, np.asarray(X + X @ correction.astype(M.dtype), float)
 
 
-def _modal_damping(M: Array, D: Array, K: Array, omega2: Array, X: Array) -> Array:
-    """X^T D X, exactly diagonal where damping is Rayleigh's or modal.
+def _modal_damping(D: Array, rest: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:
+    """X^T D X, exactly diagonal where damping is Rayleigh's or, but for round-off, modal.
 
-    Rayleigh's part is taken out before the transformation: its round-off in the high modes would look like coupling.
+    `rest` is what D has beside alpha M + beta K; all of D where it is not Rayleigh's.
     """
-    if not np.any(D):
-        return np.zeros_like(D)
-    parts = np.stack([(M / np.linalg.norm(M)).ravel(), (K / np.linalg.norm(K)).ravel()], axis=1)
-    alpha, beta = np.linalg.lstsq(parts, D.ravel(), rcond=None)[0] / [np.linalg.norm(M), np.linalg.norm(K)]
-    rest = D - alpha * M - beta * K
+    classical = np.zeros_like(omega2) if rayleigh is None else rayleigh.modal(omega2)
     if np.linalg.norm(rest) <= CLASSICAL * np.linalg.norm(D):
-        return np.diag(alpha + beta * omega2)
-    terms = np.abs(D) + np.abs(alpha * M) + np.abs(beta * K)
-    round_off = 1e-14 * np.abs(X).T @ terms @ np.abs(X)
-    rest = X.T @ rest @ X
-    scale = np.sqrt(np.abs(np.outer(np.diagonal(rest), np.diagonal(rest))))
-    coupled = np.abs(rest) > CLASSICAL * scale + round_off
+        return np.diag(classical)
+    modal = X.T @ rest @ X
+    own, all_of = np.sqrt(np.abs(np.diagonal(modal))), np.abs(modal).sum(axis=0)
+    coupled = np.abs(modal) > COUPLED * np.outer(own, own) + ERROR * (all_of[:, None] + all_of)
     if not np.any(np.triu(coupled | coupled.T, 1)):
-        rest = np.diag(np.diagonal(rest))
-    return rest + np.diag(alpha + beta * omega2)
+        modal = np.diag(np.diagonal(modal))
+    return modal + np.diag(classical)
 
 
 def dense(A: Any) -> Array:

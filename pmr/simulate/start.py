@@ -25,8 +25,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from pmr.body import SlidingBody
 from pmr.errors import InputError
+from pmr.system.body import SlidingBody
 
 Array = NDArray[np.float64]
 

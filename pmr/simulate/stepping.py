@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.constraints.polynomials import DOMAIN_TOLERANCE
 from pmr.errors import InputError
-from pmr.signals import SignalBase
-from pmr.sliding import DOMAIN_TOLERANCE
+from pmr.scene.signals import SignalBase
 
 Array = NDArray[np.float64]
 #: Called with the share of the time span, 0 to 1, that is done.
@@ -30,6 +30,9 @@ class TimeStepping:
     step : float, s
     rho_inf : float
         Spectral radius at infinite frequency: 1 keeps all energy, 0 removes the highest frequencies at once.
+    parts : int
+        Equal parts of a step in which rows that only push are followed; 0, the default: as many as their contact takes
+        (`pmr.simulate.contact_step`).  Without such rows a step is one.
 
     Raises
     ------
@@ -40,6 +43,7 @@ class TimeStepping:
     end: float
     step: float
     rho_inf: float = 0.9
+    parts: int = 0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.step <= self.end:
@@ -50,10 +54,16 @@ class TimeStepping:
             raise InputError("scene", "time.step", self.step, allowed)
         if not 0.0 <= self.rho_inf <= 1.0:
             raise InputError("scene", "time.rho_inf", self.rho_inf, "0 to 1 is allowed")
+        if self.parts < 0:
+            raise InputError("scene", "time.parts", self.parts, "0 or more is allowed")
 
     @property
     def steps(self) -> int:
         return round(self.end / self.step)
+
+    def divided(self, parts: int) -> TimeStepping:
+        """The same with `parts` steps for each."""
+        return self if parts == 1 else TimeStepping(self.end, self.end / (self.steps * parts), self.rho_inf, 1)
 
     @property
     def times(self) -> Array:
@@ -62,12 +72,12 @@ class TimeStepping:
 
 
 def path_at(path: SignalBase, domain: tuple[float, float], t: Array) -> Array:
-    """Path coordinates (T,) in m at the times t (T,) in s.
+    """Path coordinates (T,) in m at the ascending times t (T,) in s.
 
     Raises
     ------
     InputError
-        If one of them lies outside `domain`.
+        If the path leaves `domain`, at one of these times or between two of them.
     """
     low, high = domain
     s = np.asarray(path.value(t), dtype=float)
@@ -77,6 +87,10 @@ def path_at(path: SignalBase, domain: tuple[float, float], t: Array) -> Array:
         k = int(np.argmax(outside))
         allowed = f"{low:g} to {high:g} m is allowed; left at t = {t[k]:g} s"
         raise InputError("scene", "slider.path", float(s[k]), allowed)
+    for at in path.bounds(float(t[0]), float(t[-1])):
+        if not low - slack <= at <= high + slack:
+            allowed = f"{low:g} to {high:g} m is allowed; left between two steps"
+            raise InputError("scene", "slider.path", at, allowed)
     return np.clip(s, low, high)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.dolfinx_compat import PETSc
+from pmr.fem.compat import PETSc
 
 Array = NDArray[np.float64]
 
@@ -27,9 +27,6 @@ class Snapshots:
         Normwise backward error ||K phi - omega^2 M phi|| / ((||K|| + omega^2 ||M||) ||phi||), infinity norms.
     source : str
         How the columns were made.
-    rigid : (n_local, c) array, optional
-        This rank's rows of all rigid-body modes that the fixed supports leave free, M-orthonormal, where the source
-        comes across them.
     """
 
     S: PETSc.Mat
@@ -37,4 +34,3 @@ class Snapshots:
     s: Array
     residuals: Array
     source: str
-    rigid: Array | None = None

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.operators import FullModel
-from pmr.parallel import tall
+from pmr.fem.distributed import tall
+from pmr.fullmodel.eigensolvers import EigenSolver, eigensolver
+from pmr.fullmodel.elimination import DependentRowsError
+from pmr.fullmodel.model import FullModel
 from pmr.scene import SceneBase
 from pmr.snapshots import Snapshots
-from pmr.snapshots.eigensolvers import EigenSolver, eigensolver
-from pmr.snapshots.elimination import DependentRowsError
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def eigenmode_snapshots(model: FullModel, scene: SceneBase, solver: EigenSolver 
         try:
             modes.append(solver.lowest(float(s), scene.reduction.modes))
         except DependentRowsError as error:
-            raise InputError("scene", "reduction.positions", float(s), str(error)) from None
+            raise InputError("scene", "reduction.positions", float(s), error.allowed) from None
     return Snapshots(
         S=tall(np.concatenate([m.phi for m in modes], axis=1), model.M),
         omega=np.concatenate([m.omega for m in modes]),

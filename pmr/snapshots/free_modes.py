@@ -15,35 +15,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
-from pmr.operators import FullModel, local_csr
-from pmr.parallel import freed, sparse, tall, times
-from pmr.sliding import Row, Rows, contributions
+from pmr.constraints.polynomials import contributions
+from pmr.constraints.rows import Rows
+from pmr.errors import ConvergenceError, InputError
+from pmr.fem.distributed import inner, tall, times
+from pmr.fem.matrices import local_csr
+from pmr.fullmodel.eigensolvers import eigensolver
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.modes import Modes, finished
 from pmr.snapshots import Snapshots
-from pmr.snapshots.eigensolvers import eigensolver
-from pmr.snapshots.modes import Modes
+from pmr.snapshots.rigid import fixed_rows, rigid_modes
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-
-#: A vector whose strain energy exceeds its round-off no more than this many times is a rigid-body mode.  Measured:
-#: these stay below 0.2 times, the softest mode of a cantilever exceeds it 2e8 times on 50 elements and 200 times on
-#: 1500, from where on a mesh is called too fine.
-RIGID = 8.0
 
 #: A load or a row that does less work on a mode than this share of its work on another one does not excite it.
 UNREACHED = 1e-8
 
-
-def fixed_rows(model: FullModel) -> tuple[Row, ...]:
-    """The rows that always hold, in one place: what holds the body while its sliders and pads are released."""
-    return tuple(row for row in model.rows.rows if row.fixed)
+#: Least share of each rigid-body mode in the lowest modes computed; 1 - 1e-8 on a beam of 2000 elements.
+HELD_BY_MODES = 0.9
 
 
-def free_modes(model: FullModel, count: int, solver: str = "auto", companions: int = 0) -> Snapshots:
-    """The lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes included; collective.
+def free_modes(model: FullModel, count: int, solver: str = "auto", enrichment: int = 0) -> Snapshots:
+    """The lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes first; collective.
 
-    There are `count` of them, and up to `companions` more.
+    There are `count` of them, and up to `enrichment` more.  Rigid-body modes come from the geometry
+    (`pmr.snapshots.rigid`), all others are M-orthogonal to them.
 
     Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act
     across it.  They are left out.
@@ -54,7 +50,7 @@ def free_modes(model: FullModel, count: int, solver: str = "auto", companions: i
     count : int
         At least as many as there are rigid-body modes, fewer than all: flexibility has to be left.
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
-    companions : int
+    enrichment : int
         Asked for beyond `count`; a coarse mesh may have fewer.
 
     Raises
@@ -64,92 +60,104 @@ def free_modes(model: FullModel, count: int, solver: str = "auto", companions: i
     ConvergenceError
         If too few modes converge.
     """
-    lowest = _lowest(model, count + companions + 1, solver)  # one more tells whether all rigid-body modes are there
-    modes, found = lowest.modes, len(lowest.excited)
+    lowest = _lowest(model, count + enrichment + 1, solver)  # one more tells whether flexibility is left
+    modes, found = lowest.modes, len(lowest.modes.omega)
+    if lowest.rigid > count:
+        allowed = f"the fixed supports leave {lowest.rigid} rigid-body modes free; at least as many are allowed"
+        raise InputError("scene", "reduction.coordinates", count, allowed)
     if found <= count:
         allowed = f"loads and sliders excite {found} modes of this mesh; fewer than these are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
-    taken = lowest.excited[: min(count + companions, found - 1)]
-    if lowest.rigid[lowest.excited[: count + 1]].all():
-        allowed = f"the fixed supports leave at least {count + 1} rigid-body modes free; at least as many are allowed"
-        raise InputError("scene", "reduction.coordinates", count, allowed)
+    taken = min(count + enrichment, found - 1)
     return Snapshots(
-        S=tall(np.ascontiguousarray(modes.phi[:, taken]), model.M),
-        omega=np.where(lowest.rigid, 0.0, modes.omega)[taken],
-        s=np.full(len(taken), np.nan),
-        residuals=modes.residuals[taken],
+        S=tall(np.ascontiguousarray(modes.phi[:, :taken]), model.M),
+        omega=modes.omega[:taken],
+        s=np.full(taken, np.nan),
+        residuals=modes.residuals[:taken],
         source="eigenmodes on the fixed supports, sliders released",
-        rigid=np.ascontiguousarray(modes.phi[:, lowest.rigid]),
     )
 
 
 @dataclass(frozen=True)
 class _Lowest:
-    """The lowest modes, the numbers of those that are excited, and which ones (k,) are rigid-body modes."""
+    """The lowest modes that are excited, and how many of them, the first ones, are rigid-body modes."""
 
     modes: Modes
-    excited: Indices
-    rigid: NDArray[np.bool_]
+    rigid: int
 
 
 def _lowest(model: FullModel, count: int, solver: str) -> _Lowest:
     """With `count` that are excited, fewer if there are no more."""
-    held = _with_rows(model, fixed_rows(model))
-    free, solve, asked = model.size - len(held.rows.rows), eigensolver(held, solver), count
+    held = replace(model, rows=Rows(fixed_rows(model), model.size))
+    s = float(held.rows.domain[0]) if held.rows.rows else 0.0  # any: none of these rows moves
+    Z, solve = rigid_modes(model), eigensolver(held, solver)
+    free, asked = model.size - len(held.rows.rows), count + Z.shape[1]
     while True:
         asked = min(asked, free)
-        modes = solve.lowest(_somewhere(held), asked)
-        chosen = np.flatnonzero(excited(model, modes.phi))[:count]
-        if len(chosen) == count or asked == free:
-            return _Lowest(modes, chosen, rigid_bodies(model, modes.phi))
+        elastic = _beside(held, Z, solve.lowest(s, asked))
+        work = _work(model, np.hstack([Z, elastic.phi]))
+        reached = _reached(work[:, : Z.shape[1]])
+        chosen = np.flatnonzero(np.any(np.abs(work[:, Z.shape[1] :]) > UNREACHED, axis=0))[: count - reached.shape[1]]
+        if len(chosen) + reached.shape[1] == count or asked == free:
+            break
         asked = 2 * asked
+    bodies = finished(held, s, np.zeros(reached.shape[1]), Z @ reached, cut=False)
+    return _Lowest(
+        Modes(
+            np.concatenate([bodies.omega, elastic.omega[chosen]]),
+            np.hstack([bodies.phi, elastic.phi[:, chosen]]),
+            np.concatenate([bodies.residuals, elastic.residuals[chosen]]),
+        ),
+        len(bodies.omega),
+    )
 
 
-def excited(model: FullModel, phi: Array) -> NDArray[np.bool_]:
-    """Which columns (k,) of the modes, given by this rank's rows, a load or a released row does work on."""
+def _beside(held: FullModel, Z: Array, modes: Modes) -> Modes:
+    """The modes but for the rigid-body modes Z (n_local, c), which the lowest ones hold, made M-orthogonal to these.
+
+    Computed rigid-body modes are rigid to a few digits only, and share them with the low elastic ones: the part of the
+    span beside Z is taken as a whole, and its modes are those of the frequencies that were found.
+
+    Raises
+    ------
+    ConvergenceError
+        If the modes do not hold Z: what round-off makes of the stiffness of a rigid motion is then more than that of
+        the lowest modes.
+    """
+    count = Z.shape[1]
+    if count == 0:
+        return modes
+    share = inner(times(held.M, Z), modes.phi, held.comm)
+    _, values, Vt = np.linalg.svd(share)
+    if values[-1] < HELD_BY_MODES:
+        raise ConvergenceError(
+            f"round-off in the stiffness hides {count} rigid-body modes among the lowest of this mesh; fewer elements "
+            "or stiffer supports help"
+        )
+    rest = Vt[count:].T
+    omega2, turned = np.linalg.eigh(rest.T @ (modes.omega[:, None] ** 2 * rest))
+    combined = rest @ turned
+    s = float(held.rows.domain[0]) if held.rows.rows else 0.0
+    return finished(held, s, omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
+
+
+def _work(model: FullModel, phi: Array) -> Array:
+    """The work (a, k) of loads and released rows on each mode, given by this rank's rows, over the largest of each."""
     first = model.M.getOwnershipRange()[0]
     work = [local_csr(model.inputs).T @ phi]
     work += [
         contributions(row.project(phi, first)).reshape(-1, phi.shape[1]) for row in model.rows.rows if not row.fixed
     ]
-    size = np.abs(model.comm.allreduce(np.concatenate(work)))
-    return np.asarray(np.any(size > UNREACHED * size.max(axis=1, keepdims=True), axis=0))
+    whole = np.asarray(model.comm.allreduce(np.concatenate(work)))
+    largest = np.abs(whole).max(axis=1, initial=0.0, keepdims=True)
+    return np.divide(whole, largest, out=np.zeros_like(whole), where=largest > 0.0)
 
 
-def rigid_modes(model: FullModel, solver: str = "auto", expected: int = 1) -> Array:
-    """All rigid-body modes that the fixed supports leave free, M-orthonormal; this rank's rows (n_local, count).
+def _reached(work: Array) -> Array:
+    """Orthonormal combinations (c, k) of the rigid-body modes that cover all on which work (a, c) is done.
 
-    As many as are `expected` cost one solution, more of them two.
+    The modes are any set that spans theirs: one that nothing reaches may be hidden in the others.
     """
-    held = _with_rows(model, fixed_rows(model))
-    solve, free = eigensolver(held, solver), model.size - len(held.rows.rows)
-    for count in (expected + 1, 7):  # a planar body on a pin has one, a free one in space six
-        phi = solve.lowest(_somewhere(held), min(count, free)).phi
-        rigid = rigid_bodies(model, phi)
-        if not rigid.all():
-            break
-    return np.ascontiguousarray(phi[:, rigid])
-
-
-def rigid_bodies(model: FullModel, local: Array) -> NDArray[np.bool_]:
-    r"""Which columns (k,) are rigid-body motions: their strain energy is what round-off in K leaves of it.
-
-    .. math:: x^T K x \le c\, \epsilon\, |x|^T |K| |x|
-
-    The right-hand side bounds the error of the left one, so the comparison needs no frequency to compare with.
-    """
-    size = sparse(abs(local_csr(model.K)), model.K, columns=model.K.getLocalSize()[1])
-    energy, scale = model.comm.allreduce(
-        np.array([np.sum(local * times(model.K, local), axis=0), np.sum(abs(local) * times(size, abs(local)), axis=0)])
-    )
-    freed(size)
-    return np.asarray(energy <= RIGID * np.finfo(float).eps * scale)
-
-
-def _with_rows(model: FullModel, rows: tuple[Row, ...]) -> FullModel:
-    return replace(model, rows=Rows(rows, model.size))
-
-
-def _somewhere(model: FullModel) -> float:
-    """A path coordinate at which the rows, none of which moves, can be evaluated."""
-    return float(model.rows.domain[0]) if model.rows.rows else 0.0
+    _, values, Vt = np.linalg.svd(work, full_matrices=False)
+    reached = int(np.sum(values > UNREACHED))
+    return np.eye(work.shape[1]) if reached == work.shape[1] else np.asarray(Vt[:reached].T)

@@ -13,10 +13,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from pmr.errors import InputError
+from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.studies import kinds
+from pmr.studies.engine.task import Plan, Task
 from pmr.studies.study import StudyBase
-from pmr.studies.task import Plan, Task
-from pmr.tomlfiles import Change, Dialect, TomlFile, override
 
 DIALECT = Dialect("study file", references=("file", "files", "scene", "scenes"))
 COLLECTION = "collection"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from pmr.errors import InputError
-from pmr.studies.task import KEY, Scalar
-from pmr.tomlfiles import Change
+from pmr.scene.tomlfiles import Change
+from pmr.studies.engine.task import KEY, Scalar
 
 
 @dataclass(frozen=True)

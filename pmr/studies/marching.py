@@ -9,13 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.body import SlidingBody
+from pmr.errors import SimulationError
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation
-from pmr.signals import SignalBase
-from pmr.simulate import TimeStepping, march
+from pmr.scene.signals import SignalBase
+from pmr.simulate import TimeStepping
+from pmr.simulate.balance import NOTABLE, described
 from pmr.simulate.modal import modal_form
+from pmr.simulate.native import simulator as march
+from pmr.simulate.stepping import loads_at
 from pmr.studies import shared
-from pmr.studies.task import Task, TaskResult
+from pmr.studies.engine.task import Task, TaskResult
+from pmr.system.body import SlidingBody
+from pmr.system.body import displacement as outputs
 
 Array = NDArray[np.float64]
 
@@ -37,10 +42,11 @@ class Drive:
 
 @dataclass(frozen=True)
 class Motion:
-    """Transverse displacement (T, o) in m at the outputs, and strain energy (T,) in J."""
+    """Transverse displacement (T, o) in m at the outputs, strain energy (T,) in J; `surplus` as `Trajectory` has it."""
 
     displacement: Array
     strain: Array
+    surplus: float = 0.0
 
 
 def displacement(body: SlidingBody, drive: Drive) -> Array:
@@ -51,14 +57,18 @@ def displacement(body: SlidingBody, drive: Drive) -> Array:
     InputError, SimulationError
         As for `pmr.simulate.Simulator`.
     """
-    return march.observe(modal_form(body), drive.path, drive.loads, drive.stepping).y
+    form = modal_form(body)
+    found = march.simulate_modal(form, drive.path, drive.loads, drive.stepping)
+    f = loads_at(drive.loads, drive.stepping.times)
+    return outputs(form.body, found.q, found.s, found.multipliers, f)
 
 
 def motion(body: SlidingBody, drive: Drive) -> Motion:
     """Displacement and, from the modal coordinates z, the strain energy sum_i omega_i^2 z_i^2 / 2; errors likewise."""
     form = modal_form(body)
-    z = march.simulate_modal(form, drive.path, drive.loads, drive.stepping).q
-    return Motion(z @ form.body.outputs.T, z**2 @ form.omega2 / 2.0)
+    found = march.simulate_modal(form, drive.path, drive.loads, drive.stepping)
+    z = found.q
+    return Motion(z @ form.body.outputs.T, z**2 @ form.omega2 / 2.0, found.surplus)
 
 
 def still(like: Motion) -> Motion:
@@ -79,6 +89,8 @@ def full(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskR
     assert body is not None
     drive = Drive.of(scene)
     found = motion(body, drive)
+    if found.surplus > NOTABLE:  # what many runs are compared with
+        raise SimulationError(f"the full model is no reference: {described(found.surplus)}")
     arrays = {"t": drive.stepping.times, "x": body.output_positions}
     return TaskResult(arrays=arrays | {"displacement": found.displacement, "strain": found.strain})
 

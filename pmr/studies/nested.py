@@ -1,7 +1,7 @@
 r"""Reduced models of every size on one global basis: POD bases are nested, so one decomposition serves all sizes.
 
 Supports make the difference between three ways to count coordinates, because POD vectors of eigenmodes vanish there
-(`pmr.projection`):
+(`pmr.reduce.galerkin`):
 
 drop
     The supports' rows say nothing and are left out; r coordinates move.
@@ -25,16 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.body import FullBody
 from pmr.errors import InputError, SimulationError
-from pmr.reduced import ReducedModel
+from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.studies import shared
+from pmr.studies.engine.task import Task, TaskResult
 from pmr.studies.marching import resting
-from pmr.studies.task import Task, TaskResult
+from pmr.system.projection import projected
 
 if TYPE_CHECKING:
-    from pmr.operators import FullModel
+    from pmr.fullmodel.model import FullModel
     from pmr.snapshots import Snapshots
 
 Array = NDArray[np.float64]
@@ -140,7 +140,7 @@ def library_task(scene: Scene, snapshots: Sequence[int], modes: int) -> Task:
 
 def library(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: ``s`` (p,) in m, ``phi`` (p, n, modes), ``omega`` in rad/s and ``residuals``, both (p, modes)."""
-    from pmr.snapshots.eigensolvers import eigensolver
+    from pmr.fullmodel.eigensolvers import eigensolver
 
     scene = shared.scene_of(arguments)
     model = shared.model_of(scene)
@@ -153,8 +153,8 @@ def library(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
 
 def global_basis(scene: Scene, library: TaskResult, snapshots: int, modes: int) -> GlobalBasis:
     """The basis of one combination, from the eigenmodes of a `library_task` for the same scene."""
-    from pmr.basis import pod
-    from pmr.projection import reduced_model
+    from pmr.reduce.basis import pod
+    from pmr.reduce.galerkin import reduced_model
 
     model = shared.model_of(scene)
     pool = _pool(model, library, _positions(scene, model, snapshots), modes)
@@ -164,28 +164,11 @@ def global_basis(scene: Scene, library: TaskResult, snapshots: int, modes: int) 
     assert body is not None
     vectors = np.linalg.svd(np.array(pool.S.getDenseArray()), full_matrices=False)[0]
     models = {
-        "kept": NestedModels(galerkin(body, vectors)),
+        "kept": NestedModels(projected(body, vectors)),
         "hold": NestedModels(dropped, spent=len(dropped.left_out)),
         "drop": NestedModels(dropped),
     }
     return GlobalBasis(models, basis.sigma, basis.size)
-
-
-def galerkin(body: FullBody, V: Array) -> ReducedModel:
-    """Projection of a full model on the columns of V (n, r), every row of it, be it round-off alone, included."""
-    M, D, K = (V.T @ (A @ V) for A in (body.M, body.D, body.K))
-    return ReducedModel(
-        M=(M + M.T) / 2.0,
-        D=(D + D.T) / 2.0,
-        K=(K + K.T) / 2.0,
-        B=V.T @ body.B,
-        outputs=np.asarray(body.outputs @ V),
-        rows=body.rows_on(V),
-        input_names=body.input_names,
-        row_names=body.row_names,
-        output_positions=body.output_positions,
-        output_units=body.output_units,
-    )
 
 
 def _positions(scene: Scene, model: FullModel, count: int) -> Array:
@@ -196,7 +179,7 @@ def _positions(scene: Scene, model: FullModel, count: int) -> Array:
 
 
 def _pool(model: FullModel, library: TaskResult, at: Array, modes: int) -> Snapshots:
-    from pmr.parallel import tall
+    from pmr.fem.distributed import tall
     from pmr.snapshots import Snapshots
 
     number = np.searchsorted(library.arrays["s"], at)

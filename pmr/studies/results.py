@@ -19,10 +19,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.studies.graph import digests
-from pmr.studies.runner import Failure
-from pmr.studies.store import Store, write_arrays
-from pmr.studies.task import Plan, Scalar
+from pmr.files import jsonfile
+from pmr.files.swap import finished, fresh
+from pmr.studies.engine.graph import digests
+from pmr.studies.engine.runner import Failure
+from pmr.studies.engine.store import Store, write_arrays
+from pmr.studies.engine.task import Plan, Scalar
+
+#: Files that go together, and those that are made of them.
+TABLES, REPORT = ("runs.csv", "runs.npz", "seconds.csv", "summary.json"), ("report.html", "report.pdf")
 
 
 @dataclass(frozen=True)
@@ -85,6 +90,7 @@ class StudyResults:
     @classmethod
     def load(cls, folder: Path) -> StudyResults:
         """Read what `save` wrote."""
+        finished(folder)
         runs = json.loads((folder / "summary.json").read_text())["runs"]
         return cls(folder, tuple(RunRecord(**(run | {"notes": tuple(run["notes"])})) for run in runs))
 
@@ -103,22 +109,29 @@ class StudyResults:
         return _column([run.row.get(name) for run in self.runs])
 
     def save(self, summary: Mapping[str, Any]) -> None:
-        """Write runs.csv, runs.npz, seconds.csv and summary.json, which holds `summary` and the runs."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        """Write runs.csv, runs.npz, seconds.csv and summary.json, which holds `summary` and the runs.
+
+        A report that is there belongs to what was there before, and goes.
+        """
         rows = [run.row for run in self.runs]
         names = _names(rows)
-        _write(self.folder / "runs.csv", _csv(names, rows))
-        write_arrays(self.folder / "runs.npz", {name: self.column(name) for name in names})
-        times: list[dict[str, Scalar]] = [{"run": run.key} | dict(run.seconds) for run in self.runs]
-        _write(self.folder / "seconds.csv", _csv(_names(times), times))
-        self.save_summary(summary)
+        with fresh(self.folder, (*TABLES, *REPORT)) as new:
+            _write(new / "runs.csv", _csv(names, rows))
+            write_arrays(new / "runs.npz", {name: self.column(name) for name in names})
+            times: list[dict[str, Scalar]] = [{"run": run.key} | dict(run.seconds) for run in self.runs]
+            _write(new / "seconds.csv", _csv(_names(times), times))
+            _write(new / "summary.json", self._text(summary))
 
     def save_summary(self, summary: Mapping[str, Any]) -> None:
-        """Write summary.json alone."""
+        """Write summary.json alone; a report that is there goes."""
+        with fresh(self.folder, ("summary.json", *REPORT)) as new:
+            _write(new / "summary.json", self._text(summary))
+
+    def _text(self, summary: Mapping[str, Any]) -> str:
         runs = [
             vars(run) | {n: dict(getattr(run, n)) for n in ("parameters", "figures", "seconds")} for run in self.runs
         ]
-        _write(self.folder / "summary.json", json.dumps({**summary, "runs": runs}, indent=1, allow_nan=False))
+        return jsonfile.text({**summary, "runs": runs}, indent=1)
 
 
 def _names(rows: Iterable[Mapping[str, Scalar]]) -> list[str]:
@@ -152,6 +165,4 @@ def _column(values: Sequence[Scalar]) -> NDArray[Any]:
 
 
 def _write(path: Path, text: str) -> None:
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
+    path.write_text(text, encoding="utf-8")

@@ -18,11 +18,11 @@ import numpy as np
 from pmr.results import Response
 from pmr.scene import Damping, Reduction, SceneBase, StructureScene, from_data
 from pmr.scene.sections import Compare, Simulation, TimeChoice
-from pmr.signals import Constant
-from pmr.studies.task import Task, TaskFunction, TaskResult
+from pmr.scene.signals import Constant
+from pmr.studies.engine.task import Task, TaskFunction, TaskResult
 
 if TYPE_CHECKING:
-    from pmr.operators import FullModel
+    from pmr.fullmodel.model import FullModel
     from pmr.snapshots import Snapshots
 
 #: Rough effort in s for the paper's beam.
@@ -48,7 +48,7 @@ def model_of(scene: SceneBase) -> FullModel:
 
 @lru_cache(maxsize=4)
 def _model(scene: SceneBase) -> FullModel:
-    from pmr.build import build
+    from pmr.fullmodel.build import build
 
     return build(scene).model
 
@@ -60,7 +60,7 @@ def modes_tasks(scene: SceneBase) -> dict[str, Task]:
         basis=choice.basis,
         solver=choice.solver,
         coordinates=choice.coordinates,
-        flexibility=choice.needs_inertia,  # then there are companion modes
+        flexibility=choice.needs_inertia,  # then there are enrichment modes
     )
     if choice.basis == "eigenmodes":
         kept = Reduction(
@@ -97,7 +97,7 @@ def frequencies_task(scene: SceneBase) -> Task:
 
 def snapshots_from(scene: SceneBase, needs: Mapping[str, TaskResult]) -> Snapshots:
     """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
-    from pmr.parallel import tall
+    from pmr.fem.distributed import tall
     from pmr.snapshots import Snapshots
 
     taken = [needs[f"modes{k}"].arrays for k in range(sum(name.startswith("modes") for name in needs))]
@@ -113,8 +113,8 @@ def response_from(result: TaskResult) -> Response:
 
 def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: eigenmodes with the slider held at one of the scene's positions."""
+    from pmr.fullmodel.eigensolvers import eigensolver
     from pmr.snapshots.eigenmodes import positions
-    from pmr.snapshots.eigensolvers import eigensolver
 
     scene = scene_of(arguments)
     model = model_of(scene)
@@ -126,7 +126,7 @@ def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
 
 def modes_released(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: the modes of a scene whose basis needs no slider positions."""
-    from pmr.reduction import take_snapshots
+    from pmr.reduce.from_scene import take_snapshots
 
     scene = scene_of(arguments)
     taken = take_snapshots(scene, model_of(scene))
@@ -136,7 +136,7 @@ def modes_released(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]
 
 def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: response of the full model or of the ANCF cable."""
-    from pmr import references
+    from pmr.compare import references
 
     scene = scene_of(arguments)
     response = references.reference(arguments["simulator"], scene, model_of(scene))

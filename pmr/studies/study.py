@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pmr.studies.task import Plan, Scalar
+from pmr.studies.engine.task import Plan, Scalar
 
 if TYPE_CHECKING:
     from pmr.studies.results import StudyResults

@@ -138,14 +138,14 @@ def test_exponents_and_a_page_with_a_size_that_was_too_large() -> None:
 def test_what_is_measured_is_a_run(tmp_path: Path) -> None:
     files = [tmp_path / "1.npz", tmp_path / "2.npz"]
     records = [
-        record_of("benchmarks.scale_run", ["0.1", str(file)], ranks, Bounds(500.0))
+        record_of("benchmarks.scale_run", ["0.2", str(file)], ranks, Bounds(500.0))
         for ranks, file in zip((1, 2), files, strict=True)
     ]
     for found, ranks in zip(records, (1, 2), strict=True):
-        assert found["size"] == 17_766 and found["ranks"] == ranks == len(found["peak_MB"])
+        assert found["size"] == 5_112 and found["ranks"] == ranks == len(found["peak_MB"])
         seconds = found["seconds"]
         assert set(seconds) == {*scale.STAGES, "total"}
         assert 0.8 * seconds["total"] < sum(seconds[stage] for stage in scale.STAGES) < seconds["total"]
         assert list(found["peak_MB_after"].values()) == sorted(found["peak_MB_after"].values())
-        assert scale.own_memory(found) < 400.0 * ranks
+        assert scale.own_memory(found) < 300.0 * ranks
     assert max(scale.difference(*files).values()) < 1e-8

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from textbook import CLOSED_FORM
 
+from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver
+from pmr.fullmodel.model import full_model
 from pmr.models.beam2d import Beam2D
-from pmr.operators import full_model
-from pmr.snapshots.eigensolvers import DenseEigenSolver, SlepcEigenSolver
 
 DECLARED_ORDER = 4
 

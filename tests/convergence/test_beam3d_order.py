@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pmr.fullmodel.eigensolvers import DenseEigenSolver
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.beam3d import Beam3D
 from pmr.scene.structures import Beam3DBody, BoxProfile
-from pmr.snapshots.eigensolvers import DenseEigenSolver
-from pmr.structure import Clamp, Structure, structural_model
 
 DECLARED_ORDER = {False: 4, True: 2}
 

@@ -18,10 +18,10 @@ from cylinder import pinched
 from statics import static_outputs
 from surfaces import mapped
 
+from pmr.fullmodel.structure import Action, Clamp, Structure, Weight, structural_model
 from pmr.mesh.named import Group
 from pmr.models.shell import Shell
 from pmr.scene.structures import Material, Plate, ShellBody
-from pmr.structure import Action, Clamp, Structure, Weight, structural_model
 
 DECLARED_ORDER = 2  # of displacements under smooth loads
 

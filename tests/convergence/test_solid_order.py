@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from blocks import BLOCKS, block
 
+from pmr.fullmodel.eigensolvers import DenseEigenSolver
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.models.solid import Solid
 from pmr.scene.structures import Material, SolidBody
-from pmr.snapshots.eigensolvers import DenseEigenSolver
-from pmr.structure import Clamp, Structure, structural_model
 
 DECLARED_ORDER = 4
 

@@ -76,5 +76,9 @@ def test_what_is_no_face_for_a_pad_is_refused() -> None:
         shell(box()).strip("tip", WINDOW)
     with pytest.raises(InputError, match="not flat"):
         shell(bent(box())).strip("top", WINDOW)
-    with pytest.raises(InputError, match="lies beside this face"):
-        shell(box()).strip("top", Window((2.1, 2.4), (-0.1, 0.1), (0.01, 0.01)))
+
+
+def test_beside_a_face_there_are_no_points_and_the_face_says_what_it_offers() -> None:
+    strip = shell(box()).strip("top", Window((2.1, 2.4), (-0.1, 0.1), (0.01, 0.01)))
+    assert len(strip.along) == 0 and strip.normal.shape[0] == 0
+    assert str(strip.extent) == "0 to 2 m along the axis, -0.15 to 0.15 m across"

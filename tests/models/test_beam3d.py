@@ -7,9 +7,9 @@ from frames import frame_matrices
 from gathering import gathered
 from textbook import relative
 
-from pmr.assembly import assemble_model
-from pmr.dolfinx_compat import MPI
 from pmr.errors import InputError
+from pmr.fem.compat import MPI
+from pmr.fullmodel.assembly import assemble_model
 from pmr.models import DIRECTIONS
 from pmr.models.beam3d import Beam3D
 from pmr.scene.structures import Beam3DBody, BeamSection, BoxProfile, Material

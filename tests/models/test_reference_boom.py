@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 from statics import static_outputs
 
+from pmr.fullmodel.eigensolvers import SlepcEigenSolver
+from pmr.fullmodel.structure import Action, Clamp, Structure, structural_model
 from pmr.mesh import read_mesh
 from pmr.mesh.box import BoxBoom, write_shell, write_solid
 from pmr.models import StructuralModel
@@ -26,8 +28,6 @@ from pmr.models.shell import Shell
 from pmr.models.solid import KINDS as CELLS
 from pmr.models.solid import Solid
 from pmr.scene.structures import Plate, ShellBody, SolidBody
-from pmr.snapshots.eigensolvers import SlepcEigenSolver
-from pmr.structure import Action, Clamp, Structure, structural_model
 
 pytest.importorskip("gmsh")
 pytestmark = pytest.mark.slow

@@ -11,9 +11,10 @@ from gathering import gathered
 from statics import static_outputs
 from surfaces import mapped
 
-from pmr.assembly import assemble_model
-from pmr.dolfinx_compat import MPI
 from pmr.errors import InputError
+from pmr.fem.compat import MPI
+from pmr.fullmodel.assembly import assemble_model
+from pmr.fullmodel.structure import Action, Clamp, Structure, Weight, structural_model
 from pmr.mesh.named import NamedMesh
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
@@ -22,7 +23,6 @@ from pmr.models.shell import Shell
 from pmr.models.solid import Solid
 from pmr.scene import Body
 from pmr.scene.structures import Beam3DBody, BeamSection, Material, Plate, ShellBody, SolidBody
-from pmr.structure import Action, Clamp, Structure, Weight, structural_model
 
 pytestmark = pytest.mark.mpi
 LENGTH, WIDTH, DEPTH = 2.0, 0.1, 0.05  # a flat bar along x, bent along z (the planar beam: along y)

@@ -14,8 +14,9 @@ from boxes import box
 from gathering import gathered
 from surfaces import mapped
 
-from pmr.assembly import assemble_model
-from pmr.dolfinx_compat import MPI
+from pmr.fem.compat import MPI
+from pmr.fields.stress import StressRows
+from pmr.fullmodel.assembly import assemble_model
 from pmr.mesh.named import NamedMesh
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
@@ -26,7 +27,6 @@ from pmr.models.solid import Solid
 from pmr.models.solid_stress import cell_gradients, isotropic_stiffness, strain_entries
 from pmr.scene import Body
 from pmr.scene.structures import Beam3DBody, BeamSection, BoxProfile, Material, Plate, ShellBody, SolidBody
-from pmr.stress import StressRows
 
 pytestmark = pytest.mark.mpi
 MATERIAL = Material(young=210e9, poisson=0.3)

@@ -17,14 +17,14 @@ from peers.pads import Patch
 from statics import static_outputs
 
 from pmr import scene as scenes
-from pmr.boom import structure_of
+from pmr.fullmodel.eigensolvers import SlepcEigenSolver, eigensolver
+from pmr.fullmodel.from_scene import structure_of
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.structure import Action, Clamp, Structure, structural_model
 from pmr.mesh import read_mesh
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.models.shell import Shell
-from pmr.operators import FullModel
 from pmr.scene.structures import Plate, ShellBody
-from pmr.snapshots.eigensolvers import SlepcEigenSolver, eigensolver
-from pmr.structure import Action, Clamp, Structure, structural_model
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
 SIZE, ALONG = 0.05, 0.1  # m

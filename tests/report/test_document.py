@@ -223,12 +223,21 @@ def test_without_a_reduced_beam_there_is_no_report(make_result, tmp_path: Path) 
         write_report([make_result(responses=("full",))], tmp_path)
 
 
+def test_warnings_stand_by_themselves_below_the_key_figures(make_result) -> None:
+    warned = make_result(summary=make_result().summary | {"warnings": ["mind the gap", "and < the step"]})
+    page = render([case(warned, "case-1")])
+    shown = re.search(r'<div class="warnings">(.*?)</div>', page, flags=re.S)
+    assert shown and re.findall(r"<li>(.*?)</li>", shown[1]) == ["Mind the gap.", "And &lt; the step."]
+    assert page.index('class="figures"') < shown.start() < page.index("<h3>Errors</h3>")
+    assert 'class="warnings"' not in render([case(make_result(), "case-1")])
+
+
 def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     estimated = {"beam": 0.0126, "tip": 0.012, "kappa": 0.98, "chi": 0.7, "largest": 1e-3, "seconds": 0.01}
-    summary = make_result().summary | {"estimate": estimated, "warnings": ["mind the gap"]}
+    summary = make_result().summary | {"estimate": estimated}
     result = make_result(summary=summary)
     said = sentences.paragraph(result, [])
-    assert "1.26\u00a0% along the beam, 1.20 times the true error." in said and "Note: mind the gap." in said
+    assert "1.26\u00a0% along the beam, 1.20 times the true error." in said
     assert sentences.KeyNumber("1.26\u00a0%", "estimated, along the beam") in sentences.key_numbers(result)
     alone = make_result(summary={"estimate": estimated})
     assert sentences.estimate(alone).endswith("along the beam; it includes a margin of a quarter.")

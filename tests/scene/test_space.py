@@ -13,7 +13,8 @@ from pmr.scene.choice import choose, wall_frequency
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 AT_THE_WEB = (
-    "pads=[{name='a',at=0.15,faces={bottom=[-0.15,0.15],top=[-0.15,0.15]}},{name='b',moving=true,faces={top=[0.15]}}]"
+    "pads=[{name='a',at=0.15,width=0.06,faces={bottom=[-0.12,0.12],top=[-0.12,0.12]}},"
+    "{name='b',moving=true,width=0.06,faces={top=[0.12]}}]"
 )
 MOUTH = "name='mouth',moving=true,faces={bottom=[0.0]}"
 VERTICAL = "loads=[{name='F',signal=1000.0}]"
@@ -49,6 +50,15 @@ def test_gravity_is_the_last_input_and_comes_up_smoothly(load) -> None:
     assert load("gravity.rise=0.0").signals[-1].value(0.0) == 9.80665
 
 
+@pytest.mark.parametrize("direction", ["[-1.0,0.0,-1.0]", "[-1e-200,0.0,-1e-200]", "[-1e300,0,-1e300]"])
+def test_of_the_direction_of_gravity_the_length_does_not_count(load, direction: str) -> None:
+    found = load(f"gravity.direction={direction}").gravity
+    assert found.direction == pytest.approx((-np.sqrt(0.5), 0.0, -np.sqrt(0.5)), rel=1e-15)
+    assert load("gravity.direction=[0.0,0.0,-2.0]").hash == load().hash  # a length of two is that of one
+    again = from_data(load(f"gravity.direction={direction}").model_dump(mode="json"))
+    assert again.gravity.direction == found.direction
+
+
 def test_free_modes_with_residual_flexibility_are_the_default(load) -> None:
     assert load().reduction.basis == "free_modes" and load().reduction.flexibility
     held = load("reduction.basis=eigenmodes")
@@ -62,6 +72,27 @@ def test_damping_by_ratio_is_rayleigh_damping(load) -> None:
         assert (found.mass / omega + found.stiffness * omega) / 2.0 == pytest.approx(0.005, rel=1e-12)
     with pytest.raises(ValueError, match="two ascending frequencies"):
         Damping.model_validate({"ratio": 0.01, "frequencies": [60.0, 10.0]})
+
+
+def test_damping_is_given_anew_in_either_way(load, tmp_path: Path) -> None:
+    assert load("damping.mass=0.5").damping == Damping(mass=0.5)
+    assert load("damping={mass=0.5,stiffness=1e-4}").damping == Damping(mass=0.5, stiffness=1e-4)
+    (tmp_path / "plain.toml").write_text(
+        f"extends = '{(WORKFLOWS / 'boom.toml').resolve()}'\n[damping]\nmass = 0.5\nstiffness = 1e-4\n"
+    )
+    plain = scenes.load(tmp_path / "plain.toml")
+    assert plain.damping == Damping(mass=0.5, stiffness=1e-4)
+    back = scenes.load(tmp_path / "plain.toml", ["damping.ratio=0.005", "damping.frequencies=[10.0,60.0]"])
+    assert back.damping == load().damping
+
+
+def test_damping_in_two_ways_names_the_file_that_has_both(tmp_path: Path) -> None:
+    both = tmp_path / "both.toml"
+    both.write_text(f"extends = '{(WORKFLOWS / 'boom.toml').resolve()}'\n[damping]\nmass = 0.5\nratio = 0.01\n")
+    with pytest.raises(InputError, match="both.toml: damping: ratio with two ascending frequencies"):
+        scenes.load(both)
+    with pytest.raises(InputError, match="^--set: damping: ratio with two"):
+        scenes.load(WORKFLOWS / "boom.toml", ["damping.frequencies=[60.0,10.0]"])
 
 
 @pytest.mark.parametrize(
@@ -108,6 +139,8 @@ def test_a_wall_is_a_long_plate() -> None:
         ("masses=[{name='m',on='tip',mass=1.0},{name='m',on='tip',mass=2.0}]", "masses = 'm': names that differ"),
         ("body.thickness=0.01", "give box.wall or thickness, one of them"),
         ("body.shape=1", "unknown key; did you mean"),
+        ("gravity.direction=[0.0,0.0,0.0]", "gravity.direction: a direction is allowed: three numbers, not all of"),
+        ("body.box.radius=0.2", "body.box.radius = 0.2: less than half of width and height is allowed"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(load, override, message) -> None:
@@ -119,3 +152,18 @@ def test_what_does_not_fit_is_refused_in_one_line(load, override, message) -> No
 def test_a_study_of_planar_beams_refuses_a_boom() -> None:
     with pytest.raises(InputError, match="a scene with a planar beam is allowed here"):
         scenes.vary_beam(WORKFLOWS / "boom.toml")
+
+
+PLANAR = ["body.model=beam2d", "loads=[{name='down',on='tip',direction='z',signal=1.0}]", "holds=[]"]
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("pads=[{name='mouth',moving=true,faces={left=[0.0]}}]", "a planar beam does not feel pads on its sides"),
+        ("holds=[{name='h',direction='ry'}]", "holds.h.direction = 'ry': x and z are allowed for beam2d"),
+    ],
+)
+def test_what_a_planar_beam_does_not_know_is_refused(load, override, message) -> None:
+    with pytest.raises(InputError, match=message):
+        load(*PLANAR, override)

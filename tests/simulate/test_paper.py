@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ from numpy.typing import NDArray
 from oracle import CASES, Case, nrms_error, paper_basis, project
 from textbook import EA, EI, LENGTH, RHO_A
 
-from pmr.body import FullBody, Trajectory
-from pmr.reduced import ReducedModel
-from pmr.simulate import TimeStepping, ancf, exudyn
+from pmr.reduced.model import ReducedModel
+from pmr.simulate import TimeStepping
+from pmr.simulate.exudyn import ancf
+from pmr.simulate.exudyn import simulator as exudyn
+from pmr.system.body import FullBody, Trajectory
 
 pytestmark = pytest.mark.slow
 
@@ -53,6 +56,7 @@ def cable_runs(full: FullBody) -> dict[str, ancf.CableMotion]:
     }
 
 
+@pytest.mark.numerical
 @pytest.mark.parametrize(("name", "expected"), [("simple", (0.1646, 0.3389)), ("evolved", (0.9234, 1.4893))])
 def test_twenty_coordinates_do_better_than_published(
     reduced: ReducedModel, references: dict[str, Array], name: str, expected: tuple[float, float]
@@ -63,6 +67,7 @@ def test_twenty_coordinates_do_better_than_published(
     assert found == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.numerical
 @pytest.mark.parametrize(("name", "published"), [("simple", (0.20, 0.40)), ("evolved", (1.13, 1.82))])
 def test_published_errors_are_those_of_round_off_in_the_support_rows(
     full: FullBody, references: dict[str, Array], name: str, published: tuple[float, float]
@@ -85,7 +90,7 @@ def test_published_errors_are_those_of_round_off_in_the_support_rows(
 def test_callbacks_agree_with_updates_once_a_step(reduced: ReducedModel, name: str) -> None:
     once, called = (
         displacement(reduced, run(reduced, CASES[name], simulate))
-        for simulate in (exudyn.simulate, exudyn.simulate_with_callbacks)
+        for simulate in (exudyn.simulate, partial(exudyn.simulate, formulation="callbacks"))
     )
     assert np.abs(once - called).max() < 1e-9
 

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from oracle import project
 
-from pmr.body import FullBody, SlidingBody
+from pmr.constraints.rows import Rows
 from pmr.errors import InputError
 from pmr.simulate import InitialState
 from pmr.simulate.start import consistent_start
-from pmr.sliding import Rows
+from pmr.system.body import FullBody, SlidingBody
 
 Array = NDArray[np.float64]
 S, S_RATE = 2.1, 1.7  # m, m/s

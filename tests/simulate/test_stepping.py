@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pmr.errors import InputError
-from pmr.signals import Constant, Ramp
+from pmr.scene.signals import Constant, Ramp
 from pmr.simulate import TimeStepping
 from pmr.simulate.stepping import loads_at, one_for_each, path_at
 

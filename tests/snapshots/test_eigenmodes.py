@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from pmr.dolfinx_compat import MPI
 from pmr.errors import InputError
-from pmr.operators import full_model
+from pmr.fem.compat import MPI
+from pmr.fullmodel.model import full_model
 from pmr.snapshots.eigenmodes import eigenmode_snapshots, node_set, positions
 
 
@@ -74,8 +74,8 @@ DIGEST = """
 import hashlib, sys
 import numpy as np
 from pmr import scene
-from pmr.basis import pod
-from pmr.operators import full_model
+from pmr.reduce.basis import pod
+from pmr.fullmodel.model import full_model
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
 s = scene.load(sys.argv[1], ["reduction.solver=dense"])
 model = full_model(s)

@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 
 from pmr.errors import InputError
+from pmr.scene.tomlfiles import Change
 from pmr.studies.grid import axes, points
-from pmr.tomlfiles import Change
 
 
 def test_all_combinations_the_last_list_fastest() -> None:

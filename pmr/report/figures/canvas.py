@@ -26,6 +26,7 @@ INK, MUTED, SHADE = "#1c2733", "#5b6875", "#e8ecf0"
 _STYLE: Mapping[str, Any] = {
     "font.family": ["DejaVu Sans"],
     "font.size": 7.5,
+    "text.parse_math": False,  # what a user writes between two $ is no formula
     "axes.labelsize": 7.5,
     "axes.titlesize": 7.5,
     "xtick.labelsize": 7.0,
@@ -128,8 +129,10 @@ def key(figure: Figure, handles: list[Any]) -> None:
     """One row of legend entries above the axes, where no curve runs."""
     if handles:
         left, roomy = figure.axes[0].get_position().x0, figure.get_figwidth() > HALF
-        figure.legend(
+        names = [handle.get_label() for handle in handles]
+        legend = figure.legend(
             handles=handles,
+            labels=[str(number) for number, _ in enumerate(names)],
             loc="upper left",
             bbox_to_anchor=(left - 0.01, 1.0),
             ncols=len(handles),
@@ -138,6 +141,8 @@ def key(figure: Figure, handles: list[Any]) -> None:
             handletextpad=0.6 if roomy else 0.4,
             handlelength=2.6 if roomy else 1.9,
         )
+        for text, name in zip(legend.get_texts(), names, strict=True):
+            text.set_text(name)  # as a label one that begins with _ would be left out
 
 
 def log_axis(ax: Axes, low: float, high: float) -> None:

@@ -11,6 +11,9 @@ from xml.etree.ElementTree import Element
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from pmr.text import visible
 
 FONT = "pmr figures"  # family under which the page brings the font along
 _SVG, _XLINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
@@ -34,6 +37,9 @@ def svg(figure: Figure, name: str, description: str) -> str:
         For those who listen to the page.
     """
     buffer = io.BytesIO()
+    for words_in_it in figure.findobj(Text):
+        words_in_it.set_parse_math(False)  # a user's $ is a dollar
+        words_in_it.set_text(visible(words_in_it.get_text()))
     with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
     root = ElementTree.fromstring(buffer.getvalue())
@@ -43,7 +49,7 @@ def svg(figure: Figure, name: str, description: str) -> str:
     content = "".join(_written(child, name, used) for child in _flat(root))
     return (
         f'<svg viewBox="{box}" width="{width}pt" height="{height}pt" role="img" stroke-linejoin="round" '
-        f'font-family="{FONT}" aria-label="{escape(description)}">{content}</svg>'
+        f'font-family="{FONT}" aria-label="{escape(visible(description))}">{content}</svg>'
     )
 
 

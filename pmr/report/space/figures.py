@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from pmr.report.figures import Drawing, Named, captions, drawn, histories, inputs, spectra
 from pmr.report.figures.timeline import Array, reference
 from pmr.report.numbers import SPACE, plain
+from pmr.report.space.colour_scale import ramp
 from pmr.report.space.histories import MOST_PADS, pad_forces, stress
+from pmr.report.space.instants import top
 from pmr.report.space.layout import end_of, forces, mouths, scene_of, tips
-from pmr.report.space.moments import top
-from pmr.report.space.ramp import ramp
 from pmr.report.space.sentences import where_the_peak_is
 from pmr.results import Response, RunResult
 
@@ -29,7 +29,7 @@ def tip_names(result: RunResult) -> list[str]:
 
 def force_names(result: RunResult) -> list[str]:
     """Names of the figures of pad forces, ring by ring."""
-    return [f"pads-{number}" for number, _ in enumerate(forces(scene_of(result)), start=1)]
+    return [f"pads-{number}" for number, _ in enumerate(forces(result), start=1)]
 
 
 def _figures(result: RunResult) -> Iterator[Named]:
@@ -61,10 +61,16 @@ def _figures(result: RunResult) -> Iterator[Named]:
 
 
 def _pads(result: RunResult) -> Iterator[Named]:
-    for number, (ring, pads) in enumerate(forces(scene_of(result)).items(), start=1):
+    for number, (ring, pads) in enumerate(forces(result).items(), start=1):
         most = f" The first {MOST_PADS} of {len(pads)}." if len(pads) > MOST_PADS else ""
-        caption = f"Forces of the pads at the {ring}, positive where they push the body inwards.{most}"
+        within = " Of those that only push the largest within each step." if _in_parts(result) else ""
+        caption = f"Forces of the pads at the {ring}, positive where they push the body inwards.{within}{most}"
         yield f"pads-{number}", pad_forces(result, pads), caption
+
+
+def _in_parts(result: RunResult) -> bool:
+    """Whether a step was made in parts, for pads that only push."""
+    return result.responses["reduced"].force_peaks is not None
 
 
 def _energy(response: Response) -> Array:

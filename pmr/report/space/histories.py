@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from pmr.report.decimation import onto
 from pmr.report.figures.canvas import INK, WIDE, key, sheet
 from pmr.report.figures.histories import curves
-from pmr.report.figures.timeline import Quantity, Timeline
+from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import unit_for
 from pmr.report.space.layout import Force, stress_times
 from pmr.results import RunResult
@@ -21,7 +21,7 @@ MOST_PADS = 12  # panels of one figure
 def pad_forces(result: RunResult, pads: Sequence[Force]) -> Figure:
     """Forces of a ring's pads, one panel each on one scale: what presses on one face is seen against the other."""
     time, shown = Timeline(result), pads[:MOST_PADS]
-    signals = [time.signals(_force(pad)) for pad in shown]
+    signals = [time.signals(pad.of) for pad in shown]
     largest = max((float(np.abs(s).max()) for panel in signals for s in panel.values()), default=0.0)
     unit, rows = unit_for(largest, "N"), -(-len(shown) // 2)
     gaps = {"hspace": 0.3, "wspace": 0.06}
@@ -56,7 +56,3 @@ def stress(result: RunResult) -> Figure:
 def _known(result: RunResult) -> list[str]:
     """In the order in which they are drawn."""
     return [name for name in ("full", "reduced") if name in result.peak_stress]
-
-
-def _force(pad: Force) -> Quantity:
-    return lambda response: response.slider_force[:, pad.column]

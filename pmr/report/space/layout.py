@@ -9,20 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.figures.timeline import Quantity
-from pmr.results import Fields, RunResult
+from pmr.results import Fields, Response, RunResult
 from pmr.scene import StructureScene
 from pmr.scene.choice import model_of, transverse
-from pmr.scene.space import PadRing
+from pmr.system.body import force_of
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Force:
-    """A pad's force: its column among the forces of a response, and what it is called within its ring."""
+    """A pad's force: what a response calls it, and what it is called within its ring.
+
+    `column` is where it stands in a response without names.
+    """
 
     column: int
     name: str
+    called: str
+
+    def of(self, response: Response) -> Array:
+        """The force over time, (T,) N."""
+        return response.force(self.called, self.column)
 
 
 def scene_of(result: RunResult) -> StructureScene:
@@ -32,22 +40,30 @@ def scene_of(result: RunResult) -> StructureScene:
 
 
 def tips(scene: StructureScene) -> Mapping[str, Quantity]:
-    """The tip's displacement, (T,) m, along each transverse direction: the last columns."""
+    """The tip's displacement, (T,) m, along each transverse direction: the last columns, where none has a name."""
     directions = transverse(scene)
-    return {d: _column(k - len(directions)) for k, d in enumerate(directions)}
+    return {d: _column(scene.observe.tip_along(d), k - len(directions)) for k, d in enumerate(directions)}
 
 
-def forces(scene: StructureScene) -> dict[str, list[Force]]:
-    """Pads by ring: those that stay and give way come first, then those that move.  Nothing else has a force."""
-    faces = ("bottom", "top") if model_of(scene) == "beam2d" else ("bottom", "top", "left", "right")
+def forces(result: RunResult) -> dict[str, list[Force]]:
+    """Pads by ring, those that stay first: all whose force the reduced model's response holds."""
+    scene, known = scene_of(result), result.responses["reduced"].force_names
+    columns = {name: column for column, name in enumerate(known or _unnamed(scene))}
     found: dict[str, list[Force]] = {}
-    column = 0
-    for ring in (*_staying(scene), *(ring for ring in scene.pads if ring.moving)):
-        for name, face, _ in ring.places:
-            if face in faces:
-                found.setdefault(ring.name, []).append(Force(column, name.removeprefix(f"{ring.name} ")))
-                column += 1
+    for ring in sorted(scene.pads, key=lambda ring: ring.moving):
+        for name, _, _ in ring.places:
+            if (called := force_of(name)) in columns:
+                pad = Force(columns[called], name.removeprefix(f"{ring.name} "), called)
+                found.setdefault(ring.name, []).append(pad)
     return found
+
+
+def _unnamed(scene: StructureScene) -> list[str]:
+    """Forces in the order of results that don't say it: outputs before rows, those of rows that move last."""
+    faces = ("bottom", "top") if model_of(scene) == "beam2d" else ("bottom", "top", "left", "right")
+    staying = [ring for ring in scene.pads if not ring.moving and ring.stiffness != "rigid"]
+    rings = [*sorted(staying, key=lambda ring: ring.unilateral), *(ring for ring in scene.pads if ring.moving)]
+    return [force_of(name) for ring in rings for name, face, _ in ring.places if face in faces]
 
 
 def mouths(scene: StructureScene) -> tuple[float, ...]:
@@ -80,9 +96,9 @@ def stress_times(result: RunResult) -> Array:
     return np.arange(count) * (recovery.every if recovery else 0.0)
 
 
-def _staying(scene: StructureScene) -> list[PadRing]:
-    return [ring for ring in scene.pads if not ring.moving and ring.stiffness != "rigid"]
+def _column(name: str, unnamed: int) -> Quantity:
+    def displacement(response: Response) -> Array:
+        column = response.output_names.index(name) if response.output_names else unnamed
+        return response.displacement[:, column]
 
-
-def _column(k: int) -> Quantity:
-    return lambda response: response.displacement[:, k]
+    return displacement

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.numbers import SPACE, plain, quantity
+from pmr.report.space.instants import Moment, cell_of_the_peak, instants, of_the_peak, scale, stress_of, top
 from pmr.report.space.layout import fields_of, scene_of
-from pmr.report.space.moments import Moment, moments, scale, stress_of, top
-from pmr.report.space.stage import Block, stage
-from pmr.report.space.studio import NoPictureError, Piece, Shot, develop, framed
+from pmr.report.space.renderer import NoPictureError, Piece, Shot, develop, framed
 from pmr.report.space.surface import Surface, surface
+from pmr.report.space.surroundings import Block, stage
 from pmr.results import Fields, RunResult
 
 Array = NDArray[np.float64]
@@ -83,12 +83,12 @@ class _Views:
 
     def shots(self) -> Iterator[tuple[str, Shot, str]]:
         """Names, pictures and captions."""
-        chosen = moments(self.result, self.fields)
+        chosen = instants(self.result, self.fields)
         views = [Shot((*self._body(m), *self._surroundings(m)), SIDE, self.limits) for m in chosen]
         for number, (moment, shot) in enumerate(zip(chosen, framed(views, WIDTH), strict=True), start=1):
             yield f"view-{number}", shot, self._caption(moment)
         if self.fields.von_mises:
-            yield self._close(max(chosen, key=lambda moment: moment.peak))
+            yield self._close(of_the_peak(self.result, self.fields, chosen))
         yield self._mesh()
 
     def _body(self, moment: Moment, edges: float = 0.6) -> tuple[Piece, ...]:
@@ -106,7 +106,7 @@ class _Views:
 
     def _close(self, moment: Moment) -> tuple[str, Shot, str]:
         """The neighbourhood of the cell with the largest stress, from the side that it is on."""
-        cell = int(np.argmax(stress_of(self.fields)[moment.frame]))
+        cell = cell_of_the_peak(self.result, self.fields, moment)
         place = self.fields.points[self.fields.cells[cell]].mean(axis=0)
         low, high = self.body.points.min(axis=0), self.body.points.max(axis=0)
         middle = (low + high) / 2.0

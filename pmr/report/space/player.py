@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from pmr.report.animation import packed, speeds
 from pmr.report.numbers import percent, plain
+from pmr.report.space.instants import instants, of_the_peak, positions, scale, stress_of, top
 from pmr.report.space.layout import end_of, fields_of, scene_of
-from pmr.report.space.moments import moments, positions, scale, stress_of, top
-from pmr.report.space.stage import Block, stage
-from pmr.report.space.studio import RAMP
+from pmr.report.space.renderer import RAMP
 from pmr.report.space.surface import surface
+from pmr.report.space.surroundings import Block, stage
 from pmr.results import RunResult
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ def player(result: RunResult) -> dict[str, Any]:
         "frames": len(fields.t),
         "times": [float(fields.t[0]), float(fields.t[-1])],
         "speeds": speeds(float(fields.t[-1] - fields.t[0])),
-        "first": max(moments(result, fields), key=lambda moment: moment.peak).frame,
+        "first": of_the_peak(result, fields, instants(result, fields)).frame,
         "length": end_of(result),
         "path": packed(positions(result, fields)),
         "scale": scale(result, fields),

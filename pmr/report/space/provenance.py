@@ -45,6 +45,9 @@ def _sizes(result: RunResult) -> Rows:
         yield "recovered fields", f"{plain(len(result.fields.t))} times"
     yield "pads", plain(sum(len(ring.places) for ring in scene.pads))
     yield "observed places", plain(scene.observe.count)
+    if contact := result.summary.get("contact"):
+        said = f"{plain(contact['parts'])}, each with h omega = {plain(round(contact['h_omega'], 3))}"
+        yield "parts of a step, for pads that only push", said
     basis = result.summary.get("basis", {})
     if basis.get("rows_left_out"):
         yield "rows left out", ", ".join(basis["rows_left_out"])
@@ -90,4 +93,5 @@ def _motion(scene: StructureScene) -> Rows:
         on = load.on if isinstance(load.on, str) else f"{plain(load.on)}{SPACE}m"
         yield f"load {load.name}", f"{described(load.signal, unit)}; on {on} along {load.direction}"
     if scene.gravity is not None:
-        yield "gravity", f"{plain(scene.gravity.acceleration)}{SPACE}m/s²"
+        along = ", ".join(plain(round(c, 3) + 0.0) for c in scene.gravity.direction)
+        yield "gravity", f"{plain(scene.gravity.acceleration)}{SPACE}m/s² along ({along})"

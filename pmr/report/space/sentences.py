@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from pmr.report import sentences
 from pmr.report.numbers import MINUS, SPACE, percent, quantity
@@ -10,6 +10,8 @@ from pmr.report.space.layout import scene_of
 from pmr.results import RunResult
 from pmr.scene.choice import choose, model_of
 
+#: Places beside the first one that are named, if they share the largest stress; more are counted.
+MOST_PLACES = 2
 MODELS = {"beam2d": "a planar beam", "beam3d": "a beam in space", "shell": "a shell", "solid": "a solid"}
 
 
@@ -23,11 +25,22 @@ def where_the_peak_is(result: RunResult, simulator: str) -> str:
     peak = result.summary.get("stress_peak", {}).get(simulator)
     if peak is None:
         return ""
-    x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in peak["position"])  # zero has no sign
     kind = "corner" if model_of(scene_of(result)).startswith("beam") else "face"
     on = f", {peak['face']} {kind}" if peak.get("face") else ""
     of = f" of {peak['region']}" if peak.get("region") else ""
-    return f"at {peak['t']:.2f}{SPACE}s and ({x}, {y}, {z}){SPACE}m{on}{of}"
+    return f"at {peak['t']:.2f}{SPACE}s and {_place(peak['position'])}{on}{of}{_others(peak.get('shared', ()))}"
+
+
+def _others(places: Sequence[Sequence[float]]) -> str:
+    """Where the same stress is found too."""
+    if len(places) > MOST_PLACES:
+        return f", and as large at {len(places)} other places"
+    return f", and as large at {' and '.join(map(_place, places))}" if places else ""
+
+
+def _place(position: Sequence[float]) -> str:
+    x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in position)  # zero has no sign
+    return f"({x}, {y}, {z}){SPACE}m"
 
 
 def _sentences(result: RunResult) -> Iterator[str]:
@@ -44,7 +57,8 @@ def _sentences(result: RunResult) -> Iterator[str]:
     yield from _stress(result)
     if said := sentences.estimate(result):
         yield said
-    yield from (f"Note: {warning}." for warning in result.summary.get("warnings", ()))
+    if said := sentences.step(result):
+        yield said
     yield from sentences.speed(result)
 
 

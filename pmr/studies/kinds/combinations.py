@@ -14,13 +14,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pmr import compare
 from pmr import scene as scenes
+from pmr.compare import errors as compare
 from pmr.errors import SimulationError
 from pmr.studies import marching, nested, shared
+from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, number
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.studies.task import Plan, Scalar, Task, TaskResult, number
 
 #: What is no longer the largest error possible, 1.
 BELOW_MAXIMUM = 0.999
@@ -75,7 +75,7 @@ class Study(StudyBase):
 
 def basis(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: one combination's basis; ``rank`` of its pool, ``kappa`` of 20 coordinates (or all), singular values."""
-    from pmr.basis import kappa
+    from pmr.reduce.basis import kappa
 
     scene = shared.scene_of(arguments)
     found = nested.global_basis(scene, needs["library"], arguments["snapshots"], arguments["modes"])

@@ -12,16 +12,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from pmr import compare
 from pmr import scene as scenes
+from pmr.compare import errors as compare
+from pmr.compare.responses import simulate_cable
 from pmr.errors import InputError
-from pmr.responses import simulate_cable
-from pmr.simulate import ancf, march
-from pmr.simulate.modal import modal_form
+from pmr.simulate.exudyn import ancf
 from pmr.studies import marching, shared
+from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.studies.task import Plan, Scalar, Task, TaskResult
 
 #: Rough effort in s of one element.
 COSTS = {"ancf": 0.1, "full": 0.01}
@@ -81,8 +80,7 @@ def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     body = shared.model_of(scene).gather()
     assert body is not None
     drive = marching.Drive.of(scene)
-    last = len(body.output_positions) - 1
-    tip = march.observe(modal_form(body), drive.path, drive.loads, drive.stepping, outputs=[last]).y[:, 0]
+    tip = marching.displacement(body, drive)[:, -1]
     return _compared(tip, body.size, needs)
 
 

@@ -9,17 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
-from pmr import compare
 from pmr import scene as scenes
+from pmr.compare import errors as compare
 from pmr.errors import InputError, SimulationError
 from pmr.studies import marching, nested, shared
+from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.studies.task import Plan, Scalar, Task, TaskResult
+
+MOST = 1000  # snapshots or modes: far more than a beam has use for
 
 
 class Study(StudyBase):
@@ -33,8 +36,8 @@ class Study(StudyBase):
 
     kind: Literal["error_map"]
     scene: Path
-    most_snapshots: Count = 30
-    most_modes: Count = 16
+    most_snapshots: Annotated[Count, Field(le=MOST)] = 30
+    most_modes: Annotated[Count, Field(le=MOST)] = 16
     smallest_pool: Count = 3
     largest_pool: Count = 120
     budget: Count = 20

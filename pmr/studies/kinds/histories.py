@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from pmr import compare
 from pmr import scene as scenes
+from pmr.compare import errors as compare
+from pmr.compare.responses import simulate_reduced
 from pmr.errors import InputError
-from pmr.responses import simulate_reduced
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulate.stepping import loads_at
 from pmr.studies import marching, shared
+from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Statement, StudyBase
-from pmr.studies.task import Plan, Scalar, Task, TaskResult
 
 if TYPE_CHECKING:
     from pmr.run import Reduction
@@ -54,14 +54,16 @@ class Study(StudyBase):
             common |= {task.key: task for task in needs.values()}
             keys = {name: task.key for name, task in needs.items()}
             arguments = shared.scene_arguments(marching.marched(scene))
-            runs.append(Task(file.stem, history, arguments, keys, {"scene": file.stem}, cost=2.0))
+            runs.append(Task(key_of(file.stem), history, arguments, keys, {"scene": file.stem}, cost=2.0))
         return Plan(tuple(runs), tuple(common.values()))
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
         return {f"{run.key}.{name}": value for run in results.runs for name, value in run.figures.items()}
 
     def statements(self) -> tuple[Statement, ...]:
-        of_scenes = (statement for file in self.scenes for statement in _of_scene(file.stem, scenes.vary_beam(file)))
+        of_scenes = (
+            statement for file in self.scenes for statement in _of_scene(key_of(file.stem), scenes.vary_beam(file))
+        )
         return (*of_scenes, *self.published)
 
 
@@ -74,7 +76,7 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     the tip, of ``dropped`` the tip; ``path`` (m), ``path_rate`` (m/s) and ``loads`` (N) over time, ``singular_values``,
     ``x`` (m) and ``shapes`` of the basis, ``scene`` as JSON.
     """
-    from pmr import references
+    from pmr.compare import references
     from pmr.run import reduce_with
 
     scene = shared.scene_of(arguments)
@@ -102,7 +104,13 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     }
     arrays = _arrays(scene, reduction) | {"dropped.tip": beside["dropped"].tip}
     for name, response in responses.items():
-        at_tip = replace(response, x=response.x[-1:], displacement=response.displacement[:, -1:])
+        at_tip = replace(
+            response,
+            x=response.x[-1:],
+            displacement=response.displacement[:, -1:],
+            output_names=response.output_names[-1:],
+            output_units=response.output_units[-1:],
+        )
         arrays |= {f"{name}.{key}": array for key, array in at_tip.arrays().items()}
     return TaskResult(record, arrays, {f"simulate.{name}": response.seconds for name, response in responses.items()})
 

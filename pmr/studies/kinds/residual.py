@@ -26,23 +26,24 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.interpolate import PPoly
 
-from pmr import compare, estimate
 from pmr import scene as scenes
-from pmr.body import Trajectory, displacement
+from pmr.compare import errors as compare
+from pmr.compare import estimate
 from pmr.errors import InputError, SimulationError
-from pmr.reduced import ReducedModel
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import extended, truncated, with_kept_inertia
 from pmr.scene import Reduction, Scene
-from pmr.simulate import march
 from pmr.simulate.modal import modal_form
+from pmr.simulate.native import simulator as march
 from pmr.simulate.stepping import loads_at
 from pmr.studies import shared
+from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.marching import Drive
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.studies.task import Plan, Scalar, Task, TaskResult
-from pmr.truncation import extended, truncated, with_kept_inertia
+from pmr.system.body import Trajectory, displacement
+from pmr.system.projection import projected
 
 Array = NDArray[np.float64]
 BASES = ("pod", "modes", "harmonic", "flexibility", "inertia", "trajectory")
@@ -78,7 +79,7 @@ class Study(StudyBase):
                 arguments = shared.scene_arguments(scene.model_copy(update=update))
                 arguments |= {"basis": basis, "coordinates": list(self.coordinates), "band": self.band}
                 parameters = {"scene": file.stem, "basis": basis}
-                runs.append(Task(f"{file.stem},{basis}", errors, arguments, {}, parameters, cost=2.0))
+                runs.append(Task(key_of(f"{file.stem},{basis}"), errors, arguments, {}, parameters, cost=2.0))
         return Plan(tuple(runs))
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
@@ -179,18 +180,18 @@ def _pod(case: _Case) -> _Models:
 
 
 def _modes(case: _Case) -> _Models:
-    longest = replace(_built(case), flexibility=None, companions=None)
+    longest = replace(_built(case), flexibility=None, enrichment=None)
     return _Models(longest.leading, longest.size)
 
 
 def _flexible(case: _Case) -> _Models:
     longest = _built(case)
-    every = extended(longest) if longest.companions else longest
+    every = extended(longest) if longest.enrichment else longest
     more = every.size - longest.size
 
     def of(r: int) -> ReducedModel:
-        """With as many companions as the longest model has."""
-        kept = every if r + more == every.size else replace(truncated(every, r + more), companions=None)
+        """With as many enrichment modes as the longest model has."""
+        kept = every if r + more == every.size else replace(truncated(every, r + more), enrichment=None)
         return truncated(kept, r) if more else kept
 
     return _Models(of, longest.size)
@@ -224,20 +225,7 @@ def _spanned(body: ReducedModel, pool: Array) -> _Models:
     """Models on the POD of a pool of modal coordinates (n, k)."""
     U, sigma, _ = np.linalg.svd(pool, full_matrices=False)
     rank = int(np.sum(sigma > sigma[0] * 1e-13))
-    return _Models(lambda r: _projected(body, U[:, :r]), rank)
-
-
-def _projected(body: ReducedModel, U: Array) -> ReducedModel:
-    M, D, K = (U.T @ A @ U for A in (body.M, body.D, body.K))
-    return replace(
-        body,
-        M=(M + M.T) / 2.0,
-        D=(D + D.T) / 2.0,
-        K=(K + K.T) / 2.0,
-        B=U.T @ body.B,
-        outputs=body.outputs @ U,
-        rows=PPoly(np.ascontiguousarray(body.rows.c @ U), body.rows.x),
-    )
+    return _Models(lambda r: projected(body, U[:, :r]), rank)
 
 
 _MODELS: dict[str, Callable[[_Case], _Models]] = {

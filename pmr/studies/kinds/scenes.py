@@ -15,10 +15,10 @@ from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.results import Response
 from pmr.scene import SceneBase
+from pmr.scene.tomlfiles import Change
 from pmr.studies import grid, shared
+from pmr.studies.engine.task import KEY, Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.study import StudyBase
-from pmr.studies.task import KEY, Plan, Scalar, Task, TaskResult
-from pmr.tomlfiles import Change
 
 COMPARED_FREQUENCIES = 3
 
@@ -69,7 +69,7 @@ class Study(StudyBase):
                 for point in grid.points(self.grid):
                     words = (*map(str, (of_scene | of_case).values()), *point.words)
                     parameters = {**of_scene, **of_case, **point.parameters}
-                    yield _Point(",".join(words) or file.stem, file, (*before, *point.changes), parameters)
+                    yield _Point(key_of(",".join(words) or file.stem), file, (*before, *point.changes), parameters)
 
     def _scene(self, point: _Point) -> SceneBase:
         try:
@@ -99,9 +99,9 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     over the path.  Arrays: ``t`` (s), ``tip`` (m), ``singular_values``, ``frequencies.s`` (m), ``.full``, ``.reduced``
     (rad/s).
     """
-    from pmr import compare
-    from pmr.frequencies import reduced_frequencies
-    from pmr.responses import quantities, simulate_reduced
+    from pmr.compare import errors as compare
+    from pmr.compare.frequencies import reduced_frequencies
+    from pmr.compare.responses import quantities, simulate_reduced
     from pmr.run import reduce_with
 
     scene = shared.scene_of(arguments)

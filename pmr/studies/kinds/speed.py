@@ -8,6 +8,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,16 +17,20 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from pmr import scene as scenes
-from pmr.body import FullBody, SlidingBody
+from pmr.compare.responses import cable_of
 from pmr.errors import InputError
-from pmr.responses import cable_of
 from pmr.scene import Scene
-from pmr.signals import SignalBase
-from pmr.simulate import Simulator, TimeStepping, ancf, exudyn, march
-from pmr.studies import nested, shared
+from pmr.scene.signals import SignalBase
+from pmr.simulate import Simulator, TimeStepping
+from pmr.simulate.exudyn import ancf
+from pmr.simulate.exudyn import simulator as exudyn
+from pmr.simulate.native import simulator as march
+from pmr.studies import shared
+from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.studies.task import Plan, Scalar, Task, TaskResult
+from pmr.system.body import FullBody, SlidingBody
+from pmr.system.projection import projected
 
 Array = NDArray[np.float64]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -42,14 +47,16 @@ class Approach:
 
 #: ``callbacks`` is the paper's way: dense matrices, rows and loads asked for in every iteration.  Whether it keeps a
 #: Jacobian (``modified`` Newton) it does not say; the ratios that it states are close to those of one that does.
+_CALLBACKS = partial(exudyn.simulate, formulation="callbacks")
+_MODIFIED = partial(exudyn.simulate, formulation="callbacks-modified-newton")
 APPROACHES: Mapping[str, Approach] = {
     "ancf": Approach("ancf", None, 15.0),
-    "full-callbacks-modified": Approach("dense", exudyn.simulate_with_callbacks_and_modified_newton, 100.0),
-    "full-callbacks": Approach("dense", exudyn.simulate_with_callbacks, 600.0),
+    "full-callbacks-modified": Approach("dense", _MODIFIED, 100.0),
+    "full-callbacks": Approach("dense", _CALLBACKS, 600.0),
     "full-updates": Approach("full", exudyn.simulate, 20.0),
     "full-march": Approach("full", march.simulate, 1.0),
-    "reduced-callbacks-modified": Approach("reduced", exudyn.simulate_with_callbacks_and_modified_newton, 6.0),
-    "reduced-callbacks": Approach("reduced", exudyn.simulate_with_callbacks, 12.0),
+    "reduced-callbacks-modified": Approach("reduced", _MODIFIED, 6.0),
+    "reduced-callbacks": Approach("reduced", _CALLBACKS, 12.0),
     "reduced-updates": Approach("reduced", exudyn.simulate, 3.0),
     "reduced-march": Approach("reduced", march.simulate, 1.0),
 }
@@ -100,7 +107,7 @@ class Study(StudyBase):
                 needs = {key: task.key for key, task in modes.items()} if approach.model == "reduced" else {}
                 parameters = {"scene": file.stem, "approach": name}
                 cost = approach.cost * share * self.repeats / 5.0
-                runs.append(Task(f"{file.stem}-{name}", timed, arguments, needs, parameters, cost, alone=True))
+                runs.append(Task(key_of(f"{file.stem}-{name}"), timed, arguments, needs, parameters, cost, alone=True))
         return Plan(tuple(runs), tuple(common.values()))
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
@@ -197,4 +204,4 @@ def _solver(
 
 def _dense(full: FullBody) -> SlidingBody:
     """The full model as the paper simulates it: a reduced one whose basis is the identity."""
-    return nested.galerkin(full, np.eye(full.size))
+    return projected(full, np.eye(full.size))

@@ -83,3 +83,15 @@ def test_a_zero_has_no_sign(make_space) -> None:
     beam = make_space(summary={"stress_peak": {"reduced": peak}}, body={"model": "beam3d", "box": BOX})
     assert where_the_peak_is(beam, "reduced") == "at 0.50\u00a0s and (1.00, 0.00, 0.00)\u00a0m, bottom left corner"
     assert where_the_peak_is(beam, "full") == ""
+
+
+def test_places_that_share_the_peak_are_named_too(make_space) -> None:
+    peak = {"t": 0.5, "position": [1.0, 0.1, 0.2], "face": "outer", "region": ""}
+    for shared, said in (
+        ([[1.0, -0.1, 0.2]], ", and as large at (1.00, \u22120.10, 0.20)\u00a0m"),
+        ([[1.0, -0.1, 0.2], [1.0, 0.1, -0.2], [1.0, -0.1, -0.2]], ", and as large at 3 other places"),
+    ):
+        found = where_the_peak_is(
+            make_space(summary={"stress_peak": {"reduced": peak | {"shared": shared}}}), "reduced"
+        )
+        assert found == "at 0.50\u00a0s and (1.00, 0.10, 0.20)\u00a0m, outer face" + said

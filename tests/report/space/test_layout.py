@@ -17,7 +17,7 @@ def test_the_tips_directions_are_the_last_columns(boom, make_space) -> None:
 
 
 def test_forces_are_named_ring_by_ring_those_that_stay_first(boom) -> None:
-    named = {ring: [(f.column, f.name) for f in pads] for ring, pads in forces(scene_of(boom)).items()}
+    named = {ring: [(f.column, f.name) for f in pads] for ring, pads in forces(boom).items()}
     assert named == {
         "tail": [(0, "bottom right"), (1, "bottom left"), (2, "left")],
         "mouth": [(3, "bottom right"), (4, "bottom left"), (5, "top"), (6, "right")],
@@ -25,10 +25,10 @@ def test_forces_are_named_ring_by_ring_those_that_stay_first(boom) -> None:
 
 
 def test_a_planar_beam_feels_no_pads_on_its_sides_and_rigid_pads_that_stay_have_no_force(boom, make_space) -> None:
-    planar = forces(scene_of(make_space(body={"model": "beam2d", "box": boom.scene.body.box})))
+    planar = forces(make_space(body={"model": "beam2d", "box": boom.scene.body.box}))
     assert [f.name for pads in planar.values() for f in pads] == ["bottom right", "bottom left"] * 2 + ["top"]
     rigid = [dict(ring, stiffness="rigid") for ring in boom.scene.model_dump()["pads"]]
-    assert list(forces(scene_of(make_space(pads=rigid)))) == ["mouth"]
+    assert list(forces(make_space(pads=rigid))) == ["mouth"]
 
 
 def test_places_and_times(boom) -> None:

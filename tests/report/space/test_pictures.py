@@ -9,9 +9,10 @@ import pytest
 from PIL import Image
 
 from pmr.report.document import case, render
-from pmr.report.space import pictures, studio
+from pmr.report.space import pictures
+from pmr.report.space import renderer as studio
 from pmr.report.space.pictures import album
-from pmr.report.space.studio import NoPictureError, Piece, Shot, develop, framed
+from pmr.report.space.renderer import NoPictureError, Piece, Shot, develop, framed
 
 SQUARE = Piece(np.array([(0.0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]), np.array([(0, 1, 2, 3)]), np.array([1.0]))
 SHOT = Shot((SQUARE,), (0.0, -1.0, 0.0), (0.0, 1.0), centre=(0.5, 0.0, 0.5), height=2.0, size=(80, 40))

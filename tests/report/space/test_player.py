@@ -14,7 +14,7 @@ from pmr.report.document import case, render
 from pmr.report.space import pictures
 from pmr.report.space import player as players
 from pmr.report.space.player import compressed, player, said
-from pmr.report.space.studio import NoPictureError
+from pmr.report.space.renderer import NoPictureError
 from pmr.report.space.surface import surface
 from pmr.results import RunResult
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.grid import Grid
+from pmr.fields.grid import Grid
 from pmr.report.space.surface import surface
 from pmr.scene.space import Box
 

@@ -12,8 +12,8 @@ from pmr.errors import InputError
 from pmr.scene import load
 from pmr.simulate import InitialState, TimeStepping
 from pmr.studies import files
+from pmr.studies.engine.task import number
 from pmr.studies.results import StudyResults
-from pmr.studies.task import number
 
 SMALL = """
 kind = "convergence"

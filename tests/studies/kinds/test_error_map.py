@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 from finished import WORKFLOWS, compute, finished, short_scene
 from oracle import CASES, full_body, generalized_alpha, nrms_error, paper_basis, project
+from scipy.linalg import null_space
 
+from pmr.compare.errors import nrms
 from pmr.errors import InputError
+from pmr.reduce.galerkin import without_rows
 from pmr.scene import load
 from pmr.simulate import InitialState, TimeStepping
-from pmr.studies import files
+from pmr.studies import files, marching, nested
+from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import StudyResults
-from pmr.studies.task import number
+from pmr.system.projection import projected
 
 SMALL = """
 kind = "error_map"
@@ -67,13 +71,27 @@ def test_a_tile_is_the_mean_of_simulations_made_elsewhere(
         assert run.figures[f"{treatment}.error"] == pytest.approx(np.mean(errors), rel=1e-5)
 
 
-def test_kept_rows_hold_two_coordinates_too(small: StudyResults) -> None:
-    """Which combination is a matter of round-off, but never fewer coordinates are left than with the last two held."""
-    for run in small.runs:
-        kept, hold, drop = (run.figures[f"{name}.error"] for name in ("kept", "hold", "drop"))
-        if kept is not None and drop is not None and number(kept) < 0.9:
-            assert number(drop) < number(kept)
-            assert number(kept) > 0.5 * number(hold)
+def test_kept_rows_leave_no_better_model(small: StudyResults) -> None:
+    """Which combinations they hold is a matter of round-off, but two are gone, where all of them had served."""
+    drop, kept = (np.array([of(run.figures[f"{name}.error"]) for run in small.runs]) for name in ("drop", "kept"))
+    assert (drop < 0.05).sum() >= 8 and np.all(kept[drop < 0.05] > drop[drop < 0.05])
+
+
+@pytest.mark.parametrize(("snapshots", "modes", "coordinates"), [(2, 3, 6), (3, 3, 8), (4, 2, 7)])
+def test_kept_rows_hold_what_their_entries_say(tmp_path: Path, snapshots: int, modes: int, coordinates: int) -> None:
+    """However small: the model moves as the one on the complement of its two rows of round-off."""
+    scene = marching.driven(load(short_scene(tmp_path)))
+    task = nested.library_task(scene, (snapshots,), modes)
+    basis = nested.global_basis(scene, task.function(task.arguments, {}), snapshots, modes)
+    model, drive = basis.models["kept"].of(coordinates), marching.Drive.of(scene)
+    pin = [row for row in range(len(model.row_names)) if row not in model.moving]
+    entries = model.C(1.3)[pin]
+    assert len(pin) == 2 and 0.0 < np.abs(entries).max() < 1e-8
+    Z = null_space(entries / np.abs(entries).max(axis=1, keepdims=True))
+    left = without_rows(projected(model, Z), pin)
+    assert left.size == coordinates - 2
+    found, expected = marching.displacement(model, drive), marching.displacement(left, drive)
+    assert nrms(found, expected) < 1e-8
 
 
 def test_the_lowest_errors_are_named(small: StudyResults) -> None:
@@ -101,6 +119,8 @@ def test_a_single_position_vanishes_where_the_slider_passes_it(tmp_path: Path) -
     [
         ("most_snapshots = 21", "most_snapshots = 21"),
         ("most_modes = 99", "99"),
+        ("most_modes = 2147483648", "less than or equal to 1000"),
+        ("most_snapshots = 9223372036854775807", "less than or equal to 1000"),
         ("largest_pool = 2", "largest_pool"),
         ("budget = 0", "budget"),
     ],
@@ -115,19 +135,36 @@ def test_what_cannot_be_had_is_refused_before_anything_runs(tmp_path: Path, line
 
 
 @pytest.mark.slow
+@pytest.mark.numerical
 def test_the_map_of_the_paper(tmp_path: Path) -> None:
-    """With its rows kept the best pools hold some 26 snapshots, as published; without them that valley is gone."""
+    """With the pin's rows kept small pools are best, as published; without them that valley is gone.
+
+    Which combination kept rows hold is LAPACK's round-off, so no single error of theirs is asserted, only what is left
+    whichever it is.  It takes two coordinates away: nothing kept is as good as with the rows dropped.  Its entries are
+    eps sigma_1 / sigma_j; below some forty snapshots singular values fall so quickly that they lie in the last
+    coordinates, in pools of eighty and more all twenty have about the same, and any motion may be held.
+    """
     found = compute(tmp_path, files.load(WORKFLOWS / "studies" / "error_map.toml"))
     figures = json.loads((tmp_path / "summary.json").read_text())["figures"]
     assert figures["combinations"] == 270 == len(found.runs)
-    kept, drop = figures["kept.marked"].split(), figures["drop.marked"].split()
-    assert len(kept) == len(drop) == 15 and "5x6" not in drop  # which pools are kept's best, LAPACK's round-off decides
-    assert 20 <= figures["kept.pool"] <= 32
+    assert len(figures["kept.marked"].split()) == len(figures["drop.marked"].split()) == 15
     assert figures["drop.best"] == "25x2" and figures["drop.error"] == pytest.approx(0.0097, abs=1e-4)
     assert figures["hold.best"] == "29x2" and figures["hold.error"] == pytest.approx(0.0134, abs=1e-4)
     errors = {run.key: run.figures for run in found.runs}
     assert errors["5x6"]["drop.error"] == pytest.approx(0.02018, abs=1e-5)
     assert errors["5x6"]["hold.error"] == pytest.approx(0.02830, abs=1e-5)
-    assert errors["10x10"]["kept.error"] > 0.99 and errors["10x10"]["drop.error"] == pytest.approx(0.80, abs=0.03)
+    assert errors["10x10"]["drop.error"] == pytest.approx(0.80, abs=0.03)
     # A budget of five positions says what more modes cost: 5 x 16 is lost, 5 x 7 is not.
     assert errors["5x16"]["drop.error"] > 0.99 and errors["5x7"]["drop.error"] < 0.02
+    drop, kept = (np.array([of(run.figures[f"{name}.error"]) for run in found.runs]) for name in ("drop", "kept"))
+    pools = np.array([int(run.parameters["snapshots"]) * int(run.parameters["modes"]) for run in found.runs])
+    useful = drop < 0.05
+    assert useful.sum() > 100 and np.all(kept[useful] > drop[useful])
+    small, large = (np.median(kept[few] / drop[few]) for few in (useful & (pools < 30), useful & (pools >= 80)))
+    assert small < 4.0 < 10.0 < large
+    assert 20 <= figures["kept.pool"] <= 40 < 50 <= figures["drop.pool"]
+
+
+def of(error: Scalar) -> float:
+    """An error; infinite where what is held left no row to hold the slider by."""
+    return np.inf if error is None else number(error)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from finished import WORKFLOWS, compute, finished, short_scene
 
-from pmr import compare
+from pmr.compare import errors as compare
+from pmr.compare.responses import simulate_reduced, simulate_reference
 from pmr.errors import InputError
-from pmr.responses import simulate_reduced, simulate_reference
 from pmr.run import reduce
 from pmr.scene import load
 from pmr.studies import files
@@ -68,6 +68,7 @@ def test_a_scene_without_ancf_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.numerical
 def test_the_table_of_the_paper(tmp_path: Path) -> None:
     found = compute(tmp_path, files.load(WORKFLOWS / "studies" / "histories.toml"))
     simple, evolved = (run.figures for run in found.runs)

@@ -7,17 +7,18 @@ import pytest
 from finished import WORKFLOWS, finished, short_scene
 from numpy.typing import NDArray
 
-from pmr import compare, scene
+from pmr import scene
+from pmr.compare import errors as compare
+from pmr.compare.responses import simulate_reduced, simulate_reference
 from pmr.errors import InputError
-from pmr.reduced import ReducedModel
-from pmr.responses import simulate_reduced, simulate_reference
+from pmr.reduced.model import ReducedModel
+from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.sections.residual import content
 from pmr.run import reduce
 from pmr.studies import files
+from pmr.studies.engine.task import number
 from pmr.studies.kinds import residual
 from pmr.studies.results import StudyResults
-from pmr.studies.task import number
-from pmr.study_report.finished import FinishedStudy
-from pmr.study_report.sections.residual import content
 
 pytestmark = pytest.mark.slow
 

@@ -9,11 +9,12 @@ import pytest
 
 from pmr import scene
 from pmr.run import run
-from pmr.studies import files, pools
+from pmr.studies import files
 from pmr.studies import shared as common
-from pmr.studies.call import compute
+from pmr.studies.engine import pools
+from pmr.studies.engine.call import compute
+from pmr.studies.engine.task import Plan, key_of
 from pmr.studies.results import StudyResults
-from pmr.studies.task import Plan
 
 SCENE = Path(__file__).parents[3] / "workflows" / "paper_simple.toml"
 SHORT = """
@@ -70,6 +71,18 @@ def test_free_modes_depend_on_their_number_alone(tmp_path: Path) -> None:
     once = {"modes_released": 1, "frequencies": 1, "reference": 1}
     assert shared(tmp_path, free + "reduction.modes = [5, 6]\nreduction.coordinates = [6]") == once
     assert shared(tmp_path, free + "reduction.coordinates = [6, 8]") == once | {"modes_released": 2}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["my scene", "größe 2", "long" * 40])
+def test_a_scene_may_have_any_name(tmp_path: Path, name: str) -> None:
+    """Keys of runs are names of files in the results."""
+    (tmp_path / f"{name}.toml").write_text(f'extends = "{SCENE}"\n')
+    (tmp_path / "study.toml").write_text(SHORT.format(scene=f"{name}.toml", rest=""))
+    with pools.local_pool(1) as pool:
+        outcome = compute(files.load(tmp_path / "study.toml"), tmp_path / "results", pool, lambda progress: None)
+    assert outcome.is_complete and [run.key for run in outcome.results[""].runs] == [key_of(name)]
+    assert np.isfinite(outcome.results[""].column("max_displacement")).all()
 
 
 @pytest.fixture(scope="module")

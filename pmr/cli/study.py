@@ -1,0 +1,137 @@
+"""The command ``pmr study``: progress on a terminal or in a log, and what came out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import BarColumn, TextColumn
+from rich.progress import Progress as Bars
+
+from pmr.cli.console import ensure_writable, err, no_report, out, say
+from pmr.errors import InputError
+from pmr.studies import files
+from pmr.studies.engine import pools
+from pmr.studies.engine.call import Outcome, compute, save
+from pmr.studies.engine.runner import Progress, Watch
+
+LOGGED_EVERY = 30.0  # s, where there is no terminal
+SHOWN_FAILURES = 10
+
+
+def study(
+    study_file: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="A study, or a collection of studies.")],
+    out_dir: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/STUDY]")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", metavar="N", min=1, help="Worker processes.  [default: one a core]")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the study; repeatable.")
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="RUN", help="Compute this run alone, and no table yet; repeatable."),
+    ] = None,
+    listed: Annotated[bool, typer.Option("--list", help="Name all runs, a line each, and compute nothing.")] = False,
+) -> None:
+    """Compute many runs, several at a time, and make one table of them.
+
+    DIR then holds runs.csv and runs.npz (one row a run), seconds.csv and summary.json, or a folder of these for each
+    study of a collection. Called again, it goes on where it was cut off, with the runs that failed tried once more;
+    results made by another version of pmr are not taken over.
+
+    A run that fails is recorded with its reason and the others go on; the exit code is then 1.
+
+    Batch systems may take the runs one by one: --list names them, --only computes one of them into DIR, and a last
+    call without either makes the table.
+
+    Examples
+    --------
+        pmr study workflows/studies/coordinates.toml --jobs 2
+
+        pmr study workflows/studies/coordinates.toml --set "grid.reduction.coordinates=[6, 8]"
+
+        mpiexec -n 9 python -m mpi4py.futures -m pmr study workflows/studies/coordinates.toml    (8 workers)
+    """
+    if listed:
+        for name in files.load(study_file, overrides or ()).runs:
+            say(out, name)
+        return
+    folder = out_dir or Path("reports", study_file.stem)
+    try:
+        with _pool(jobs) as pool:
+            if pool is None:
+                return  # a rank that has worked for the first one
+            project = files.load(study_file, overrides or ())
+            asked = project.only(only) if only else project
+            ensure_writable(folder)
+            with _watching() as watch:
+                outcome = compute(asked, folder, pool, watch)
+    except KeyboardInterrupt:
+        say(err, "interrupted; the same command goes on from here")
+        raise typer.Exit(130) from None
+    _tell_failures(outcome)
+    if not only:
+        save(project, outcome, folder)
+        for results in outcome.results.values():
+            say(out, f"table  {results.folder}/runs.csv")
+        from pmr.report.studies import write_report
+
+        try:
+            say(out, f"report {write_report(folder).html}")
+        except Exception as error:  # whatever it is: the tables are there, and worth more
+            say(err, f"pmr: {no_report(error, folder)}")
+            raise typer.Exit(1) from None
+    say(out, f"{outcome.done} of {len(asked.runs)} runs are there; {outcome.computed} tasks were computed now")
+    if not outcome.is_complete:
+        raise typer.Exit(1)
+
+
+def _pool(jobs: int | None) -> AbstractContextManager[pools.Pool | None]:
+    if pools.launched_ranks() == 1:
+        return pools.local_pool(jobs or pools.cores())
+    if jobs:
+        raise InputError("command line", "--jobs", jobs, "under MPI all ranks but the first are workers; leave it out")
+    return pools.rank_pool()
+
+
+@contextmanager
+def _watching() -> Iterator[Watch]:
+    """A bar on a terminal; elsewhere a line in the log now and then."""
+    if not err.is_terminal:
+        yield _LogLines()
+        return
+    with Bars(BarColumn(), TextColumn("{task.description}", markup=False), console=err, transient=True) as bars:
+        bar = bars.add_task("", total=None)
+        yield lambda p: bars.update(bar, description=p.text, completed=p.done + p.failed, total=p.total)
+
+
+class _LogLines:
+    """Every `LOGGED_EVERY` seconds a line."""
+
+    def __init__(self) -> None:
+        self._next = time.monotonic() + LOGGED_EVERY
+
+    def __call__(self, progress: Progress) -> None:
+        if time.monotonic() >= self._next:
+            say(err, progress.text)
+            self._next = time.monotonic() + LOGGED_EVERY
+
+
+def _tell_failures(outcome: Outcome) -> None:
+    wrong = [
+        f"{record.status}: {f'{name}/' if name else ''}{record.key}: {record.reason}"
+        for name, results in outcome.results.items()
+        for record in results.runs
+        if record.status != "done"
+    ]
+    for line in wrong[:SHOWN_FAILURES]:
+        say(err, line)
+    if len(wrong) > SHOWN_FAILURES:
+        say(err, f"and {len(wrong) - SHOWN_FAILURES} more")

@@ -1,0 +1,1 @@
+"""How far simulations are apart, and how far a reduced model is off."""

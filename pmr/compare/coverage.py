@@ -1,0 +1,81 @@
+r"""What the error estimate of a scene does not cover, in words.
+
+The estimate knows of modes beyond its enrichment modes what is quasi-static and the next term of that series, which
+converges below the lowest of them (docs/moving_residual_flexibility.md, section 10).  So a load that drives modes
+beyond the enrichment modes is not in it.  Time stepping moves natural frequencies, :math:`\tan(\Omega h / 2) = \omega
+h / 2` with rho_inf = 1 and hardly less with other values, so these are compared with the load as the steps see it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import extended
+from pmr.scene.signals import SignalBase
+from pmr.simulate import TimeStepping
+from pmr.simulate.modal import modal_form
+from pmr.text import rounded
+
+Array = NDArray[np.float64]
+
+#: What no estimate covers; a run's ``step`` has the figure of the time step.
+NEVER = "forces of sliders and pads, and stresses"
+#: Share of a load's changes, by RMS, that may lie above the enrichment modes.
+BEYOND = 0.05
+
+
+def highest_known(model: ReducedModel, stepping: TimeStepping) -> float:
+    """Frequency in Hz of the highest enrichment mode, as steps of this length have it."""
+    assert model.enrichment is not None
+    omega = float(np.sqrt(model.enrichment.stiffness[-1]))
+    return float(np.arctan(omega * stepping.step / 2.0) / (np.pi * stepping.step))
+
+
+def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
+    """What the estimate of a model with enrichment modes leaves out, a clause each; signals with their names."""
+    top = highest_known(model, stepping)
+    beyond = [what for name, signal in signals for what in _beyond(name, signal, stepping, top)]
+    coupled = ["the damping of modes beyond the enrichment modes, which couples these"] * (not _classical(model))
+    return [*beyond, *coupled, NEVER]
+
+
+def warnings(clauses: Sequence[str]) -> list[str]:
+    """The clauses that make the estimate too small by an unknown factor, a line each."""
+    return [f"the error may be larger than its estimate: {clause}" for clause in clauses if clause != NEVER]
+
+
+def _classical(model: ReducedModel) -> bool:
+    """Whether damping couples no modes, so that the estimate has that of all which are left out."""
+    return modal_form(extended(model)).classically_damped
+
+
+def _beyond(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:
+    tones = [part.highest_frequency(0.0, stepping.end) for part in signal.parts]
+    seen = max((_at_the_steps(tone, stepping.step) for tone in tones), default=0.0)
+    if seen > top:
+        yield f"what {name}, {max(tones):.4g} Hz, excites beyond the highest enrichment mode, {top:.4g} Hz"
+    elif (share := _share_above(signal, stepping, top)) > BEYOND:
+        percent = rounded(100.0 * share)
+        yield f"what {name}, {percent} % of it above the highest enrichment mode, {top:.4g} Hz, excites there"
+
+
+def _at_the_steps(frequency: float, h: float) -> float:
+    """The frequency in Hz that a tone has at the steps."""
+    return abs(frequency - round(frequency * h) / h)
+
+
+def _share_above(signal: SignalBase, stepping: TimeStepping, top: float) -> float:
+    """Share of the signal's changes that lies above `top` Hz, by RMS, at the steps.
+
+    The straight line between its ends is taken out first, which is what a jump between them would be.
+    """
+    x = signal.value(stepping.times)
+    x = x - np.linspace(x[0], x[-1], len(x))
+    power = np.abs(np.fft.rfft(x)) ** 2
+    whole = float(power.sum())
+    above = np.fft.rfftfreq(len(x), stepping.step) > top
+    return float(np.sqrt(power[above].sum() / whole)) if whole > 0.0 else 0.0

@@ -1,0 +1,225 @@
+r"""How far a reduced model is off, without a full one.
+
+The error is what inertia and damping of the truncated modes make of the motion.  A second run keeps the first c of
+them, the enrichment modes, as coordinates, and of all others the inertia and the damping (`pmr.simulate.native`,
+residual inertia), which is one order more of the same series:
+
+.. math::
+    d = y_{r+c,\ \text{inertia}} - y_r, \qquad \text{estimate} = 1.25 \max(\lVert d \rVert, \lVert y_{r+c} - y_r \rVert)
+
+The larger one, since what the enrichment modes alone see is a part of the error.  1.25 is a margin: without it the
+estimate was 0.86 to 1.18 times the true error in random scenes, damped and not, with one slider, two sliders and
+twelve pads (tests/compare/test_estimate_sweep.py).  It is no bound: it needs an error that falls from r to r + c modes
+(docs/moving_residual_flexibility.md, section 12); `pmr.compare.coverage` says where that can be seen to fail.
+
+A model that keeps all of that inertia already has its enrichment modes only, and what these say is divided by their
+share of what is left out:
+
+.. math::
+    \kappa = \frac{\mathrm{rms}_t\, \mathrm{tr} \sum_{j=r+1}^{r+c} (C \varphi_j)(C \varphi_j)^T \omega_j^{-4}}
+                  {\mathrm{rms}_t\, \mathrm{tr} A_0(s)}
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.errors import relative_error, round_off, settled
+from pmr.constraints.polynomials import evaluate
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import extended, is_modal, with_kept_inertia
+from pmr.scene.signals import SignalBase
+from pmr.simulate import Loads, TimeStepping
+from pmr.simulate.modal import ModalForm, modal_form
+from pmr.simulate.native import simulator as march
+from pmr.simulate.stepping import loads_at, one_for_each
+from pmr.system.body import Trajectory, displacement, force_outputs, pushing_rows
+from pmr.text import rounded
+
+Array = NDArray[np.float64]
+
+#: Margin of the estimate over what the enrichment modes say.
+MARGIN = 1.25
+#: Share of the first truncated mode's motion that is not quasi-static, above which more modes are called for.
+REACHED = 0.5
+#: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
+RESOLVED = 2.0
+_FIGURES = ("beam", "tip", "kappa", "by", "chi", "largest", "seconds")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimated errors of a reduced model's outputs.
+
+    Attributes
+    ----------
+    beam, tip : float
+        e_NRMS over all displacements and of the tip's, fractions; relative to the second run's motion.  Not
+        capped: above 1 the error is larger than the motion.
+    kappa : float
+        Share of the residual part's inertia that the enrichment modes carry.
+    by : str
+        What told: ``inertia`` (d), or ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d).
+    chi : float
+        Share of the first truncated mode's motion that is not quasi-static.
+    error : (T, o) array, m
+        What is missing in the outputs, as far as these runs know, without margin.
+    seconds : float
+        Wall time of the estimate, all runs included.
+    """
+
+    beam: float
+    tip: float
+    kappa: float
+    by: str
+    chi: float
+    error: Array
+    seconds: float
+
+    @property
+    def largest(self) -> float:
+        """Estimated largest error of any output at any time in m, with margin."""
+        return float(MARGIN * np.abs(self.error).max())
+
+
+def no_estimate(model: ReducedModel) -> str | None:
+    """Why a model's error can't be estimated, in words; None where it can."""
+    if model.flexibility is None:
+        return (
+            "without residual flexibility the statics of what the basis leaves out are lost with it, and no table says "
+            "how much that is"
+        )
+    if pushing_rows(model):
+        return (
+            "pads only push: what the enrichment modes say of an error adds up for linear models; an impact a moment "
+            "earlier changes all that follows"
+        )
+    if not is_modal(model):
+        return (
+            "the basis holds no eigenmodes: what it leaves out has a low mode of its own and is coupled to the "
+            "coordinates by inertia, which no table says"
+        )
+    if model.enrichment is None or model.flexibility.inertia is None:
+        return "the model keeps no enrichment modes: they come with reduction.estimate = true, on a mesh that has more"
+    return None
+
+
+def estimate(model: ReducedModel, path: SignalBase, loads: Loads, stepping: TimeStepping, tips: int = 1) -> Estimate:
+    """Estimate the error of a model with enrichment modes on a path under loads, from rest; all runs are made here.
+
+    The last `tips` displacements are those of the tip.
+
+    Raises
+    ------
+    ValueError
+        If there is no estimate (`no_estimate`).
+    InputError, SimulationError
+        As for `pmr.simulate.Simulator`.
+    """
+    begin = time.perf_counter()
+    if why := no_estimate(model):
+        raise ValueError(f"no estimate: {why}")
+    assert model.flexibility is not None
+    f = loads_at(one_for_each(loads, model.input_names), stepping.times)
+    moved = ~force_outputs(model)
+
+    def simulated(one: ReducedModel) -> tuple[Array, ModalForm, Trajectory]:
+        form = modal_form(one)
+        run = march.simulate_modal(form, path, loads, stepping)
+        return displacement(form.body, run.q, run.s, run.deforming, f)[:, moved], form, run
+
+    own, _, run = simulated(model)
+    better, form, extended_run = simulated(extended(model))
+    share = kappa(model, run.s)
+    if model.flexibility.keeps_inertia or not form.classically_damped:  # damping that couples modes has no tables
+        missing = {"enrichment": (better - own) / share}
+    else:
+        complete, _, _ = simulated(with_kept_inertia(extended(model)))
+        missing = {"inertia": complete - own, "enrichment": better - own}
+    noise = round_off(model, f, stepping.end)
+
+    def error_of(by: str, columns: slice) -> float:
+        one, other = settled(own + missing[by], own, noise)
+        return MARGIN * relative_error(other[:, columns], one[:, columns])
+
+    everything, tip = slice(None), slice(-tips, None)
+    by = max(missing, key=lambda name: error_of(name, everything))
+    return Estimate(
+        beam=error_of(by, everything),
+        tip=max(error_of(name, tip) for name in missing),
+        kappa=share,
+        by=by,
+        chi=_chi(form, extended_run, f, model.size),
+        error=missing[by],
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def summary(
+    model: ReducedModel, estimated: Estimate | None, not_covered: Sequence[str] = (), failed: str | None = None
+) -> dict[str, float | str | list[str] | None]:
+    """What summary.json holds: ``beam``, ``tip`` (fractions), ``kappa``, ``chi``, ``largest`` (m), ``seconds``.
+
+    ``not_covered`` lists in words what the estimate leaves out.  All are None where there is no estimate, and
+    ``reason`` says why: what `failed`, or `no_estimate`.
+    """
+    if estimated is None:
+        return dict.fromkeys((*_FIGURES, "not_covered")) | {"reason": failed or no_estimate(model)}
+    return {name: getattr(estimated, name) for name in _FIGURES} | {"not_covered": list(not_covered)}
+
+
+def kappa(model: ReducedModel, s: Array) -> float:
+    """Share of the residual part's inertia that the enrichment modes carry, at the path coordinates s (T,) m.
+
+    Where the model keeps that inertia, what is neglected is C (R M)^2 R C^T; the modes beyond the enrichment modes are
+    taken to be as low as the last of these, which makes kappa a little smaller than it is.
+    """
+    assert model.enrichment is not None and model.flexibility is not None and model.flexibility.inertia is not None
+    squares = np.einsum("tmc,tmc->tc", rows := evaluate(model.enrichment.rows, s), rows)
+    stiffness = model.enrichment.stiffness
+    part = squares @ stiffness**-2.0
+    whole = np.einsum("tmm->t", evaluate(model.flexibility.inertia.A0, s))
+    if model.flexibility.keeps_inertia:
+        rest = np.maximum(whole - part, 0.0) / stiffness[-1]
+        part = squares @ stiffness**-3.0
+        whole = part + rest
+    return min(1.0, _rms(part) / _rms(whole)) if np.any(whole > 0.0) else 1.0
+
+
+def warnings(model: ReducedModel, stepping: TimeStepping, estimated: Estimate | None) -> list[str]:
+    """What a user should know about a run, a line each."""
+    found = []
+    if estimated is not None and estimated.beam > 1.0:
+        found.append(
+            f"the estimated error is {rounded(estimated.beam)} times the motion: "
+            f"too few coordinates, or a motion that grows"
+        )
+    if estimated is not None and estimated.beam > 0.0 and estimated.chi > REACHED:
+        found.append(
+            f"load or slide reach the first truncated mode (chi = {estimated.chi:.2f}): more coordinates are worth most"
+        )
+    fastest = stepping.step * float(np.sqrt(np.max(modal_form(model).omega2, initial=0.0)))
+    if stepping.rho_inf == 1.0 and fastest > RESOLVED and model.moving:
+        found.append(
+            f"the step does not resolve the highest mode (h omega = {rounded(fastest)}) and rho_inf = 1 damps nothing: "
+            f"with a moving slider this can grow; a smaller step, rho_inf < 1 or fewer coordinates help"
+        )
+    return found
+
+
+def _chi(form: ModalForm, run: Trajectory, f: Array, mode: int) -> float:
+    """Share of a mode's motion that is not quasi-static."""
+    body = form.body
+    force = f @ body.B[mode] - np.einsum("tm,tm->t", body.C(run.s)[:, :, mode], run.multipliers)
+    motion = _rms(run.q[:, mode])
+    return _rms(run.q[:, mode] - force / form.omega2[mode]) / motion if motion > 0.0 else 0.0
+
+
+def _rms(x: Array) -> float:
+    unit = float(np.abs(x).max(initial=0.0))  # squares of tiny values would vanish
+    return unit * float(np.sqrt(np.mean((x / unit) ** 2))) if unit > 0.0 else 0.0

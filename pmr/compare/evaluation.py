@@ -1,0 +1,127 @@
+"""What a simulated motion means: outputs, forces, energies and residuals of its rows, block by block."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.errors import force_round_off, refuse_infinite, round_off
+from pmr.results import Energy, Response
+from pmr.simulate.balance import blocks, energy, part_of
+from pmr.simulate.blocks import Block, Ended
+from pmr.system.body import SlidingBody, Trajectory, called, displacement, force_outputs, released_rows
+
+Array = NDArray[np.float64]
+
+
+def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: Array) -> Response:
+    """Outputs, energies and constraint residuals of a trajectory.
+
+    Parameters
+    ----------
+    body : SlidingBody
+        Reduced or full.
+    trajectory : Trajectory
+    path_rate : (T,) array, m/s
+        s'(t), for the residual at velocity level.
+    loads : (T, i) array, N
+
+    Raises
+    ------
+    SimulationError
+        If outputs, forces or energies overflow.
+    """
+    evaluation = Evaluation(body, trajectory.t, path_rate, loads)
+    for kept in blocks(len(trajectory.t)):
+        part, f = part_of(trajectory, kept), loads[kept]
+        with np.errstate(over="ignore", invalid="ignore"):
+            energies = energy(body, part, f)
+        evaluation(Block(kept.start, part, f, energies))
+    return evaluation.response(Ended(trajectory.seconds, trajectory.surplus))
+
+
+class Evaluation:
+    """Takes the blocks of a simulation and makes the response of them: states are not kept.
+
+    Parameters
+    ----------
+    body : SlidingBody
+        What is simulated.
+    t : (T,) array, s
+    path_rate : (T,) array, m/s
+    loads : (T, i) array, N
+    """
+
+    def __init__(self, body: SlidingBody, t: Array, path_rate: Array, loads: Array) -> None:
+        self._body, self._t, self._path_rate, self._loads = body, t, path_rate, loads
+        self._force, self._released = force_outputs(body), released_rows(body)
+        self._columns: dict[str, Array] = {}
+        self._start = 0.0  # path coordinate in m
+
+    def __call__(self, block: Block) -> None:
+        """Evaluate a block.
+
+        Raises
+        ------
+        SimulationError
+            If outputs, forces or energies overflow.
+        """
+        body, part, energies = self._body, block.part, block.energy
+        rows = slice(block.first, block.first + len(part.t))
+        if block.first == 0:
+            self._start = float(part.s[0])
+        with np.errstate(over="ignore", invalid="ignore"):
+            outputs = displacement(body, part.q, part.s, part.deforming, block.loads)
+        refuse_infinite(outputs, part.multipliers, energies.kinetic, energies.strain, energies.external)
+        violation, drift = _residuals(body, part, self._path_rate[rows], block.loads)
+        forces = outputs[:, self._force]
+        self._keep("displacement", rows, outputs[:, ~self._force])
+        self._keep("slider_force", rows, np.hstack([forces, part.multipliers[:, self._released]]))
+        self._keep("residual_position", rows, np.abs(violation).max(axis=1))
+        self._keep("residual_velocity", rows, np.abs(drift).max(axis=1))
+        for name in ("kinetic", "strain", "external"):
+            self._keep(name, rows, getattr(energies, name))
+        if part.peaks is not None:
+            self._keep("force_peaks", rows, np.hstack([forces, part.peaks[:, self._released]]))
+
+    def response(self, ended: Ended) -> Response:
+        """The response, when all blocks are taken."""
+        body, columns = self._body, dict(self._columns)
+        end = float(self._t[-1] - self._t[0])
+        names = called(body, [body.row_names[k] for k in self._released])
+        energies = Energy(*(columns.pop(name) for name in ("kinetic", "strain", "external")))
+        return Response(
+            t=self._t,
+            x=body.output_positions[~self._force],
+            energy=energies,
+            seconds=ended.seconds,
+            round_off=round_off(body, self._loads, end),
+            force_round_off=force_round_off(body, self._loads, end, self._start),
+            surplus=ended.surplus,
+            output_names=names.moved,
+            output_units=names.units,
+            force_names=names.forces,
+            **columns,
+        )
+
+    def _keep(self, name: str, rows: slice, values: Array) -> None:
+        if name not in self._columns:
+            self._columns[name] = np.empty_like(values, shape=(len(self._t), *values.shape[1:]))
+        self._columns[name][rows] = values
+
+
+def _residuals(body: SlidingBody, part: Trajectory, path_rate: Array, loads: Array) -> tuple[Array, Array]:
+    """What each row violates, (T, m) in m, and its rate in m/s; NaN where rows have no equation for the latter."""
+    q, v, s, multipliers = part.q, part.v, part.s, part.deforming
+    violation = body.apply_rows(s, q) - body.row_compliance * multipliers
+    if body.flexibility is not None:
+        violation = violation + body.flexibility.row_motion(s, multipliers, loads)
+    violation = np.where(np.isnan(body.row_clearance), violation, _overlap(violation - body.row_clearance, multipliers))
+    if body.flexibility is not None or np.any(body.row_compliance):
+        return violation, np.full_like(violation, np.nan)  # rows that give way have no equation at velocity level
+    return violation, body.apply_rows(s, v) + path_rate[:, None] * body.apply_rows(s, q, derivative=1)
+
+
+def _overlap(excess: Array, multipliers: Array) -> Array:
+    """What rows that only push violate, (T, m) in m: where they push any gap, elsewhere a negative one."""
+    return np.where(multipliers > 0.0, excess, np.maximum(excess, 0.0))

@@ -1,0 +1,166 @@
+"""One model simulated with ever smaller steps, and what the runs say of each other (`pmr.compare.step_error`)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.errors import relative_error, round_off, settled
+from pmr.errors import SimulationError
+from pmr.scene.signals import SignalBase
+from pmr.simulate import contact_step
+from pmr.simulate.modal import ModalForm
+from pmr.simulate.native import simulator as march
+from pmr.simulate.resolution import aliased
+from pmr.simulate.stepping import Loads, TimeStepping, loads_at, one_for_each
+from pmr.system.body import displacement, force_outputs, pushing_rows
+
+Array = NDArray[np.float64]
+
+#: Ratio of two differences in a row above which a motion is not resolved yet.
+ROUGH = 0.6
+#: Share of the error by which what is beyond the finest run may change it.
+SETTLED = 0.25
+#: Differences that are small enough as they stand, whether they fall or not.
+NEGLIGIBLE = 1e-3
+#: Difference that is none.
+ROUND_OFF = 1e-12
+#: Steps of all runs together up to which they go on being halved, beyond the two halvings that are always made.
+BUDGET = 300_000
+#: The same where rows only push: behind an impact smaller steps settle nothing.
+BUDGET_OF_IMPACTS = 50_000
+#: Steps of a run up to which even these are made.
+LONGEST = 4_000_000
+#: Numbers of a run that are kept before outputs alone are, with a loop that has to be compiled for that.
+KEPT = 20_000_000
+#: Steps at which runs are compared, at most.
+COMPARED = 20_000
+
+
+class Runs:
+    """One model with the given step, half of it, and so on."""
+
+    def __init__(self, form: ModalForm, path: SignalBase, loads: Loads, stepping: TimeStepping) -> None:
+        self._form, self._path, self._loads = form, path, one_for_each(loads, form.body.input_names)
+        self._moved = np.flatnonzero(~force_outputs(form.body))
+        # As many parts a step in every run: were they fewer in a shorter step, impacts would be the same in all.
+        self._given = contact_step.with_parts(form.body, path, stepping)
+        self._stride = -(-stepping.steps // COMPARED)
+        self._round_off = round_off(form.body, loads_at(self._loads, stepping.times), stepping.end)
+        self._budget = BUDGET_OF_IMPACTS if pushing_rows(form.body) else BUDGET
+        self.halved, self.taken = -1, 0
+
+    @property
+    def stepping(self) -> TimeStepping:
+        """Of the last run."""
+        given = self._given
+        return TimeStepping(given.end, given.step / 2**self.halved, given.rho_inf, given.parts)
+
+    @property
+    def _work(self) -> int:
+        """Steps of the last run, those that are parts of one included."""
+        return self.stepping.steps * max(1, self._given.parts)
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the last run can tell all tones of path and loads from slower ones."""
+        return not any(aliased(signal, self.stepping) for signal in (self._path, *self._loads))
+
+    @property
+    def affordable(self) -> bool:
+        """Whether one more run is to be made."""
+        steps = 2 * self._work
+        return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
+
+    def next(self) -> Array:
+        """Displacements (T, o) in m of the next run, where runs are compared.
+
+        Raises
+        ------
+        InputError, SimulationError
+            As for `pmr.simulate.Simulator`.
+        """
+        self.halved += 1
+        try:
+            y = self._outputs(self._moved, self._stride * 2**self.halved)
+        except SimulationError:
+            self.halved -= 1
+            raise
+        self.taken += self._work
+        return y
+
+    def band(self, tips: int) -> float:
+        """Frequency in Hz above which 1 % of the tip's motion lies, by its RMS, in the last run; 0 if nothing moves.
+
+        Where the tip rests, on a support for instance, that of all outputs.
+        """
+        y = self._outputs(self._moved[-tips:], 1)
+        if not np.any(y):
+            y = self._outputs(self._moved, 1)
+        window = np.hanning(len(y))[:, None]
+        power = np.sum(np.abs(np.fft.rfft((y - y.mean(axis=0)) * window, axis=0)) ** 2, axis=1)
+        above = np.cumsum(power[::-1])[::-1]  # from each frequency on
+        if above[0] <= 0.0:
+            return 0.0
+        return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (len(y) * self.stepping.step))
+
+    def _outputs(self, which: NDArray[np.intp], every: int) -> Array:
+        body, stepping = self._form.body, self.stepping
+        kept = stepping.steps * (2 * body.size + len(body.row_names))
+        if kept > KEPT and not (body.flexibility is not None and body.flexibility.keeps_inertia):
+            y = march.observe(self._form, self._path, self._loads, stepping, which.tolist(), every).y
+            return self._moving(y)
+        run = march.simulate_modal(self._form, self._path, self._loads, stepping)
+        at = slice(None, None, every)
+        f = loads_at(self._loads, run.t[at])
+        return self._moving(displacement(body, run.q[at], run.s[at], run.deforming[at], f)[:, which])
+
+    def _moving(self, y: Array) -> Array:
+        """Zeros in the columns that don't exceed round-off."""
+        return settled(y, y, self._round_off)[0]
+
+
+class Ladder:
+    """Outputs of the runs, from the given step to the smallest one, and how fast they approach each other."""
+
+    def __init__(self, first: Array) -> None:
+        self.first, self.last = first, first
+        self.differences: list[float] = []
+
+    def add(self, y: Array) -> None:
+        """The outputs (T, o) of one more run."""
+        self.differences.append(relative_error(self.last, y))
+        self.last = y
+
+    @property
+    def rest(self) -> float:
+        """What runs beyond the last would add, as a geometric series; infinite where differences don't fall."""
+        if len(self.differences) < 2:
+            return np.inf
+        before, last = self.differences[-2:]
+        if last <= ROUND_OFF:
+            return 0.0
+        ratio = last / before if before > 0.0 else np.inf
+        return last * ratio / (1.0 - ratio) if ratio <= ROUGH else np.inf
+
+    @property
+    def settled(self) -> bool:
+        """Whether the rest is small against the error of the first run, or several differences in a row are small."""
+        own = relative_error(self.first, self.last)
+        small = len(self.differences) > 1 and own + sum(self.differences[-2:]) <= NEGLIGIBLE
+        return self.rest <= SETTLED * own or small
+
+    def error(self, columns: slice) -> float:
+        """Error of the first run in some of the outputs; the rest is shared out as the difference is."""
+        whole = relative_error(self.first, self.last)
+        part = relative_error(self.first[:, columns], self.last[:, columns])
+        return part * (1.0 + self.rest / whole) if np.isfinite(self.rest) and whole > 0.0 else part
+
+    def halvings(self, limit: float) -> int | None:
+        """How often the step has to be halved for an error below `limit`; None where these runs don't show it."""
+        if not self.settled:
+            return None
+        rest = self.rest if np.isfinite(self.rest) else self.differences[-1]
+        errors = np.append(np.cumsum(self.differences[::-1])[::-1], 0.0) + rest
+        below = np.flatnonzero(errors <= limit)
+        return int(below[0]) if len(below) else None

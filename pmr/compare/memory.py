@@ -1,0 +1,76 @@
+"""What a run's histories take of memory, said before it begins."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import suppress
+from pathlib import Path
+
+from pmr.compare.responses import full_simulator
+from pmr.errors import InputError
+from pmr.scene import SceneBase
+
+_log = logging.getLogger(__name__)
+
+#: Arrays (T, n) at once where Exudyn simulates, which keeps all states: they, as its sensors and as ours have them.
+#: The same of a reduced model whose error is estimated by two richer ones.  `march` keeps no states.
+STATES = 4
+#: Arrays (T, o) at once beside the responses, where the reduction's error is estimated, and elsewhere.  Measured with
+#: two responses: 6.9 kB a step for 66 outputs and 10 coordinates, here 7.5; 1.7 kB for 51 outputs, here 2.3.
+ESTIMATED, COMPARED = 10, 2
+#: Numbers a step that each response holds beside its outputs.
+BESIDE = 12
+NUMBER = 8  # bytes
+NOTICED = 2**30  # bytes, from which on it is worth a line
+MEMINFO = Path("/proc/meminfo")
+
+
+def needed(scene: SceneBase, size: int, outputs: int) -> int:
+    """Memory in bytes that the histories of all steps take at most at once.
+
+    Parameters
+    ----------
+    size, outputs : int
+        Coordinates of the full model, and its outputs.
+    """
+    against, r = scene.compare.against, scene.reduction.coordinates
+    responses = len(against) + len(scene.simulation.simulators) + 1  # one that is simulated again for its time
+    in_exudyn = [r] if any(name != "march" for name in scene.simulation.simulators) else []
+    if "full" in against and full_simulator(scene, size) == "exudyn":
+        in_exudyn.append(size)
+    estimated = scene.reduction.estimate and scene.reduction.needs_inertia
+    states = max([*in_exudyn, r if estimated else 0])
+    a_step = responses * (outputs + BESIDE) + STATES * states + (ESTIMATED if estimated else COMPARED) * outputs
+    return NUMBER * (scene.time.steps + 1) * a_step
+
+
+def warnings(scene: SceneBase, size: int, outputs: int) -> list[str]:
+    """A line where the histories take a lot."""
+    total = needed(scene, size, outputs)
+    return [] if total < NOTICED else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
+
+
+def available() -> int | None:
+    """Memory in bytes that this machine can still give; None where it doesn't say."""
+    with suppress(OSError, ValueError, StopIteration):
+        line = next(line for line in MEMINFO.read_text().splitlines() if line.startswith("MemAvailable:"))
+        return int(line.split()[1]) * 1024
+    return None
+
+
+def check(scene: SceneBase, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
+    """Refuse what does not fit into the `free` memory in bytes, and tell of what takes a lot of it, if asked to `tell`.
+
+    Raises
+    ------
+    InputError
+        With what would fit.
+    """
+    for said in warnings(scene, size, outputs):
+        total = needed(scene, size, outputs)
+        if free is not None and total > free:
+            fitting = scene.time.steps * free // total
+            allowed = f"{said}, {free / 1e9:.1f} GB are free; at most about {fitting:,} steps are allowed"
+            raise InputError("scene", "time.step", scene.time.step, allowed)
+        if tell:
+            _log.warning("%s", said)

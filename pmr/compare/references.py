@@ -1,0 +1,134 @@
+"""What a reduced model is compared with: the full model, by whoever is fastest for its size, and the ANCF cable.
+
+A reference is checked before it judges: one that fails, or that can't be trusted (`pmr.compare.trust`), is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.clock import Clock
+from pmr.compare.responses import MARCHED_UP_TO, excitation, full_simulator, simulate_reference
+from pmr.compare.trust import distrust
+from pmr.errors import SimulationError
+from pmr.fullmodel.model import FullModel
+from pmr.results import Response
+from pmr.scene import SceneBase
+from pmr.simulate.native import simulator as march
+from pmr.simulate.petsc import Checkpoint, Recording, observe, respond
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class References:
+    """Responses by name, on rank 0, and states of the full model.
+
+    Attributes
+    ----------
+    responses : dict
+        ``full`` and ``ancf`` as the scene asks for them; other ranks may have none.
+    states : (S, n_local) array or None
+        This rank's rows of the full model's coordinates at the chosen steps, where it was simulated.
+    missing : dict
+        Why a reference that was asked for is none, by name; ``ancf`` on rank 0 alone.
+    """
+
+    responses: dict[str, Response]
+    states: Array | None = None
+    missing: dict[str, str] = field(default_factory=dict)
+
+
+def references(
+    scene: SceneBase,
+    model: FullModel,
+    clock: Clock | None = None,
+    steps: Sequence[int] = (),
+    checkpoint: Checkpoint | None = None,
+) -> References:
+    """All that the scene asks for, and the full model's states at some of the `steps`; collective.
+
+    With a `checkpoint` a full-order simulation that was cut off goes on.
+    """
+    found, missing = dict[str, Response](), dict[str, str]()
+    states = None
+    if "full" in scene.compare.against:
+        try:
+            response, states = _full(scene, model, clock or Clock(), steps, checkpoint)
+        except SimulationError as error:
+            missing["full"] = str(error).removeprefix("full: ")  # the clock's stage
+        else:
+            found |= {"full": response} if response is not None else {}
+    if "ancf" in scene.compare.against:
+        try:
+            response = reference("ancf", scene, model, clock)
+        except SimulationError as error:
+            missing["ancf"] = str(error).removeprefix("ancf: ")
+        else:
+            found |= {"ancf": response} if response is not None else {}
+    return References(found, states, missing)
+
+
+def reference(name: str, scene: SceneBase, model: FullModel, clock: Clock | None = None) -> Response | None:
+    """Response of ``"full"`` or ``"ancf"``; on rank 0, others may have none.  Collective.
+
+    ``petsc`` works on the distributed model; for all others it is gathered on rank 0.
+
+    Raises
+    ------
+    SimulationError
+        If it fails or can't be trusted; that of ``"full"`` on every rank.
+    """
+    if name == "full":
+        return _full(scene, model, clock or Clock(), (), None)[0]
+    body = model.gather()
+    return None if body is None else _trusted(simulate_reference(name, scene, body, clock))
+
+
+def _full(
+    scene: SceneBase, model: FullModel, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None
+) -> tuple[Response | None, Array | None]:
+    if full_simulator(scene, model.size) == "petsc":
+        path, loads, stepping = excitation(scene)
+        recording = Recording(energies=True, states=[stepping.step * step for step in steps])
+        with clock.stage("full") as done:
+            history = observe(model, path, loads, stepping, recording, progress=done, checkpoint=checkpoint)
+        return _trusted(respond(model, history)), history.states.q if len(steps) else None
+    response = _gathered(scene, model, clock)
+    if not len(steps) or model.size > MARCHED_UP_TO:
+        return response, None
+    body = model.gather()
+    states = None if body is None else march.simulate_at(body, *excitation(scene), np.asarray(steps)).q
+    return response, _spread(model, states)
+
+
+def _gathered(scene: SceneBase, model: FullModel, clock: Clock) -> Response | None:
+    """The full model's response on rank 0; where it fails there, all ranks know."""
+    body, response, failed = model.gather(), None, None
+    if body is not None:
+        try:
+            response = _trusted(simulate_reference("full", scene, body, clock))
+        except SimulationError as error:
+            failed = str(error)
+    failed = model.comm.bcast(failed)
+    if failed is not None:
+        raise SimulationError(failed)
+    return response
+
+
+def _trusted(response: Response) -> Response:
+    reason = distrust(response)
+    if reason is not None:
+        raise SimulationError(reason)
+    return response
+
+
+def _spread(model: FullModel, states: Any) -> Array:
+    """States (S, n) known on rank 0 as this rank's rows (S, n_local)."""
+    whole = model.comm.bcast(states)
+    return np.ascontiguousarray(whole[:, slice(*model.M.getOwnershipRange())])

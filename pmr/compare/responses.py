@@ -1,0 +1,167 @@
+"""Simulations of a scene: the reduced model by one simulator or several, and the references it asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations
+from statistics import median
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pmr.clock import Clock
+from pmr.compare import errors as compare
+from pmr.compare.evaluation import Evaluation, respond
+from pmr.reduced.model import ReducedModel
+from pmr.results import Response
+from pmr.scene import Scene, SceneBase, StructureScene
+from pmr.scene.choice import transverse
+from pmr.scene.signals import SignalBase
+from pmr.simulate import Simulator, TimeStepping
+from pmr.simulate.exudyn import ancf
+from pmr.simulate.exudyn import simulator as exudyn
+from pmr.simulate.modal import modal_form
+from pmr.simulate.native import simulator as march
+from pmr.simulate.stepping import loads_at
+from pmr.system.body import FullBody, SlidingBody
+
+Array = NDArray[np.float64]
+Done = Callable[[float], None]
+Respond = Callable[[SceneBase, SlidingBody, Done | None], Response]
+
+#: A full model of more coordinates than this goes through PETSc, for diagonalising costs more.  Exudyn factorises in
+#: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
+MARCHED_UP_TO = 400
+
+
+@dataclass(frozen=True)
+class Simulations:
+    """What the simulators say.
+
+    Attributes
+    ----------
+    responses : mapping
+        ``reduced`` (by the first simulator that the scene names) and, as asked, ``full`` and ``ancf``.
+    seconds : mapping
+        Solver seconds: of each simulator of the reduced model, the median of its repeats; of ``full`` and ``ancf``.
+    agreement : mapping
+        ``<a>_vs_<b>``: largest difference of displacements in m between two simulators of the reduced model.
+    first : str
+        Which one simulated ``reduced``.
+    """
+
+    responses: Mapping[str, Response]
+    seconds: Mapping[str, float]
+    agreement: Mapping[str, float]
+    first: str
+
+
+def simulate(
+    scene: SceneBase, reduced: ReducedModel, references: Mapping[str, Response], clock: Clock | None = None
+) -> Simulations:
+    """Simulate the reduced model by every simulator that the scene names, beside the references it is compared with."""
+    clock = clock or Clock()
+    found = {}
+    for name in scene.simulation.simulators:
+        label = "reduced" if len(scene.simulation.simulators) == 1 else f"reduced, {name}"
+        with clock.stage(label):
+            found[name] = _repeated(scene, reduced, name)
+    first = scene.simulation.simulators[0]
+    responses = {"reduced": found[first], **references}
+    seconds = {str(name): response.seconds for name, response in (*found.items(), *references.items())}
+    agreement = {
+        f"{a}_vs_{b}": float(np.abs(found[a].displacement - found[b].displacement).max())
+        for a, b in combinations(found, 2)
+    }
+    return Simulations(responses, seconds, agreement, first)
+
+
+def simulate_reduced(scene: SceneBase, reduced: ReducedModel, clock: Clock | None = None) -> Response:
+    """Response of a reduced model to the scene's path and loads, by the first simulator that the scene names."""
+    with (clock or Clock()).stage("reduced"):
+        return _RESPOND[scene.simulation.simulators[0]](scene, reduced, None)
+
+
+def simulate_reference(name: str, scene: SceneBase, full: FullBody, clock: Clock | None = None) -> Response:
+    """Response of ``"full"``, by a simulator that is not distributed, or of ``"ancf"``."""
+    with (clock or Clock()).stage(name) as done:
+        if name == "ancf":
+            assert isinstance(scene, Scene)  # the scene's check
+            return _ancf(scene, full.output_positions, done)
+        return _RESPOND[full_simulator(scene, full.size)](scene, full, done)
+
+
+def quantities(scene: SceneBase) -> Mapping[str, compare.Quantity]:
+    """What is compared between responses."""
+    return compare.IN_SPACE[len(transverse(scene))] if isinstance(scene, StructureScene) else compare.PLANAR
+
+
+def full_simulator(scene: SceneBase, size: int) -> str:
+    """Which simulator takes a full model of `size` coordinates: the one that the scene names, or the fastest."""
+    if scene.simulation.full != "auto":
+        return scene.simulation.full
+    return "march" if size <= MARCHED_UP_TO else "petsc"
+
+
+def _repeated(scene: SceneBase, reduced: ReducedModel, simulator: str) -> Response:
+    first = _RESPOND[simulator](scene, reduced, None)
+    again = (_RESPOND[simulator](scene, reduced, None).seconds for _ in range(scene.simulation.repeats - 1))
+    return replace(first, seconds=median([first.seconds, *again]))
+
+
+def _in_exudyn(integrate: Simulator) -> Respond:
+    def response(scene: SceneBase, body: SlidingBody, done: Done | None) -> Response:
+        path, signals, stepping = excitation(scene)
+        trajectory = integrate(body, path, signals, stepping, progress=done)
+        return respond(body, trajectory, path.rate(stepping.times), loads_at(signals, stepping.times))
+
+    return response
+
+
+def _in_march(scene: SceneBase, body: SlidingBody, done: Done | None) -> Response:
+    """In modal coordinates throughout, which nobody keeps: what a response holds does not depend on them."""
+    path, signals, stepping = excitation(scene)
+    form = modal_form(body)
+    t = stepping.times
+    evaluation = Evaluation(form.body, t, path.rate(t), loads_at(signals, t))
+    return evaluation.response(march.follow(form, path, signals, stepping, evaluation, progress=done))
+
+
+_RESPOND: dict[str, Respond] = {
+    "march": _in_march,
+    "exudyn": _in_exudyn(exudyn.simulate),
+    "exudyn-multiplier": _in_exudyn(partial(exudyn.simulate, formulation="multipliers")),
+    "exudyn-callback": _in_exudyn(partial(exudyn.simulate, formulation="callbacks")),
+}
+
+
+def excitation(scene: SceneBase) -> tuple[SignalBase, list[SignalBase], TimeStepping]:
+    """Path, loads and time grid of a scene, as simulators take them."""
+    stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
+    return scene.slider.path, scene.signals, stepping
+
+
+def cable_of(scene: Scene) -> ancf.Cable:
+    """The scene's beam as an ANCF cable."""
+    body = scene.body
+    assert body.axial_stiffness is not None  # the scene's check
+    return ancf.Cable(
+        length=body.length,
+        axial_stiffness=body.axial_stiffness,
+        bending_stiffness=body.bending_stiffness,
+        mass_per_length=body.mass_per_length,
+        elements=scene.compare.ancf_elements,
+    )
+
+
+def simulate_cable(scene: Scene, x: ArrayLike, done: Done | None = None) -> ancf.CableMotion:
+    """Motion of that cable at the material points x (o,) in m."""
+    path, _, stepping = excitation(scene)
+    points = [ancf.PointLoad(load.at, load.signal) for load in scene.loads]
+    return ancf.simulate(cable_of(scene), path, points, stepping, np.asarray(x, dtype=float), done)
+
+
+def _ancf(scene: Scene, x: Array, done: Done) -> Response:
+    return compare.respond_cable(cable_of(scene), simulate_cable(scene, x, done))

@@ -1,0 +1,61 @@
+"""Whether a response can be trusted: a reference is checked before anything is compared with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.results import Response
+from pmr.simulate.balance import NOTABLE, described
+from pmr.text import rounded
+
+Array = NDArray[np.float64]
+
+#: Share of a motion that may change its sign with every step where no energy balance tells whether it grows: index-3
+#: multipliers that do have then spoilt the displacements by as much.
+ALTERNATING = 1e-3
+_CALLED = {"full": "the full model", "ancf": "the ANCF cable"}
+_CAUSES = "a constraint that moves (index 3) grows where time.rho_inf is near 1, or the step is too long for the motion"
+
+
+def alternating(signal: Array) -> float:
+    r"""Share of a signal (T, ...) that changes its sign with every step, as a fraction of its RMS.
+
+    .. math:: \mathrm{rms}(\delta^8 y / 2^8) / \mathrm{rms}(y)
+
+    Of a tone with n steps a period it is :math:`\sin^8(\pi / n)`: 1e-4 for ten of them, 1 for two.
+    """
+    size, rest = float(np.sqrt(np.mean(signal**2))), np.asarray(signal)
+    if size == 0.0 or len(rest) < 9:
+        return 0.0
+    for _ in range(4):
+        rest = (rest[:-2] - 2.0 * rest[1:-1] + rest[2:]) / 4.0
+    return float(np.sqrt(np.mean(rest**2))) / size
+
+
+def distrust(response: Response) -> str | None:
+    """Why nothing should be compared with a response, in words; None where nothing speaks against it.
+
+    Its energy has to come from loads and moving rows (`pmr.simulate.balance`).  Of the ANCF cable, whose energy leaves
+    out the axial strain, the displacements must not alternate from step to step instead.
+    """
+    if not np.isfinite(response.displacement).all():
+        return "its displacements are not finite"
+    if np.isnan(response.surplus):
+        share = alternating(response.displacement)
+        if share <= ALTERNATING:
+            return None
+        return f"{rounded(100.0 * share)} % of its motion changes its sign with every step: {_CAUSES}"
+    if response.surplus <= NOTABLE:
+        return None
+    return f"{described(response.surplus)}: {_CAUSES}"
+
+
+def warnings(missing: Mapping[str, str], reduced: Response) -> list[str]:
+    """What a user should know of the references that are `missing`, with the reason, and of the reduced motion."""
+    found = [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in missing.items()]
+    if reduced.surplus > NOTABLE:
+        found.append(f"the reduced model's motion is not to be trusted: {distrust(reduced)}")
+    return found

@@ -1,0 +1,1 @@
+"""Constraint rows C(s) as piecewise polynomials in the path coordinate s."""

@@ -1,0 +1,136 @@
+"""Algebra of piecewise polynomials in the path coordinate s whose values are numbers, rows or matrices; exact.
+
+A table T(s) is a `scipy.interpolate.PPoly`: coefficients (powers, intervals, *shape), the highest power first, between
+breaks (intervals + 1,) in m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PPoly
+
+Array = NDArray[np.float64]
+
+#: Positions may leave the path's domain by this share of its length (round-off of a signal).
+DOMAIN_TOLERANCE = 1e-9
+
+
+def within_domain(s: ArrayLike, low: float, high: float, what: str) -> Array:
+    """`s` as an array within [low, high], or a ValueError that says by how much it lies outside."""
+    s = np.asarray(s, dtype=float)
+    slack = DOMAIN_TOLERANCE * (high - low)
+    if not np.all((s >= low - slack) & (s <= high + slack)):
+        worst = s.flat[np.argmax(np.maximum(low - s, s - high))] if np.all(np.isfinite(s)) else np.nan
+        raise ValueError(f"{what}: s = {worst:g} m lies outside the path, allowed are {low:g} to {high:g} m")
+    return np.clip(s, low, high)
+
+
+def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, what: str = "slider") -> Array:
+    """Values of a piecewise polynomial at s, refused outside its domain; shape ``s.shape + table.c.shape[2:]``."""
+    return np.asarray(table(within_domain(s, table.x[0], table.x[-1], what), nu=derivative))
+
+
+def contributions(table: PPoly) -> Array:
+    """Coefficients (p, k, ...) times their interval's length to the matching power: the most that each adds."""
+    powers = np.arange(len(table.c) - 1, -1, -1)
+    size = np.diff(table.x)[None, :] ** powers[:, None]
+    return np.asarray(table.c * size.reshape(*size.shape, *[1] * (table.c.ndim - 2)))
+
+
+def product(A: PPoly, B: PPoly, W: Array | None = None) -> PPoly:
+    """A(s) W B(s)^T, values (m, n), of tables on the same breaks with values (m, r) and (n, q).
+
+    W is a matrix (r, q), the diagonal (r,) of one, or the identity where it is left out.
+    """
+    result = np.zeros((len(A.c) + len(B.c) - 1, A.c.shape[1], A.c.shape[2], B.c.shape[2]))
+    for p, Ap in enumerate(A.c):
+        weighted = Ap if W is None else Ap * W if W.ndim == 1 else Ap @ W
+        for q, Bq in enumerate(B.c):
+            result[p + q] += weighted @ Bq.swapaxes(1, 2)
+    return PPoly(result, A.x)
+
+
+def times(A: PPoly, X: Array) -> PPoly:
+    """A(s) X, values (m, n), for a table with values (m, r) and X (r, n)."""
+    return PPoly(np.ascontiguousarray(A.c @ X), A.x)
+
+
+def transposed(A: PPoly) -> PPoly:
+    """A(s)^T."""
+    return PPoly(np.ascontiguousarray(A.c.swapaxes(2, 3)), A.x)
+
+
+def total(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
+    """A(s) + factor B(s) of tables on the same domain, whatever their breaks and degrees."""
+    A, B = aligned(A, B)
+    return PPoly(A.c + factor * B.c, A.x)
+
+
+def columns(table: PPoly, which: slice | Sequence[int]) -> PPoly:
+    """The chosen columns of the values."""
+    return PPoly(np.ascontiguousarray(table.c[..., which]), table.x)
+
+
+def select_rows(table: PPoly, which: slice | Sequence[int]) -> PPoly:
+    """The chosen rows of the values (m, n)."""
+    return PPoly(np.ascontiguousarray(table.c[:, :, which]), table.x)
+
+
+def stacked(tables: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:
+    """Tables with their own breaks and values (r,) as the rows of one with values (m, r) within `domain`."""
+    common = aligned(*tables, domain=domain)
+    return PPoly(np.stack([table.c for table in common], axis=2), common[0].x)
+
+
+def side_by_side(*tables: PPoly) -> PPoly:
+    """The columns of all tables, values (m, n_1 + n_2 + ...)."""
+    common = aligned(*tables)
+    return PPoly(np.concatenate([table.c for table in common], axis=3), common[0].x)
+
+
+def aligned(*tables: PPoly, domain: tuple[float, float] | None = None) -> list[PPoly]:
+    """The same tables on common breaks and of the same degree; within `domain`, by default that of the first one."""
+    if domain is None and all(np.array_equal(table.x, tables[0].x) for table in tables):
+        breaks = tables[0].x
+        return [PPoly(c, breaks) for c in same_degree(*(table.c for table in tables))]
+    breaks = common_breaks(tables, (float(tables[0].x[0]), float(tables[0].x[-1])) if domain is None else domain)
+    degree = max(len(table.c) for table in tables) - 1
+    return [rebased(table, breaks, degree) for table in tables]
+
+
+def same_degree(*coefficients: Array) -> list[Array]:
+    """Coefficients with zeros before those of lower degree."""
+    most = max(map(len, coefficients))
+    return [np.concatenate([np.zeros((most - len(c), *c.shape[1:])), c]) for c in coefficients]
+
+
+def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array:
+    """Breaks (k + 1,) in m within `domain`, such that every table is a polynomial between two of them."""
+    low, high = domain
+    inner = np.concatenate([table.x for table in tables])
+    breaks = np.unique(np.concatenate([[low, high], inner[(inner > low) & (inner < high)]]))
+    apart = np.concatenate([[True], np.diff(breaks) > 1e-12 * (high - low)])
+    apart[-1] = True
+    return np.asarray(breaks[apart])
+
+
+def rebased(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
+    """The same piecewise polynomial on finer breaks, its degree raised to `degree`: exact."""
+    source = interval_around(breaks, table.x)
+    c = table.c[:, source].copy()
+    x = (breaks[:-1] - table.x[source]).reshape(-1, *[1] * (c.ndim - 2))
+    # Taylor shift by repeated synthetic division (Knuth, TAOCP 2, 4.6.4).
+    for last in range(len(c), 1, -1):
+        for p in range(1, last):
+            c[p] += c[p - 1] * x
+    missing = 0 if degree is None else degree + 1 - len(c)
+    return PPoly(np.concatenate([np.zeros((missing, *c.shape[1:])), c]), breaks)
+
+
+def interval_around(fine: Array, coarse: Array) -> NDArray[np.int64]:
+    """Number (k,) of the coarse interval around each of k finer ones."""
+    middle = (fine[1:] + fine[:-1]) / 2.0
+    return np.clip(np.searchsorted(coarse, middle, side="right") - 1, 0, len(coarse) - 2)

@@ -1,0 +1,1 @@
+"""A reduced model as a standalone Python script for Exudyn."""

@@ -1,0 +1,42 @@
+"""Exudyn's time integration of a system with one body, without pmr: its source text is copied into scripts."""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+from __future__ import annotations
+
+import warnings
+
+import exudyn as exu
+from exudyn.itemInterface import SensorNode
+
+
+def solve(mbs, nBody, end, step, rho_inf):
+    """Assemble and integrate; times (T,) in s and the coordinates (T, r) of node `nBody`."""
+    sBody = mbs.AddSensor(
+        SensorNode(nodeNumber=nBody, outputVariableType=exu.OutputVariableType.Coordinates, storeInternal=True)
+    )
+    mbs.Assemble()
+
+    settings = exu.SimulationSettings()
+    settings.solution.file.write = False
+    settings.solution.sensors.writePeriod = step
+    settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
+    settings.timeIntegration.endTime = end
+    settings.timeIntegration.numberOfSteps = round(end / step)
+    settings.timeIntegration.adaptiveStep = False
+    settings.timeIntegration.automaticStepSize = False
+    settings.timeIntegration.generalizedAlpha.spectralRadius = rho_inf
+    settings.timeIntegration.newton.useModifiedNewton = False
+    mbs.SolveDynamic(settings)
+
+    stored = mbs.GetSensorStoredData(sBody)
+    t, p = stored[:, 0], stored[:, 1:]
+    rest = p  # what changes its sign with every step: its eighth differences
+    for _ in range(4):
+        rest = (rest[:-2] - 2.0 * rest[1:-1] + rest[2:]) / 4.0
+    if not (rest**2).sum() <= 1e-6 * (p**2).sum():
+        warnings.warn(
+            "The motion changes its sign with every step: a constraint that moves (index 3) grows where RHO_INF is "
+            "near 1, or STEP is too long for the motion. These results can't be trusted.",
+            stacklevel=2,
+        )
+    return t, p

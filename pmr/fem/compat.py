@@ -1,0 +1,349 @@
+"""The one door to FEniCSx: everything that differs between dolfinx 0.5 and 0.11 stands here.
+
+Every other module takes MPI, PETSc and SLEPc from here, which also keeps the import order right: the wheel
+``dolfinx_solver`` (where it is the one installed) has to come before dolfinx, petsc4py and slepc4py.
+
+=================  ============================  =============================  ==========================
+                   0.5 (Debian 12)               0.9 (Debian 13)                0.10 and later
+=================  ============================  =============================  ==========================
+elements           basix.ufl_wrapper, ufl        basix.ufl                      basix.ufl
+function space     FunctionSpace(mesh, element)  functionspace(mesh, element)   functionspace(mesh, element)
+create_mesh        comm, cells, x, domain        comm, cells, x, element        comm, cells, element, x
+geometry dofs      dofmap.links(cell)            dofmap (2D array)              dofmaps[0] (2D array)
+=================  ============================  =============================  ==========================
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import inspect
+import logging
+import sysconfig
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+from weakref import WeakKeyDictionary
+
+with contextlib.suppress(ImportError):
+    import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
+
+import petsc4py
+
+# PETSc's handlers turn a closed pipe (`pmr info | head`) into a page of advice on debuggers.
+petsc4py.init(["pmr", "-no_signal_handler"])
+
+import basix
+import dolfinx
+import dolfinx.fem.petsc
+import dolfinx.jit
+import ffcx
+import ffcx.codegeneration
+import numpy as np
+import slepc4py
+import ufl
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+slepc4py.init()
+from slepc4py import SLEPc
+
+from pmr.errors import InputError
+from pmr.files.built import kept
+
+__all__ = [
+    "MPI", "PETSc", "SLEPc", "assemble", "cell_coordinates", "cell_dofs", "cell_topology", "cellwise", "comm_of",
+    "constant",
+    "create_mesh", "hermite_space", "interval_mesh", "lagrange_rule", "lagrange_space", "original_cells", "shell_space",
+    "versions",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+_WRAPPED = VERSION < (0, 7)  # elements before basix.ufl
+
+# FFCx tells of every compilation through the root logger.
+logging.getLogger("FFCx").setLevel(logging.WARNING)
+logging.getLogger("UFL").setLevel(logging.WARNING)
+
+
+class _NoCompilerChatter(logging.Filter):
+    def filter(self, record: logging.LogRecord) -> bool:
+        return record.module not in {"dist", "build_ext", "ccompiler", "spawn", "_log", "cmd"}
+
+
+logging.getLogger().addFilter(_NoCompilerChatter())
+
+
+def versions() -> dict[str, str]:
+    """Versions of the finite-element stack in use."""
+    petsc, slepc = PETSc.Sys.getVersion(), SLEPc.Sys.getVersion()
+    library = MPI.Get_library_version().split("\n")[0].split(",")[0].strip("\x00 ")
+    return {
+        "dolfinx": dolfinx.__version__,
+        "basix": basix.__version__,
+        "PETSc": ".".join(map(str, petsc)),
+        "petsc4py": petsc4py.__version__,
+        "SLEPc": ".".join(map(str, slepc)),
+        "slepc4py": slepc4py.__version__,
+        "MPI": " ".join(library.split())[:60],
+        "scalar type": np.dtype(PETSc.ScalarType).name,
+    }
+
+
+def interval_mesh(comm: MPI.Comm, nodes: Array) -> Any:
+    """A dolfinx mesh of the x axis with the given increasing nodes (m), distributed over `comm`."""
+    start = np.arange(len(nodes) - 1)
+    return create_mesh(comm, "interval", np.asarray(nodes, float)[:, None], np.column_stack([start, start + 1]))
+
+
+def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int64]) -> Any:
+    """A dolfinx mesh of linear cells, distributed over `comm`; rank 0 gives points and cells.
+
+    Parameters
+    ----------
+    cell : ``"interval"``, ``"triangle"``, ``"tetrahedron"`` or ``"hexahedron"``
+    points : (N, d) array, m
+        d may exceed the cells' dimension: shells in space.
+    cells : (C, k) integer array
+        Vertices in dolfinx' order (hexahedra: as a tensor product).
+    """
+    mesh = _created_mesh(comm, cell, points, cells)
+    _comm_of[mesh] = comm
+    return mesh
+
+
+def comm_of(mesh: Any) -> MPI.Comm:
+    """The communicator that a mesh was asked for on.
+
+    dolfinx makes each mesh one of its own.  PETSc's objects must not stay there: what Python drops of them waits until
+    all ranks of its communicator agree to free it, and nobody is left to ask for that when the mesh is gone.
+    """
+    return _comm_of[mesh]
+
+
+_comm_of: WeakKeyDictionary[Any, MPI.Comm] = WeakKeyDictionary()
+
+
+def _created_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int64]) -> Any:
+    first = comm.rank == 0
+    d = points.shape[1]
+    x = np.ascontiguousarray(points, float) if first else np.empty((0, d))
+    mine = np.ascontiguousarray(cells if first else cells[:0], np.int64)
+    if VERSION < (0, 7):
+        shape = ufl.Cell(cell, geometric_dimension=d)
+        return dolfinx.mesh.create_mesh(comm, mine, x, ufl.Mesh(ufl.VectorElement("Lagrange", shape, 1)))
+    element = basix.ufl.element("Lagrange", cell, 1, shape=(d,))
+    if VERSION < (0, 10):
+        return dolfinx.mesh.create_mesh(comm, mine, x, ufl.Mesh(element))
+    return dolfinx.mesh.create_mesh(comm, mine, element, x)
+
+
+def cell_topology(cell: str) -> list[list[list[int]]]:
+    """Vertices of each sub-entity of the reference cell, by dimension."""
+    return [[list(entity) for entity in part] for part in basix.topology(getattr(basix.CellType, cell))]
+
+
+def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[Array, Array, Array]:
+    """Weights (q,), functions (q, k) and their derivatives (d, q, k) of a Lagrange element on its reference cell.
+
+    `nodes` is the element's polynomial degree, `degree` the one that the quadrature rule integrates exactly; it is
+    repeated in the cell's `parts`^d equal pieces (lines, triangles and quadrilaterals).
+    """
+    if cell == "point":
+        return np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1))
+    kind = getattr(basix.CellType, cell)
+    points, weights = _repeated(cell, parts, *_quadrature(kind, degree))
+    element = basix.create_element(basix.ElementFamily.P, kind, nodes, basix.LagrangeVariant.gll_warped)
+    table = np.asarray(element.tabulate(1, points))[..., 0]
+    return np.asarray(weights), table[0], table[1:]
+
+
+def _repeated(cell: str, parts: int, points: Array, weights: Array) -> tuple[Array, Array]:
+    """A rule on each of the equal pieces of the reference cell; triangles: upright ones, and turned ones between."""
+    d = points.shape[1]
+    if parts == 1:
+        return points, weights
+    if cell == "tetrahedron":
+        raise ValueError("tetrahedra are not cut in pieces")
+    corners = np.stack(np.meshgrid(*[np.arange(parts)] * d, indexing="ij"), axis=-1).reshape(-1, 1, d)
+    if cell == "triangle":
+        upright, turned = (corners[corners.sum(axis=(1, 2)) < parts - turn] for turn in (0, 1))
+        places = np.concatenate([upright + points, turned + 1.0 - points])
+    else:
+        places = corners + points
+    return places.reshape(-1, d) / parts, np.tile(weights, len(places)) / parts**d
+
+
+def _quadrature(kind: Any, degree: int) -> Any:
+    if _WRAPPED:
+        return basix.make_quadrature(basix.QuadratureType.Default, kind, degree)
+    return basix.make_quadrature(kind, degree)
+
+
+def lagrange_space(mesh: Any, degree: int) -> Any:
+    """Continuous vectors of the mesh's geometric dimension, polynomials of `degree` in each component."""
+    d = mesh.geometry.dim
+    if _WRAPPED:
+        return _space(mesh, ufl.VectorElement("Lagrange", mesh.ufl_cell(), degree, dim=d))
+    return _space(mesh, basix.ufl.element("Lagrange", mesh.topology.cell_name(), degree, shape=(d,)))
+
+
+def shell_space(mesh: Any) -> Any:
+    """Quadratic displacement and Crouzeix-Raviart rotation, three components each, on triangles in space."""
+    if _WRAPPED:
+        cell = mesh.ufl_cell()
+        u, theta = ufl.VectorElement("Lagrange", cell, 2, dim=3), ufl.VectorElement("CR", cell, 1, dim=3)
+        return _space(mesh, ufl.MixedElement(u, theta))
+    u = basix.ufl.element("Lagrange", "triangle", 2, shape=(3,))
+    theta = basix.ufl.element("CR", "triangle", 1, shape=(3,))
+    return _space(mesh, basix.ufl.mixed_element([u, theta]))
+
+
+def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
+    """Function space on an interval mesh: `linear` components u, then w_A, theta_B for each of the bending planes.
+
+    Cubic Hermite functions as two elements with one degree of freedom at each vertex: A spans the value functions
+    N2 and N5, B the slope functions N3 and N6 of the unit interval.  With J = dx/dX the deflection is
+    ``w = w_A + J theta_B``; it is C1 on graded meshes, and theta_B is the physical slope.
+    """
+    # Complete degrees (A holds the constants, B does not) also keep the two apart for FFCx, which in 0.5 compares
+    # custom elements by little else.
+    value = _vertex_element((lambda X: 1 - 3 * X**2 + 2 * X**3, lambda X: 3 * X**2 - 2 * X**3), 0, 0)
+    slope = _vertex_element((lambda X: X - 2 * X**2 + X**3, lambda X: -(X**2) + X**3), 1, -1)
+    if _WRAPPED:
+        parts = [ufl.FiniteElement("Lagrange", "interval", 1)] * linear + [value, slope] * planes
+        return _space(mesh, ufl.MixedElement(*parts))
+    parts = [basix.ufl.element("Lagrange", "interval", 1)] * linear + [value, slope] * planes
+    return _space(mesh, basix.ufl.mixed_element(parts))
+
+
+def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> Any:
+    """Custom cubic element on the unit interval with two functions and a value or slope dof at each vertex."""
+    interval = basix.CellType.interval
+    points, weights = _quadrature(interval, 6)
+    legendre = np.asarray(basix.tabulate_polynomials(basix.PolynomialType.legendre, interval, 3, points))
+    coefficients = np.array([legendre @ (weights * f(points[:, 0])) for f in functions])
+    nothing = np.zeros((0, 1))
+    dof = np.zeros((1, 1, 1, 2))
+    dof[0, 0, 0, derivative] = 1.0
+    at = [[np.array([[0.0]]), np.array([[1.0]])], [nothing], [], []]
+    duals = [[dof, dof.copy()], [np.zeros((0, 1, 0, 2))], [], []]
+    if _WRAPPED:
+        element = basix.create_custom_element(
+            interval, [], coefficients, at, duals, 1, basix.MapType.identity, False, complete_degree, 3
+        )
+        return basix.ufl_wrapper.BasixElement(element)
+    return basix.ufl.custom_element(
+        interval, [], coefficients, at, duals, 1, basix.MapType.identity, basix.SobolevSpace.H1, False,
+        complete_degree, 3,
+    )  # fmt: skip
+
+
+def constant(mesh: Any, value: float) -> Any:
+    """A constant whose value is not compiled into the form, so that another value needs no compilation."""
+    return dolfinx.fem.Constant(mesh, PETSc.ScalarType(value))
+
+
+def assemble(form: Any) -> PETSc.Mat:
+    """Bilinear form as a PETSc matrix, without boundary conditions."""
+    domain = next(iter(form.subdomain_data())).ufl_cargo()
+    compiled = _compiled(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
+    matrix = dolfinx.fem.petsc.assemble_matrix(compiled)
+    matrix.assemble()
+    return matrix
+
+
+def _space(mesh: Any, element: Any) -> Any:
+    create = dolfinx.fem.FunctionSpace if VERSION < (0, 7) else dolfinx.fem.functionspace
+    return _compiled(mesh.comm, f"element {element!r}", partial(create, mesh, element))
+
+
+def _compiled(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any:
+    """What `create` returns, the code it compiles kept in a folder of its own in dolfinx' cache; collective.
+
+    FFCx marks what it has begun by a file that nobody takes away if its process is killed: from then on each run that
+    needs the same code waits for it and fails.  So it compiles in a folder that counts only once it is whole.
+    """
+    keyword, options = _jit_options()
+    if keyword not in inspect.signature(create).parameters:
+        return create()  # from 0.8 on elements are not compiled
+    place = Path(options.pop("cache_dir")) / "pmr"
+    built_for = [np.dtype(PETSc.ScalarType).name, *(sysconfig.get_config_var(name) for name in ("SOABI", "CFLAGS"))]
+    decides = (signature, ffcx.codegeneration.get_signature(), _form_options(), options, built_for)
+    name = hashlib.sha256(repr(decides).encode()).hexdigest()[:32]
+    try:
+        return kept(place / name, _is_whole, lambda folder: create(**{keyword: {"cache_dir": folder}}), comm)
+    except PermissionError as error:
+        allowed = f"a folder that can be written to is allowed, for compiled forms ({error.strerror})"
+        raise InputError("environment", "XDG_CACHE_HOME", str(place), allowed) from None
+
+
+def _is_whole(folder: Path) -> bool:
+    """Whether FFCx has finished all that it began there."""
+    begun = list(folder.glob("*.c"))
+    return bool(begun) and all(file.with_suffix(".c.cached").is_file() for file in begun)
+
+
+def _jit_options() -> tuple[str, dict[str, Any]]:
+    """The keyword for what decides how code is compiled, and its present values."""
+    if VERSION < (0, 6):
+        return "jit_params", dict(dolfinx.jit.get_parameters())
+    return "jit_options", dict(dolfinx.jit.get_options())
+
+
+def _form_options() -> str:
+    options = ffcx.get_parameters() if VERSION < (0, 6) else ffcx.get_options()
+    return repr(sorted(options.items(), key=str))
+
+
+def cellwise(mesh: Any, values: Array) -> Any:
+    """A function that is constant in each cell, from one value for each cell that the mesh was created from."""
+    if _WRAPPED:
+        element = ufl.FiniteElement("DG", mesh.ufl_cell(), 0)
+    else:
+        element = basix.ufl.element("DG", mesh.topology.cell_name(), 0)
+    function = dolfinx.fem.Function(_space(mesh, element))
+    function.x.array[_table(function.function_space.dofmap).ravel()] = values[original_cells(mesh)]
+    return function
+
+
+def original_cells(mesh: Any) -> NDArray[np.int64]:
+    """Numbers, in the input of `create_mesh`, of the cells that this rank knows: its own, then ghosts."""
+    return np.asarray(mesh.topology.original_cell_index, np.int64)
+
+
+def cell_coordinates(mesh: Any) -> Array:
+    """Vertex coordinates (cells, k, d) of the cells that this rank knows, in the order of the reference cell, in m."""
+    geometry = mesh.geometry
+    if VERSION < (0, 7):
+        at = np.asarray(geometry.dofmap.array).reshape(geometry.dofmap.num_nodes, -1)
+    else:
+        at = np.asarray(geometry.dofmap if VERSION < (0, 10) else geometry.dofmaps[0])
+    return np.asarray(geometry.x[at][..., : geometry.dim])
+
+
+def cell_dofs(space: Any) -> list[NDArray[np.int64]]:
+    """Global dofs (cells, d) of each scalar component on the cells that this rank knows."""
+    index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
+    tables = []
+    for part in _scalar_parts(space):
+        local = _table(part.dofmap)
+        ids = index_map.local_to_global((local // block).ravel().astype(np.int32)).astype(np.int64)
+        tables.append(ids.reshape(local.shape) * block + local % block)
+    return tables
+
+
+def _scalar_parts(space: Any) -> list[Any]:
+    if space.num_sub_spaces == 0:
+        return [space]
+    return [part for i in range(space.num_sub_spaces) for part in _scalar_parts(space.sub(i))]
+
+
+def _table(dofmap: Any) -> NDArray[np.int64]:
+    table = dofmap.list
+    if VERSION < (0, 7):
+        return np.asarray(table.array, np.int64).reshape(table.num_nodes, -1)
+    return np.asarray(table, np.int64)

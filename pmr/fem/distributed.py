@@ -1,0 +1,101 @@
+"""Tall dense matrices whose rows are spread over ranks like those of the full model's operators."""
+
+from __future__ import annotations
+
+import gc
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.fem.compat import MPI, PETSc
+
+Array = NDArray[np.float64]
+
+#: Entries within this share of the largest one count as equally large when a sign is fixed.
+SIGN_TOLERANCE = 1e-6
+
+
+def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
+    """Dense PETSc matrix (n, k) from this rank's rows, distributed as the rows of `like`."""
+    return _tall(local, like.getSizes()[0], like.comm)
+
+
+def _tall(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
+    assert len(local) == sizes[0]
+    matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), comm=comm)
+    matrix.setUp()
+    matrix.getDenseArray()[:] = local
+    matrix.assemble()
+    return matrix
+
+
+def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> PETSc.Mat:
+    """Sparse PETSc matrix from this rank's rows, distributed as the rows of `like`.
+
+    `columns` is how many of the columns this rank owns; PETSc decides by default.
+    """
+    owned = PETSc.DECIDE if columns is None else columns
+    csr = (rows.indptr.astype(PETSc.IntType, copy=False), rows.indices.astype(PETSc.IntType, copy=False), rows.data)
+    matrix = PETSc.Mat().createAIJ((like.getSizes()[0], (owned, rows.shape[1])), csr=csr, comm=like.comm)
+    matrix.assemble()
+    return matrix
+
+
+def times(A: PETSc.Mat, local: Array) -> Array:
+    """This rank's rows of A X, X given by this rank's rows: spread as the columns of A."""
+    right = _tall(local, A.getSizes()[1], A.comm)
+    product = A.matMult(right)
+    result = np.array(product.getDenseArray())
+    freed(right, product)
+    return result
+
+
+def freed(*objects: Any) -> None:
+    """Give the memory of PETSc's objects back at once; collective.  What Python drops stays until `free_dropped`."""
+    for one in objects:
+        one.destroy()
+
+
+def inner(X: Array, Y: Array, comm: Any) -> Array:
+    """X^T Y of two tall matrices, given by their local rows; the same on every rank."""
+    return np.asarray(comm.allreduce(X.T @ Y))
+
+
+def fix_signs(local: Array, comm: Any) -> Array:
+    """Columns with the sign that makes their entry of largest magnitude positive.
+
+    Of entries within `SIGN_TOLERANCE` of the largest the first in the model's order decides, so that round-off can't
+    choose between the two ends of a symmetric mode.
+    """
+    size = np.abs(local)
+    largest = np.max(comm.allgather(size.max(axis=0, initial=0.0)), axis=0)
+    candidates = size >= (1.0 - SIGN_TOLERANCE) * largest
+    columns = np.arange(local.shape[1])
+    deciding = np.zeros(local.shape[1])
+    if len(local):
+        deciding = np.where(candidates.any(axis=0), local[candidates.argmax(axis=0), columns], 0.0)
+    by_rank = np.array(comm.allgather(deciding))  # ranks own consecutive rows: the first that holds one decides
+    first = by_rank[(by_rank != 0.0).argmax(axis=0), columns]
+    return local * np.where(first < 0.0, -1.0, 1.0)
+
+
+def free_dropped(comm: MPI.Comm, cycles: bool = True) -> None:
+    """Free what was dropped on a communicator; collective.
+
+    Python's ranks drop objects at different times, so PETSc (3.18 and newer) keeps them until all ranks agree here.
+    Objects that hold each other are found if `cycles` are looked for, which takes some tenths of a second.
+    """
+    if cycles:
+        gc.collect()
+    PETSc.garbage_cleanup(comm)
+
+
+def moved(A: PETSc.Mat, comm: MPI.Comm) -> PETSc.Mat:
+    """A sparse matrix on another communicator of the same ranks; A is freed."""
+    sizes, (indptr, indices, values) = A.getSizes(), A.getValuesCSR()
+    freed(A)
+    result = PETSc.Mat().createAIJ(sizes, csr=(indptr, indices, values), comm=comm)
+    result.assemble()
+    return result

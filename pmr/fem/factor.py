@@ -1,0 +1,77 @@
+"""Symmetric positive definite matrices, factorised once by MUMPS and solved with ever after."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.fem.compat import PETSc
+from pmr.fem.distributed import freed, sparse, tall
+from pmr.fem.matrices import local_csr
+
+Array = NDArray[np.float64]
+
+#: Right-hand sides solved at once: a column then costs a sixth of what it costs alone (18,000 coordinates).
+BLOCK = 64
+
+
+class Factor:
+    """L L^T of a distributed matrix.
+
+    Raises
+    ------
+    InputError
+        If the matrix, called `name`, is not positive definite.
+    """
+
+    def __init__(self, A: PETSc.Mat, name: str) -> None:
+        A.setOption(PETSc.Mat.Option.SPD, True)
+        pc = PETSc.PC().create(comm=A.comm)
+        pc.setOperators(A)
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        pc.setUp()
+        self._factor = pc.getFactorMatrix()
+        pc.destroy()  # and with it its hold on A: the factor alone solves
+        if self._factor.getMumpsInfog(1) < 0:
+            raise InputError("body", name, None, "a positive definite matrix is allowed")
+
+    def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
+        """Answer to one right-hand side."""
+        self._factor.solve(right, answer)
+
+    def solve_columns(self, columns: Array) -> Array:
+        """Answers, this rank's rows (n_local, k), to a few right-hand sides given likewise."""
+        result = np.empty_like(columns)
+        for k in range(0, columns.shape[1], BLOCK):
+            right = tall(columns[:, k : k + BLOCK], self._factor)
+            answer = right.duplicate()
+            self._factor.matSolve(right, answer)
+            result[:, k : k + BLOCK] = answer.getDenseArray()
+            freed(right, answer)
+        return result
+
+    def destroy(self) -> None:
+        """Give the factor's memory back."""
+        self._factor.destroy()
+
+
+def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
+    """The same matrix without the zeros that a pattern shared with the stiffness leaves in a mass matrix."""
+    rows: sp.csr_matrix = local_csr(A)
+    rows.eliminate_zeros()
+    return sparse(rows, A, columns=A.getLocalSize()[1])
+
+
+def product(A: PETSc.Mat, x: Array) -> Array:
+    """This rank's rows of A x, x (n_local,) given likewise."""
+    right, result = A.createVecs()
+    right.getArray()[:] = x
+    A.mult(right, result)
+    found = np.array(result.getArray())
+    right.destroy()  # at once: what is only dropped is kept until all ranks clean up together
+    result.destroy()
+    return found

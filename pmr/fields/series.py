@@ -1,0 +1,81 @@
+"""Fields over a body's grid at a few times, as pictures and files of them take them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.fields.grid import Grid
+from pmr.files.npz import read, write
+from pmr.files.whole import replaced
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+MOST_EXPANSION = 100.0  # of a compressed file; fields that move take a third more than their file,
+ROOM = 2**28  # fields at rest up to a thousand times as much: bytes that any file may claim
+_STRESS, _REGION = "von_mises.", "region."
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Displacements and fields over the cells at S times, in single precision.
+
+    Attributes
+    ----------
+    grid : Grid
+    t : (S,) array, s
+    displacement : (S, N, 3) array, m
+    von_mises : mapping of a face's name to (S, C) array
+        Von Mises' stress in Pa on that face of the cells; empty where no stress is known.
+    """
+
+    grid: Grid
+    t: Array
+    displacement: Single
+    von_mises: Mapping[str, Single]
+
+    @property
+    def points(self) -> Array:
+        """Of the grid, (N, 3) m."""
+        return self.grid.points
+
+    @property
+    def cells(self) -> NDArray[np.int64]:
+        """Of the grid, (C, k): points of each cell, in VTK's order."""
+        return self.grid.cells
+
+    @property
+    def kind(self) -> str:
+        """Of the grid's cells: line, triangle, tetra or hexahedron."""
+        return self.grid.cell
+
+    def save(self, file: Path) -> None:
+        """Write everything as compressed npz."""
+        grid = self.grid
+        arrays: dict[str, NDArray] = {
+            "t": self.t,
+            "displacement": self.displacement,
+            "grid.cell": np.array(grid.cell),
+            "grid.points": grid.points,
+            "grid.cells": grid.cells,
+        }
+        arrays |= {_STRESS + name: values for name, values in self.von_mises.items()}
+        arrays |= {_REGION + name: cells for name, cells in grid.regions.items()}
+        with replaced(file) as part:
+            write(part, arrays, compressed=True)
+
+    @classmethod
+    def load(cls, file: Path) -> Fields:
+        """Read what `save` wrote."""
+        data = read(file, MOST_EXPANSION, ROOM)
+
+        def named(prefix: str) -> dict[str, NDArray]:
+            return {key.removeprefix(prefix): values for key, values in data.items() if key.startswith(prefix)}
+
+        grid = Grid(str(data["grid.cell"]), data["grid.points"], data["grid.cells"], named(_REGION))
+        return cls(grid, data["t"], data["displacement"], named(_STRESS))

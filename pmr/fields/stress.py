@@ -1,0 +1,167 @@
+r"""Stresses as rows on a model's coordinates, and von Mises' stress over time.
+
+.. math:: \sigma = S q, \qquad \sigma_v = \sqrt{\sigma^T A\, \sigma}
+
+with S sparse and A the form that von Mises' stress takes in the components at hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.fields.grid import Grid
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Relative difference up to which two places share the largest stress: symmetry holds to the round-off of states.
+SHARED = 1e-6
+#: Points that are looked at for that.
+MOST_SHARED = 100
+#: Von Mises' form for plane stress (11, 22, 12), stress in space (xx, yy, zz, yz, xz, xy), a fibre with shear.
+PLANE = np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])
+SPATIAL = np.block([[1.5 * np.eye(3) - 0.5, np.zeros((3, 3))], [np.zeros((3, 3)), 3.0 * np.eye(3)]])
+FIBRE = np.diag([1.0, 3.0])
+
+
+@dataclass(frozen=True)
+class StressRows:
+    """Stresses at P points of a body, c components each.
+
+    Attributes
+    ----------
+    rows : (P c, n) sparse matrix, Pa per unit of a coordinate
+        Point by point.
+    mises : (c, c) array
+        A of the module's docstring.
+    components : tuple of str
+    points : (P, 3) array, m
+    cell : (P,) integer array
+        The cell of the model's grid that each point belongs to.
+    faces : tuple of str
+        Where in its cell a point may be: on the outer or inner face of a wall, in its middle; at a section's corner.
+    face : (P,) integer array
+        Which of the `faces` each point is on.
+    """
+
+    rows: sp.csr_matrix
+    mises: Array
+    components: tuple[str, ...]
+    points: Array
+    cell: Indices
+    faces: tuple[str, ...]
+    face: Indices
+
+    def of(self, q: Array) -> Array:
+        """Stresses (S, P, c) in Pa of coordinates (S, n)."""
+        return self.shaped((self.rows @ q.T).T)
+
+    def shaped(self, stresses: Array) -> Array:
+        """Stresses (S, P c) in the order of the rows as (S, P, c)."""
+        return np.asarray(stresses).reshape(len(stresses), len(self.points), len(self.components))
+
+    def von_mises(self, stresses: Array) -> Array:
+        """Von Mises' stress (S, P) in Pa of stresses (S, P, c)."""
+        squares = np.sum((stresses @ self.mises) * stresses, axis=-1)
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+
+    def on(self, face: str) -> Indices:
+        """Numbers of the points on a face."""
+        return np.flatnonzero(self.face == self.faces.index(face))
+
+    def by_cell(self, values: Array, cells: int) -> dict[str, Array]:
+        """The largest of values (S, P) in each cell, (S, cells), for each face.
+
+        A cell without a point on a face takes its largest one anywhere.
+        """
+        whole = _largest(values, self.cell, cells)
+        found = {}
+        for face in self.faces:
+            on = self.on(face)
+            found[face] = _largest(values[:, on], self.cell[on], cells)
+            absent = np.setdiff1d(np.arange(cells), self.cell[on])
+            found[face][:, absent] = whole[:, absent]
+        return found
+
+
+@dataclass(frozen=True)
+class StressPeak:
+    """The largest von Mises stress in Pa: when (s), where (3,) m, on which face of which cell and in which region.
+
+    `shared` are other places (3,) m with the same stress at the same time.
+    """
+
+    value: float
+    t: float
+    position: tuple[float, float, float]
+    face: str
+    cell: int
+    region: str
+    shared: tuple[tuple[float, float, float], ...] = ()
+
+    def summary(self) -> dict[str, object]:
+        """For summary.json."""
+        return {"value": self.value, "t": self.t, "position": list(self.position), "face": self.face,
+                "cell": self.cell, "region": self.region,
+                "shared": [list(place) for place in self.shared]}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class StressHistory:
+    """Largest von Mises stress of a body over time.
+
+    Attributes
+    ----------
+    t : (S,) array, s
+    largest : (S,) array, Pa
+    point : (S,) integer array
+        At which of the stress rows' points.
+    peak : StressPeak
+        The largest of all.
+    """
+
+    t: Array
+    largest: Array
+    point: Indices
+    peak: StressPeak
+
+
+def stress_history(
+    rows: StressRows, grid: Grid, t: Array, largest: Array, point: Indices, at_peak: Array | None = None
+) -> StressHistory:
+    """History with its peak, from the largest stress (S,) in Pa at each time and the point (S,) where it is.
+
+    With the stresses `at_peak` (P,) of the state with the largest one, places that share it are found too; the first
+    of them in the order of the points is the peak's, whichever round-off prefers.
+    """
+    k = int(largest.argmax())
+    like = np.array([point[k]])
+    if at_peak is not None and largest[k] > 0.0:
+        like = np.flatnonzero(at_peak >= (1.0 - SHARED) * largest[k])[:MOST_SHARED]
+    p = int(like[0])
+    cell, place = int(rows.cell[p]), _place(rows.points[p])
+    near = 1e-6 * float(np.ptp(rows.points, axis=0).max())
+    shared: list[tuple[float, float, float]] = []
+    for q in like[1:]:
+        others = np.array([place, *shared])
+        if np.linalg.norm(others - rows.points[q], axis=1).min() > near:  # cells that meet have points in common
+            shared.append(_place(rows.points[q]))
+    on = rows.faces[rows.face[p]]
+    peak = StressPeak(float(largest[k]), float(t[k]), place, on, cell, grid.region(cell), tuple(shared))
+    return StressHistory(np.asarray(t), largest, point, peak)
+
+
+def _place(point: Array) -> tuple[float, float, float]:
+    x, y, z = (float(c) for c in point)
+    return x, y, z
+
+
+def _largest(values: Array, cell: Indices, cells: int) -> Array:
+    """The largest of values (S, p) in each of the cells, (S, cells); minus infinity where there are none."""
+    result = np.full((cells, len(values)), -np.inf)
+    np.maximum.at(result, cell, values.T)
+    return result.T

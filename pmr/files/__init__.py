@@ -1,0 +1,1 @@
+"""Files that are whole or not there, whatever ends the process that wrote them, and read as data, never obeyed."""

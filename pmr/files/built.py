@@ -1,0 +1,89 @@
+"""Folders that take long to make and are kept: whole under their name or not there, whoever is killed meanwhile.
+
+A folder is made under another name and then renamed.  A lock, which the system takes from a process that dies, lets
+one process make it while the others wait for it, and tells what a dead process left from what a living one is making.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pmr.files.locks import locked
+
+Made = TypeVar("Made")
+
+
+def kept(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
+    """What `make` returns, given `folder` if it is whole, or an empty folder that then takes its place; collective.
+
+    Parameters
+    ----------
+    folder : Path
+        On a disk that all ranks see; what rank 0 says counts.
+    is_whole : callable
+        Whether a folder of this name holds what it should; asked on rank 0.
+    make : callable
+        Loads from a folder that is whole, fills an empty one.  It fails on all ranks or on none; a folder that was
+        taken for whole and can't be loaded is made anew.
+    comm : MPI communicator
+
+    Raises
+    ------
+    OSError
+        On rank 0, if there is no folder to write to.
+    """
+    first = comm.rank == 0
+    found = comm.bcast(is_whole(folder) if first else None)
+    if found:
+        try:
+            return make(folder)
+        except Exception:
+            if first:
+                _discard(folder)
+    return _made(folder, is_whole, make, comm)
+
+
+def _made(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
+    if comm.rank > 0:
+        made = make(comm.bcast(None))
+        comm.barrier()
+        return made
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    lock = folder.with_name(f"{folder.name}.lock")
+    lock.touch()
+    with locked(lock) as alone:  # without locks two processes do the same work, each in a folder of its own
+        if is_whole(folder):  # another process has made it while this one waited for the lock
+            made = make(comm.bcast(folder))
+            comm.barrier()
+            return made
+        if alone:
+            for left in folder.parent.glob(f"{folder.name}.*.part"):
+                _discard(left)
+        part = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", suffix=".part", dir=folder.parent))
+        try:
+            made = make(comm.bcast(part))
+            comm.barrier()  # the other ranks load from it, too
+            _publish(part, folder, is_whole)
+        finally:
+            _discard(part)
+        return made
+
+
+def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None:
+    for file in part.iterdir():
+        with file.open("rb") as content:
+            os.fsync(content.fileno())
+    if not is_whole(folder):
+        _discard(folder)
+        with suppress(OSError):  # without a lock another process may have been faster
+            part.rename(folder)
+
+
+def _discard(folder: Path) -> None:
+    shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,65 @@
+"""Files that are whole under their name, or not there: a kill, a full disk or an error leaves what was there before."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+PART = ".part"
+#: No room, or none for this user, or a file larger than allowed.
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EACCES, errno.EPERM, errno.EISDIR}
+
+
+#: The disk is full, whatever was to be written: compiled code and drawn meshes too.
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+
+class NotWrittenError(OSError):
+    """Something could not be written, and what was there before still is; the message is one line."""
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[Path]:
+    """A name to write to, which takes the place of `path` in one step when the block ends without an error.
+
+    Raises
+    ------
+    NotWrittenError
+        If there is no room; nothing of the new file is left.
+    """
+    part = path.with_name(f"{path.name}.{os.getpid()}{PART}")
+    try:
+        with said_in_a_line(path):
+            yield part
+            flushed(part)
+            os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def said_in_a_line(path: Path) -> Iterator[None]:
+    """Where the block finds no room on the disk, say so of `path`.
+
+    Raises
+    ------
+    NotWrittenError
+        Instead of the system's own error.
+    """
+    try:
+        yield
+    except NotWrittenError:
+        raise
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        raise NotWrittenError(f"{path} could not be written: {error.strerror}") from None
+
+
+def flushed(path: Path) -> None:
+    """Have a file's content on the disk before its name says that it is there."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())

@@ -1,0 +1,101 @@
+"""From a structural model's forms to matrices in its own order of coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.fem.compat import PETSc, assemble, cell_dofs, comm_of, original_cells
+from pmr.fem.distributed import free_dropped, freed, moved, sparse
+from pmr.models import StructuralModel
+from pmr.reduced.damping import Rayleigh
+from pmr.scene import Damping
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Operators:
+    """Mass and stiffness (n, n), distributed in consecutive shares of the model's coordinates."""
+
+    M: PETSc.Mat
+    K: PETSc.Mat
+
+    def damping(self, of: Damping) -> PETSc.Mat:
+        """D = a M + b K."""
+        D = self.M.duplicate(copy=True)
+        D.scale(of.mass)
+        D.axpy(of.stiffness, self.K, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        return D
+
+
+def rayleigh(damping: Damping) -> Rayleigh:
+    """What `Operators.damping` makes D of."""
+    return Rayleigh(damping.mass, damping.stiffness)
+
+
+def assemble_model(model: StructuralModel, domain: Any) -> Operators:
+    """Mass and stiffness of a model on its distributed mesh, free of boundary conditions; collective.
+
+    Models before it that were dropped are freed here: nobody is asked to do so when a run ends.
+    """
+    free_dropped(comm_of(domain), cycles=False)
+    space = model.space(domain)
+    forms, order = model.forms(space), model_order(model, space)
+    comm = comm_of(domain)
+    matrices = [moved(reordered(assemble(form), order), comm) for form in (forms.mass, forms.stiffness)]
+    T = model.transformation
+    if T is not None:
+        first, last = matrices[0].getOwnershipRange()
+        columns = share(T.shape[1], matrices[0].comm.tompi4py())
+        P = sparse(T.tocsr()[first:last], matrices[0], columns=int(columns[1] - columns[0]))
+        matrices = [projected(A, P) for A in matrices]
+        freed(P)
+    return Operators(*matrices)
+
+
+def model_order(model: StructuralModel, space: Any) -> Indices:
+    """PETSc's global index of each of the space's coordinates in the model's order, the same on every rank.
+
+    Raises
+    ------
+    RuntimeError
+        If the model's numbers do not fit the space.
+    """
+    ours = model.element_coordinates(original_cells(space.mesh))
+    theirs = cell_dofs(space)
+    order = np.full(space.dofmap.index_map.size_global * space.dofmap.index_map_bs, -1, np.int64)
+    for mine, its in zip(ours, theirs, strict=True):
+        order[mine.ravel()] = its.ravel()
+    known = np.flatnonzero(order >= 0)
+    for numbers, places in space.mesh.comm.allgather((known, order[known])):
+        order[numbers] = places
+    if not np.array_equal(np.sort(order), np.arange(len(order))):
+        raise RuntimeError("the model's coordinates and the space's do not match")
+    return order
+
+
+def reordered(A: PETSc.Mat, order: Indices) -> PETSc.Mat:
+    """A with rows and columns in the model's order, in consecutive shares of about equal size; A itself is freed."""
+    comm = A.comm.tompi4py()
+    first, last = share(len(order), comm)
+    mine = PETSc.IS().createGeneral(order[first:last].astype(PETSc.IntType), comm=comm)
+    result = A.createSubMatrix(mine, mine)
+    freed(A, mine)
+    return result
+
+
+def projected(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+    """P^T A P; A is freed."""
+    product = A.PtAP(P)
+    result = product.copy()  # a product keeps its factors for ever
+    freed(product, A)
+    return result
+
+
+def share(size: int, comm: Any) -> Indices:
+    """First and last coordinate (excluded) of this rank's share."""
+    return np.array([comm.rank, comm.rank + 1]) * size // comm.size

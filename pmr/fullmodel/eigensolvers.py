@@ -1,0 +1,168 @@
+"""The lowest modes of the full model with its rows held at one path coordinate: SLEPc, or dense LAPACK.
+
+Both solve (K + sigma M) phi = (omega^2 + sigma) M phi with a small sigma > 0 for the largest 1 / (omega^2 + sigma).
+That keeps rigid-body modes harmless and, in contrast to asking LAPACK for eigenvalues of (K, M), gives the low modes
+to full relative accuracy: they are then the dominant ones.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import ConvergenceError
+from pmr.fem.compat import PETSc
+from pmr.fem.distributed import freed, times
+from pmr.fem.matrices import gather
+from pmr.fullmodel.elimination import eliminate
+from pmr.fullmodel.low_rank_eigensolver import OneFactorEigenSolver
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.modes import Modes, finished, lowest_of, solved
+
+Array = NDArray[np.float64]
+DENSE_UP_TO = 1500  # coordinates; above, SLEPc is the automatic choice
+CLUSTER = 1e-7  # relative distance of omega^2 below which two modes count as one cluster
+
+
+class EigenSolver(Protocol):
+    """Solves for the lowest modes at any path coordinate."""
+
+    def lowest(self, s: float, count: int) -> Modes:
+        """The `count` lowest modes with the rows held at s (m); collective.
+
+        Raises
+        ------
+        DependentRowsError
+            If the rows at s depend on each other.
+        ConvergenceError
+            If fewer than `count` modes exist or converge.
+        """
+        ...
+
+
+def eigensolver(model: FullModel, choice: str) -> EigenSolver:
+    """``"dense"``, ``"slepc"``, or ``"auto"``: dense up to `DENSE_UP_TO` coordinates.
+
+    Rows that give way are springs; in SLEPc a change of low rank of one factor, for all positions.
+    """
+    if is_dense(model, choice):
+        return DenseEigenSolver(model)
+    if np.any(model.rows.compliance):
+        return OneFactorEigenSolver(model)
+    return SlepcEigenSolver(model)
+
+
+def is_dense(model: FullModel, choice: str) -> bool:
+    """Whether ``"dense"``, ``"slepc"`` or ``"auto"`` means LAPACK for a model of this size."""
+    return choice == "dense" or (choice == "auto" and model.size <= DENSE_UP_TO)
+
+
+class DenseEigenSolver:
+    """All modes by LAPACK on rank 0: the reproducible path, O(n^3)."""
+
+    def __init__(self, model: FullModel) -> None:
+        self._model = model
+        self._sigma = model.reference_frequency**2
+        self._M, self._K = gather(model.M), gather(model.K)
+
+    def lowest(self, s: float, count: int) -> Modes:
+        model = self._model
+        C, compliance = model.rows.at(s), model.rows.compliance
+        rigid, soft = np.flatnonzero(compliance == 0.0), np.flatnonzero(compliance)
+        elimination = eliminate(C[rigid], [model.rows.names[i] for i in rigid])
+        _check_count(count, model.size - len(elimination.pivots))
+        phi, omega2, cut = np.empty((model.size, count)), np.empty(count), False
+        if self._M is not None and self._K is not None:
+            T = elimination.matrix()
+            springs = C[soft].T @ sp.diags(1.0 / compliance[soft]) @ C[soft]
+            M, K = (T.T @ self._M @ T).toarray(), (T.T @ (self._K + springs) @ T).toarray()
+            mu, z = scipy.linalg.eigh(M, K + self._sigma * M)
+            all_omega2 = 1.0 / mu[::-1] - self._sigma
+            omega2, phi = all_omega2[:count], T @ z[:, ::-1][:, :count]
+            cut = len(all_omega2) > count and _clustered(all_omega2[count - 1], all_omega2[count])
+        omega2, phi, cut = model.comm.bcast((omega2, phi, cut))
+        first, last = model.M.getOwnershipRange()
+        return finished(model, s, omega2, np.ascontiguousarray(phi[first:last]), cut)
+
+
+class SlepcEigenSolver:
+    """Krylov-Schur with shift-invert; MUMPS factorises.  Sylvester's law of inertia proves that no mode was missed.
+
+    A single Krylov sequence sees one vector of each multiple eigenvalue.  The inertia of K - x M counts the modes
+    below x; where some are missing, the solver runs again in the complement of those found.
+    """
+
+    def __init__(self, model: FullModel) -> None:
+        self._model = model
+        self._sigma = model.reference_frequency**2
+
+    def lowest(self, s: float, count: int) -> Modes:
+        model = self._model
+        elimination = eliminate(model.rows.at(s), model.rows.names)
+        dimension = model.size - len(elimination.pivots)
+        _check_count(count, dimension)
+        T = elimination.petsc(model.M)
+        M, K = model.M.PtAP(T), model.K.PtAP(T)
+        wanted = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
+        omega2, z = self._solve(M, K, wanted, [])
+        for _ in range(wanted):
+            below = (
+                omega2[count - 1] * (1.0 - 1e-5) - self._sigma * 1e-5
+                if len(omega2) == count or _clustered(omega2[count - 1], omega2[count])
+                else (omega2[count - 1] + omega2[count]) / 2.0
+            )
+            missing = _inertia(M, K, below) - int(np.sum(omega2 < below))
+            if missing <= 0:
+                break
+            more_omega2, more = self._solve(M, K, missing, z)
+            omega2, z = np.concatenate([omega2, more_omega2]), z + more
+            order = np.argsort(omega2, kind="stable")[:wanted]
+            omega2, z = omega2[order], [z[i] for i in order]
+        cut = len(omega2) > count and _clustered(omega2[count - 1], omega2[count])
+        phi = times(T, np.column_stack([vector.getArray() for vector in z[:count]]))
+        freed(T, M, K, *z)
+        return finished(model, s, omega2[:count], phi, cut)
+
+    def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, found: list[PETSc.Vec]) -> tuple[Array, list[PETSc.Vec]]:
+        eps = lowest_of(K, M, self._sigma, count)
+        pc = eps.getST().getKSP().getPC()
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        freed(pc)  # a name that outlives the solver would keep the factor
+        if found:
+            eps.setDeflationSpace(found)
+        return solved(eps, count)
+
+
+def _check_count(count: int, dimension: int) -> None:
+    if count > dimension:
+        raise ConvergenceError(
+            f"{count} modes asked for, but the model has {dimension} free coordinates; ask for fewer modes or refine "
+            "the mesh"
+        )
+
+
+def _clustered(a: float, b: float) -> bool:
+    return abs(b - a) <= CLUSTER * max(abs(a), abs(b))
+
+
+def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
+    """Number of eigenvalues omega^2 < `below`: the negative pivots of K - below M (Parlett 1998, section 3.3)."""
+    shifted = K.copy()
+    shifted.axpy(-below, M, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    pc = PETSc.PC().create(comm=K.comm)
+    pc.setOperators(shifted)
+    pc.setType("cholesky")
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    factor = pc.getFactorMatrix()
+    factor.setMumpsIcntl(24, 1)  # null pivots are looked for: MUMPS counts no inertia without
+    pc.setUp()
+    negative = int(factor.getInertia()[0])
+    freed(factor, pc, shifted)
+    return negative

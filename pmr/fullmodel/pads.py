@@ -1,0 +1,299 @@
+r"""Pads: patches of finite length and width that hold the normal displacement of a face, or of a beam's line.
+
+The row of a pad centred at x is a weighted mean over stations :math:`x_k`, a lattice of spacing :math:`\Delta`,
+
+.. math::
+    C(s)\, q = \sum_k b(x_k - x)\, U_k q, \qquad
+    U_k q = \int \varphi(\xi - x_k)\, v(\eta)\, u \cdot n \, d\xi\, d\eta \Big/ \int \varphi\, v \, d\xi\, d\eta
+
+b is a cubic B-spline over all but :math:`2 \Delta` of the pad's length, :math:`\varphi` a hat, v a cubic B-spline over
+the width.  Between two breaks a row is a cubic in s, on any mesh, and C2 throughout: its third derivative jumps at
+every :math:`\Delta`.  C2 is what keeps the acceleration of a body that slides free of jumps.  For every s the weights
+add up to one, their centroid is the pad's centre and their spread does not change, so a rigid motion is measured as
+one, and a parabola along the axis without a ripple.
+
+The multiplier is the force of the pad in N, positive if it pushes the body inwards; 1/k is the pad's compliance.  A pad
+that neither moves nor is rigid is a spring: as a part of the stiffness it costs no row, leaves the body no rigid motion
+and has a share in its Rayleigh damping; its force is an output.
+
+A unilateral pad only pushes, once the body has come out by the pad's clearance c:
+
+.. math::
+    \lambda \ge 0, \qquad g = c - (C q + H f - (G + 1/k) \lambda) \ge 0, \qquad \lambda\, g = 0
+
+It is a row wherever it sits, for whether it holds changes over time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.constraints.bsplines import bump, value
+from pmr.constraints.carriers import on_carriers
+from pmr.constraints.polynomials import rebased
+from pmr.constraints.rows import Row, Rows, fixed_row
+from pmr.errors import InputError
+from pmr.mesh.strip import Extent, Window
+from pmr.models import StructuralModel
+
+Array = NDArray[np.float64]
+
+#: Stations for each knot of the weight along the pad: its length is (4 STATIONS + 2) Delta.
+STATIONS = 2
+#: Along the path: each costs a static solve and an interval of all tables.
+MOST_STATIONS = 10_000
+#: Points of quadrature are this share of Delta, or of the knots across, apart.
+SPACING = 0.5
+#: What quadrature may miss of a station's weight, and of its place in Delta, before the pad is said to leave its face.
+MISSING = 0.02
+#: So much of a face's length or breadth a pad may reach beyond it: the path of one that stands still has some length.
+SLACK = 2e-3
+
+
+@dataclass(frozen=True)
+class Pad:
+    """A pad on a named face.
+
+    Attributes
+    ----------
+    name : str
+    on : str
+        A flat face of a mesh; on beams ``bottom``, ``top``, ``left`` (+y) or ``right``.
+    at : float
+        Its centre along the body's axis, m; of a moving pad the distance ahead of s.
+    across : float
+        Its centre across, m: y on bottom and top, z on the sides.
+    length, width : float, m
+    stiffness : float, N/m
+        Infinite for a rigid one.
+    unilateral : bool
+        Whether it only pushes.
+    clearance : float, m
+        How far the body at rest is from a unilateral one.
+    """
+
+    name: str
+    on: str
+    at: float = 0.0
+    across: float = 0.0
+    length: float = 0.3
+    width: float = 0.08
+    stiffness: float = 3e8
+    unilateral: bool = False
+    clearance: float = 0.0
+
+    def __post_init__(self) -> None:
+        for key in ("length", "width", "stiffness"):
+            if not getattr(self, key) > 0.0:
+                raise InputError("scene", f"pads.{self.name}.{key}", getattr(self, key), "more than 0 is allowed")
+        if not 0.0 <= self.clearance < np.inf:
+            raise InputError("scene", f"pads.{self.name}.clearance", self.clearance, "a length from 0 on is allowed")
+        if self.clearance > 0.0 and not self.unilateral:
+            allowed = "only a pad with unilateral = true may have one: any other is attached to the body"
+            raise InputError("scene", f"pads.{self.name}.clearance", self.clearance, allowed)
+
+    @property
+    def free_way(self) -> float | None:
+        """The clearance of a pad that only pushes, m; None for one that holds both ways."""
+        return self.clearance if self.unilateral else None
+
+
+@dataclass(frozen=True)
+class Hold:
+    """What holds the mean displacement of a group along a direction: a cylinder; infinitely stiff by default, N/m."""
+
+    name: str
+    on: str
+    direction: str = "x"
+    stiffness: float = np.inf
+
+
+@dataclass(frozen=True)
+class Pads:
+    """All that holds a sliding body.
+
+    Attributes
+    ----------
+    fixed, moving : tuples of Pad
+        Moving ones are centred at s + `at`.
+    holds : tuple of Hold
+    travel : tuple of float, m
+        Smallest and largest s.
+    """
+
+    fixed: tuple[Pad, ...] = ()
+    moving: tuple[Pad, ...] = ()
+    holds: tuple[Hold, ...] = ()
+    travel: tuple[float, float] = (0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        low, high = self.travel
+        if not low < high:
+            raise InputError("scene", "pads.travel", self.travel, "two places in m, the first one less, are allowed")
+        names = [*(pad.name for pad in (*self.fixed, *self.moving)), *(hold.name for hold in self.holds)]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError("scene", "pads", twice[0], "names that differ are allowed")
+
+
+@dataclass(frozen=True)
+class Holding:
+    """What pads are to a structure.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        Of what moves, is rigid or only pushes.
+    springs : tuple of Row
+        Of all the others, on the coordinates they belong to: k c^T c is part of the stiffness.
+    """
+
+    rows: tuple[Row, ...]
+    springs: tuple[Row, ...]
+
+    def stiffness(self, size: int) -> sp.csr_matrix:
+        """Sum of k c^T c over the springs, (n, n) in N/m."""
+        total = sp.csr_matrix((size, size))
+        for c, spring in zip(self.vectors(size), self.springs, strict=True):
+            total += c.T @ c / spring.compliance
+        return total.tocsr()
+
+    def force(self, name: str, size: int) -> sp.csr_matrix:
+        """Row (1, n) in N/m that measures the force of a spring.
+
+        Raises
+        ------
+        InputError
+            If no spring has this name.
+        """
+        for c, spring in zip(self.vectors(size), self.springs, strict=True):
+            if spring.name == name:
+                return c / spring.compliance
+        found = ", ".join(spring.name for spring in self.springs) or "none"
+        allowed = f"pads that neither move nor are rigid or unilateral are allowed: {found}"
+        raise InputError("scene", "outputs.pad", name, f"{allowed}; the forces of others are multipliers")
+
+    def vectors(self, size: int) -> list[sp.csr_matrix]:
+        """What each spring measures, as a row (1, n)."""
+        return [Rows((spring,), size).at(spring.breaks[0]) for spring in self.springs]
+
+
+def hold(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Holding:
+    """Rows and springs of all pads and holds on the coordinates z of a structure, q = T z.
+
+    Raises
+    ------
+    InputError
+        If a face does not exist or a pad leaves it somewhere on its travel.
+    """
+    staying = [
+        *(fixed_pad(pad, model, T, pads.travel) for pad in pads.fixed),
+        *(_hold(hold, model, T, pads.travel) for hold in pads.holds),
+    ]
+    moving = [moving_pad(pad, model, T, pads.travel) for pad in pads.moving]
+    springs = [row.compliance > 0.0 and row.clearance is None for row in staying]
+    rows = [row for row, spring in zip(staying, springs, strict=True) if not spring]
+    return Holding((*rows, *moving), tuple(row for row, spring in zip(staying, springs, strict=True) if spring))
+
+
+def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+    """The row of a pad centred at s + pad.at."""
+    low, high = travel
+    step, reach = _lattice(pad)
+    if high - low > MOST_STATIONS * step:
+        least = (high - low) * (4 * STATIONS + 2) / MOST_STATIONS
+        allowed = f"at least {least:.3g} m are allowed on a path of {high - low:.4g} m"
+        raise InputError("scene", f"pads.{pad.name}.length", pad.length, allowed)
+    count = max(1, int(np.ceil((high - low) / step - 1e-9)))
+    breaks = np.append(low + step * np.arange(count), high)
+    places = low + pad.at + step * np.arange(1 - reach, count + reach)
+    U = _stations(pad, model, places) @ T
+    # The bump's pieces on the lattice, first the last one: stations ahead of the pad are farther left on it.
+    pieces = rebased(bump(3, STATIONS * step), step * np.arange(-reach, reach + 1)).c[:, ::-1] / STATIONS
+    dofs = np.arange(count)[:, None] + np.arange(2 * reach)
+    coefficients = np.repeat(pieces[:, None, :], count, axis=1)
+    return on_carriers(Row(pad.name, breaks, dofs, coefficients, 1.0 / pad.stiffness, pad.free_way), U)
+
+
+def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+    """The row of a pad that stays: that of a moving one with a station at its centre."""
+    step, reach = _lattice(pad)
+    offsets = step * np.arange(1 - reach, reach)
+    weights = value(bump(3, STATIONS * step), offsets) / STATIONS
+    path = replace(fixed_row(pad.name, 0, 1.0, travel), compliance=1.0 / pad.stiffness, clearance=pad.free_way)
+    return on_carriers(path, sp.csr_matrix(weights @ _stations(pad, model, pad.at + offsets) @ T))
+
+
+def _hold(hold: Hold, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+    if hold.direction not in model.directions:
+        allowed = f"{', '.join(model.directions)} are allowed"
+        raise InputError("scene", f"pads.{hold.name}.direction", hold.direction, allowed)
+    measured = model.motion(hold.on)[model.directions.index(hold.direction)]
+    left = sp.csr_matrix(measured @ T)
+    if np.abs(left.data).max(initial=0.0) <= 1e-12 * np.abs(measured.data).max(initial=0.0):
+        allowed = f"a clamp holds {hold.on} along it already; one of the two is allowed"
+        raise InputError("scene", f"holds.{hold.name}.direction", hold.direction, allowed)
+    path = replace(fixed_row(hold.name, 0, 1.0, travel), compliance=1.0 / hold.stiffness)
+    return on_carriers(path, left)
+
+
+def _lattice(pad: Pad) -> tuple[float, int]:
+    """Distance of the stations, m, and how many of them the weight reaches to either side."""
+    return pad.length / (4 * STATIONS + 2), 2 * STATIONS
+
+
+def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
+    """Weighted mean of the normal displacement around each of the places along the axis, (K, n)."""
+    step, knot = _lattice(pad)[0], pad.width / 4.0
+    window = Window(
+        along=(places[0] - step, places[-1] + step),
+        across=(pad.across - 2.0 * knot, pad.across + 2.0 * knot),
+        spacing=(SPACING * step, SPACING * knot),
+    )
+    strip = model.strip(pad.on, window)
+    _check_extent(pad, (places[0], places[-1]), strip.extent)
+    whole = step * float(value(bump(3, knot), np.zeros(()))) if strip.line else step * knot
+    beside = strip.weights * value(bump(3, knot), strip.across - pad.across)
+    near = [np.flatnonzero(np.abs(strip.along - x) < step) for x in places]
+    weights = [beside[q] * value(bump(1, step), strip.along[q] - x) for q, x in zip(near, places, strict=True)]
+    rows = []
+    for q, w, x in zip(near, weights, places, strict=True):
+        offsets = np.stack([strip.along[q] - x, strip.across[q] - pad.across])
+        off = np.abs(offsets @ w) > MISSING * np.array([step, knot]) * w.sum()
+        if w.sum() < (1.0 - MISSING) * whole or off.any():
+            raise _off(pad, f"around {x:.4g} m", strip.extent)
+        rows.append(sp.csr_matrix(_corrected(w, offsets, step)) @ strip.normal[q])
+    return sp.vstack(rows, format="csr")
+
+
+def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None:
+    """Refuse a pad whose weights, or edges across, reach beyond its face."""
+    step, half = _lattice(pad)[0], pad.width / 2.0
+    spans = [("along the axis", (places[0] - step, places[1] + step), step, extent.along)]
+    if extent.across is not None:
+        spans.append(("across", (pad.across - half, pad.across + half), 0.0, extent.across))
+    for way, (start, end), rim, (low, high) in spans:
+        slack = SLACK * (high - low)
+        if start < low - slack or end > high + slack:  # a rim of Delta has no weight yet belongs to the pad
+            raise _off(pad, f"{way}, where it reaches from {start - rim:.4g} to {end + rim:.4g} m", extent)
+
+
+def _off(pad: Pad, where: str, extent: Extent) -> InputError:
+    allowed = f"the pad leaves the face {pad.on} {where}; places where all of it is on it are allowed: {extent}"
+    return InputError("scene", f"pads.{pad.name}", None, allowed)
+
+
+def _corrected(weights: Array, offsets: Array, step: float) -> Array:
+    """Weights (q,), changed by a parabola in the offsets (2, q), with the moments of what they stand for.
+
+    They add up to one, their centroid is zero and their spread along the axis that of the hat, step^2 / 6.  What
+    changes is the error of quadrature only, but left in, a motion without a ripple would seem to have one.
+    """
+    x, y = offsets / step
+    moments = np.stack([np.ones(len(x)), x, y, x**2])
+    targets = np.array([1.0, 0.0, 0.0, 1.0 / 6.0])
+    return np.asarray(weights * (np.linalg.lstsq((moments * weights) @ moments.T, targets, rcond=1e-12)[0] @ moments))

@@ -1,0 +1,293 @@
+r"""A structure in space as a full model: clamps, pads, loads, gravity, attached masses, outputs.
+
+Clamps and rigid couplings leave the coordinates z of a structural model, q = T z; attached bodies of mass m and
+inertia J follow a place's motion g = G q:
+
+.. math::
+    M = T^T \bigl(M_q + G^T \operatorname{diag}(m, J)\, G\bigr) T, \qquad K = T^T K_q T, \qquad B = T^T B_q
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.constraints.rows import Rows
+from pmr.errors import InputError
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import freed, sparse
+from pmr.fem.matrices import columns
+from pmr.fullmodel.assembly import Operators, assemble_model, projected, rayleigh, share
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.pads import Holding, Pads, hold
+from pmr.models import StructuralModel
+from pmr.models.rigid import RigidMotions
+from pmr.scene import Damping
+from pmr.scene.structures import PointMass, unit_vector
+from pmr.system.body import force_of
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Clamp:
+    """Coordinates on a named group that are held at zero: by default all."""
+
+    on: str
+    directions: tuple[str, ...] = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Action:
+    """A force (moment) of `size` along `direction` on a place, or what is measured there: displacement (rotation)."""
+
+    name: str
+    on: str | float
+    direction: str
+    size: float = 1.0
+
+    @property
+    def unit(self) -> str:
+        """Of what is measured."""
+        return "m" if self.direction in ("x", "y", "z") else "rad"
+
+
+@dataclass(frozen=True)
+class PadForce:
+    """The force in N of a pad that neither moves nor is rigid, as an output."""
+
+    pad: str
+
+    @property
+    def name(self) -> str:
+        """As outputs are called."""
+        return force_of(self.pad)
+
+    @property
+    def unit(self) -> str:
+        """N."""
+        return "N"
+
+
+@dataclass(frozen=True)
+class Weight:
+    """A load that accelerates everything, attached masses too, by one m/s^2 along `direction` (3,); input in m/s^2.
+
+    The length of `direction` does not count.
+    """
+
+    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    name: str = "gravity"
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A structural model and what is attached to it."""
+
+    model: StructuralModel
+    clamps: tuple[Clamp, ...] = ()
+    masses: tuple[PointMass, ...] = ()
+    loads: tuple[Action | Weight, ...] = ()
+    outputs: tuple[Action | PadForce, ...] = ()
+    damping: Damping = Damping()
+    pads: Pads = Pads()
+
+
+def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
+    """Assemble a structure on `comm`; its rows are the pads', for what is clamped is left out.
+
+    Raises
+    ------
+    InputError
+        If a place does not exist, a rigid coupling meets a clamp or another one, or a pad leaves its face.
+    """
+    model = structure.model
+    base = assemble_model(model, model.domain(comm))
+    coupling = couple(structure)
+    attached = coupling.attached_mass()
+    size = coupling.T.shape[1]
+    holding = hold(structure.pads, model, coupling.T)
+    springs = holding.stiffness(size)
+    loads = [coupling.load(load, base.M) for load in structure.loads]
+    operators = Operators(
+        _reduced(base.M, coupling.T, _padded(attached, springs)),
+        _reduced(base.K, coupling.T, _padded(springs, attached)),
+    )
+    measured = [
+        coupling.row(output) if isinstance(output, Action) else holding.force(output.pad, size)
+        for output in structure.outputs
+    ]
+    return FullModel(
+        operators.M,
+        operators.damping(structure.damping),
+        operators.K,
+        inputs=columns(operators.M, [_sparse_column(load) for load in loads]),
+        outputs=columns(operators.M, [_sparse_column(row) for row in measured]),
+        rows=Rows(holding.rows, size),
+        input_names=tuple(load.name for load in structure.loads),
+        output_positions=np.array([_position(output, structure) for output in structure.outputs]),
+        output_names=tuple(output.name for output in structure.outputs),
+        output_units=tuple(output.unit for output in structure.outputs),
+        reference_frequency=model.reference_frequency,
+        rigid=_rigid_motions(coupling, holding, operators.M),
+        rayleigh=rayleigh(structure.damping),
+    )
+
+
+def _rigid_motions(coupling: Coupling, holding: Holding, M: PETSc.Mat) -> RigidMotions:
+    """This rank's rows of them, and what clamps and springs measure of each."""
+    springs = [np.asarray(spring @ coupling.rigid) for spring in holding.vectors(coupling.T.shape[1])]
+    return RigidMotions(coupling.rigid[slice(*M.getOwnershipRange())].copy(), np.vstack([coupling.clamped, *springs]))
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """Coordinates z of a structure.
+
+    Attributes
+    ----------
+    T : (n, n') sparse matrix
+        The model's coordinates are T z: its free ones in their order, then the motions of rigidly coupled masses.
+    motions : tuple of (k, n') sparse matrices
+        Motion of each attached mass, k directions of the model.
+    inertias : tuple of (k,) arrays
+        Mass in kg and inertia in kg m^2 along those directions.
+    rigid : (n', k) array
+        z under each of the model's rigid motions.
+    clamped : (c, k) array
+        What the clamped coordinates would do under each of them.
+    """
+
+    model: StructuralModel
+    T: sp.csr_matrix
+    motions: tuple[sp.csr_matrix, ...]
+    inertias: tuple[Array, ...]
+    rigid: Array
+    clamped: Array
+
+    def attached_mass(self) -> sp.csr_matrix:
+        """Sum of G^T diag(m, J) G, (n', n')."""
+        total = sp.csr_matrix((self.T.shape[1], self.T.shape[1]))
+        for G, inertia in zip(self.motions, self.inertias, strict=True):
+            total += G.T @ sp.diags(inertia) @ G
+        return total.tocsr()
+
+    def row(self, action: Action) -> sp.csr_matrix:
+        """Row (1, n') that an action is or measures.
+
+        Raises
+        ------
+        InputError
+            If the model has no such direction.
+        """
+        if action.direction not in self.model.directions:
+            allowed = f"{', '.join(self.model.directions)} are allowed"
+            raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
+        measure = self.model.displacement if action.direction in ("x", "y", "z") else self.model.motion
+        row = measure(action.on)[self.model.directions.index(action.direction)]
+        return sp.csr_matrix(action.size * (row @ self.T))
+
+    def load(self, load: Action | Weight, M: PETSc.Mat) -> sp.csr_matrix:
+        """A load's column as a row (1, n'); collective."""
+        if isinstance(load, Action):
+            return self.row(load)
+        along = dict(zip("xyz", unit_vector(load.direction), strict=True))
+        acceleration = np.array([along.get(direction, 0.0) for direction in self.model.directions])
+        x, f = M.createVecRight(), M.createVecLeft()
+        first, last = M.getOwnershipRange()
+        x.getArray()[:] = (self.model.rigid_motions() @ acceleration)[first:last]
+        M.mult(x, f)
+        freed(x)
+        column = self.T.T @ np.concatenate(M.comm.tompi4py().allgather(f.getArray()))
+        for G, inertia in zip(self.motions, self.inertias, strict=True):
+            column += G.T @ (inertia * acceleration)
+        return sp.csr_matrix(column)
+
+
+def couple(structure: Structure) -> Coupling:
+    """Eliminate clamps and rigid couplings."""
+    model = structure.model
+    owner = np.full(model.size, "", dtype=object)
+    for clamp in structure.clamps:
+        owner[model.coordinates_on(clamp.on, clamp.directions)] = f"the clamp at {clamp.on}"
+    rigid = [mass for mass in structure.masses if mass.coupling == "rigid"]
+    R, clamped = model.rigid_motions(), owner != ""
+    blocks, carried = [], []
+    for mass in rigid:
+        on = model.coordinates_on(mass.on, model.directions)
+        taken = next((name for name in owner[on] if name), "")
+        if taken:
+            raise InputError("scene", f"masses.{mass.name}.on", mass.on, f"shares coordinates with {taken}")
+        owner[on] = mass.name
+        of_centre = model.motion(mass.on, _centre(mass)) @ R
+        follows = R @ np.linalg.inv(of_centre)
+        carried.append(of_centre)
+        block = sp.lil_matrix((model.size, R.shape[1]))
+        block[on] = follows[on]
+        blocks.append(block)
+    free = np.flatnonzero(owner == "")
+    selection = sp.csr_matrix((np.ones(len(free)), (free, np.arange(len(free)))), shape=(model.size, len(free)))
+    T = sp.hstack([selection, *blocks], format="csr")
+    motions = []
+    for mass in structure.masses:
+        if mass.coupling == "rigid":
+            k = len(model.directions)
+            motions.append(sp.eye(k, T.shape[1], k=len(free) + k * rigid.index(mass), format="csr"))
+        else:
+            motions.append((model.motion(mass.on, _centre(mass)) @ T).tocsr())
+    inertias = tuple(_inertia(mass, model.directions) for mass in structure.masses)
+    return Coupling(model, T, tuple(motions), inertias, np.vstack([R[free], *carried]), R[clamped])
+
+
+def _centre(mass: PointMass) -> Array | None:
+    return None if mass.at is None else np.array(mass.at)
+
+
+def _inertia(mass: PointMass, directions: Sequence[str]) -> Array:
+    """Mass or inertia along each direction; the planar rotation is one about z."""
+    about = dict(zip(("rx", "ry", "rz"), mass.inertia, strict=True)) | {"rotation": mass.inertia[2]}
+    return np.array([about.get(direction, mass.mass) for direction in directions])
+
+
+def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
+    """T^T A T + added, distributed in consecutive shares; entries of `added` keep their place even if zero.
+
+    A is freed.
+    """
+    first, last = A.getOwnershipRange()
+    low, high = share(T.shape[1], A.comm.tompi4py())
+    P = sparse(T[first:last], A, columns=int(high - low))
+    result = projected(A, P)
+    freed(P)
+    if added.nnz:
+        more = sparse(added[low:high], result, columns=int(high - low))
+        result.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        freed(more)
+    return result
+
+
+def _position(output: Action | PadForce, structure: Structure) -> float:
+    """Where along the axis an output is measured, m."""
+    if isinstance(output, Action):
+        return float(structure.model.centroid(output.on)[0])
+    places = {pad.name: pad.at for pad in structure.pads.fixed}
+    places |= {hold.name: float(structure.model.centroid(hold.on)[0]) for hold in structure.pads.holds}
+    return places[output.pad]
+
+
+def _padded(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
+    """A with zeros wherever the other one has entries: damping and shifts add M and K, which takes one pattern."""
+    A, other = A.tocoo(), other.tocoo()
+    entries = np.concatenate([A.data, np.zeros(other.nnz)])
+    places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])
+    return sp.csr_matrix((entries, places), shape=A.shape)
+
+
+def _sparse_column(row: sp.csr_matrix) -> tuple[Indices, Array]:
+    kept = row.data != 0.0
+    return row.indices[kept].astype(np.int64), row.data[kept]

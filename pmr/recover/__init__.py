@@ -1,0 +1,1 @@
+"""Full coordinates, fields and stresses from reduced coordinates."""

@@ -1,0 +1,129 @@
+r"""Full coordinates from reduced ones, at chosen times.
+
+.. math:: q = V p + R\, (B f - C(s)^T z)
+
+R is the flexibility that the basis leaves out, applied by one factorisation to the loads of the chosen times; without
+residual flexibility q = V p.  z are the multipliers that deform the residual part: all of them, or, where its inertia
+is kept, `pmr.system.body.Trajectory.quasi_static`.  What the model says of its outputs, O V p + W f - X z, is then O q.
+
+Velocities are V p': those of the residual part follow from rates of the multipliers, which jump wherever the path or a
+load has a kink (`pmr.compare.velocities`; docs/moving_residual_flexibility.md, sections 2, 5 and 11).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.fem.matrices import local_csr
+from pmr.fullmodel.model import FullModel
+from pmr.reduce.residual.operator import ResidualFlexibility
+from pmr.reduced.model import ReducedModel
+from pmr.simulate.stepping import Loads, loads_at, one_for_each
+from pmr.system.body import Trajectory
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Times recovered at once; bounds memory at some multiples of this many vectors of full length.
+BLOCK = 64
+
+
+@dataclass(frozen=True)
+class ReducedStates:
+    """What a simulated reduced model says at S times.
+
+    Attributes
+    ----------
+    t, s : (S,) arrays, s and m
+    p, v : (S, r) arrays
+        Coordinates and their rates.
+    multipliers : (S, m) array, N
+        z, those that deform the residual part.
+    loads : (S, i) array, N
+    """
+
+    t: Array
+    s: Array
+    p: Array
+    v: Array
+    multipliers: Array
+    loads: Array
+
+    def __getitem__(self, which: slice) -> ReducedStates:
+        """Some of the states."""
+        return ReducedStates(*(getattr(self, name)[which] for name in ("t", "s", "p", "v", "multipliers", "loads")))
+
+
+def chosen_states(model: ReducedModel, trajectory: Trajectory, loads: Loads, steps: Indices) -> ReducedStates:
+    """The states of a trajectory at some of its steps (S,)."""
+    t, s, p, v, z = (
+        array[steps] for array in (trajectory.t, trajectory.s, trajectory.q, trajectory.v, trajectory.deforming)
+    )
+    return ReducedStates(t, s, p, v, z, loads_at(one_for_each(loads, model.input_names), t))
+
+
+class Recovery:
+    """Recovers states of a full model; every method is collective.
+
+    Parameters
+    ----------
+    model : FullModel
+    V : (n_local, k) array
+        This rank's rows of the basis; its first r columns are the reduced model's.
+    reduced : ReducedModel
+        The same on every rank.
+    solver : ``"auto"``, ``"dense"`` or ``"slepc"``
+        As for the residual flexibility's tables.
+    """
+
+    def __init__(self, model: FullModel, V: Array, reduced: ReducedModel, solver: str = "auto") -> None:
+        self._model, self._V = model, np.ascontiguousarray(V[:, : reduced.size])
+        self._share = slice(*model.M.getOwnershipRange())
+        self._residual: ResidualFlexibility | None = None
+        if reduced.flexibility is not None:
+            self._rows = [model.rows.rows[model.rows.names.index(name)] for name in reduced.row_names]
+            self._inputs = local_csr(model.inputs)
+            self._residual = ResidualFlexibility(model, self._V, solver)
+
+    @property
+    def comm(self) -> Any:
+        return self._model.comm
+
+    def positions(self, states: ReducedStates) -> Array:
+        """This rank's rows of q, (S, n_local), of states that are the same on every rank.
+
+        For many states of a large model ask for `blocks`.
+        """
+        parts = [np.empty((0, len(self._V))), *self.blocks(states)]
+        return np.concatenate(parts)
+
+    def velocities(self, states: ReducedStates) -> Array:
+        """V p', this rank's rows (S, n_local): without the residual part's."""
+        return np.asarray(states.v @ self._V.T)
+
+    def blocks(self, states: ReducedStates) -> Iterator[Array]:
+        """The same as `positions`, at most `BLOCK` states at a time, one block after the other."""
+        for k in range(0, len(states.t), BLOCK):
+            yield self._block(states[k : k + BLOCK])
+
+    def _block(self, states: ReducedStates) -> Array:
+        q = states.p @ self._V.T
+        if self._residual is not None:
+            q += self._residual.apply(self._loads(states)).T
+        return np.asarray(q)
+
+    def _loads(self, states: ReducedStates) -> Array:
+        """This rank's rows (n_local, S) of B f - C(s)^T z, in N."""
+        g = np.asarray(self._inputs @ states.loads.T)
+        for row, z in zip(self._rows, states.multipliers.T, strict=True):
+            dofs, entries = row.at(states.s)
+            ends = dofs.shape[1] * np.arange(len(dofs) + 1)
+            pressed = sp.csr_matrix(((entries * z[:, None]).ravel(), dofs.ravel(), ends), (len(dofs), self._model.size))
+            g -= pressed[:, self._share].T.toarray()
+        return g

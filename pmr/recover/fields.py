@@ -1,0 +1,122 @@
+"""What is seen of a body's states: displacements of its points, stresses of its cells, where the largest one sits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.fem.compat import MPI
+from pmr.fields.series import Fields
+from pmr.fields.stress import StressHistory, stress_history
+from pmr.fullmodel.assembly import share
+from pmr.fullmodel.structure import Structure, couple
+from pmr.models import StructuralModel
+from pmr.recover.coordinates import BLOCK
+
+Array = NDArray[np.float64]
+
+
+class View:
+    """Looks at states that are spread over ranks; every method is collective and says the same on every rank.
+
+    Parameters
+    ----------
+    model : StructuralModel
+    comm : MPI communicator
+    T : (n, n') sparse matrix, optional
+        The model's coordinates are T z; by default they are z.
+    stresses : bool
+        Whether stresses are looked at, where the model has any.
+    """
+
+    def __init__(
+        self,
+        model: StructuralModel,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+        T: sp.csr_matrix | None = None,
+        stresses: bool = True,
+    ) -> None:
+        self.comm, self.grid, self.stress_rows = comm, model.grid, model.stresses() if stresses else None
+        T = sp.eye(model.size, format="csr") if T is None else T
+        mine = T.tocsc()[:, slice(*share(T.shape[1], comm))]
+        self._points = sp.csr_matrix(model.point_displacements() @ mine)
+        self._stresses = None if self.stress_rows is None else sp.csr_matrix(self.stress_rows.rows @ mine)
+
+    @classmethod
+    def of(cls, structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD, stresses: bool = True) -> View:
+        """The view of a structure, whose clamps and rigid masses leave out coordinates of its model."""
+        return cls(structure.model, comm, couple(structure).T, stresses)
+
+    def displacements(self, q: Array) -> Array:
+        """(S, N, 3) in m of the grid's points, from this rank's rows (S, n_local) of the states."""
+        values = self._summed(self._points, q)
+        return values.reshape(len(values), len(self.grid.points), 3)
+
+    def stresses(self, q: Array) -> Array:
+        """(S, P, c) in Pa at the points of `stress_rows`, likewise.
+
+        Raises
+        ------
+        ValueError
+            If the model has no stresses.
+        """
+        if self.stress_rows is None or self._stresses is None:
+            raise ValueError("a beam without a profile has no stresses")
+        return self.stress_rows.shaped(self._summed(self._stresses, q))
+
+    def _summed(self, rows: sp.csr_matrix, q: Array) -> Array:
+        values = np.ascontiguousarray((rows @ q.T).T)
+        self.comm.Allreduce(MPI.IN_PLACE, values)
+        return values
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The stress history of all states, None where the model has no stresses; fields of some of them."""
+
+    stress: StressHistory | None
+    fields: Fields
+
+
+def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] = ()) -> Seen:
+    """Go through states once; collective.
+
+    Parameters
+    ----------
+    view : View
+    t : (S,) array, s
+        Times of the states.
+    blocks : iterable of (k, n_local) arrays
+        This rank's rows of the states, in order: `pmr.recover.coordinates.Recovery.blocks`, or `in_blocks`.
+    pictures : sequence of int
+        Numbers of the states whose fields are kept.
+    """
+    rows, cells, chosen = view.stress_rows, len(view.grid.cells), np.unique(np.asarray(pictures, np.int64))
+    largest, point = np.zeros(len(t)), np.zeros(len(t), np.int64)
+    displacement = np.zeros((len(chosen), len(view.grid.points), 3), np.float32)
+    fields = {face: np.zeros((len(chosen), cells), np.float32) for face in (rows.faces if rows else ())}
+    first, at_peak = 0, np.zeros(0)
+    for q in blocks:
+        last = first + len(q)
+        kept = np.flatnonzero((chosen >= first) & (chosen < last))
+        displacement[kept] = view.displacements(q[chosen[kept] - first])
+        if rows is not None:
+            values = rows.von_mises(view.stresses(q))
+            largest[first:last], point[first:last] = values.max(axis=1), values.argmax(axis=1)
+            if not at_peak.size or values.max() > at_peak.max():
+                at_peak = values[values.max(axis=1).argmax()].copy()
+            for face, part in rows.by_cell(values[chosen[kept] - first], cells).items():
+                fields[face][kept] = part
+        first = last
+    history = None if rows is None else stress_history(rows, view.grid, t, largest, point, at_peak)
+    return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields))
+
+
+def in_blocks(q: Array) -> Iterator[Array]:
+    """States (S, n_local) a few at a time."""
+    for k in range(0, len(q), BLOCK):
+        yield q[k : k + BLOCK]

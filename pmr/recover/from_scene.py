@@ -1,0 +1,94 @@
+"""Fields and stresses that a scene asks for, from the reduced model and, beside it, from the full one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.responses import excitation
+from pmr.fullmodel.build import Built
+from pmr.recover.coordinates import Recovery, chosen_states
+from pmr.recover.fields import Seen, View, in_blocks, look
+from pmr.reduced.model import ReducedModel
+from pmr.scene import SceneBase, StructureScene
+from pmr.scene.choice import model_of
+from pmr.simulate.native import simulator as march
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """What is seen of the reduced model, and of the full one where its states are known."""
+
+    reduced: Seen
+    full: Seen | None
+
+    def summary(self) -> dict[str, Any]:
+        """``max_von_mises`` in Pa and ``stress_peak``, each for ``reduced`` and ``full``; empty without stresses."""
+        peaks = {name: seen.stress.peak for name, seen in self._named() if seen.stress is not None}
+        if not peaks:
+            return {}
+        return {
+            "max_von_mises": {name: peak.value for name, peak in peaks.items()},
+            "stress_peak": {name: peak.summary() for name, peak in peaks.items()},
+        }
+
+    def histories(self) -> dict[str, Array]:
+        """Largest von Mises stress (S,) in Pa over the recovered times, of ``reduced`` and ``full``."""
+        return {name: seen.stress.largest for name, seen in self._named() if seen.stress is not None}
+
+    def _named(self) -> list[tuple[str, Seen]]:
+        return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
+
+
+def recovered_steps(scene: SceneBase) -> NDArray[np.int64]:
+    """Numbers (S,) of the steps whose states are recovered; empty where the scene asks for none."""
+    if not isinstance(scene, StructureScene) or scene.recovery is None:
+        return np.empty(0, np.int64)
+    return np.arange(0, scene.time.steps + 1, round(scene.recovery.every / scene.time.step))
+
+
+def recover(
+    scene: StructureScene, built: Built, V: Array, reduced: ReducedModel, full_states: Array | None
+) -> Recovered:
+    """Recover what the scene asks for; collective.
+
+    Parameters
+    ----------
+    built : Built
+    V : (n_local, k) array
+        This rank's rows of the basis; its first columns are the reduced model's.
+    reduced : ReducedModel
+    full_states : (S, n_local) array, optional
+        This rank's rows of the full model's coordinates at the same times.
+    """
+    assert built.structure is not None and scene.recovery is not None
+    model, comm, steps = built.model, built.model.comm, recovered_steps(scene)
+    states = None
+    if comm.rank == 0:
+        path, loads, stepping = excitation(scene)
+        found = march.simulate_at(reduced, path, loads, stepping, steps)
+        states = chosen_states(reduced, found, loads, np.arange(len(steps)))
+    states = comm.bcast(states)
+    assert states is not None
+    view = View.of(built.structure, comm, stresses=scene.recovery.stress)
+    frames = min(scene.recovery.frames, len(steps))
+    pictures = np.unique(np.rint(np.linspace(0, len(steps) - 1, frames)).astype(np.int64))
+
+    def seen(blocks: Iterable[Array], kept: NDArray[np.int64]) -> Seen:
+        return look(view, states.t, blocks, kept.tolist())
+
+    whole = None if full_states is None else seen(in_blocks(full_states), pictures[:0])
+    few = seen(Recovery(model, V, reduced, scene.reduction.solver).blocks(states), pictures)
+    return Recovered(_upright(few) if model_of(scene) == "beam2d" else few, whole)
+
+
+def _upright(seen: Seen) -> Seen:
+    """The planar beam's y is the vertical."""
+    turned = np.ascontiguousarray(seen.fields.displacement[..., [0, 2, 1]])
+    return replace(seen, fields=replace(seen.fields, displacement=turned))

@@ -1,0 +1,96 @@
+"""Static solves with one factorisation: MUMPS on the distributed stiffness, or LAPACK on rank 0."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from pmr.constraints.rows import Row, Rows
+from pmr.errors import ConvergenceError, InputError
+from pmr.fem.compat import PETSc
+from pmr.fem.distributed import freed, times
+from pmr.fem.factor import Factor
+from pmr.fem.matrices import gather
+from pmr.fullmodel.eigensolvers import is_dense
+from pmr.fullmodel.elimination import Elimination, eliminate
+from pmr.fullmodel.model import FullModel
+
+Array = NDArray[np.float64]
+
+_SINGULAR = "the stiffness is singular on the fixed supports although all rigid-body modes are held: {}"
+
+
+class StaticSolver(Protocol):
+    """x = T (T^T K T)^-1 T^T g, with T spanning the motions that the held rows allow."""
+
+    def solve(self, g: Array) -> Array:
+        """This rank's rows (n_local, k) of the answers to loads given likewise; collective."""
+        ...
+
+    def destroy(self) -> None:
+        """Give the factor's memory back; collective."""
+        ...
+
+
+def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -> StaticSolver:
+    """``"dense"``, ``"slepc"`` (MUMPS) or ``"auto"``, as for the eigenmodes.
+
+    The `held` rows must leave no rigid motion.
+
+    Raises
+    ------
+    ConvergenceError
+        If they do.
+    DependentRowsError
+        If they depend on each other.
+    """
+    rows = Rows(tuple(held), model.size)
+    elimination = eliminate(rows.at(rows.domain[0]) if held else rows.at(0.0), rows.names)
+    return (_Dense if is_dense(model, choice) else _Mumps)(model, elimination)
+
+
+class _Dense:
+    def __init__(self, model: FullModel, elimination: Elimination) -> None:
+        self._comm, self._share = model.comm, slice(*model.K.getOwnershipRange())
+        self._T = elimination.matrix()
+        K, failure = gather(model.K), None
+        if K is not None:
+            try:
+                self._factor = scipy.linalg.cho_factor((self._T.T @ K @ self._T).toarray(), lower=True)
+            except np.linalg.LinAlgError as error:
+                failure = str(error)
+        if failure := self._comm.bcast(failure):
+            raise ConvergenceError(_SINGULAR.format(failure))
+
+    def solve(self, g: Array) -> Array:
+        shares, x = self._comm.gather(g), None
+        if shares is not None:
+            x = self._T @ scipy.linalg.cho_solve(self._factor, self._T.T @ np.concatenate(shares))
+        return np.ascontiguousarray(self._comm.bcast(x)[self._share])
+
+    def destroy(self) -> None:
+        self.__dict__.pop("_factor", None)
+
+
+class _Mumps:
+    def __init__(self, model: FullModel, elimination: Elimination) -> None:
+        self._T = elimination.petsc(model.K)
+        K = model.K.PtAP(self._T)
+        try:
+            self._factor = Factor(K, "stiffness")
+        except InputError as error:
+            raise ConvergenceError(_SINGULAR.format(error)) from None
+        finally:
+            freed(K)
+        self._transposed = self._T.transpose(PETSc.Mat())
+
+    def solve(self, g: Array) -> Array:
+        return times(self._T, self._factor.solve_columns(times(self._transposed, g)))
+
+    def destroy(self) -> None:
+        self._factor.destroy()
+        freed(self._T, self._transposed)

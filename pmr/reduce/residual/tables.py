@@ -1,0 +1,138 @@
+"""Residual flexibility as exact piecewise polynomials in s: products of the rows' polynomials with R on the path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.constraints.carriers import Path, path_of
+from pmr.constraints.rows import Row
+from pmr.fem.matrices import local_csr
+from pmr.fullmodel.model import FullModel
+from pmr.reduce.residual.operator import ResidualFlexibility
+from pmr.reduced.flexibility import Flexibility
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Loads answered at a time: a few times as many vectors of full length are in memory.  A column costs an eighth of what
+#: it costs alone, and twice as many at a time would not make it cheaper (70,000 coordinates of a shell).
+BLOCK = 32
+
+
+def tables(
+    model: FullModel,
+    residual: ResidualFlexibility,
+    rows: Sequence[Row],
+    breaks: Array,
+    answers: list[Array] | None = None,
+) -> Flexibility:
+    """Tables of the `rows` between common `breaks` (k + 1,) m, which hold all of the rows' own; collective.
+
+    R is had on the rows' carriers, or the coordinates that they touch, and on the inputs: one static solve each.  Where
+    a list is given, it takes the `answers`: this rank's rows (n_local, up to `BLOCK`) of R times these loads, in order.
+    """
+    rows = [row.refined(breaks) for row in rows]
+    path = path_of(rows, model.size)
+    loads = path_loads(model, path)
+    seen = sp.hstack([loads, local_csr(model.outputs)], format="csr").T
+    blocks = []
+    for k in range(0, loads.shape[1], BLOCK):
+        x = residual.apply(loads[:, k : k + BLOCK].toarray())
+        blocks.append(seen @ x)
+        if answers is not None:
+            answers.append(x)
+    R = np.asarray(model.comm.allreduce(np.hstack(blocks)))
+    own, outputs = R[: loads.shape[1]], R[loads.shape[1] :]
+    own = (own + own.T) / 2.0
+    C, p = stacked(path.rows, path.size), path.size
+    return Flexibility(
+        rows=PPoly(_squared(C, own[:p, :p]), breaks),
+        inputs=PPoly(C.times(own[:p, p:]), breaks),
+        outputs=PPoly(C.times(outputs[:, :p].T).swapaxes(2, 3), breaks),
+        direct=outputs[:, p:],
+        energy=own[p:, p:],
+    )
+
+
+def path_loads(model: FullModel, path: Path) -> sp.csc_matrix:
+    """Unit loads of the path, then the inputs: this rank's rows."""
+    first, last = model.M.getOwnershipRange()
+    return sp.hstack([path.loads[first:last], local_csr(model.inputs)], format="csc")
+
+
+@dataclass(frozen=True)
+class Polynomials:
+    """Coefficients of m rows on k intervals, one sparse row for each interval, row and power, in this order."""
+
+    entries: sp.csr_matrix
+    shape: tuple[int, int, int]
+
+    def times(self, X: Array) -> Array:
+        """Coefficients (powers, k, m, c) of C(s) X."""
+        return np.moveaxis((self.entries @ X).reshape(*self.shape, X.shape[1]), 2, 0)
+
+    def on(self, interval: int) -> tuple[Indices, Array]:
+        """Numbers (d,) of the loads that the rows touch on one interval, and coefficients there, (m powers, d)."""
+        size = self.shape[1] * self.shape[2]
+        ends = self.entries.indptr[interval * size : (interval + 1) * size + 1]
+        which = slice(ends[0], ends[-1])
+        touched, column = np.unique(self.entries.indices[which], return_inverse=True)
+        dense = np.zeros((size, len(touched)))
+        np.add.at(dense, (np.repeat(np.arange(size), np.diff(ends)), column), self.entries.data[which])
+        return touched, dense
+
+    def derivative(self) -> Polynomials:
+        """Those of C'(s)."""
+        k, m, powers = self.shape
+        if powers == 1:
+            return Polynomials(self.entries * 0.0, self.shape)
+        exponents = np.tile(np.arange(powers - 1.0, -1.0, -1.0), k * m)
+        kept = np.flatnonzero(exponents)
+        return Polynomials(sp.csr_matrix(sp.diags(exponents[kept]) @ self.entries[kept]), (k, m, powers - 1))
+
+
+def stacked(rows: Sequence[Row], size: int) -> Polynomials:
+    """Coefficients of the rows of a path of `size` loads."""
+    powers = max(len(row.coefficients) for row in rows)
+    k, m = len(rows[0].breaks) - 1, len(rows)
+    parts = []
+    for a, row in enumerate(rows):
+        lacking = powers - len(row.coefficients)
+        p, j, d = np.indices(row.coefficients.shape)
+        parts.append(
+            (
+                row.coefficients.ravel(),
+                ((j * m + a) * powers + p + lacking).ravel(),
+                row.dofs[j, d].ravel(),
+            )
+        )
+    values, at, columns = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return Polynomials(sp.csr_matrix((values, (at, columns)), (k * m * powers, size)), (k, m, powers))
+
+
+def _squared(C: Polynomials, R: Array) -> Array:
+    """Coefficients (2 powers - 1, k, m, m) of C(s) R C(s)^T."""
+    result = paired(C, R, C)
+    return (result + result.swapaxes(2, 3)) / 2.0
+
+
+def paired(C: Polynomials, R: Array, E: Polynomials) -> Array:
+    """Coefficients (powers + powers' - 1, k, m, m') of C(s) R E(s)^T.
+
+    On an interval rows touch a few loads only, so of R a small block counts, however long the path is.
+    """
+    (k, m, powers), (_, other, others) = C.shape, E.shape
+    result = np.zeros((powers + others - 1, k, m, other))
+    for j in range(k):
+        (at, left), (beside, right) = C.on(j), E.on(j)
+        product = (left @ R[np.ix_(at, beside)] @ right.T).reshape(m, powers, other, others)
+        for p in range(powers):
+            for q in range(others):
+                result[p + q, j] += product[:, p, :, q]
+    return result

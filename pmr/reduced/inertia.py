@@ -1,0 +1,112 @@
+r"""Inertia and damping of the residual part, as small tables in s.
+
+The residual part x = R (B f - C(s)^T z) moves with the forces z at the rows.  What its inertia and damping do there is
+
+.. math::
+    -C R M \ddot x = A_0 \ddot z + 2 \dot s A_1 \dot z + (\ddot s A_1 + \dot s^2 A_2)\, z - E_0 \ddot f, \qquad
+    -C R D \dot x = D_0 \dot z + \dot s D_1 z - F_0 \dot f
+
+    A_0 = C R M R C^T, \quad A_1 = C R M R C'^T, \quad A_2 = C R M R C''^T, \quad E_0 = C R M R B, \qquad
+    D_0 = C R D R C^T, \quad D_1 = C R D R C'^T, \quad F_0 = C R D R B
+
+docs/moving_residual_flexibility.md, sections 6 and 11; for rows at rest A_0 is the mass term of Rubin: Improved
+component-mode representation for structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.constraints.polynomials import evaluate
+
+Array = NDArray[np.float64]
+#: Tables by name, and whether their values are (m, i) instead of (m, m).
+TABLES = {"A0": False, "A1": False, "A2": False, "A11": False, "E0": True, "D0": False, "D1": False, "F0": True}
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Tables of the residual part's inertia and damping, for m rows and i inputs.
+
+    Attributes
+    ----------
+    A0, A1, A2 : PPoly with values (m, m), m s^2/N, s^2/N, s^2/(m N)
+        C R M R C^T and, with the second C replaced by its first and second derivative, A1 and A2.
+    A11 : PPoly with values (m, m), s^2/(m N)
+        C' R M R C'^T.
+    E0 : PPoly with values (m, i), m s^2/N
+        C R M R B.
+    D0, D1, F0 : PPoly
+        As A0, A1 and E0 with the damping D in place of M; s instead of s^2 in the units.
+    energy : (i, i) array, m s^2/N
+        B^T R M R B.
+    kept : bool
+        Whether the equations of motion keep this inertia (`pmr.simulate.native.residual_inertia`); else it only serves
+        error estimates and recovered energies.
+    """
+
+    A0: PPoly
+    A1: PPoly
+    A2: PPoly
+    A11: PPoly
+    E0: PPoly
+    D0: PPoly
+    D1: PPoly
+    F0: PPoly
+    energy: Array
+    kept: bool = False
+
+    def kinetic_energy(self, s: Array, forces: Rates, loads: Rates, path_rate: Array) -> Array:
+        """x'^T M x' / 2 of the residual part, (T,) in J, along a trajectory (section 6 of the page named above)."""
+        a, b, f = forces.rate, path_rate[:, None] * forces.value, loads.rate
+        A0, A1, A11, E0 = (evaluate(getattr(self, name), s) for name in ("A0", "A1", "A11", "E0"))
+        E1 = evaluate(self.E0, s, derivative=1)
+        doubled = np.einsum("ti,ij,tj->t", f, self.energy, f)
+        doubled += _form(a, A0, a) + 2.0 * _form(a, A1, b) + _form(b, A11, b)
+        return np.asarray((doubled - 2.0 * _form(a, E0, f) - 2.0 * _form(b, E1, f)) / 2.0)
+
+    def arrays(self) -> dict[str, Array]:
+        """Named arrays for a file, as `from_arrays` reads them."""
+        tables = {name: getattr(self, name) for name in TABLES}
+        return (
+            {f"inertia.{name}.breaks": table.x for name, table in tables.items()}
+            | {f"inertia.{name}.coefficients": table.c for name, table in tables.items()}
+            | {"inertia.energy": self.energy, "inertia.kept": np.array(self.kept)}
+        )
+
+    @classmethod
+    def from_arrays(cls, data: Mapping[str, Array]) -> Inertia | None:
+        """What `arrays` gave; None if there is none in `data`."""
+        if "inertia.energy" not in data:
+            return None
+        tables = {name: PPoly(data[f"inertia.{name}.coefficients"], data[f"inertia.{name}.breaks"]) for name in TABLES}
+        return cls(**tables, energy=np.asarray(data["inertia.energy"], float), kept=bool(data["inertia.kept"]))
+
+    def contradiction(self, m: int, i: int) -> str | None:
+        """What is wrong with the shapes for m rows and i inputs, in words; None where all is sound."""
+        for name, of_inputs in TABLES.items():
+            table, shape = getattr(self, name), (m, i if of_inputs else m)
+            if table.c.shape[2:] != shape or not np.isfinite(table.c).all():
+                return f"inertia.{name} has shape {table.c.shape[2:]} or is not finite, {shape} is allowed"
+            if not np.all(np.diff(table.x) > 0.0):
+                return f"the breaks of inertia.{name} do not increase"
+        if self.energy.shape != (i, i) or not np.isfinite(self.energy).all():
+            return f"inertia.energy has shape {self.energy.shape} or is not finite, {(i, i)} is allowed"
+        return None
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Signals over time and their rates, each (T, k)."""
+
+    value: Array
+    rate: Array
+
+
+def _form(a: Array, A: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("tm,tmn,tn->t", a, A, b))

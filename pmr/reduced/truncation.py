@@ -1,0 +1,177 @@
+r"""Modes that move from the coordinates into the tables of the residual flexibility, and back.
+
+.. math::
+    G_r = G_{r+c} + \sum_{j=r+1}^{r+c} \frac{(C \varphi_j)(C \varphi_j)^T}{\omega_j^2},
+    \qquad H, X, W, B^T R B \text{ likewise}; \qquad
+    A_{0,r} = A_{0,r+c} + \sum_j \frac{(C \varphi_j)(C \varphi_j)^T}{\omega_j^4}, \dots
+
+So a model with r + c modes holds every smaller one (docs/moving_residual_flexibility.md, section 12).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.constraints.polynomials import columns, product, side_by_side, times, total, transposed
+from pmr.reduced.enrichment import EnrichmentModes
+from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.inertia import Inertia
+from pmr.reduced.model import ReducedModel
+
+Array = NDArray[np.float64]
+
+#: Entries that couple two modes, relative to the modes' own: more is no modal form.
+MODAL = 1e-6
+
+
+def truncated(model: ReducedModel, r: int) -> ReducedModel:
+    """The model with its first r modes; the flexibility of the others joins the tables, and they its enrichment modes.
+
+    Raises
+    ------
+    ValueError
+        If the coordinates are no eigenmodes in ascending order, there is no residual flexibility to join, or fewer
+        than one mode, or one without stiffness, would go.
+    """
+    if model.flexibility is None:
+        raise ValueError("a model without residual flexibility has no tables that its modes could join: leading() cuts")
+    if not is_modal(model):
+        raise ValueError("only eigenmodes in ascending order can join the residual flexibility")
+    if not 0 < r < model.size:
+        raise ValueError(f"{r} modes of {model.size}: at least one has to stay and one to go")
+    stiffness = np.diagonal(model.K)
+    if not np.all(stiffness[r:] > MODAL * stiffness[-1] * np.finfo(float).eps):
+        raise ValueError("a rigid-body motion has no flexibility: rigid-body modes have to stay")
+    moved = EnrichmentModes(
+        stiffness=stiffness[r:],
+        damping=np.diagonal(model.D)[r:],
+        B=model.B[r:],
+        outputs=model.outputs[:, r:],
+        rows=columns(model.rows, slice(r, None)),
+    )
+    return replace(
+        model,
+        M=model.M[:r, :r],
+        D=model.D[:r, :r],
+        K=model.K[:r, :r],
+        B=model.B[:r],
+        outputs=model.outputs[:, :r],
+        rows=columns(model.rows, slice(0, r)),
+        flexibility=_joined(model.flexibility, moved, 1.0),
+        enrichment=moved if model.enrichment is None else _chained(moved, model.enrichment),
+    )
+
+
+def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
+    """The model with its first `count` enrichment modes (all by default) as coordinates: what `truncated` undoes.
+
+    Raises
+    ------
+    ValueError
+        If the model has fewer enrichment modes.
+    """
+    found = 0 if model.enrichment is None else model.enrichment.count
+    count = found if count is None else count
+    if model.enrichment is None or model.flexibility is None or not 0 < count <= found:
+        raise ValueError(f"{count} enrichment modes of {found}: the model has no more")
+    back, rest = _split(model.enrichment, count)
+    return replace(
+        model,
+        M=_block(model.M, np.ones(count)),
+        D=_block(model.D, back.damping),
+        K=_block(model.K, back.stiffness),
+        B=np.concatenate([model.B, back.B]),
+        outputs=np.hstack([model.outputs, back.outputs]),
+        rows=side_by_side(model.rows, back.rows),
+        flexibility=_joined(model.flexibility, back, -1.0),
+        enrichment=rest,
+    )
+
+
+def with_kept_inertia(model: ReducedModel) -> ReducedModel:
+    """The model whose equations of motion keep the residual part's inertia (`pmr.simulate.native.residual_inertia`).
+
+    Raises
+    ------
+    ValueError
+        If the model has no tables of it.
+    """
+    if model.flexibility is None or model.flexibility.inertia is None:
+        raise ValueError("the model has no tables of the residual part's inertia")
+    inertia = replace(model.flexibility.inertia, kept=True)
+    return replace(model, flexibility=replace(model.flexibility, inertia=inertia))
+
+
+def is_modal(model: ReducedModel) -> bool:
+    """Whether the coordinates are M-orthonormal modes in ascending order that neither K nor D couples."""
+    if np.any(np.abs(model.M - np.eye(model.size)) > MODAL) or np.any(np.diff(np.diagonal(model.K)) < 0.0):
+        return False
+    return _is_diagonal(model.K) and _is_diagonal(model.D)
+
+
+def _is_diagonal(A: Array) -> bool:
+    """But for round-off, which is relative to the largest entry."""
+    scale = np.sqrt(np.abs(np.outer(np.diagonal(A), np.diagonal(A))))
+    coupling = np.abs(A - np.diag(np.diagonal(A)))
+    return bool(np.all(coupling <= MODAL * scale + 1e-9 * np.abs(A).max(initial=0.0)))
+
+
+def _joined(tables: Flexibility, modes: EnrichmentModes, sign: float) -> Flexibility:
+    """Tables of the residual flexibility with the modes' part added, or taken out where `sign` is -1."""
+    share, rows = sign / modes.stiffness, modes.rows
+    scaled = share[:, None] * modes.B
+    inertia = None if tables.inertia is None else _joined_inertia(tables.inertia, modes, sign)
+    return Flexibility(
+        rows=total(tables.rows, product(rows, rows, share)),
+        inputs=total(tables.inputs, times(rows, scaled)),
+        outputs=total(tables.outputs, transposed(times(rows, (share * modes.outputs).T))),
+        direct=tables.direct + modes.outputs @ scaled,
+        energy=tables.energy + modes.B.T @ scaled,
+        inertia=inertia,
+    )
+
+
+def _joined_inertia(tables: Inertia, modes: EnrichmentModes, sign: float) -> Inertia:
+    of_mass, of_damping = sign / modes.stiffness**2, sign * modes.damping / modes.stiffness**2
+    C, C1, C2 = (modes.rows if order == 0 else modes.rows.derivative(order) for order in range(3))
+    return replace(
+        tables,
+        A0=total(tables.A0, product(C, C, of_mass)),
+        A1=total(tables.A1, product(C, C1, of_mass)),
+        A2=total(tables.A2, product(C, C2, of_mass)),
+        A11=total(tables.A11, product(C1, C1, of_mass)),
+        E0=total(tables.E0, times(C, of_mass[:, None] * modes.B)),
+        D0=total(tables.D0, product(C, C, of_damping)),
+        D1=total(tables.D1, product(C, C1, of_damping)),
+        F0=total(tables.F0, times(C, of_damping[:, None] * modes.B)),
+        energy=tables.energy + modes.B.T @ (of_mass[:, None] * modes.B),
+    )
+
+
+def _block(A: Array, diagonal: Array) -> Array:
+    result = np.diag(np.concatenate([np.zeros(len(A)), diagonal]))
+    result[: len(A), : len(A)] = A
+    return result
+
+
+def _chained(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes:
+    return EnrichmentModes(
+        stiffness=np.concatenate([first.stiffness, second.stiffness]),
+        damping=np.concatenate([first.damping, second.damping]),
+        B=np.concatenate([first.B, second.B]),
+        outputs=np.hstack([first.outputs, second.outputs]),
+        rows=side_by_side(first.rows, second.rows),
+    )
+
+
+def _split(modes: EnrichmentModes, count: int) -> tuple[EnrichmentModes, EnrichmentModes | None]:
+    def part(which: slice) -> EnrichmentModes:
+        rows = columns(modes.rows, which)
+        return EnrichmentModes(
+            modes.stiffness[which], modes.damping[which], modes.B[which], modes.outputs[:, which], rows
+        )
+
+    return part(slice(0, count)), part(slice(count, None)) if count < modes.count else None

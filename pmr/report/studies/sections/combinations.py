@@ -1,0 +1,147 @@
+"""Selected combinations of snapshots and modes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pmr.report.figures.canvas import SHADE, WIDE, key, log_axis, sheet
+from pmr.report.numbers import percent, plain
+from pmr.report.sentences import KeyNumber
+from pmr.report.studies.axes import dots
+from pmr.report.studies.content import Block, Content, Grid, drawing, listed
+from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.statements import combination
+from pmr.report.studies.treatments import EXPLAINED, NAMES
+from pmr.studies.engine.task import number
+from pmr.studies.results import RunRecord
+
+COLUMNS = ("kept", "drop")
+ROWS = {"beam": "e_NRMS of the beam (–)", "strain": "Strain energy error in J"}
+STATED = 20
+
+
+def content(study: FinishedStudy, prefix: str) -> Content:
+    """Errors over the number of coordinates, and singular values."""
+    names = combinations(study)
+    errors_caption = (
+        "Normalised RMS error of the transverse displacement along the beam (top) and absolute error of the strain "
+        "energy summed over all steps (bottom), over the number of coordinates; on the left with the pin's rows as "
+        "the singular value decomposition leaves them, on the right without. Curves end where the snapshots span no "
+        f"more dimensions. Shaded: {STATED - 4} to {STATED} coordinates, the budget of the next study."
+    )
+    sigma_caption = "Singular values of the snapshots of each combination, over the first of them."
+    at_budget = {name: _at(study, name, STATED) for name in names}
+    grid = Grid(
+        caption=f"Error along the beam with {STATED} coordinates (or all that there are).",
+        head=("combination", *NAMES.values()),
+        rows=tuple(
+            (combination(name), *(_percent(run, treatment) for treatment in NAMES)) for name, run in at_budget.items()
+        ),
+    )
+    first = Grid(
+        caption="Number of coordinates from which on the error is below its maximum.",
+        head=("combination", *NAMES.values()),
+        rows=tuple((combination(name), *(_first(study, name, treatment) for treatment in NAMES)) for name in names),
+    )
+    return Content(
+        headline=_headline(at_budget),
+        key_numbers=[
+            KeyNumber(percent(study.figure(f"{name}.kept.beam")), f"{combination(name)}, all coordinates, rows kept")
+            for name in names
+        ],
+        paragraphs=[
+            EXPLAINED,
+        ],
+        blocks=[
+            Block(
+                "Errors over the number of coordinates",
+                ((drawing(f"{prefix}-errors", errors, errors_caption, study),),),
+                grids=(grid, first),
+            ),
+            Block("Singular values", ((drawing(f"{prefix}-sigma", singular_values, sigma_caption, study),),)),
+        ],
+    )
+
+
+def _headline(at_budget: Mapping[str, RunRecord]) -> str:
+    kept, drop = ([f"{combination(name)} {_percent(run, t)}" for name, run in at_budget.items()] for t in COLUMNS)
+    return f"With {STATED} coordinates: {listed(kept)} with the pin's rows kept, {listed(drop)} with them dropped."
+
+
+def _first(study: FinishedStudy, name: str, treatment: str) -> str:
+    """The number of coordinates with which the error leaves its maximum."""
+    found = study.figures[f"{name}.{treatment}.first"]
+    return "–" if found is None else plain(number(found))
+
+
+def combinations(study: FinishedStudy) -> list[str]:
+    """Names of the combinations, such as 5x6."""
+    return [f"{n}x{m}" for n, m in study.asked["combinations"]]
+
+
+def errors(study: FinishedStudy) -> Figure:
+    """Both errors, a row each; treatments side by side."""
+    gaps = {"wspace": 0.05, "hspace": 0.12}
+    figure, axes = sheet(
+        WIDE, 4.4, rows=2, columns=2, margins={"top": 0.5}, sharex=True, sharey="row", gridspec_kw=gaps
+    )
+    names = combinations(study)
+    for row, (measure, label) in enumerate(ROWS.items()):
+        every = []
+        for column, treatment in enumerate(COLUMNS):
+            ax = axes[row, column]
+            ax.axvspan(STATED - 4.5, STATED + 0.5, color=SHADE, linewidth=0.0, zorder=0.0)
+            for i, name in enumerate(names):
+                shown = [
+                    (number(run.parameters["coordinates"]), run.figures[f"{treatment}.{measure}"])
+                    for run in _runs(study, name)
+                ]
+                shown = [(r, number(error)) for r, error in shown if error]
+                ax.plot(*np.array(shown).T, **dots(i, 1.8))
+                every += [number(error) for _, error in shown]
+            if row == 0:
+                ax.set_title(f"pin's {NAMES[treatment]}", loc="left", pad=4.0)
+            else:
+                ax.set_xlabel("Number of coordinates (–)")
+        log_axis(axes[row, 0], min(every), max(every))
+        axes[row, 0].set_ylabel(label)
+    axes[0, 0].set_xlim(0.0, max(number(run.parameters.get("coordinates") or 0) for run in study.results.runs) + 1.0)
+    key(figure, [Line2D([], [], label=combination(name), **dots(i)) for i, name in enumerate(names)])
+    return figure
+
+
+def singular_values(study: FinishedStudy) -> Figure:
+    """Singular values over the first one, of all combinations."""
+    figure, axes = sheet(WIDE, 2.4)
+    ax = axes[0, 0]
+    names, least = combinations(study), 1.0
+    for i, name in enumerate(names):
+        sigma = study.results.arrays(name)["singular_values"]
+        relative = sigma / sigma[0]
+        shown = relative > 0.0
+        ax.plot(np.arange(1, len(sigma) + 1)[shown], relative[shown], **dots(i, 2.0))
+        least = min(least, float(relative[shown].min()))
+    log_axis(ax, least, 1.0)
+    ax.set_xlim(0.0, None)
+    ax.set_xlabel("Number k (–)")
+    ax.set_ylabel("Singular value σ(k) / σ(1) (–)")
+    key(figure, [Line2D([], [], label=combination(name), **dots(i)) for i, name in enumerate(names)])
+    return figure
+
+
+def _runs(study: FinishedStudy, name: str) -> list[RunRecord]:
+    snapshots, modes = map(int, name.split("x"))
+    return [run for run in study.runs(snapshots=snapshots, modes=modes) if run.parameters.get("coordinates")]
+
+
+def _at(study: FinishedStudy, name: str, coordinates: int) -> RunRecord:
+    return [run for run in _runs(study, name) if number(run.parameters["coordinates"]) <= coordinates][-1]
+
+
+def _percent(run: RunRecord, treatment: str) -> str:
+    error = run.figures[f"{treatment}.beam"]
+    return "–" if error is None else percent(number(error))

@@ -1,0 +1,68 @@
+"""Convergence with the mesh."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pmr.report.figures.canvas import WIDE, key, log_axis, sheet
+from pmr.report.numbers import length
+from pmr.report.sentences import KeyNumber
+from pmr.report.studies.axes import dots, log_x
+from pmr.report.studies.content import Block, Content, drawing
+from pmr.report.studies.finished import FinishedStudy
+from pmr.studies.engine.task import number
+
+APPROACHES = {"ancf": "ANCF cable", "full": "full beam"}
+_NUMBERS = {"full": 0, "ancf": 2}  # of the colours
+
+
+def content(study: FinishedStudy, prefix: str) -> Content:
+    """The errors over the number of coordinates."""
+    chosen = {name: study.figures.get(f"chosen.{name}") for name in APPROACHES}
+    caption = (
+        "Absolute error of the tip displacement, the norm over all steps of its difference to the finest beam of the "
+        "same approach, over the number of coordinates. Filled: as many elements as the scene asks for."
+    )
+    figure = drawing(f"{prefix}-errors", errors, caption, study)
+    counts = {name: len(study.runs(approach=name)) for name in APPROACHES}
+    finest = {name: max(number(run.parameters["elements"]) for run in study.runs(approach=name)) for name in APPROACHES}
+    return Content(
+        headline=f"Both beams converge, the full one to {length(study.figure('least.full'))}, the ANCF cable to "
+        f"{length(study.figure('least.ancf'))}.",
+        key_numbers=[
+            KeyNumber(length(number(value)), f"{APPROACHES[name]}, as many elements as asked for")
+            for name, value in chosen.items()
+            if value is not None
+        ],
+        paragraphs=[
+            f"{counts['ancf']} ANCF cables of up to {finest['ancf']:g} elements and {counts['full']} beams of up to "
+            f"{finest['full']:g} are compared with the finest of their kind.",
+        ],
+        blocks=[Block("Error over the number of coordinates", ((figure,),))],
+    )
+
+
+def errors(study: FinishedStudy) -> Figure:
+    """e_abs over coordinates, both logarithmic."""
+    figure, axes = sheet(WIDE, 2.9)
+    ax = axes[0, 0]
+    handles, every = [], []
+    for name, label in APPROACHES.items():
+        runs = [run for run in study.runs(approach=name) if run.figures.get("e_abs")]
+        x = [number(run.figures["coordinates"]) for run in runs]
+        y = [number(run.figures["e_abs"]) for run in runs]
+        look = dots(_NUMBERS[name], 3.2)
+        ax.plot(x, y, **look)
+        asked = study.figures.get(f"chosen.{name}")
+        for at, error in zip(x, y, strict=True):
+            if error == asked:
+                ax.plot([at], [error], **{**look, "markerfacecolor": look["color"], "markersize": 5.0})
+        handles.append(Line2D([], [], label=label, **look))
+        every += list(zip(x, y, strict=True))
+    log_x(ax, 0.9 * min(x for x, _ in every), 1.1 * max(x for x, _ in every))
+    log_axis(ax, min(y for _, y in every), max(y for _, y in every))
+    ax.set_xlabel("Number of coordinates (–)")
+    ax.set_ylabel("Absolute error of the tip in m")
+    key(figure, handles)
+    return figure

@@ -1,0 +1,76 @@
+"""What is published beside what a study finds: one line of a table each, with a verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import Decimal
+
+from pmr.report.marks import DIFFERENT, SAME, Mark, Row, mark_for, signed_deviation
+from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.report.studies.finished import FinishedStudy
+from pmr.studies.engine.task import Scalar, number
+from pmr.studies.study import Statement
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The table of a study, and why its figures differ from the published ones, as far as is known."""
+
+    rows: list[Row]
+    reasons: list[str]
+
+
+def comparison(study: FinishedStudy) -> Comparison:
+    """The statements on a study's figures; those whose figure it does not have are left out."""
+    rows, reasons = [], list[str]()
+    for statement in study.published:
+        here = study.figures.get(statement.figure)
+        if here is None:
+            continue
+        rows.append(_row(statement, here))
+        if statement.why and statement.why not in reasons:
+            reasons.append(statement.why)
+    return Comparison(rows, [*reasons, *study.summary["remarks"]])
+
+
+def formatted(value: Scalar, kind: str) -> str:
+    """A figure as its quantity is printed."""
+    if isinstance(value, str):
+        return combination(value)
+    return {
+        "share": lambda x: percent(x),
+        "length": lambda x: length(x),
+        "energy": lambda x: quantity(x, "J"),
+        "seconds": lambda x: quantity(x, "s"),
+        "ratio": lambda x: f"{significant(x, 2)}{SPACE}×",
+        "number": lambda x: plain(round(x, 9)),
+    }[kind](number(value))
+
+
+def combination(key: str) -> str:
+    """``"5x6"`` as (5,6); other texts as they are."""
+    first, _, second = key.partition("x")
+    return f"({first},{second})" if first.isdigit() and second.isdigit() else key
+
+
+def _row(statement: Statement, here: Scalar) -> Row:
+    shown = formatted(here, statement.quantity)
+    if statement.value is None:
+        return Row(statement.text, "", shown, statement.words or None)
+    printed = statement.words or formatted(statement.value, statement.quantity)
+    mark, deviation = _verdict(statement, here)
+    return Row(statement.text, "", shown, printed, deviation, mark)
+
+
+def _verdict(statement: Statement, here: Scalar) -> tuple[Mark, str | None]:
+    if isinstance(statement.value, str) or isinstance(here, str):
+        return (SAME if here == statement.value else DIFFERENT), None
+    published, found = number(statement.value), number(here)
+    if found == published or not statement.words and round(found, _decimals(published)) == published:
+        return SAME, None
+    return mark_for(found, published, statement.is_error), signed_deviation(found, published)
+
+
+def _decimals(value: float) -> int:
+    """Decimals to which a figure is stated."""
+    return max(-int(Decimal(repr(value)).normalize().as_tuple().exponent), 0)

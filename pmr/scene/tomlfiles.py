@@ -1,0 +1,327 @@
+"""Input files in TOML: ``extends``, overrides, validation, and errors in one line that names file, key and value."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from pmr.errors import InputError
+
+#: The file (or option) in which each key of the merged data was written.
+Origins = dict[tuple[str, ...], str]
+Model = TypeVar("Model", bound=BaseModel)
+OPTION = "--set"
+#: So deep tables and lists may stand within each other, and so many files extend one another.
+DEEPEST = 40
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How one kind of file is read.
+
+    Attributes
+    ----------
+    name : str
+        What the file is called in messages, e.g. ``"scene file"``.
+    references : tuple of str
+        Keys, at any depth, that hold the name of a file (or a list of names), relative to the file they stand in.
+    own : tuple of str
+        Keys that a file which extends this one does not take over.
+    alternatives : mapping of a table's name to tuples of its keys
+        Different ways to say the same: a file that writes keys of one of them takes over none of the others.
+    """
+
+    name: str
+    references: tuple[str, ...] = ("file",)
+    own: tuple[str, ...] = ()
+    alternatives: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Change:
+    """Nested tables to lay over a file, and where they were written, which is named if a value is refused."""
+
+    tables: Mapping[str, Any]
+    source: str
+
+
+@dataclass
+class TomlFile:
+    """What a file and everything that it extends say, and where each key was written."""
+
+    path: Path
+    dialect: Dialect
+    data: dict[str, Any]
+    origins: Origins = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, path: str | Path, dialect: Dialect) -> TomlFile:
+        """Read a file; its ``extends`` key names a base file, relative to it, whose keys it overrides.
+
+        Raises
+        ------
+        InputError
+            If there is no such file, it is not TOML, or it extends itself.
+        """
+        file = cls(Path(path), dialect, {})
+        file.data = file._with_base(file.path, seen=())
+        return file
+
+    def apply(self, change: Change) -> None:
+        """Lay a change over the data.
+
+        Raises
+        ------
+        InputError
+            If it is meant for a part of a list.
+        """
+        for key, value in change.tables.items():
+            if isinstance(self.data.get(key), list) and isinstance(value, Mapping):
+                allowed = "lists can't be changed in part; set the list as a whole"
+                raise InputError(change.source, *_leaf(key, value), allowed)
+        self._forget_alternatives(self.data, change.tables)
+        _merge(self.data, deepcopy(dict(change.tables)), change.source, self.origins)
+
+    def validated(self, model: type[Model]) -> Model:
+        """The data as a pydantic model.
+
+        Raises
+        ------
+        InputError
+            For the first value that the model refuses; unknown keys go first, with the known ones.
+        """
+        try:
+            return model.model_validate(self.data)
+        except ValidationError as error:
+            raise self._first_error(error, model) from None
+
+    def origin(self, key: str | Sequence[str | int]) -> str:
+        """The file (or option) in which a key, or the nearest one above it, was written."""
+        words = tuple(re.findall(r"\w+", key) if isinstance(key, str) else map(str, key))
+        for length in range(len(words), 0, -1):
+            if words[:length] in self.origins:
+                return self.origins[words[:length]]
+        return str(self.path)
+
+    def _latest(self, location: Sequence[str | int]) -> str:
+        """The file (or option) that wrote last into a table whose keys do not go together."""
+        words = tuple(map(str, location))
+        inside = [source for key, source in self.origins.items() if key[: len(words)] == words]
+        return inside[-1] if inside else self.origin(location)
+
+    def _with_base(self, path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+        what = self.dialect.name
+        text = _text(path, what)
+        if path.resolve() in seen:
+            raise InputError(str(path), "extends", None, "a file must not extend itself")
+        if len(seen) > DEEPEST:
+            raise InputError(str(path), "extends", None, f"at most {DEEPEST} files that extend one another are allowed")
+        try:
+            data = _parsed(text)
+        except ValueError as error:
+            raise InputError(str(path), "", None, f"not valid TOML: {error}") from None
+        _anchor(data, path.parent, self.dialect.references)
+        base: dict[str, Any] = {}
+        if "extends" in data:
+            extends = data.pop("extends")
+            if not isinstance(extends, str):
+                raise InputError(str(path), "extends", extends, f"the name of a {what} is allowed")
+            if not is_file(path.parent / extends):
+                raise InputError(str(path), "extends", extends, f"the name of a {what} is allowed; there is none")
+            base = self._with_base(path.parent / extends, (*seen, path.resolve()))
+            for key in self.dialect.own:
+                base.pop(key, None)
+        self._forget_alternatives(base, data)
+        _merge(base, data, str(path), self.origins)
+        return base
+
+    def _forget_alternatives(self, base: dict[str, Any], update: Mapping[str, Any]) -> None:
+        """Drop from a base what an update says in another way."""
+        for table, ways in self.dialect.alternatives.items():
+            old, new = base.get(table), update.get(table)
+            if not (isinstance(old, dict) and isinstance(new, Mapping)):
+                continue
+            used = [way for way in ways if set(way) & set(new)]
+            for key in {key for way in ways if used and way not in used for key in way}:
+                old.pop(key, None)
+                self.origins.pop((table, key), None)
+
+    def _first_error(self, error: ValidationError, model: type[BaseModel]) -> InputError:
+        found = error.errors()
+        first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
+        spelled = _spelled(self.data)
+        location = [part for part in first["loc"] if part in ("", *spelled) or isinstance(part, int)]
+        if first["type"] == "missing":
+            location = [*location, first["loc"][-1]] if first["loc"][-1] not in location else location
+        value: Any = None if first["type"] == "missing" else first["input"]
+        allowed = first["msg"].removeprefix("Value error, ")
+        if first["type"] == "extra_forbidden":
+            known = _known_keys(model, first["loc"][:-1])
+            close = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
+            hint = f"did you mean {close[0]!r}? " if close else ""
+            allowed = f"unknown key; {hint}allowed: {', '.join(known)}" if known else "unknown key"
+        source = self.origin(location)
+        if isinstance(value, (dict, list)) and first["type"] == "value_error":
+            value, source = None, self._latest(location)
+        return InputError(source, _dotted(location), value, allowed[:1].lower() + allowed[1:])
+
+
+def override(text: str) -> Change:
+    """The change that ``"section.key=value"`` asks for, the value in TOML notation or a bare word.
+
+    Raises
+    ------
+    InputError
+        If the text is no such thing.
+    """
+    key, equals, value = text.partition("=")
+    keys = key.strip().split(".")
+    if not equals or not all(keys) or len(keys) > DEEPEST:
+        raise InputError(OPTION, text, None, "section.key=value is allowed, e.g. reduction.coordinates=10")
+    try:
+        nested: Any = _parsed(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        nested = value.strip()
+    except ValueError as error:
+        raise InputError(OPTION, key, value, str(error)) from None
+    for part in reversed(keys):
+        nested = {part: nested}
+    return Change(nested, OPTION)
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file of this name; False too for names that no file can have."""
+    try:
+        return path.is_file()
+    except OSError:  # too long, for one
+        return False
+
+
+def _text(path: Path, what: str) -> str:
+    if not is_file(path):
+        raise InputError(str(path), "", None, f"no such {what}")
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(str(path), "", None, f"can't be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(str(path), "", None, f"not valid TOML: {error}") from None
+
+
+def _parsed(text: str) -> dict[str, Any]:
+    """What TOML says; ValueError for what is none or too deep."""
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        data, deep = {}, True
+    else:
+        deep = _is_deep(data)
+    if deep:
+        raise ValueError(f"at most {DEEPEST} tables or lists within each other are allowed")
+    return data
+
+
+def _is_deep(data: Any) -> bool:
+    """Whether tables and lists stand deeper within each other than allowed; takes no stack however deep they are."""
+    level = [data]
+    for _ in range(DEEPEST + 1):
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(inner, (dict, list))
+        ]
+        if not level:
+            return False
+    return True
+
+
+def _anchor(data: Any, folder: Path, references: tuple[str, ...]) -> None:
+    """Names of files are relative to the file in which they stand."""
+    for value in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
+        _anchor(value, folder, references)
+    for key in set(references) & set(data if isinstance(data, dict) else ()):
+        if isinstance(data[key], str):
+            data[key] = str(folder / data[key])
+        elif isinstance(data[key], list):
+            data[key] = [str(folder / name) if isinstance(name, str) else name for name in data[key]]
+
+
+def _merge(
+    base: dict[str, Any],
+    update: Mapping[str, Any],
+    source: str,
+    origins: Origins,
+    prefix: tuple[str, ...] = (),
+) -> None:
+    """Tables are merged key by key, except signals (anything with a kind), which replace each other whole."""
+    for key, value in update.items():
+        here = (*prefix, key)
+        if isinstance(value, Mapping) and isinstance(base.get(key), dict) and "kind" not in value:
+            _merge(base[key], value, source, origins, here)
+        else:
+            base[key] = value
+            for known in [known for known in origins if known[: len(here)] == here]:
+                del origins[known]
+            origins[here] = source
+
+
+def _leaf(key: str, value: Any) -> tuple[str, Any]:
+    """Dotted key and value at the end of tables that hold one key each."""
+    while isinstance(value, Mapping) and len(value) == 1:
+        ((part, value),) = value.items()
+        key = f"{key}.{part}"
+    return key, value
+
+
+def _spelled(data: Any) -> set[str]:
+    """Every key in the user's data: pydantic's locations also name union branches, which the user never wrote."""
+    if isinstance(data, Mapping):
+        return set(data) | {key for value in data.values() for key in _spelled(value)}
+    if isinstance(data, list):
+        return {key for value in data for key in _spelled(value)}
+    return set()
+
+
+def _dotted(location: Sequence[str | int]) -> str:
+    text = ""
+    for part in location:
+        text += f"[{part}]" if isinstance(part, int) else (f".{part}" if text else str(part))
+    return text
+
+
+def _known_keys(root: type[BaseModel], location: Sequence[str | int]) -> list[str]:
+    """Keys that the section at `location` allows; where sections differ by their kind, the kind is in the location."""
+    section, choices = root, [root]
+    for part in location:
+        if isinstance(part, int):
+            continue
+        of_kind = [choice for choice in choices if part in _kinds(choice)]
+        if of_kind:
+            section = of_kind[0]
+            continue
+        field = section.model_fields.get(part)
+        if field is None:
+            return []
+        choices = _sections_in(field.annotation)
+        section = choices[0] if choices else section
+    return list(section.model_fields) + (["extends"] if section is root else [])
+
+
+def _kinds(section: type[BaseModel]) -> tuple[Any, ...]:
+    kind = section.model_fields.get("kind")
+    return get_args(kind.annotation) if kind and get_origin(kind.annotation) is Literal else ()
+
+
+def _sections_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [c for a in getattr(annotation, "__args__", ()) for c in _sections_in(a)]

@@ -1,0 +1,218 @@
+r"""Where the energy of a simulated motion comes from: what neither loads nor moving rows put in is an error.
+
+.. math::
+    \frac{d}{dt} \Big( \tfrac12 \dot q^T M \dot q + \tfrac12 q^T K q + \tfrac12 \lambda^T k^{-1} \lambda \Big)
+    = f^T \frac{d}{dt} (B^T q) + \dot s\, \lambda^T C' q - \dot q^T D \dot q
+
+(docs/moving_residual_flexibility.md, section 6, has it with the residual flexibility).  Damping, and generalized-alpha
+with rho_inf < 1, only take energy, so that energy less work may fall but not rise.  Both works are taken from the means
+of each step,
+
+.. math::
+    \Delta W = \bar f^T \Delta (B^T q)
+    + \bar \lambda^T (\Delta C\, \bar q + \Delta H\, \bar f - \tfrac12 \Delta G\, \bar \lambda)
+
+in which a multiplier that changes its sign with every step, the way in which rigid rows that move grow at index 3
+(docs/time_integration.md), does no work: what such a motion gains is a surplus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.constraints.polynomials import evaluate
+from pmr.errors import SimulationError
+from pmr.results import Energy
+from pmr.simulate.start import row_flexibility
+from pmr.system.body import SlidingBody, Trajectory, pushing_rows
+
+Array = NDArray[np.float64]
+
+#: Share of the largest energy that nothing put in, from which on nothing is compared with a motion.  Sound motions that
+#: their steps resolve stay below 0.03; the share follows the error of the velocities, which grow first.
+NOTABLE = 0.1
+#: From here on the motion is the growth of an error, not a result.  Sound motions reach 0.4 with three steps a period.
+GROWN = 0.9
+#: Of an energy: a motion of 1e-6 of what the loads would do to a free body, as where a slider stands under the load.
+ROUND_OFF = 1e-12
+#: Steps taken at once: memory stays small.
+BLOCK = 4096
+
+
+def energy(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Energy:
+    """v^T M v / 2, q^T K q / 2 and -q^T B f, each (T,) in J (Weyrer et al., equation for H(t)).
+
+    Strain energy includes that of the pads, lambda^2 / (2 k), and of the residual flexibility; the residual part's
+    kinetic energy is left out (`pmr.compare.velocities.kinetic_energy` has it).
+    """
+    q, v, s, multipliers = trajectory.q, trajectory.v, trajectory.s, trajectory.deforming
+
+    def half_form(A: Array, x: Array) -> Array:
+        return np.einsum("tn,nt->t", x, np.asarray(A @ x.T)) / 2.0
+
+    strain = half_form(body.K, q) + multipliers**2 @ body.row_compliance / 2.0
+    if body.flexibility is not None:
+        strain = strain + body.flexibility.strain_energy(s, multipliers, loads)
+    motion = _motion(body, trajectory, loads)
+    return Energy(half_form(body.M, v), strain, -np.einsum("ti,ti->t", motion, loads))
+
+
+class Account:
+    """Energy of a motion and the work done on it, followed from block to block."""
+
+    def __init__(self, body: SlidingBody, steps: int) -> None:
+        self._body = body
+        self._stored, self._work = np.zeros(steps + 1), np.zeros(steps + 1)
+
+    def add(self, first: int, part: Trajectory, loads: Array) -> Energy:
+        """Energies of a part of the trajectory, whose first step, number `first`, is the last of the one before."""
+        kept = slice(first, first + len(part.t))
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = energy(self._body, part, loads)
+            self._stored[kept] = found.kinetic + found.strain
+            self._work[kept][1:] = self._work[first] + np.cumsum(_works(self._body, part, loads))
+        return found
+
+    def surplus(self, loads: Array, step: float, s: float, simulator: str) -> float:
+        """Surplus of the whole motion, under loads (T, i) in N and with the slider at s m in the beginning.
+
+        Raises
+        ------
+        SimulationError
+            If more than `GROWN` of the largest energy comes from nowhere.
+        """
+        body = self._body
+        with np.errstate(over="ignore", invalid="ignore"):
+            inertia = body.M.diagonal() if sp.issparse(body.M) else np.diagonal(body.M)
+            least = round_off(body.B.T @ (body.B / inertia[:, None]), loads, step)
+            found = surplus(self._stored, self._work, least, since_start=bool(pushing_rows(body)))
+        rigid = row_flexibility(body, s)[1]
+        refuse_growth(found, simulator, [body.row_names[k] for k in body.moving if rigid[k]])
+        return found
+
+
+def checked(body: SlidingBody, trajectory: Trajectory, loads: Array, simulator: str) -> Trajectory:
+    """The trajectory with its `surplus`, under loads (T, i) in N.
+
+    Raises
+    ------
+    SimulationError
+        If more than `GROWN` of the largest energy comes from nowhere.
+    """
+    account = Account(body, len(trajectory.t) - 1)
+    for kept in blocks(len(trajectory.t)):
+        account.add(kept.start, part_of(trajectory, kept), loads[kept])
+    step, s = float(trajectory.t[1] - trajectory.t[0]), float(trajectory.s[0])
+    return replace(trajectory, surplus=account.surplus(loads, step, s, simulator))
+
+
+def surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:
+    """Largest rise of energy less work over the largest energy: 0 to 1 and a little more; inf if it overflows.
+
+    Parameters
+    ----------
+    stored, work : (T,) arrays, J
+        Kinetic and strain energy; work done on the body since t = 0.
+    least : float, J
+        An energy that never exceeds this is round-off, which has no source.
+    since_start : bool
+        Measure from the first step instead of the lowest before: where rows open and close between steps, energy is
+        lost with the one and had back with the other.
+    """
+    if not (np.isfinite(stored).all() and np.isfinite(work).all()):
+        return np.inf
+    excess, largest = stored - stored[0] - work, float(stored.max(initial=0.0))
+    rise = excess if since_start else excess - np.minimum.accumulate(excess)
+    return float(rise.max(initial=0.0)) / largest if largest > least else 0.0
+
+
+def round_off(mobility: Array, loads: Array, step: float) -> float:
+    """Energy in J that counts as none, next to what the loads (T, i) give a free body in one step.
+
+    `mobility` is B^T diag(M)^-1 B, (i, i) in 1/kg.
+    """
+    given = np.einsum("ti,ij,tj->t", loads, mobility, loads).max(initial=0.0) * step**2 / 2.0
+    return ROUND_OFF * float(given)
+
+
+def step_work(loads: Array, motion: Array, multipliers: Array, slope: Array, s: Array) -> Array:
+    """Work (T,) in J since t = 0 from the motion (T, i) m of the loads' points and the rows' slope C' q (T, m)."""
+    done = np.einsum("ti,ti->t", _mean(loads), np.diff(motion, axis=0))
+    done += np.einsum("tm,tm->t", _mean(multipliers), _mean(slope)) * np.diff(s)
+    return np.concatenate([[0.0], np.cumsum(done)])
+
+
+def refuse_growth(found: float, simulator: str, moving: list[str]) -> None:
+    """Refuse a motion of so much surplus; `moving` names the rigid rows that move.
+
+    Raises
+    ------
+    SimulationError
+    """
+    if found > GROWN:
+        raise SimulationError(f"{simulator}: the motion grows without bound, {described(found)}{remedy(moving)}")
+
+
+def described(found: float) -> str:
+    """A surplus in words."""
+    if found == np.inf:
+        return "its energy overflows"
+    return f"{100.0 * min(found, 1.0):.3g} % of its largest energy was put in by neither loads nor moving rows"
+
+
+def remedy(moving: list[str]) -> str:
+    """What helps, in words; `moving` names the rigid rows that move."""
+    if not moving:
+        return "; a smaller step or a smaller time.rho_inf helps"
+    return (
+        f"; the rigid row {', '.join(moving)} moves, and its multiplier (index 3) grows where time.rho_inf is near 1 "
+        "or the path fast: a smaller time.rho_inf, pads that give way or a residual flexibility help, smaller steps "
+        "need not"
+    )
+
+
+def blocks(size: int) -> Iterator[slice]:
+    """Rows of a trajectory of `size` steps, some thousand at a time; each block begins where the one before ends."""
+    for first in range(0, max(1, size - 1), BLOCK):
+        yield slice(first, min(first + BLOCK + 1, size))
+
+
+def part_of(trajectory: Trajectory, kept: slice) -> Trajectory:
+    """Some steps of a trajectory."""
+    arrays = {name: getattr(trajectory, name)[kept] for name in ("t", "q", "v", "multipliers", "s")}
+    arrays |= {
+        name: None if getattr(trajectory, name) is None else getattr(trajectory, name)[kept]
+        for name in ("quasi_static", "peaks")
+    }
+    return Trajectory(**arrays, seconds=0.0)
+
+
+def _works(body: SlidingBody, part: Trajectory, f: Array) -> Array:
+    """Work (T - 1,) in J done in each step."""
+    q, s, multipliers, mean_f = part.q, part.s, _mean(part.multipliers), _mean(f)
+    work = np.einsum("ti,ti->t", mean_f, np.diff(_motion(body, part, f), axis=0))
+    before, after = body.apply_rows(s[:-1], q[:-1] + q[1:]), body.apply_rows(s[1:], q[:-1] + q[1:])
+    turned = (after - before) / 2.0
+    if body.flexibility is not None:
+        turned += np.einsum("tmi,ti->tm", np.diff(evaluate(body.flexibility.inputs, s), axis=0), mean_f)
+        change = np.diff(evaluate(body.flexibility.rows, s), axis=0)
+        turned -= np.einsum("tmn,tn->tm", change, _mean(part.deforming)) / 2.0
+    return np.asarray(work + np.einsum("tm,tm->t", multipliers, turned))
+
+
+def _motion(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
+    """B^T q, (T, i) in m: how the loads' points move."""
+    motion = np.asarray(trajectory.q @ body.B)
+    if body.flexibility is not None:
+        motion = motion + body.flexibility.input_motion(trajectory.s, trajectory.deforming, loads)
+    return motion
+
+
+def _mean(values: Array) -> Array:
+    """Of each step, from its ends."""
+    return np.asarray(values[1:] + values[:-1]) / 2.0

@@ -1,0 +1,69 @@
+"""A simulation block by block: coordinates of all steps at once are kept only by those who ask for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.results import Energy
+from pmr.system.body import Trajectory
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some steps in a row; the first of them is the last of the block before, or the start.
+
+    Attributes
+    ----------
+    first : int
+        Number of its first step.
+    part : Trajectory
+        Its arrays are valid until the next block: what is kept is to be copied.
+    loads : (T, i) array, N
+    energy : Energy
+    """
+
+    first: int
+    part: Trajectory
+    loads: Array
+    energy: Energy
+
+
+#: Who is told of each block, in order.
+Take = Callable[[Block], None]
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What is known at the end of a simulation: the solver's wall time in s, and the `surplus` of a `Trajectory`."""
+
+    seconds: float
+    surplus: float
+
+
+class Kept:
+    """Takes blocks and keeps some of their steps (S,), ascending."""
+
+    def __init__(self, steps: Indices) -> None:
+        self._steps = steps
+        self._arrays: dict[str, Array] = {}
+
+    def __call__(self, block: Block) -> None:
+        low, high = np.searchsorted(self._steps, [block.first, block.first + len(block.part.t)])
+        for name in ("t", "q", "v", "multipliers", "s", "quasi_static", "peaks"):
+            array = getattr(block.part, name)
+            if array is None:
+                continue
+            if name not in self._arrays:
+                self._arrays[name] = np.empty((len(self._steps), *array.shape[1:]))
+            self._arrays[name][low:high] = array[self._steps[low:high] - block.first]
+
+    def trajectory(self, ended: Ended) -> Trajectory:
+        """The steps that were kept."""
+        return Trajectory(**self._arrays, seconds=ended.seconds, surplus=ended.surplus)

@@ -1,0 +1,93 @@
+r"""How fine a step has to be for rows that only push.
+
+A body that lands on closed pads swings on them, for half a period of
+
+.. math:: \omega^2 = \max_s \lambda_{max}\big( (G + 1/k)^{-1}\, C M^{-1} C^T \big)
+
+taken over the rows that only push.  A step with h omega of 1 or more takes the energy of an impact and most of its
+force; what is lost falls with the square (docs/pads.md).  So a step is made in equal parts, as many as h omega takes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.reduced.model import ReducedModel
+from pmr.scene.signals import SignalBase
+from pmr.simulate.stepping import TimeStepping, path_at
+from pmr.system.body import pushing_rows
+from pmr.text import rounded, rounded_down
+
+Array = NDArray[np.float64]
+
+#: h omega with which a peak force is right within some per cent, and an impact keeps 99.9 % of its energy in the mean.
+RESOLVED = 0.05
+#: Parts that a step is divided into at most, and parts of all steps together.
+MOST_PARTS, MOST_IN_ALL = 200, 5_000_000
+#: Places on the path at which omega is found.
+PLACES = 65
+
+
+def contact_frequency(body: ReducedModel, s: Array) -> float:
+    """Largest omega in rad/s where the path coordinates s (T,) m lead; 0 if no row that gives way only pushes."""
+    rows = pushing_rows(body)
+    if not rows:
+        return 0.0
+    places, largest = np.unique(np.linspace(s.min(), s.max(), PLACES)), 0.0
+    which = np.ix_(rows, rows)
+    for at in places:
+        C = body.C(float(at))[rows]
+        F = np.diag(body.row_compliance[rows])
+        if body.flexibility is not None:
+            F = F + body.flexibility.rows(at)[which]
+        if np.linalg.matrix_rank(F, hermitian=True) < len(rows):
+            return 0.0  # a rigid row that only pushes is refused elsewhere
+        omega2 = np.linalg.eigvals(np.linalg.solve(F, C @ np.linalg.solve(body.M, C.T))).real
+        largest = max(largest, float(omega2.max()))
+    return float(np.sqrt(largest))
+
+
+def parts(omega: float, stepping: TimeStepping) -> int:
+    """Equal parts of a step in which a contact of circular frequency `omega` in rad/s is followed."""
+    if stepping.parts:
+        return stepping.parts
+    needed = int(np.ceil(stepping.step * omega / RESOLVED - 1e-9))
+    return max(1, min(needed, MOST_PARTS, MOST_IN_ALL // stepping.steps))
+
+
+def with_parts(body: ReducedModel, path: SignalBase, stepping: TimeStepping) -> TimeStepping:
+    """The stepping with its number of parts spelled out, where rows only push."""
+    if not pushing_rows(body):
+        return stepping
+    count = parts(_omega(body, path, stepping), stepping)
+    return TimeStepping(stepping.end, stepping.step, stepping.rho_inf, count)
+
+
+def summary(body: ReducedModel, path: SignalBase, stepping: TimeStepping) -> dict[str, object]:
+    """``contact`` of summary.json: ``omega`` in rad/s, ``parts`` of a step, ``h_omega`` of a part; else empty."""
+    omega = _omega(body, path, stepping)
+    if omega == 0.0:
+        return {}
+    count = parts(omega, stepping)
+    return {"contact": {"omega": omega, "parts": count, "h_omega": stepping.step * omega / count}}
+
+
+def warnings(body: ReducedModel, path: SignalBase, stepping: TimeStepping) -> list[str]:
+    """A line where even the parts of a step are too long for the contact."""
+    omega = _omega(body, path, stepping)
+    count = parts(omega, stepping)
+    reached = stepping.step * omega / count
+    if reached <= RESOLVED * (1.0 + 1e-9):
+        return []
+    in_all = stepping.end * omega / RESOLVED  # parts of all steps, whatever the step
+    enough = RESOLVED / omega * (MOST_PARTS if in_all <= MOST_IN_ALL and not stepping.parts else 1)
+    return [
+        f"pads that only push: their contact has h omega = {rounded(reached)} in each of the {count} parts of a step, "
+        f"{RESOLVED:g} resolves an impact: peak forces are too small and rebounds lose energy; "
+        f"time.step = {rounded_down(enough)} s, or less stiffness, is enough"
+    ]
+
+
+def _omega(body: ReducedModel, path: SignalBase, stepping: TimeStepping) -> float:
+    return contact_frequency(body, path_at(path, body.domain, stepping.times)) if pushing_rows(body) else 0.0

@@ -1,0 +1,200 @@
+r"""An independent reference: a cable of ANCF elements with a sliding joint, in Exudyn.
+
+Large displacements, axial strain and all: it shares nothing but the material data with the linear beams.  A
+mass point that coordinate constraints hold at (s(t), 0) carries the joint.  Pieber, Ntarladima, Winkler,
+Gerstmayr: A Hybrid Arbitrary Lagrangian Eulerian Formulation for the Investigation of the Stability of Pipes
+Conveying Fluid and Axially Moving Beams, Journal of Computational and Nonlinear Dynamics 17, 2022.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+from exudyn.itemInterface import SensorNode, SensorObject
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.results import Energy
+from pmr.scene.signals import SignalBase
+from pmr.simulate.exudyn.ancf_items import CableItems, add_force, add_sliding_cable
+from pmr.simulate.exudyn.cable import Cable, curvature, values
+from pmr.simulate.exudyn.items import add_pre_step_function
+from pmr.simulate.exudyn.solver import settings, solve, stored
+from pmr.simulate.stepping import Progress, TimeStepping, loads_at, path_at
+
+__all__ = ["Cable", "CableMotion", "PointLoad", "energy", "simulate"]
+Array = NDArray[np.float64]
+#: Position and slope, each in the plane.
+COORDINATES_PER_NODE = 4
+
+
+@dataclass(frozen=True)
+class PointLoad:
+    """A force in N along y at the material point `at` (m)."""
+
+    at: float
+    signal: SignalBase
+
+
+@dataclass(frozen=True)
+class CableMotion:
+    """Motion of a cable at chosen material points.
+
+    Attributes
+    ----------
+    t : (T,) array, s
+    x : (o,) array, m
+        Material points: positions in the undeformed cable.
+    displacement : (T, o) array, m
+        Transverse.
+    velocity : (T, o, 2) array, m/s
+        Along x and y.
+    curvature : (T, o) array, 1/m
+        Where two elements meet, the mean of both sides.
+    loads, load_displacement : (T, i) arrays, N and m
+        Forces, and the transverse displacements where they act.
+    slider_force : (T,) array, N
+        Multiplier lambda of the joint: the slider pushes with -lambda on the cable, normal to it.
+    s : (T,) array, m
+        Position of the slider in space.
+    seconds : float
+        Wall time of the solver alone.
+    """
+
+    t: Array
+    x: Array
+    displacement: Array
+    velocity: Array
+    curvature: Array
+    loads: Array
+    load_displacement: Array
+    slider_force: Array
+    s: Array
+    seconds: float
+
+
+def simulate(
+    cable: Cable,
+    path: SignalBase,
+    loads: Sequence[PointLoad],
+    stepping: TimeStepping,
+    x: Array,
+    progress: Progress | None = None,
+) -> CableMotion:
+    """Simulate from the straight cable at rest.
+
+    Parameters
+    ----------
+    cable : Cable
+    path : signal
+        Slider position s(t) in m, between the ends of the cable.
+    loads : sequence of PointLoad
+    stepping : TimeStepping
+    x : (o,) array, m
+        Material points to report.
+    progress : callable, optional
+        Told the share of the time span that is done.
+
+    Raises
+    ------
+    InputError
+        If path, loads or x leave the cable.
+    SimulationError
+        If a step fails or a result is not finite.
+    """
+    x, at = np.asarray(x, dtype=float), np.array([load.at for load in loads])
+    for key, points in (("x", x), ("loads.at", at)):
+        _check_on_cable(cable, key, points)
+    s = path_at(path, (0.0, cable.length), stepping.times)
+    forces = loads_at([load.signal for load in loads], stepping.times)
+
+    container = exu.SystemContainer()  # owns the mbs: must stay alive
+    mbs = container.AddSystem()
+    items = add_sliding_cable(mbs, cable, s[0])
+    numbers = [add_force(mbs, cable, items, point, force) for point, force in zip(at, forces[0], strict=True)]
+
+    def update(mbs: Any, t: float) -> bool:
+        k = round(t / stepping.step)
+        mbs.SetObjectParameter(items.oHold, "offset", s[k] - s[0])
+        for number, force in zip(numbers, forces[k], strict=True):
+            mbs.SetLoadParameter(number, "loadVector", [0.0, force, 0.0])
+        return True
+
+    def position(t: float) -> float:
+        return float(s[round(t / stepping.step)])
+
+    add_pre_step_function(mbs, update)
+    sensors = _add_sensors(mbs, items)
+    seconds = solve(mbs, _settings(cable, stepping), position, progress)
+    kept = [[stored(mbs, sensor, stepping, position) for sensor in group] for group in sensors]
+    q, v, joint = (np.stack(group, axis=1) for group in kept)
+    return CableMotion(
+        t=stepping.times,
+        x=x,
+        displacement=values(cable, q, x)[:, :, 1],
+        velocity=values(cable, v, x),
+        curvature=curvature(cable, q, x),
+        loads=forces,
+        load_displacement=values(cable, q, at)[:, :, 1],
+        slider_force=joint[:, 0, 1],
+        s=s,
+        seconds=seconds,
+    )
+
+
+def energy(cable: Cable, motion: CableMotion) -> Energy:
+    r"""Energies by the trapezoidal rule over the reported points, which should span the cable.
+
+    .. math::
+        \tfrac12 \rho A \int |\dot r|^2 dx, \qquad \tfrac12 EI \int K^2 dx, \qquad - \sum_i F_i\, y_i
+
+    Axial strain is left out, as the paper has it (equation for H^ANCF).
+    """
+    speed = np.sum(motion.velocity**2, axis=2)
+    return Energy(
+        kinetic=0.5 * cable.mass_per_length * _trapezoid(speed, motion.x),
+        strain=0.5 * cable.bending_stiffness * _trapezoid(motion.curvature**2, motion.x),
+        external=-np.sum(motion.loads * motion.load_displacement, axis=1),
+    )
+
+
+def _trapezoid(y: Array, x: Array) -> Array:
+    """Integrals (T,) of y (T, o) over x (o,)."""
+    return np.asarray((y[:, 1:] + y[:, :-1]) @ np.diff(x) / 2.0)
+
+
+def _add_sensors(mbs: Any, items: CableItems) -> tuple[list[Any], list[Any], list[Any]]:
+    """Sensors of all nodes' coordinates and velocities, and of the joint's force."""
+    kept = exu.OutputVariableType
+
+    def of_nodes(kind: Any) -> list[Any]:
+        return [
+            mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True))
+            for node in items.nNodes
+        ]
+
+    joint = SensorObject(objectNumber=items.oJoint, outputVariableType=kept.Force, storeInternal=True)
+    return of_nodes(kept.Coordinates), of_nodes(kept.Coordinates_t), [mbs.AddSensor(joint)]
+
+
+def _settings(cable: Cable, stepping: TimeStepping) -> Any:
+    """Modified Newton, which needs a new Jacobian once in tens of steps, and a tolerance above round-off.
+
+    Axial forces come from differences of positions of the order of the length L, over elements of length h:
+    their round-off is eps EA L / h, in N.
+    """
+    chosen = settings(stepping, exu.LinearSolverType.EigenSparse)
+    newton = chosen.timeIntegration.newton
+    newton.useModifiedNewton = True
+    newton.absoluteTolerance = 10.0 * np.finfo(float).eps * cable.axial_stiffness * cable.elements
+    return chosen
+
+
+def _check_on_cable(cable: Cable, key: str, points: Array) -> None:
+    outside = (points < 0.0) | (points > cable.length * (1.0 + 1e-12))
+    if outside.any():
+        raise InputError("scene", key, float(points[outside][0]), f"0 to {cable.length:g} m is allowed")

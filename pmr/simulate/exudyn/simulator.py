@@ -1,0 +1,135 @@
+"""Exudyn as a simulator, and sliding bodies in Exudyn systems of one's own.
+
+In an mbs of one's own::
+
+    items = add_sliding_body(mbs, ReducedModel.load("reduced.npz"), path, loads)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import exudyn as exu
+import numpy as np
+import scipy.sparse as sp
+from exudyn.itemInterface import SensorNode, SensorObject
+
+from pmr.scene.signals import SignalBase
+from pmr.simulate import balance
+from pmr.simulate.exudyn.bodies import add_called_body, add_kept_body, add_updated_body
+from pmr.simulate.exudyn.inputs import Inputs, SignalInputs, TabulatedInputs
+from pmr.simulate.exudyn.items import SlidingBodyItems, add_pre_step_function
+from pmr.simulate.exudyn.solver import settings, solve, stored
+from pmr.simulate.start import InitialState, consistent_start
+from pmr.simulate.stepping import Loads, Progress, TimeStepping, path_at
+from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.compliant_rows import CompliantRows
+
+__all__ = ["Formulation", "SlidingBodyItems", "add_pre_step_function", "add_sliding_body", "simulate"]
+
+#: How Exudyn knows the rows and loads of a body (`pmr.simulate.exudyn.bodies`).
+#: ``springs``: set once a step; rows that give way, at a pad or by a residual flexibility, are no constraints but
+#: springs that travel with the slider.  ``multipliers``: the same with a constraint and its multiplier for every row.
+#: ``callbacks``: the paper's way, Python is called in every iteration.  ``callbacks-modified-newton``: the same, but a
+#: Jacobian is kept as long as Newton's method converges with it.
+Formulation = Literal["springs", "multipliers", "callbacks", "callbacks-modified-newton"]
+AddItems = Callable[[Any, SlidingBody, Inputs, InitialState], SlidingBodyItems]
+_ADD: dict[Formulation, AddItems] = {
+    "springs": add_updated_body,
+    "multipliers": add_kept_body,
+    "callbacks": add_called_body,
+    "callbacks-modified-newton": add_called_body,
+}
+
+
+def add_sliding_body(
+    mbs: Any,
+    body: SlidingBody,
+    path: SignalBase,
+    loads: Loads,
+    initial: InitialState | None = None,
+    formulation: Formulation = "springs",
+) -> SlidingBodyItems:
+    """Add a sliding body whose rows and loads are set once a step, or as another `Formulation` has it.
+
+    Rows that give way, at a pad or by the residual flexibility of a reduced model, become springs that travel with the
+    slider: stiffness and force vector are set once a step, and there is no constraint (`pmr.system.compliant_rows`,
+    which also recovers their multipliers).  ``multipliers`` gives the same trajectory at a higher cost, for comparison
+    or where other connectors are to see the multiplier: the output variable Force of ``oSlider``.  ``callbacks``,
+    which knows no rows that give way, costs ten times as much.
+
+    Exudyn calls the pre-step function with the time at the *end* of the step, where its generalized-alpha
+    (Arnold and Bruels 2007) fulfils both equations: setting C(s) and B f once a step is exact, and no Python
+    is called within it.  The time integration must start at t = 0; before solving the same mbs a second time,
+    call ``update(mbs, 0.0)``.
+
+    Parameters
+    ----------
+    mbs : exudyn.MainSystem
+        A pre-step function that is already set stays in place and is called first.  Setting one later with
+        ``mbs.SetPreStepUserFunction`` would replace the update: use `add_pre_step_function`.
+    body, path, loads, initial
+        As for `pmr.simulate.Simulator`.  A velocity that violates the rows is corrected M-orthogonally.
+
+    Raises
+    ------
+    InputError
+        If a load is missing, a size is wrong, the path begins off the body or the initial position violates the rows.
+    """
+    return _ADD[formulation](mbs, body, SignalInputs(body, path, loads), _start(body, path, initial))
+
+
+def simulate(
+    body: SlidingBody,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+    formulation: Formulation = "springs",
+) -> Trajectory:
+    """Simulate a reduced (dense) or full (sparse) body; rows and loads are set once a step.
+
+    Rows that give way, at a pad or by a residual flexibility, are no constraints but springs that travel with the
+    slider (`pmr.system.compliant_rows`); of a sparse body they keep their multiplier.  All formulations follow the same
+    trajectory, to Newton's tolerance; those with callbacks refuse rows that give way.
+
+    Arguments and errors as for `pmr.simulate.Simulator`.  The initial accelerations are Exudyn's, which leave
+    out what moving rows add to them (2 s' C' v and more): exact where the slider starts at rest, or the body
+    undeformed and still; the method stays of second order elsewhere.
+    """
+    inputs = TabulatedInputs(body, path, loads, stepping)
+    start = consistent_start(body, inputs.position(0.0), float(path.rate(0.0)), initial)
+    container = exu.SystemContainer()  # owns the mbs: must stay alive
+    mbs = container.AddSystem()
+    items = _ADD[formulation](mbs, body, inputs, start)
+    kept = exu.OutputVariableType
+    of_coordinates = [
+        SensorNode(nodeNumber=items.nBody, outputVariableType=kind, storeInternal=True)
+        for kind in (kept.Coordinates, kept.Coordinates_t)
+    ]
+    connectors = ([] if items.oSlider is None else [items.oSlider]) + list(items.oSupports)
+    of_forces = [
+        SensorObject(objectNumber=connector, outputVariableType=kept.Force, storeInternal=True)
+        for connector in connectors
+    ]
+    sensors = [mbs.AddSensor(sensor) for sensor in (*of_coordinates, *of_forces)]
+    linear_solver = exu.LinearSolverType.EigenSparse if sp.issparse(body.K) else exu.LinearSolverType.EigenDense
+    chosen = settings(stepping, linear_solver)
+    chosen.timeIntegration.newton.useModifiedNewton = formulation == "callbacks-modified-newton"
+    seconds = solve(mbs, chosen, inputs.position, progress)
+    q, v, *forces = (stored(mbs, sensor, stepping, inputs.position) for sensor in sensors)
+    multipliers, held = np.empty((len(q), len(body.row_names))), [*items.rows, *body.held]
+    if held:
+        multipliers[:, held] = np.hstack(forces)
+    compliant = CompliantRows(body)
+    if rest := [i for i in compliant.numbers if i not in held]:
+        multipliers[:, rest] = compliant.multipliers(inputs.s, q, inputs.f)
+    found = Trajectory(t=stepping.times, q=q, v=v, multipliers=multipliers, s=inputs.s, seconds=seconds)
+    return balance.checked(body, found, inputs.f, "Exudyn")
+
+
+def _start(body: SlidingBody, path: SignalBase, initial: InitialState | None) -> InitialState:
+    s = float(path_at(path, body.domain, np.zeros(1))[0])
+    return consistent_start(body, s, float(path.rate(0.0)), initial)

@@ -1,0 +1,128 @@
+"""Exudyn's implicit solver, quiet, with its failures as errors; shared by all simulators that use Exudyn."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.simulate.exudyn.items import add_pre_step_function
+from pmr.simulate.stepping import Progress, TimeStepping
+
+Array = NDArray[np.float64]
+_log = logging.getLogger(__name__)
+
+_NO_CONVERGENCE = (
+    "Newton's method does not converge (constraint rows that depend on each other, or that move with rho_inf near 1?)"
+)
+
+
+def settings(stepping: TimeStepping, linear_solver: Any) -> Any:
+    """Generalized-alpha, constant step, index-3 constraints; sensors keep every step, no file is written."""
+    chosen = exu.SimulationSettings()
+    chosen.solution.file.write = False
+    chosen.solution.sensors.writePeriod = stepping.step
+    chosen.linearSolver.solverType = linear_solver
+    integration = chosen.timeIntegration
+    integration.endTime = stepping.end
+    integration.numberOfSteps = stepping.steps
+    integration.adaptiveStep = False
+    integration.automaticStepSize = False
+    integration.generalizedAlpha.spectralRadius = stepping.rho_inf
+    integration.newton.useModifiedNewton = False
+    integration.verboseMode = 0
+    return chosen
+
+
+def solve(mbs: Any, chosen: Any, position: Callable[[float], float], progress: Progress | None = None) -> float:
+    """Assemble and integrate; returns the solver's wall time in s.
+
+    Parameters
+    ----------
+    mbs : exudyn.MainSystem
+    chosen : exudyn.SimulationSettings
+    position : callable
+        Path coordinate in m at a time in s, for the message.
+    progress : callable, optional
+        Told the share of the time span that is done, about a hundred times.
+
+    Raises
+    ------
+    SimulationError
+        If a step fails; the message has its number, time and slider position.
+    """
+    if progress is not None:
+        _report(mbs, chosen.timeIntegration, progress)
+    mbs.Assemble()
+    solver = exu.MainSolverImplicitSecondOrder()  # mbs.SolveDynamic would print its failures
+    begin = time.perf_counter()
+    try:
+        with _warnings_logged():
+            succeeded, reason = solver.SolveSystem(mbs, chosen), _NO_CONVERGENCE
+    except exu.ExudynError as error:
+        succeeded, reason = False, str(error).strip()
+    seconds = time.perf_counter() - begin
+    if not succeeded:
+        if solver.conv.linearSolverFailed:
+            reason = "singular equations (constraint rows that depend on each other?)"
+        t = solver.it.currentTime
+        number = round(t * chosen.timeIntegration.numberOfSteps / chosen.timeIntegration.endTime)
+        raise SimulationError(f"{_where(number, t, position)}: {reason}")
+    return seconds
+
+
+def _report(mbs: Any, integration: Any, progress: Progress) -> None:
+    every, steps_done = max(1, integration.numberOfSteps // 100), 0
+
+    def count(mbs: Any, t: float) -> bool:
+        nonlocal steps_done
+        steps_done += 1
+        if steps_done % every == 0:
+            progress(steps_done / integration.numberOfSteps)
+        return True
+
+    add_pre_step_function(mbs, count)
+
+
+def stored(mbs: Any, sensor: Any, stepping: TimeStepping, position: Callable[[float], float]) -> Array:
+    """Values (T, c) that a sensor stored, one row a step, t = 0 included.
+
+    Raises
+    ------
+    SimulationError
+        If steps are missing or a value is not finite.
+    """
+    values = mbs.GetSensorStoredData(sensor)[:, 1:]
+    if len(values) != stepping.steps + 1:
+        raise SimulationError(f"Exudyn kept {len(values)} of {stepping.steps + 1} steps")
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.all():
+        number = int(np.argmin(finite))
+        raise SimulationError(f"{_where(number, number * stepping.step, position)}: not finite")
+    return np.asarray(values)
+
+
+@contextmanager
+def _warnings_logged() -> Iterator[None]:
+    """Exudyn's warnings in the log, not on standard output."""
+    printed = StringIO()
+    try:
+        with redirect_stdout(printed):
+            yield
+    finally:
+        told = re.sub(r"Python WARNING \[file.*?\]:", "", printed.getvalue(), flags=re.S)  # not where in pmr it was
+        if text := " ".join(told.replace("*", "").split()):
+            _log.warning("Exudyn: %s", text.removeprefix("WARNING: "))
+
+
+def _where(number: int, t: float, position: Callable[[float], float]) -> str:
+    return f"Exudyn failed at step {number}, t = {t:g} s, slider at {position(t):g} m"

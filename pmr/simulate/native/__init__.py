@@ -1,0 +1,1 @@
+"""The compiled simulator (``march``): generalized-alpha in modal coordinates."""

@@ -1,0 +1,86 @@
+"""One step of `march` for callers in Python: nothing but s is handed over, so the call takes less than the step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+from numba import typeof, types
+from numpy.typing import NDArray
+
+from pmr.simulate.native import arguments as kept
+from pmr.simulate.native import contact as contact_rows
+from pmr.simulate.native.arrays import Contact, Outputs, Scheme, State, System
+from pmr.simulate.native.compilation import compiled, compiled_for_python, inlined
+from pmr.simulate.native.outputs import observe
+from pmr.simulate.native.scheme import GeneralizedAlpha
+from pmr.simulate.native.step import step
+
+Array = NDArray[np.float64]
+Memory = NDArray[np.int64]
+Arguments = tuple[System, Scheme, Outputs, State, Array, Array]
+
+#: Returned instead of the number of a row where s lies off the path.
+OFF_THE_PATH = -1
+
+
+def _example(contact: Contact | None) -> Arguments:
+    """Arguments of the types that all have whose rows hold both ways, or that all others have."""
+    one, two, three, four = (np.zeros((1,) * n) for n in range(1, 5))
+    system = System(one, four, four, two, three, 0)
+    state = State(two, one, one, np.zeros(1, np.int64), two, two, two, one, contact)
+    return system, Scheme(*[0.0] * len(Scheme._fields)), Outputs(two, three), state, one, one
+
+
+_CONTACT = contact_rows.contact(np.zeros(1), GeneralizedAlpha(1.0, 0.0).memory())
+_TYPE, _TYPE_IN_CONTACT = (typeof(_example(contact)) for contact in (None, _CONTACT))
+_kept, _kept_in_contact = kept.kept(_TYPE), kept.kept(_TYPE_IN_CONTACT)
+
+
+def keep(system: System, scheme: Scheme, outputs: Outputs, state: State, f: Array, y: Array) -> Memory:
+    """Memory for `advance`; the arrays have to outlive it."""
+    memory = np.zeros(kept.words(_TYPE if state.contact is None else _TYPE_IN_CONTACT), np.int64)
+    _keep(memory.ctypes.data, (system, scheme, outputs, state, f, y))
+    return memory
+
+
+@compiled
+def _keep(address: int, arguments: Arguments) -> None:
+    kept.keep(address, arguments)
+
+
+@compiled_for_python
+def _advance(address: int, s: float) -> int:
+    return _advanced(_kept(address), s)
+
+
+@compiled_for_python
+def _advance_in_contact(address: int, s: float) -> int:
+    return _advanced(_kept_in_contact(address), s)
+
+
+@inlined
+def _advanced(arguments: Arguments, s: float) -> int:
+    system, scheme, outputs, state, f, y = arguments
+    breaks = system.breaks
+    if not breaks[0] <= s <= breaks[len(breaks) - 1]:
+        return OFF_THE_PATH
+    failed = step(system, scheme, state, s, f)
+    if failed == 0:
+        observe(system, outputs, state, f, y)
+    return failed
+
+
+@cache
+def entry(in_contact: bool) -> Callable[[int, float], int]:
+    """``advance(address, s)``: a step to s under the loads in f, its outputs in y; compiled when first asked for.
+
+    For arguments whose rows all hold both ways, or of which some only push (`in_contact`).  Returns what `step` of
+    `pmr.simulate.native.step` does, or OFF_THE_PATH.  Nothing is looked at as a call of a compiled
+    function would do it: the address has to be that of the memory that `keep` gave.
+    """
+    signature = (types.int64, types.float64)
+    advance = _advance_in_contact if in_contact else _advance
+    advance.compile(signature)
+    return advance.overloads[signature].entry_point

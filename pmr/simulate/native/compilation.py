@@ -1,0 +1,55 @@
+"""How the loops of `march` are compiled, and where what comes of it is kept."""
+
+from __future__ import annotations
+
+import hashlib
+import pkgutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+from numba.core.caching import FunctionCache
+
+# Without Numba's runtime nothing can be allocated.  NaN and infinity stay visible, while sums may be reordered.
+OPTIONS = {"fastmath": {"reassoc", "contract", "nsz", "arcp"}, "error_model": "numpy", "nogil": True, "_nrt": False}
+
+#: For functions that are parts of others: a call would copy the headers of all arrays.
+inlined = njit(forceinline=True, **OPTIONS)
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Compile on the first call and keep the result on disk, as ``njit(cache=True)``."""
+    return _kept(njit(**OPTIONS)(function))
+
+
+def compiled_and_inlined(function: Callable[..., Any]) -> Any:
+    """The same for functions that compiled loops of others call."""
+    return _kept(njit(forceinline=True, **OPTIONS)(function))
+
+
+def compiled_for_python(function: Callable[..., Any]) -> Any:
+    """The same for functions so short that to hand the interpreter to other threads would take as long."""
+    return _kept(njit(**(OPTIONS | {"nogil": False}))(function))
+
+
+def _kept(dispatcher: Any) -> Any:
+    dispatcher._cache = _Cache(dispatcher.py_func)
+    return dispatcher
+
+
+class _Cache(FunctionCache):
+    """Knows the sources of the inlined parts too: Numba's own looks at the file of the function alone."""
+
+    def _index_key(self, *arguments: Any) -> Any:
+        return (*super()._index_key(*arguments), _SOURCES)
+
+
+def _digest() -> str:
+    """Of the sources as they are imported, which a study's workers don't do from the files."""
+    names = sorted(file.name for file in Path(__file__).parent.glob("*.py"))
+    texts = [pkgutil.get_data(__package__, name) or b"" for name in names]
+    return hashlib.sha256(b"".join(texts)).hexdigest()
+
+
+_SOURCES = _digest()

@@ -1,0 +1,191 @@
+r"""The compiled simulator of models that keep the inertia of what their modes leave out.
+
+Same coordinates and outputs as without; multipliers gain the force that accelerates the local deformation under each
+slider (`pmr.simulate.native.residual_inertia_step` has the equations).  Rates of path and loads are central
+differences of the signals at the steps, also across kinks, whose impulse they carry: one-sided derivatives would lose
+it.  A load that jumps is differentiated likewise; measured loads should be smooth on the scale of a step.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.constraints.polynomials import side_by_side, total
+from pmr.errors import InputError, SimulationError
+from pmr.scene.signals import SignalBase
+from pmr.simulate import balance
+from pmr.simulate.blocks import Block, Ended, Kept, Take
+from pmr.simulate.modal import ModalForm, modal_form
+from pmr.simulate.native import residual_inertia_step as kernel
+from pmr.simulate.native.scheme import GeneralizedAlpha
+from pmr.simulate.native.system import aligned
+from pmr.simulate.start import InitialState
+from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
+from pmr.system.body import SlidingBody, Trajectory, pushing_rows
+
+Array = NDArray[np.float64]
+#: Steps between two looks at the clock, the keyboard and the progress.
+BLOCK = 4096
+
+
+def simulate(
+    body: SlidingBody,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Simulate a reduced model with tables of residual inertia, which is kept whether the model asks for it or not.
+
+    Arguments and errors as for `pmr.simulate.Simulator`.  The trajectory's `quasi_static` multipliers are those that
+    outputs and energies take.
+
+    Raises
+    ------
+    ValueError
+        If there are no tables of residual inertia, or damping couples the modes.
+    """
+    form = modal_form(body)
+    start = None if initial is None else form.start(initial)
+    modal = simulate_modal(form, path, loads, stepping, start, progress)
+    q, v = modal.q @ form.X.T, modal.v @ form.X.T
+    return Trajectory(
+        modal.t, q, v, modal.multipliers, modal.s, modal.seconds, modal.quasi_static, surplus=modal.surplus
+    )
+
+
+def simulate_modal(
+    form: ModalForm,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates."""
+    kept = Kept(np.arange(stepping.steps + 1))
+    return kept.trajectory(follow(form, path, loads, stepping, kept, initial, progress))
+
+
+def follow(
+    form: ModalForm,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    take: Take,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+) -> Ended:
+    """The same, but that nothing is kept: `take` is told of some thousand steps at a time.
+
+    Raises
+    ------
+    InputError
+        As for `pmr.simulate.Simulator`, and if rows only push: their multipliers follow from second derivatives of the
+        deformation, which jump where a row opens or closes.
+    """
+    body = form.body
+    if names := ", ".join(body.row_names[k] for k in pushing_rows(body)):
+        allowed = f"a model without is allowed where rows only push: {names}"
+        raise InputError("body", "flexibility.inertia", None, allowed)
+    course, account = _sampled(form, path, loads, stepping), balance.Account(body, stepping.steps)
+    r, m, i, T, t = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1, stepping.times
+    kept = kernel.Kept(*(np.empty((min(BLOCK, T - 1) + 1, size)) for size in (r, r, m, m)))
+    state = _state(InitialState.at_rest(r) if initial is None else initial, m, i)
+    scheme, seconds = _scheme(GeneralizedAlpha(stepping.step, stepping.rho_inf)), 0.0
+    resting = scheme._replace(step=0.0, dq=0.0, dv=0.0, gain=1.0)
+    failed = kernel.run(_system(form, resting), resting, state, course, kept, 0, 1)[1]
+    _check(form, course, 0, failed, stepping.step)
+    system = _system(form, scheme)
+    for before in range(0, T - 1, BLOCK):
+        rows = slice(before, min(before + BLOCK + 1, T))
+        part, count = kernel.Course(*(np.ascontiguousarray(one[:, rows]) for one in course)), rows.stop - before
+        begun = time.perf_counter()
+        reached, failed = kernel.run(system, scheme, state, part, kept, 1, count)
+        seconds += time.perf_counter() - begun
+        _check(form, course, before + reached, failed, stepping.step)
+        p, v, z, multipliers = (getattr(kept, name)[:count] for name in ("p", "v", "z", "multipliers"))
+        finite = np.isfinite(p).all(axis=1)
+        if not finite.all():
+            where = _where(course, before + int(np.argmin(finite)), stepping.step)
+            raise SimulationError(f"march failed at {where}: not finite")
+        found, f = Trajectory(t[rows], p, v, multipliers, part.s[0], 0.0, z), course.f[0, rows]
+        take(Block(before, found, f, account.add(before, found, f)))
+        for array in kept:
+            array[0] = array[count - 1]
+        if progress is not None:
+            progress((rows.stop - 1) / (T - 1))
+    return Ended(seconds, account.surplus(course.f[0], float(t[1] - t[0]), float(course.s[0, 0]), "march"))
+
+
+def central_differences(values: Array, step: float) -> Array:
+    """Values, first and second differences, (3, T, ...), of samples (T + 2, ...) that begin and end a step outside."""
+    first = (values[2:] - values[:-2]) / (2.0 * step)
+    second = (values[2:] - 2.0 * values[1:-1] + values[:-2]) / step**2
+    return np.stack([values[1:-1], first, second])
+
+
+def _sampled(form: ModalForm, path: SignalBase, loads: Loads, stepping: TimeStepping) -> kernel.Course:
+    around = np.arange(-1, stepping.steps + 2) * stepping.step
+    s = central_differences(np.asarray(path.value(around), float), stepping.step)
+    s[0] = path_at(path, form.body.domain, stepping.times)
+    f = loads_at(one_for_each(loads, form.body.input_names), around)
+    return kernel.Course(s, central_differences(f, stepping.step))
+
+
+def _system(form: ModalForm, scheme: kernel.Scheme) -> kernel.System:
+    body, tables = form.body, form.body.flexibility
+    if tables is None or tables.inertia is None:
+        raise ValueError("the model has no tables of residual inertia: free modes with flexibility have")
+    if not form.classically_damped:
+        raise ValueError("damping couples the modes, and so those kept with those left out")
+    pads = PPoly(np.diag(body.row_compliance)[None, None], np.array(body.domain))
+    named = {"C": body.rows, "G": total(tables.rows, pads), "H": tables.inputs}
+    ordered = [named.get(name) or getattr(tables.inertia, name) for name in kernel.TABLES]
+    all_tables = side_by_side(*ordered)
+    omega2, damping = form.omega2, np.diagonal(body.D)
+    return kernel.System(
+        breaks=all_tables.x,
+        tables=aligned(all_tables.c.reshape(*all_tables.c.shape[:2], -1).swapaxes(0, 1)),
+        omega2=aligned(omega2),
+        damping=aligned(damping),
+        inverse=1.0 / (1.0 + damping * scheme.dv + omega2 * scheme.dq),
+        B=aligned(body.B.T),
+        round_off=np.finfo(float).eps * np.abs(np.einsum("kmm->km", ordered[1](all_tables.x))).max(axis=0),
+    )
+
+
+def _scheme(method: GeneralizedAlpha) -> kernel.Scheme:
+    h, gamma, beta = method.step, method.gamma, method.beta
+    gain = (1.0 - method.alpha_f) / (1.0 - method.alpha_m)
+    return kernel.Scheme(h, method.alpha_m, method.alpha_f, gamma, beta, gain, gamma * h * gain, beta * h**2 * gain)
+
+
+def _state(start: InitialState, m: int, i: int) -> kernel.State:
+    r = len(start.q)
+    flat = aligned(np.zeros((3, m * (r + 6 * m + 3 * i))))
+    return kernel.State(
+        motion=aligned(np.stack([start.q, start.v, np.zeros(r), np.zeros(r)])),
+        flat=flat,
+        values=flat.reshape(3, m, -1),
+        rates=aligned(np.zeros((2, m, r))),
+        gains=aligned(np.zeros((3, m, m))),
+        Z=aligned(np.zeros((4, m, r + 1))),
+        small=aligned(np.zeros((m, m + 1))),
+    )
+
+
+def _check(form: ModalForm, course: kernel.Course, step: int, failed: int, h: float) -> None:
+    if failed:
+        names = ", ".join(form.body.row_names[:failed])
+        why = f"the rows {names} can't tell there what holds the body (a slider on a support, or two in one place)"
+        raise SimulationError(f"march failed at {_where(course, step, h)}: {why}")
+
+
+def _where(course: kernel.Course, step: int, h: float) -> str:
+    return f"step {step}, t = {step * h:g} s, slider at {course.s[0, step]:g} m"

@@ -1,0 +1,182 @@
+r"""The compiled simulator: generalized-alpha in modal coordinates, a microsecond or less a step.
+
+.. math::
+    M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C(s) q + H(s) f - (G(s) + 1/k) \lambda = 0
+
+M, K and D never change: they are diagonalised once (`pmr.simulate.modal`), and a step is r scalar updates and one
+m x m solve for the multipliers (`pmr.simulate.native.step`), or a few where rows only push
+(`pmr.simulate.native.contact`).  Rayleigh and modal damping stay in the diagonal; a damping that couples the modes
+costs two products with an r x r matrix a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.scene.signals import SignalBase
+from pmr.simulate import balance
+from pmr.simulate.blocks import Block, Ended, Indices, Kept, Take
+from pmr.simulate.modal import ModalForm, modal_form, support_forces
+from pmr.simulate.native import residual_inertia as inertial
+from pmr.simulate.native import step as kernel
+from pmr.simulate.native import system as march_system
+from pmr.simulate.native.marching import March, Room
+from pmr.simulate.start import InitialState, consistent_start
+from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
+from pmr.system.body import SlidingBody, Trajectory, displacement
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Chosen outputs of a simulation, at every so many steps.
+
+    Attributes
+    ----------
+    t : (T,) array, s
+    y : (T, o) array, m
+    multipliers : (T, m) array, N
+    seconds : float
+        Wall time of the solver alone.
+    """
+
+    t: Array
+    y: Array
+    multipliers: Array
+    seconds: float
+
+
+def simulate(
+    body: SlidingBody,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Simulate a reduced body, or a full one of some thousand coordinates at most.
+
+    Arguments and errors as for `pmr.simulate.Simulator`; the same equations, scheme and start as Exudyn's, so the
+    trajectories agree to round-off.  `seconds` is the time of the steps, in modal coordinates; compiling (once on a
+    machine), diagonalising and the way back to q are not in it.
+    """
+    form = modal_form(body)
+    if initial is not None:
+        s = float(path_at(path, body.domain, np.zeros(1))[0])
+        initial = form.start(consistent_start(body, s, float(path.rate(0.0)), initial))
+    modal = simulate_modal(form, path, loads, stepping, initial, progress)
+    return _in_coordinates(body, form, modal, loads)
+
+
+def simulate_at(
+    body: SlidingBody,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    steps: Indices,
+) -> Trajectory:
+    """The states that `simulate` gives at the steps (S,), ascending numbers; no others are kept."""
+    form, kept = modal_form(body), Kept(steps)
+    return _in_coordinates(body, form, kept.trajectory(follow(form, path, loads, stepping, kept)), loads)
+
+
+def simulate_modal(
+    form: ModalForm,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates."""
+    kept = Kept(np.arange(stepping.steps + 1))
+    return kept.trajectory(follow(form, path, loads, stepping, kept, initial, progress))
+
+
+def follow(
+    form: ModalForm,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    take: Take,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+) -> Ended:
+    """The same, but that nothing is kept: `take` is told of some thousand steps at a time.
+
+    A body that keeps the inertia of its residual part goes to `pmr.simulate.native.residual_inertia`.  Where rows only
+    push, a step is made in parts (`pmr.simulate.contact_step`), of which the last one is told.
+
+    Raises
+    ------
+    InputError, SimulationError
+        As for `pmr.simulate.Simulator`; that of a motion that grows at the end.
+    """
+    if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
+        return inertial.follow(form, path, loads, stepping, take, initial, progress)
+    march, account = March(form, path, loads, stepping, initial), balance.Account(form.body, stepping.steps)
+
+    def taken(first: int, part: Trajectory, f: Array) -> None:
+        take(Block(first, part, f, account.add(first, part, f)))
+
+    room = Room(march, stepping.times, taken)
+    seconds = march.advance(room.steps, march.parts, progress, room.passed)
+    t = stepping.times
+    return Ended(seconds, account.surplus(march.f[:: march.parts], float(t[1] - t[0]), float(march.s[0]), "march"))
+
+
+def observe(
+    form: ModalForm,
+    path: SignalBase,
+    loads: Loads,
+    stepping: TimeStepping,
+    outputs: Sequence[int] | None = None,
+    every: int = 1,
+) -> Observation:
+    """Simulate from rest and keep nothing but outputs (all by default) and multipliers of each `every`-th step.
+
+    Memory is of the order of what is kept: a long simulation of a large body needs little.  So the energy balance that
+    `simulate` checks is not: rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).
+
+    Raises
+    ------
+    InputError, SimulationError
+        As for `pmr.simulate.Simulator`.
+    """
+    march = March(form, path, loads, stepping, None)
+    parts_kept = every * march.parts
+    chosen = np.arange(len(form.body.outputs)) if outputs is None else np.asarray(outputs, dtype=np.int64)
+    tables = march_system.outputs(form.body, chosen)
+    count = stepping.steps // every + 1
+    y, multipliers = np.empty((count, len(chosen))), np.empty((count, len(form.body.row_names)))
+    multipliers[0] = march.state.multipliers
+    y[0] = displacement(form.body, march.start[:1], march.s[:1], multipliers[:1], march.f[:1])[0, chosen]
+
+    def steps(first: int, last: int) -> tuple[int, int]:
+        kept = slice((first - 1) // parts_kept + 1, (last - 1) // parts_kept + 1)
+        arrays = march.s[first:last], march.f[first:last], parts_kept, y[kept], multipliers[kept]
+        return kernel.run_observed(march.system, march.scheme, tables, march.state, *arrays)
+
+    seconds = march.advance(steps, parts_kept, None)
+    march.check_finite(y, parts_kept)
+    return Observation(stepping.times[::every][:count], y, multipliers, seconds)
+
+
+def _in_coordinates(body: SlidingBody, form: ModalForm, modal: Trajectory, loads: Loads) -> Trajectory:
+    """A trajectory in modal coordinates in those of the body, with the multipliers of its supports."""
+    multipliers = np.empty((len(modal.t), len(body.row_names)))
+    multipliers[:, form.rows] = modal.multipliers
+    if body.held:
+        f = loads_at(one_for_each(loads, body.input_names), modal.t)
+        multipliers[:, list(body.held)] = support_forces(body, form, modal, f)
+    q, v = modal.q @ form.X.T, modal.v @ form.X.T
+    peaks = None
+    if modal.peaks is not None:
+        peaks = multipliers.copy()
+        peaks[:, form.rows] = modal.peaks
+    return replace(modal, q=q, v=v, multipliers=multipliers, peaks=peaks)

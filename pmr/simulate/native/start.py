@@ -1,0 +1,153 @@
+"""Start of a march: accelerations and multipliers at t = 0, as Exudyn finds them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError, SimulationError
+from pmr.reduced.model import ReducedModel
+from pmr.simulate.modal import ModalForm
+from pmr.simulate.native import contact as contact_rows
+from pmr.simulate.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, State, V, Z
+from pmr.simulate.native.scheme import GeneralizedAlpha
+from pmr.simulate.native.system import state
+from pmr.simulate.start import InitialState, consistent_start, row_flexibility
+from pmr.system.body import SlidingBody, pushing_rows
+
+Array = NDArray[np.float64]
+
+
+def starting_state(
+    form: ModalForm, method: GeneralizedAlpha, s: float, s_rate: float, f: Array, initial: InitialState | None
+) -> State:
+    """State of a body in modal form at t = 0.
+
+    Where rows give way, the multipliers follow from the position, and which of those that only push are closed; rigid
+    rows hold the acceleration, their own motion left out as in Exudyn.
+
+    Raises
+    ------
+    InputError
+        If the initial position violates a rigid row or a size is wrong, a rigid row only pushes, or the body keeps the
+        inertia of its residual part.
+    SimulationError
+        If rows that give way depend on each other, and some of them only push.
+    """
+    if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
+        allowed = "a model without residual inertia is allowed here; march.simulate and inertial.simulate keep it"
+        raise InputError("body", "flexibility.inertia", None, allowed)
+    body, scheme = form.body, method.scheme()
+    start = consistent_start(body, s, s_rate, initial)
+    C, free = body.C(s), body.B @ f - body.D @ start.v - np.diagonal(body.K) * start.q
+    begun = state(form, scheme, method.memory())
+    begun.multipliers[:] = _multipliers(body, s, C, free, f, start.q, begun.contact)
+    if begun.contact is not None:
+        begun.contact.force[:] = begun.contact.share[:] = np.where(begun.contact.pushes, begun.multipliers, 0.0)
+    modes = begun.modes[:, : body.size]
+    z, v, a = method.predict(start.q, start.v, free - C.T @ begun.multipliers)
+    modes[Z], modes[V], modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = start.q, start.v, z, v, a
+    modes[Z_FREE] = z - scheme.z_gain * (modes[STIFFNESS] * z + modes[DAMPING] * v)
+    return begun
+
+
+def _multipliers(
+    body: ReducedModel, s: float, C: Array, free: Array, f: Array, z: Array, contact: Contact | None
+) -> Array:
+    G, rigid = row_flexibility(body, s)
+    H = body.flexibility.inputs(s) if body.flexibility else np.zeros((len(C), len(f)))
+    A = np.where(rigid[:, None], C @ C.T, G)
+    right = np.where(rigid, C @ free, C @ z + H @ f)
+    if contact is None:
+        return np.linalg.lstsq(A, right, rcond=None)[0]
+    refuse_rigid_pushing(body, rigid)
+    multipliers = _closed(body, s, contact, G, right)
+    multipliers[rigid] = np.linalg.lstsq(A[np.ix_(rigid, rigid)], (right - A @ multipliers)[rigid], rcond=None)[0]
+    return multipliers
+
+
+def _closed(body: ReducedModel, s: float, contact: Contact, G: Array, motion: Array) -> Array:
+    """Close the rows that push where the body stands, given their motion (m,) m without multipliers.
+
+    Returns the multipliers (m,) of the rows that give way, and zero for those that don't.
+    """
+    gives = np.flatnonzero(np.any(G != 0.0, axis=1))
+    of_those = contact_rows.contact(body.row_clearance[gives], contact.memory)
+    forces, multipliers = motion[gives], np.zeros(len(motion))
+    assert of_those is not None
+    failed = contact_rows.settle(of_those, G[np.ix_(gives, gives)], np.zeros((len(gives), len(gives))), forces)
+    if failed:
+        number = failed if failed < 0 else int(gives[failed - 1]) + 1
+        raise SimulationError(f"march failed at t = 0 s, slider at {s:g} m: {reason(body, s, number)}")
+    contact.closed[gives], multipliers[gives] = of_those.closed, forces
+    return multipliers
+
+
+def refuse_rigid_pushing(body: SlidingBody, rigid: NDArray[np.bool_]) -> None:
+    """Refuse rows that only push and are rigid, (m,).
+
+    Raises
+    ------
+    InputError
+        The force of an impact of rigid parts is no number.
+    """
+    names = ", ".join(body.row_names[k] for k in pushing_rows(body) if rigid[k])
+    if names:
+        allowed = f"{names} only push and are rigid: a pad's stiffness or residual flexibility is needed for an impact"
+        raise InputError("body", "rows", None, allowed)
+
+
+def reason(body: SlidingBody, s: float, failed: int) -> str:
+    """Why a step to s failed, in words, from what `pmr.simulate.native.step.step` returned."""
+    if failed == contact_rows.UNSETTLED:
+        names = ", ".join(body.row_names[k] for k in pushing_rows(body))
+        return f"which of the rows {names} are closed was not settled in {contact_rows.LIMIT} solves"
+    return dependent_rows(body, s, failed)
+
+
+def check_stable(body: SlidingBody, s: Array, rho_inf: float) -> None:
+    """Refuse what is known to be unstable.
+
+    Raises
+    ------
+    InputError
+        If rigid rows shall move with ``rho_inf = 1``: nothing would damp their multipliers.
+    """
+    rigid = row_flexibility(body, float(s[0]))[1]
+    refuse_undamped([name for k, name in enumerate(body.row_names) if rigid[k] and k in body.moving], s, rho_inf)
+
+
+def refuse_undamped(moving: Sequence[str], s: Array, rho_inf: float) -> None:
+    """Refuse ``rho_inf = 1`` with rigid rows, named `moving`, that follow a path s (T,) m.
+
+    Raises
+    ------
+    InputError
+        Nothing would damp the multipliers of an algebraic constraint (index 3).
+    """
+    if rho_inf < 1.0 or not moving or np.all(s == s[0]):
+        return
+    allowed = (
+        f"less than 1 is allowed while the rigid row {', '.join(moving)} moves: an algebraic constraint (index 3) "
+        "has multipliers that nothing damps, and they grow without bound; pads that give way, or a residual "
+        "flexibility, allow 1"
+    )
+    raise InputError("scene", "time.rho_inf", rho_inf, allowed)
+
+
+def dependent_rows(body: SlidingBody, s: float, failed: int) -> str:
+    """Which rows depend on each other at s, in words; row number `failed` (from 1) depends on those before it."""
+    return dependence(np.asarray(body.C(s))[:failed], body.row_names)
+
+
+def dependence(C: Array, names: Sequence[str]) -> str:
+    """On which of the rows before it the last row of C (m, n) depends, in words."""
+    size = np.linalg.norm(C, axis=1)
+    if size[-1] <= 1e-12 * size.max():
+        return f"the row {names[len(C) - 1]} vanishes"
+    unit = C / np.where(size > 0.0, size, 1.0)[:, None]
+    share = np.linalg.lstsq(unit[:-1].T, unit[-1], rcond=None)[0]
+    involved = [name for name, x in zip(names, share, strict=False) if abs(x) > 1e-3]
+    return f"the rows {', '.join([*involved, names[len(C) - 1]])} depend on each other"

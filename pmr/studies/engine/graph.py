@@ -1,0 +1,134 @@
+"""The tasks of one or several plans as one graph: equal tasks once, what is there already left out."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from pmr.studies.engine.task import Plan, Task
+
+
+@dataclass(frozen=True)
+class Node:
+    """A task with the digests of what it needs, by name.
+
+    `urgency` is the cost of the longest chain of tasks that begins here: the most urgent first keeps all workers busy
+    longest (list scheduling by upward rank; Topcuoglu, Hariri, Wu 2002, section 4.1).
+    """
+
+    digest: str
+    task: Task
+    needs: Mapping[str, str]
+    urgency: float
+
+
+def digests(plan: Plan, code: str) -> dict[str, str]:
+    """Digest of each task of a plan, by key.
+
+    Raises
+    ------
+    ValueError
+        If tasks need each other in a circle.
+    """
+    tasks, found = {task.key: task for task in plan}, dict[str, str]()
+    for key in _in_order({key: list(task.needs.values()) for key, task in tasks.items()}):
+        task = tasks[key]
+        found[key] = task.digest(code, {name: found[need] for name, need in task.needs.items()})
+    return found
+
+
+def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Node]:
+    """What has to be computed, by digest, in an order in which nothing precedes what it needs.
+
+    These are the runs that are not done and, of what is shared, only what they still need.
+    """
+    tasks: dict[str, Task] = {}
+    needs: dict[str, dict[str, str]] = {}
+    wanted: list[str] = []
+    for plan in plans:
+        digest = digests(plan, code)
+        for task in plan:
+            tasks.setdefault(digest[task.key], task)
+            needs[digest[task.key]] = {name: digest[key] for name, key in task.needs.items()}
+        wanted += [digest[run.key] for run in plan.runs]
+    missing: dict[str, list[str]] = {}
+    done: set[str] = set()
+    while wanted:
+        digest_ = wanted.pop()
+        if digest_ in missing or digest_ in done:
+            continue
+        if is_done(digest_):
+            done.add(digest_)
+        else:
+            missing[digest_] = list(needs[digest_].values())
+            wanted += missing[digest_]
+    open_needs = {digest_: [n for n in found if n in missing] for digest_, found in missing.items()}
+    position = {digest_: i for i, digest_ in enumerate(tasks)}
+    order = _in_order({digest_: open_needs[digest_] for digest_ in sorted(missing, key=position.__getitem__)})
+    urgency: dict[str, float] = {}
+    for digest_ in reversed(order):
+        own = tasks[digest_].cost + urgency.get(digest_, 0.0)
+        urgency[digest_] = own
+        for need in open_needs[digest_]:
+            urgency[need] = max(urgency.get(need, 0.0), own)
+    return {d: Node(d, tasks[d], needs[d], urgency[d]) for d in order}
+
+
+class Ready:
+    """The nodes whose needs are met, most urgent first."""
+
+    def __init__(self, nodes: Mapping[str, Node]) -> None:
+        self._nodes = nodes
+        self._rank = {digest: (-node.urgency, i) for i, (digest, node) in enumerate(nodes.items())}
+        self._waits_for = {d: {n for n in node.needs.values() if n in nodes} for d, node in nodes.items()}
+        self._dependents: dict[str, list[str]] = {}
+        for digest, needs in self._waits_for.items():
+            for need in needs:
+                self._dependents.setdefault(need, []).append(digest)
+        self._heap = [(self._rank[digest], digest) for digest, needs in self._waits_for.items() if not needs]
+        heapq.heapify(self._heap)
+
+    def __bool__(self) -> bool:
+        return bool(self._heap)
+
+    def pop(self) -> Node:
+        """The most urgent one."""
+        return self._nodes[heapq.heappop(self._heap)[1]]
+
+    def done(self, digest: str) -> None:
+        """Let those go on that waited for this one."""
+        for dependent in self._dependents.get(digest, ()):
+            self._waits_for[dependent].discard(digest)
+            if not self._waits_for[dependent]:
+                heapq.heappush(self._heap, (self._rank[dependent], dependent))
+
+    def dependents(self, digest: str) -> Iterator[str]:
+        """All that need this one, directly or not, each once."""
+        seen, stack = set[str](), list(self._dependents.get(digest, ()))
+        while stack:
+            dependent = stack.pop()
+            if dependent not in seen:
+                seen.add(dependent)
+                stack += self._dependents.get(dependent, ())
+                yield dependent
+
+
+def _in_order(needs: Mapping[str, Sequence[str]]) -> list[str]:
+    """Keys such that each stands behind all it needs, otherwise as they came."""
+    order: list[str] = []
+    state: dict[str, bool] = {}  # False while its needs are looked at, True when it is placed
+    stack = [(key, False) for key in reversed(list(needs))]
+    while stack:
+        key, expanded = stack.pop()
+        if expanded:
+            state[key] = True
+            order.append(key)
+        elif key not in state:
+            state[key] = False
+            stack.append((key, True))
+            for need in reversed(needs[key]):
+                if state.get(need) is False:
+                    raise ValueError(f"{key} and {need} need each other")
+                stack.append((need, False))
+    return order

@@ -1,0 +1,128 @@
+"""Where tasks are spread: over processes of this machine, or over the ranks that MPI launched.
+
+Both are executors of `concurrent.futures`; a local thread or a rank only looks after the child process of one worker.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import queue
+import sys
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Protocol
+
+from pmr.errors import InputError
+from pmr.studies.engine.orders import Answer, Order
+from pmr.studies.engine.worker import Worker
+
+#: Each launcher's name for the number of processes it started.
+LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")
+
+
+class Pool(Protocol):
+    """Something that has orders done, `slots` at a time."""
+
+    @property
+    def slots(self) -> int: ...
+
+    def submit(self, order: Order) -> Future[Answer]:
+        """Have an order done some time."""
+        ...
+
+
+@dataclass(frozen=True)
+class LocalPool:
+    """Threads of this process, each with a child process."""
+
+    slots: int
+    executor: Executor
+    workers: queue.SimpleQueue[Worker]
+
+    def submit(self, order: Order) -> Future[Answer]:
+        return self.executor.submit(self._run, order)
+
+    def _run(self, order: Order) -> Answer:
+        worker = self.workers.get()
+        try:
+            return worker.run(order)
+        finally:
+            self.workers.put(worker)
+
+
+@dataclass(frozen=True)
+class RankPool:
+    """All ranks but this one, each with a child process."""
+
+    slots: int
+    executor: Executor
+
+    def submit(self, order: Order) -> Future[Answer]:
+        return self.executor.submit(run_on_rank, order, sys.path)
+
+
+@contextmanager
+def local_pool(jobs: int) -> Iterator[LocalPool]:
+    """Workers on this machine, started as they are needed and gone in the end."""
+    workers = [Worker(sys.path) for _ in range(jobs)]
+    idle: queue.SimpleQueue[Worker] = queue.SimpleQueue()
+    for worker in workers:
+        idle.put(worker)
+    executor = ThreadPoolExecutor(jobs)
+    try:
+        yield LocalPool(jobs, executor, idle)
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
+        for worker in workers:
+            worker.close()
+
+
+@contextmanager
+def rank_pool() -> Iterator[RankPool | None]:
+    """On rank 0 a pool of the other ranks; there this yields None, once they are no longer needed."""
+    from mpi4py import MPI
+    from mpi4py.futures import MPICommExecutor
+
+    with MPICommExecutor(MPI.COMM_WORLD, root=0, main=False) as executor:
+        yield None if executor is None else RankPool(MPI.COMM_WORLD.size - 1, executor)
+
+
+def launched_ranks() -> int:
+    """Number of ranks that a launcher started, 1 without one; MPI is started only if there are several.
+
+    Raises
+    ------
+    InputError
+        If the launcher belongs to another MPI than mpi4py, so that each process would take itself for the only one.
+    """
+    asked = max(int(os.environ.get(name, "1")) for name in LAUNCHED)
+    if asked == 1:
+        return 1
+    from mpi4py import MPI
+
+    size = int(MPI.COMM_WORLD.size)
+    if size == 1:
+        found = MPI.Get_library_version().split(",")[0].split("\n")[0]
+        raise InputError(
+            "command line", "mpiexec", asked, f"the launcher of this Python's own MPI is allowed ({found.strip()})"
+        )
+    return size
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+_of_rank: list[Worker] = []
+
+
+def run_on_rank(order: Order, path: list[str]) -> Answer:
+    """Have an order done by the child process of this rank."""
+    if not _of_rank:
+        _of_rank.append(Worker(path))
+        atexit.register(_of_rank[0].close)
+    return _of_rank[0].run(order)

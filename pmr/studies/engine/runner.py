@@ -1,0 +1,135 @@
+"""Has the open tasks of plans done by a pool, each as soon as what it needs is there."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
+
+from pmr.studies.engine.frozen import sources
+from pmr.studies.engine.graph import Node, Ready
+from pmr.studies.engine.orders import Answer, Order
+from pmr.studies.engine.pools import Pool
+from pmr.studies.engine.store import Store
+
+WATCH_EVERY = 1.0  # s
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why there is no result: the task failed itself, or was skipped because one that it needs did."""
+
+    status: str  # "failed" or "skipped"
+    reason: str
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far it is: numbers of tasks, and seconds."""
+
+    done: int
+    failed: int
+    total: int
+    elapsed: float
+    left: float | None  # estimated; None before the first task is done
+
+    @property
+    def text(self) -> str:
+        """One line."""
+        failed = f", {self.failed} failed or skipped" if self.failed else ""
+        left = f", about {duration(self.left)} left" if self.left and self.done + self.failed < self.total else ""
+        return f"{self.done} of {self.total} tasks done{failed} after {duration(self.elapsed)}{left}"
+
+
+Watch = Callable[[Progress], None]
+
+
+def run(
+    nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch = lambda progress: None
+) -> dict[str, Failure]:
+    """Compute the nodes; what comes out is in the store, and here is what failed, by digest.
+
+    Parameters
+    ----------
+    nodes : mapping of str to Node
+        As `pmr.studies.engine.graph.open_nodes` returns them.
+    watch : callable
+        Told of the progress whenever a task ends, and every second.
+    """
+    ready, state = Ready(nodes), _State(nodes)
+    running: dict[Future[Answer], Node] = {}
+    alone: deque[Node] = deque()
+    while ready or alone or running:
+        while ready and len(running) < 2 * pool.slots:  # one waits behind each that runs, so that no worker does
+            node = ready.pop()
+            if node.task.alone:
+                alone.append(node)
+            else:
+                running[pool.submit(_order(node, store))] = node
+        if alone and not running:
+            node = alone.popleft()
+            running[pool.submit(_order(node, store))] = node
+            wait(running)
+        finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
+        for future in finished:
+            node, answer = running.pop(future), _answer(future)
+            if answer.status == "done":
+                state.done(node)
+                ready.done(node.digest)
+                continue
+            state.fail(node, Failure("failed", answer.reason, answer.detail))
+            reason = f"needs {node.task.key}, which failed: {answer.reason}"
+            for digest in ready.dependents(node.digest):
+                state.fail(nodes[digest], Failure("skipped", reason))
+        watch(state.progress)
+    return state.failures
+
+
+def _answer(future: Future[Answer]) -> Answer:
+    try:
+        return future.result()
+    except Exception as error:  # the machine could not even start a process, say
+        return Answer("failed", 0.0, " ".join(f"{type(error).__name__}: {error}".split()))
+
+
+def _order(node: Node, store: Store) -> Order:
+    task = node.task
+    return Order(task.key, node.digest, task.address, task.arguments, node.needs, str(store.folder), sources().digest)
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them."""
+    if seconds < 60.0:
+        return f"{seconds:.0f} s"
+    if seconds < 3600.0:
+        return f"{seconds / 60.0:.0f} min"
+    return f"{seconds / 3600.0:.1f} h"
+
+
+class _State:
+    """What became of the nodes so far."""
+
+    def __init__(self, nodes: Mapping[str, Node]) -> None:
+        self.failures: dict[str, Failure] = {}
+        self._total, self._done = len(nodes), 0
+        self._cost_done, self._cost_left = 0.0, sum(node.task.cost for node in nodes.values())
+        self._begin = time.monotonic()
+
+    def done(self, node: Node) -> None:
+        self._done += 1
+        self._cost_done += node.task.cost
+        self._cost_left -= node.task.cost
+
+    def fail(self, node: Node, failure: Failure) -> None:
+        if node.digest not in self.failures:
+            self.failures[node.digest] = failure
+            self._cost_left -= node.task.cost
+
+    @property
+    def progress(self) -> Progress:
+        elapsed = time.monotonic() - self._begin
+        left = elapsed * max(self._cost_left, 0.0) / self._cost_done if self._cost_done else None
+        return Progress(self._done, len(self.failures), self._total, elapsed, left)

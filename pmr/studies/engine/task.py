@@ -1,0 +1,155 @@
+"""What a study is made of: tasks, each a function call with a name, and the plan that lists them."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+import re
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.studies.engine.frozen import sources
+
+#: What stands in one cell of the table.
+Scalar = float | int | bool | str | None
+#: What a key of a task may be: it is the name of a file, too.
+LONGEST = 120
+KEY = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._=,+-]{{0,{LONGEST - 1}}}")
+
+
+def key_of(text: str) -> str:
+    """A key that says what `text` does: what a key can't hold becomes ``_``, the end of what is too long a digest."""
+    key = re.sub(r"[^A-Za-z0-9._=,+-]+", "_", text)
+    key = key if key[:1].isalnum() else f"0{key}"
+    return key if len(key) <= LONGEST else f"{key[: LONGEST - 9]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+
+def number(value: Scalar) -> float:
+    """A cell that holds a number.
+
+    Raises
+    ------
+    TypeError
+        If it is empty or holds a text.
+    """
+    if value is None or isinstance(value, str):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """What a task returns.
+
+    Attributes
+    ----------
+    record : mapping of str to scalar
+        Figures, one column of the table each; the same on every machine that computes alike, so no seconds.  A float
+        must be finite; None leaves the cell empty.
+    arrays : mapping of str to array
+        Whatever tasks that need this one, or the report, read; numbers or strings, no objects.
+    seconds : mapping of str to float
+        Measured times, kept apart from the record because they differ from run to run.
+    """
+
+    record: Mapping[str, Scalar] = field(default_factory=dict)
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+#: Arguments, and the results of what the task needs, by the names under which it needs them.
+TaskFunction = Callable[[Mapping[str, Any], Mapping[str, TaskResult]], TaskResult]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One call of a function, in a process of its own.
+
+    Attributes
+    ----------
+    key : str
+        Name of the task, unique in its plan: letters, digits and ``._=,+-``.
+    function : TaskFunction
+        A function of a module, called with `arguments` and the results of `needs`.  It sees one MPI process and one
+        thread, and what it computes depends on nothing else.
+    arguments : mapping
+        What JSON can hold.  Where a file is read, its digest belongs here too.
+    needs : mapping of str to str
+        Name for the function -> key of the task whose result it reads.
+    parameters : mapping of str to scalar
+        What was varied: the table's first columns, there for failed runs too.
+    cost : float
+        Expected effort in any unit; long ones start first, and the time left is estimated by it.
+    alone : bool
+        Whether it measures time: it waits until nothing else is left to do, and no other task runs beside it.
+    """
+
+    key: str
+    function: TaskFunction
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    needs: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)
+    cost: float = 1.0
+    alone: bool = False
+
+    def __post_init__(self) -> None:
+        if not KEY.fullmatch(self.key):
+            raise ValueError(f"task key {self.key!r}: {KEY.pattern} is allowed")
+        if "." in self.function.__qualname__:
+            raise ValueError(f"task {self.key}: {self.address} is no function of a module")
+
+    @property
+    def address(self) -> str:
+        """``"module:name"`` of the function."""
+        return f"{self.function.__module__}:{self.function.__qualname__}"
+
+    def digest(self, code: str, needs: Mapping[str, str]) -> str:
+        """Digest of what decides the result: the code, the source of the function's module, its arguments and, by name,
+        the digests of what it needs.
+        """
+        content = [code, self.address, _source(self.function.__module__), self.arguments, needs]
+        return hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode()).hexdigest()[:24]
+
+
+@lru_cache
+def _source(module: str) -> str:
+    return sources().of(module) or inspect.getsource(sys.modules[module])
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The tasks of one study.
+
+    Attributes
+    ----------
+    runs : tuple of Task
+        One row of the table each, in this order.
+    shared : tuple of Task
+        What several runs need and nobody wants a row of; computed once, and only if a run still needs it.
+    """
+
+    runs: tuple[Task, ...]
+    shared: tuple[Task, ...] = ()
+
+    def __post_init__(self) -> None:
+        twice = [key for key, count in Counter(task.key.casefold() for task in self).items() if count > 1]
+        if twice:
+            allowed = f"two runs are called {', '.join(twice)}; names of scenes and cases, and values, must differ"
+            raise InputError("study", "", None, allowed)
+        known = {task.key for task in self}
+        for task in self:
+            missing = set(task.needs.values()) - known
+            if missing:
+                raise ValueError(f"task {task.key} needs {', '.join(sorted(missing))}, which the plan lacks")
+
+    def __iter__(self) -> Iterator[Task]:
+        """Everything, what is shared first."""
+        return iter((*self.shared, *self.runs))

@@ -1,5 +1,0 @@
-"""The report of a study or a collection: reads what `pmr study` left in a folder and computes nothing."""
-
-from pmr.study_report.document import write_report
-
-__all__ = ["write_report"]

@@ -1,0 +1,1 @@
+"""What simulators work on."""

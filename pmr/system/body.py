@@ -1,0 +1,307 @@
+"""What a simulator works on: a body with constant matrices and a few rows that move along a path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.constraints.polynomials import stacked
+from pmr.constraints.rows import Rows
+from pmr.errors import InputError
+from pmr.reduced.damping import Rayleigh
+from pmr.reduced.flexibility import Flexibility
+
+Array = NDArray[np.float64]
+
+
+class SlidingBody(Protocol):
+    r"""What a simulator asks of a body: constant matrices and a few rows that move with s.
+
+    .. math::
+        M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C q + H f - (G + 1/k) \lambda = 0
+
+    G and H come from the residual flexibility and vanish without one, 1/k is the rows' own compliance.  Rows that only
+    push hold where they are closed, C q + H f - (G + 1/k) lambda = clearance, and have lambda = 0 elsewhere.
+    `ReducedModel` is such a body (dense), `FullBody` another (sparse).  Shapes: M, D, K (n, n), B (n, i),
+    outputs (o, n), C(s) (m, n).
+    """
+
+    @property
+    def M(self) -> Any: ...
+    @property
+    def D(self) -> Any: ...
+    @property
+    def K(self) -> Any: ...
+    @property
+    def B(self) -> Any: ...
+    @property
+    def outputs(self) -> Any: ...
+    @property
+    def input_names(self) -> tuple[str, ...]: ...
+    @property
+    def row_names(self) -> tuple[str, ...]: ...
+    @property
+    def domain(self) -> tuple[float, float]: ...
+    @property
+    def size(self) -> int: ...
+    def C(self, s: float, derivative: int = 0) -> Any:
+        """Constraint rows (m, n) at the path coordinate s in m, or their derivative with respect to s."""
+        ...
+
+    @property
+    def output_positions(self) -> Array: ...
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """What each output is called; empty: nothing in particular."""
+        ...
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """m, rad or N for each output; empty: all are displacements."""
+        ...
+
+    @property
+    def row_compliance(self) -> Array:
+        """1/k of each row's pad, (m,) in m/N; 0 where it is rigid."""
+        ...
+
+    @property
+    def row_clearance(self) -> Array:
+        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
+        ...
+
+    @property
+    def rayleigh(self) -> Rayleigh | None:
+        """What D is made of, where it is Rayleigh's."""
+        ...
+
+    @property
+    def flexibility(self) -> Flexibility | None:
+        """What the coordinates leave out, quasi-static; None where nothing is added."""
+        ...
+
+    @property
+    def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
+        ...
+
+    @property
+    def held(self) -> dict[int, int]:
+        """Rows that hold one coordinate and do nothing else: number of the row to that of the coordinate."""
+        ...
+
+    def dense_rows(self, s: Array) -> Array:
+        """C(s) (T, m, n) at several path coordinates (T,), dense."""
+        ...
+
+    def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
+        """C(s) q (T, m) along a trajectory, s (T,) and q (T, n); or with the derivative of C."""
+        ...
+
+    def rows_on(self, V: Array) -> PPoly:
+        """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
+        ...
+
+
+class Observed(Protocol):
+    """What has outputs."""
+
+    @property
+    def output_positions(self) -> Array: ...
+    @property
+    def output_names(self) -> tuple[str, ...]: ...
+    @property
+    def output_units(self) -> tuple[str, ...]: ...
+
+
+@dataclass(frozen=True)
+class Called:
+    """What the columns of a response are called.
+
+    Attributes
+    ----------
+    moved, units : tuples of str
+        Of the outputs that are no forces, with their units.
+    forces : tuple of str
+        Of those that are, then of rows, each by `force_of` what pushes.
+    """
+
+    moved: tuple[str, ...]
+    units: tuple[str, ...]
+    forces: tuple[str, ...]
+
+
+def force_of(name: str) -> str:
+    """What the force of a pad or slider is called, whether it is an output or the multiplier of a row."""
+    return f"force of {name}"
+
+
+def called(body: Observed, rows: Sequence[str]) -> Called:
+    """Names of a body's outputs, and of the forces of `rows`, given by their names."""
+    count = len(body.output_positions)
+    names = body.output_names or tuple(f"output {k}" for k in range(count))
+    units, force = body.output_units or ("m",) * count, force_outputs(body)
+    return Called(
+        moved=tuple(name for name, is_force in zip(names, force, strict=True) if not is_force),
+        units=tuple(unit for unit, is_force in zip(units, force, strict=True) if not is_force),
+        forces=(
+            *(name for name, is_force in zip(names, force, strict=True) if is_force),
+            *(force_of(row) for row in rows),
+        ),
+    )
+
+
+def force_outputs(body: Observed) -> NDArray[np.bool_]:
+    """Which of the outputs (o,) are forces; without units none is."""
+    return np.array([unit == "N" for unit in body.output_units] or [False] * len(body.output_positions), dtype=bool)
+
+
+def pushing_rows(body: SlidingBody) -> list[int]:
+    """Numbers of the rows that only push: their multipliers are never negative, and zero while they are open."""
+    return np.flatnonzero(~np.isnan(body.row_clearance)).tolist()
+
+
+def released_rows(body: SlidingBody) -> list[int]:
+    """Numbers of the rows that move or only push: whose multipliers are forces of sliders and pads."""
+    return sorted({*body.moving, *pushing_rows(body)})
+
+
+def refuse_pushing_rows(names: Sequence[str], clearance: Array, where: str, source: str = "body") -> None:
+    """Refuse rows, given by their names and clearances (m,), of which some only push.
+
+    Raises
+    ------
+    InputError
+        That names them.
+    """
+    pushing = [name for name, c in zip(names, clearance, strict=True) if not np.isnan(c)]
+    if pushing:
+        allowed = f"{', '.join(pushing)} only push; rows that hold both ways are allowed in {where}, march does all"
+        raise InputError(source, "rows", None, allowed)
+
+
+def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, loads: Array) -> Array:
+    """Outputs O q + W f - X(s) lambda, (T, o) in m, of coordinates q (T, n) along a trajectory."""
+    result = np.asarray((body.outputs @ q.T).T)
+    if body.flexibility is not None:
+        result = result + body.flexibility.displacement(s, multipliers, loads)
+    return result
+
+
+@dataclass(frozen=True)
+class FullBody:
+    """The full model on one process, sparse: what the full-order reference simulates."""
+
+    M: sp.csr_matrix
+    D: sp.csr_matrix
+    K: sp.csr_matrix
+    B: Array
+    outputs: sp.csr_matrix
+    rows: Rows
+    input_names: tuple[str, ...]
+    output_positions: Array
+    output_units: tuple[str, ...] = ()
+    output_names: tuple[str, ...] = ()
+    rayleigh: Rayleigh | None = None
+
+    @property
+    def size(self) -> int:
+        return int(self.M.shape[0])
+
+    @property
+    def row_compliance(self) -> Array:
+        """1/k of each row's pad, (m,) in m/N."""
+        return self.rows.compliance
+
+    @property
+    def row_clearance(self) -> Array:
+        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
+        return self.rows.clearance
+
+    @property
+    def flexibility(self) -> None:
+        """None: a full model leaves nothing out."""
+
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        return self.rows.names
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        return self.rows.domain
+
+    def C(self, s: float, derivative: int = 0) -> sp.csr_matrix:
+        """Rows (m, n) at s in m, or their derivative with respect to s."""
+        return self.rows.at(s, derivative)
+
+    @property
+    def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
+        return self.rows.moving
+
+    @property
+    def held(self) -> dict[int, int]:
+        """Rows of supports on nodes: number of the row to that of the coordinate it holds."""
+        return {i: row.held for i, row in enumerate(self.rows.rows) if row.held is not None}
+
+    def dense_rows(self, s: Array) -> Array:
+        """C(s) (T, m, n) at several path coordinates (T,): for a few at a time."""
+        result = np.zeros((len(s), len(self.rows.rows), self.size))
+        for i, row in enumerate(self.rows.rows):
+            dofs, entries = row.at(s)
+            np.put_along_axis(result[:, i], dofs, entries, axis=1)
+        return result
+
+    def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
+        """C(s) q (T, m) along a trajectory, or with the derivative of C."""
+        return np.stack([row.apply(s, q, derivative) for row in self.rows.rows], axis=1)
+
+    def rows_on(self, V: Array) -> PPoly:
+        """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
+        return stacked([row.project(V) for row in self.rows.rows], self.domain)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Coordinates of a simulated body over time.
+
+    Attributes
+    ----------
+    t : (T,) array, s
+    q, v : (T, n) arrays
+        Coordinates and their rates; n = r for a reduced model.
+    multipliers : (T, m) array, N
+        lambda; the sliders push with -lambda on the body.
+    s : (T,) array, m
+        Path coordinate.
+    seconds : float
+        Wall time of the solver alone.
+    quasi_static : (T, m) array, N, or None
+        z, the part of the multipliers that deforms the residual part where its inertia is kept; None where all do.
+    peaks : (T, m) array, N, or None
+        Largest multiplier within the step that ends at t, of rows that only push, where a step is made in parts; of the
+        others that at t.
+    surplus : float
+        Share of the largest energy that neither loads nor moving rows put in (`pmr.simulate.balance`); NaN: unknown.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    multipliers: Array
+    s: Array
+    seconds: float
+    quasi_static: Array | None = None
+    peaks: Array | None = None
+    surplus: float = np.nan
+
+    @property
+    def deforming(self) -> Array:
+        """Multipliers (T, m) in N that deform the residual part: what outputs and energies of a body ask for."""
+        return self.multipliers if self.quasi_static is None else self.quasi_static

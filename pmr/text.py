@@ -1,0 +1,32 @@
+"""Text that somebody else wrote, made fit for a terminal, a page and a figure; numbers in sentences."""
+
+from __future__ import annotations
+
+import re
+from math import floor, log10
+
+#: Characters that steer what shows them instead of being shown: control codes, line ends, marks that turn the direction
+#: of writing or are of no width, halves of surrogate pairs, and those that XML and Unicode exclude.
+_STEERING = re.compile(
+    "[\x00-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\uffff"
+    "\ud800-\udfff\U000e0000-\U000e0fff\U000ffffe-\U0010ffff]"
+)
+
+
+def visible(text: str) -> str:
+    r"""The text in one line, with characters that steer written as Python escapes them, ``\x1b`` or ``\u202e``.
+
+    Everything else stays: letters of any script, symbols, brackets and what some programs take for markup.
+    """
+    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
+
+def rounded(value: float, digits: int = 2) -> str:
+    """`value` with `digits` significant digits, as a decimal from 1e-4 to 1e6."""
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def rounded_down(value: float, digits: int = 2) -> str:
+    """A positive `value` with `digits` significant digits and not above it: for what is said to be small enough."""
+    place = floor(log10(value)) - digits + 1
+    return f"{float(f'{floor(value / 10.0**place * (1.0 + 1e-12))}e{place}'):g}"

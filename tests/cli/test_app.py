@@ -1,0 +1,211 @@
+"""The command as a user calls it: a process of its own, its files, its exit code."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+from processes import called, python
+
+SIMPLE = "workflows/paper_simple.toml"
+SHORT = [
+    *("--set", "time.end=0.5", "--set", "mesh.elements=20"),
+    *("--set", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}"),
+]
+
+
+def pmr(*arguments: str, ranks: int = 1) -> subprocess.CompletedProcess[str]:
+    return python("-m", "pmr", *arguments, ranks=ranks)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of a short run of the simple case."""
+    folder = tmp_path_factory.mktemp("run")
+    done = pmr("run", SIMPLE, "--out", str(folder), *SHORT)
+    assert done.returncode == 0, done.stderr
+    assert "reduced against full" in done.stdout and f"{folder}/report.html" in done.stdout
+    assert done.stderr == ""  # no progress bars where there is no terminal
+    return folder
+
+
+@pytest.mark.slow
+def test_a_run_leaves_what_the_help_says(folder: Path) -> None:
+    assert {"report.html", "report.pdf", "summary.json", "reduced.npz", "trajectories.npz"} <= {
+        file.name for file in folder.iterdir()
+    }
+    assert (folder / "report.pdf").read_bytes()[:5] == b"%PDF-"
+
+
+@pytest.mark.slow
+def test_the_summary_keeps_its_contract(folder: Path) -> None:
+    summary = json.loads((folder / "summary.json").read_text())
+    for pair in ("reduced_vs_full", "full_vs_ancf", "reduced_vs_ancf"):
+        assert 0.0 < summary["errors"][pair]["tip"] < 1.0 and 0.0 < summary["errors"][pair]["beam"] < 1.0
+        assert 0.0 < summary["absolute_errors"][pair]["tip"] < summary["absolute_errors"][pair]["beam"]
+    assert summary["max_displacement"] > summary["max_error"] > 0.0
+    assert summary["coordinates"] == {"full": 63, "reduced": 20}
+    assert 0.999 < summary["basis"]["kappa"] <= 1.0 and len(summary["basis"]["singular_values"]) == 30
+    assert {"assemble", "snapshots", "pod", "simulate"} == set(summary["seconds"])
+    assert {"march", "exudyn", "full", "ancf"} == set(summary["seconds"]["simulate"])
+    assert {"pmr", "dolfinx", "PETSc", "SLEPc", "exudyn"} <= set(summary["versions"])
+    assert len(summary["scene_hash"]) == 16
+
+
+@pytest.mark.slow
+def test_several_scenes_make_one_report(tmp_path: Path) -> None:
+    second = tmp_path / "second.toml"
+    second.write_text(f'extends = "{Path(SIMPLE).resolve()}"\ntitle = "A second scene"\n')
+    done = pmr("run", SIMPLE, str(second), "--out", str(tmp_path / "out"), *SHORT, "--set", "compare.against=[]")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "report.pdf").exists()
+    for stem in ("paper_simple", "second"):
+        assert (tmp_path / "out" / stem / "summary.json").exists()
+    html = (tmp_path / "out" / "report.html").read_text()
+    assert "A second scene" in html and "Sliding beam, simple case" in html
+
+
+@pytest.mark.slow
+def test_info_says_what_a_file_holds(folder: Path) -> None:
+    stack, model, scene = pmr("info"), pmr("info", str(folder / "reduced.npz")), pmr("info", SIMPLE)
+    assert "dolfinx" in stack.stdout and "float64" in stack.stdout
+    assert "20 coordinates" in model.stdout and "slider" in model.stdout
+    assert "153" not in scene.stdout and "s from 1.25 to 3.75 m" in scene.stdout
+
+
+@pytest.mark.slow
+def test_an_exported_script_runs_without_pmr(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "reduced.npz").write_bytes((folder / "reduced.npz").read_bytes())
+    done = pmr("export", str(tmp_path / "reduced.npz"), "--to", "exudyn")
+    assert done.returncode == 0, done.stderr
+    script = Path(done.stdout.strip())
+    assert script.parent == tmp_path and "pmr" not in [
+        line.split()[1].split(".")[0] for line in script.read_text().splitlines() if line.startswith(("import", "from"))
+    ]
+    blocked = f"import sys, runpy; sys.modules['pmr'] = None; runpy.run_path({str(script)!r}, run_name='__main__')"
+    ran = python("-c", blocked, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "x = 5 m" in ran.stdout
+
+
+@pytest.mark.slow
+def test_a_report_that_cant_be_drawn_loses_no_results(tmp_path: Path) -> None:
+    """Where the PDF belongs stands a folder, which comes up last of all."""
+    (tmp_path / "out" / "report.pdf").mkdir(parents=True)
+    short = ["--set", "time.end=0.2", "--set", "slider.path=1.3", "--set", "compare.against=[]"]
+    done = pmr("run", SIMPLE, "--out", str(tmp_path / "out"), *short)
+    assert done.returncode == 1 and len(done.stderr.strip().splitlines()) == 1
+    assert "the report can't be drawn (" in done.stderr and "report.pdf" in done.stderr
+    assert "coordinates; simulated in" in done.stdout
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["coordinates"]["reduced"] == 20
+    assert (tmp_path / "out" / "reduced.npz").stat().st_size and (tmp_path / "out" / "trajectories.npz").stat().st_size
+
+
+BAD = [
+    (["run", "nowhere.toml"], "nowhere.toml: no such scene file"),
+    (["run", SIMPLE, "--set", "body.lenght=3"], "did you mean 'length'"),
+    (["run", SIMPLE, "--set", "body.bending_stiffness=-1"], "body.bending_stiffness = -1"),
+    (["run", SIMPLE, "--set", "reduction.coordinates=31"], "snapshots * modes = 30"),
+    (["run", SIMPLE, "--set", "reduction.snapshots=51", "--set", "time.end=0.1"], "at most 50"),
+    (["run", SIMPLE, "--set", "mesh.elements=2", "--set", "reduction.modes=10"], "6 free coordinates; ask for fewer"),
+    (["run", SIMPLE, "--out", "pyproject.toml"], "a folder that can be written to"),
+    (["run", SIMPLE, SIMPLE], "names must differ"),
+    (["export", "nowhere.npz"], "nowhere.npz: no such file"),
+    (["export", SIMPLE], "not a reduced model"),
+    (["export", "reduced.npz", "--to", "abaqus"], "exudyn is allowed"),
+    (["info", "nowhere.npz"], "no such file"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a) for a, _ in BAD])
+def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str, monkeypatch, capsys) -> None:
+    done = called(monkeypatch, capsys, *arguments)
+    assert done.returncode == 2
+    assert done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
+    assert says in done.stderr
+
+
+def test_bad_input_ends_a_process_of_its_own_likewise() -> None:
+    arguments, says = BAD[3]
+    done = pmr(*arguments)
+    assert done.returncode == 2 and done.stdout == "" and says in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_the_place_for_results_is_tried_before_anything_is_computed(tmp_path: Path, monkeypatch, capsys) -> None:
+    (tmp_path / "file").write_text("")
+    for out in (f"{tmp_path}/file", f"{tmp_path}/file/x"):
+        done = called(monkeypatch, capsys, "run", SIMPLE, "--out", out)
+        assert done.returncode == 2 and "can be written to is allowed" in done.stderr and done.stdout == ""
+
+
+@pytest.mark.slow
+def test_an_export_replaces_no_model(folder: Path, tmp_path: Path) -> None:
+    model = folder / "reduced.npz"
+    content = model.read_bytes()
+    (tmp_path / "reduced.npz").write_bytes(b"another")
+    for out in (model, folder, tmp_path / "script.py"):
+        assert pmr("export", str(model), "--out", str(out)).returncode == 2
+    assert model.read_bytes() == content and (tmp_path / "reduced.npz").read_bytes() == b"another"
+
+
+@pytest.mark.slow
+def test_several_simulators_say_how_far_they_agree(tmp_path: Path) -> None:
+    short = ("--set", "time.end=0.2", "--set", "slider.path=1.3", "--set", "compare.against=[]")
+    done = pmr("run", SIMPLE, *short, "--simulators", "exudyn-callback, march,exudyn", "--out", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert list(summary["seconds"]["simulate"]) == ["exudyn-callback", "march", "exudyn"]
+    assert summary["simulators"] == {"reduced": "exudyn-callback"}
+    pairs = ["exudyn-callback_vs_march", "exudyn-callback_vs_exudyn", "march_vs_exudyn"]
+    assert list(summary["agreement"]) == pairs and 0.0 < max(summary["agreement"].values()) < 1e-9
+    assert "march and exudyn agree to" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("names", "says"), [("march,euler", "'march', 'exudyn', 'exudyn-multiplier' or 'exudyn-callback'"), ("", "exudyn")]
+)
+def test_unknown_simulators_are_refused(names: str, says: str, monkeypatch, capsys) -> None:
+    done = called(monkeypatch, capsys, "run", SIMPLE, "--simulators", names)
+    assert done.returncode == 2 and says in done.stderr and "simulation.simulators" in done.stderr
+
+
+def test_without_fenicsx_a_run_says_so_in_one_line() -> None:
+    blocked = "import sys; sys.modules['dolfinx'] = None; sys.argv[0] = 'pmr'; from pmr.cli.app import main; main()"
+    done = python("-c", blocked, "run", SIMPLE)
+    assert done.returncode == 1 and "FEniCSx is not installed" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_no_room_for_a_drawn_mesh_is_one_line(tmp_path: Path) -> None:
+    """No file may be longer than 1,000 bytes, once MPI has its own: nothing is written before the mesh is."""
+    limit = "import resource, pmr.fem.compat; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))"
+    command = ["pmr", "run", "workflows/boom_shell.toml", "--out", str(tmp_path)]
+    done = python("-c", f"{limit}; import sys; sys.argv = {command}; from pmr.cli.app import main; main()")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.count("\n") == 1 and "TMPDIR): File too large" in done.stderr
+
+
+def test_help_teaches(monkeypatch, capsys) -> None:
+    top, run = called(monkeypatch, capsys, "--help"), called(monkeypatch, capsys, "run", "--help")
+    assert "pmr run workflows/paper_simple.toml" in top.stdout
+    assert "--set reduction.coordinates=10" in run.stdout and "summary.json" in run.stdout
+
+
+@pytest.mark.slow
+def test_bad_input_ends_all_ranks() -> None:
+    done = pmr("run", SIMPLE, "--set", "reduction.snapshots=51", ranks=2)
+    assert done.returncode != 0 and "at most 50" in done.stderr
+
+
+@pytest.mark.slow
+def test_a_form_that_is_not_compiled_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The C compiler gives up, as it does where its output has no room."""
+    for name in ("CC", "LDSHARED"):
+        monkeypatch.setenv(name, "/bin/false")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    done = pmr("run", SIMPLE, "--out", str(tmp_path / "out"))
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.count("\n") == 1 and "a form was not compiled" in done.stderr

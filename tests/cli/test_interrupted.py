@@ -1,0 +1,109 @@
+"""A run that is killed, or has no room left, leaves the results that were there or its own, whole."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr.files.swap import finished
+from pmr.reduced.model import ReducedModel
+from pmr.results import RunResult
+
+SIMPLE = "workflows/paper_simple.toml"
+SHORT = ["--set", "mesh.elements=20", "--set", "time.step=0.01", "--set", "compare.against=['full']"]
+OLD, NEW = 19, 20  # coordinates
+#: Twenty kills take six minutes; `PMR_SWEEP=full` has them all.
+KILLS = 20 if os.environ.get("PMR_SWEEP") == "full" else 2
+#: The command where files may have so many bytes: enough for a reduced model, too few for trajectories.
+NO_ROOM = """
+import resource, sys
+from pmr.cli.app import main
+import pmr.fem.compat  # MPI has files of its own
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+sys.argv[0] = "pmr"
+main()
+"""
+
+
+def command(folder: Path, coordinates: int) -> list[str]:
+    return ["run", SIMPLE, "--out", str(folder), *SHORT, "--set", f"reduction.coordinates={coordinates}"]
+
+
+def ran(folder: Path, coordinates: int) -> None:
+    subprocess.run([sys.executable, "-m", "pmr", *command(folder, coordinates)], check=True, capture_output=True)
+
+
+def digests(folder: Path) -> dict[str, str]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def coordinates(folder: Path) -> set[int]:
+    """What each of the files in a folder says of their number."""
+    result = RunResult.load(folder)
+    found = {ReducedModel.load(folder / "reduced.npz").size, result.shapes.shapes.shape[1]}
+    found |= {result.scene.reduction.coordinates, result.summary["coordinates"]["reduced"]}
+    return found | {json.loads((folder / "scene.json").read_text())["reduction"]["coordinates"]}
+
+
+@pytest.fixture(scope="module")
+def old(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("old")
+    ran(folder, OLD)
+    (folder / "notes.txt").write_text("mine")
+    assert coordinates(folder) == {OLD}
+    return folder
+
+
+@pytest.mark.slow
+def test_a_run_may_be_killed_at_any_time(old: Path, tmp_path: Path) -> None:
+    rng = np.random.default_rng(19)
+    before, outcomes = digests(old), []
+    begin = time.perf_counter()
+    ran(tmp_path / "timed", NEW)
+    took = time.perf_counter() - begin
+    for k in range(KILLS):
+        folder = tmp_path / str(k)
+        shutil.copytree(old, folder)
+        process = subprocess.Popen([sys.executable, "-m", "pmr", *command(folder, NEW)], stdout=subprocess.DEVNULL)
+        if k % 2:  # while it writes
+            while process.poll() is None and not list(folder.glob(".pmr-new-*")):
+                time.sleep(0.0005)
+            time.sleep(rng.uniform(0.0, 0.05))
+        else:
+            time.sleep(took * rng.uniform())
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        finished(folder)
+        found = coordinates(folder)
+        outcomes.append(found)
+        assert found in ({OLD}, {NEW})
+        if found == {OLD}:
+            assert {name: value for name, value in digests(folder).items() if "checkpoint" not in name} == before
+        ran(folder, NEW)
+        assert coordinates(folder) == {NEW}
+        left = {path.name for path in folder.iterdir()}
+        assert left == {path.name for path in old.iterdir()}  # no rest of any of it, what was there beside is there
+    print(f"old {outcomes.count({OLD})}, new {outcomes.count({NEW})}")  # noqa: T201  (counts of a sweep)
+
+
+@pytest.mark.slow
+def test_no_room_is_one_line_and_leaves_the_old_results(old: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "full"
+    shutil.copytree(old, folder)
+    left = subprocess.run(
+        [sys.executable, "-c", NO_ROOM, *command(folder, NEW)], check=False, capture_output=True, text=True
+    )
+    assert left.returncode == 1
+    assert left.stderr == f"pmr: {folder} could not be written: File too large\n"
+    assert digests(folder) == digests(old)

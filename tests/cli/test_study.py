@@ -1,0 +1,209 @@
+"""The command ``pmr study``, and the batch scripts around it, as a user calls them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+from processes import called, python
+
+from pmr.studies.results import StudyResults
+
+ROOT = Path(__file__).parents[2]
+COORDINATES = ROOT / "workflows" / "studies" / "coordinates.toml"
+SMALL = f"""
+extends = "{COORDINATES}"
+[change]
+time.end = 0.5
+mesh.elements = 20
+slider.path = {{ kind = "ramp", times = [0.1, 0.4], values = [1.25, 1.6] }}
+[grid]
+reduction.support_rows = ["drop"]
+reduction.coordinates = [10, 20]
+"""
+
+
+def pmr(*arguments: str, ranks: int = 1) -> subprocess.CompletedProcess[str]:
+    return python("-m", "pmr", "study", *arguments, ranks=ranks)
+
+
+def tables(folder: Path) -> list[bytes]:
+    return [(folder / name).read_bytes() for name in ("runs.csv", "runs.npz")]
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study of two short runs."""
+    file = tmp_path_factory.mktemp("study") / "small.toml"
+    file.write_text(SMALL)
+    return file
+
+
+@pytest.fixture(scope="module")
+def done(small: Path) -> Path:
+    """Its results."""
+    folder = small.parent / "out"
+    finished = pmr(str(small), "--out", str(folder), "--jobs", "1")
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.splitlines() == [
+        f"table  {folder}/runs.csv",
+        f"report {folder}/report.html",
+        "2 of 2 runs are there; 9 tasks were computed now",
+    ]
+    assert finished.stderr == ""
+    return folder
+
+
+@pytest.mark.slow
+def test_a_study_leaves_what_the_help_says(done: Path) -> None:
+    expected = {"report.html", "report.pdf", "runs.csv", "runs.npz", "seconds.csv", "summary.json", "tasks"}
+    assert expected == {file.name for file in done.iterdir()}
+    results = StudyResults.load(done)
+    assert [run.key for run in results.runs] == ["support_rows=drop,coordinates=10", "support_rows=drop,coordinates=20"]
+    ten, twenty = results.column("errors.reduced_vs_full.beam")
+    assert 0.0 < twenty < 0.1 * ten
+
+
+@pytest.mark.slow
+def test_called_again_it_goes_on(small: Path, done: Path) -> None:
+    before = tables(done)
+    again = pmr(str(small), "--out", str(done))
+    assert again.returncode == 0 and "2 of 2 runs are there; 0 tasks" in again.stdout
+    assert tables(done) == before
+
+
+@pytest.mark.slow
+def test_runs_can_be_named_and_computed_one_by_one(small: Path, done: Path) -> None:
+    names = [f"support_rows=drop,coordinates={r}" for r in (10, 20)]
+    assert pmr(str(small), "--list").stdout.split() == names
+    before = tables(done)
+    one = pmr(str(small), "--out", str(done), "--only", names[1])
+    assert one.returncode == 0 and one.stdout == "1 of 1 runs are there; 0 tasks were computed now\n"
+    assert tables(done) == before
+
+
+@pytest.mark.slow
+def test_a_failing_run_leaves_exit_code_1_and_the_other_runs(small: Path, done: Path) -> None:
+    more = "change.reduction.snapshots=21"  # more than the mesh has nodes for
+    failed = pmr(str(small), "--out", str(done.with_name("failed")), "--set", more, "--jobs", "1")
+    assert failed.returncode == 1 and "0 of 2 runs are there" in failed.stdout
+    assert "skipped: support_rows=drop,coordinates=10: needs modes-21x6-0-" in failed.stderr
+    assert "at most 20 fit on the mesh's nodes" in failed.stderr and "Traceback" not in failed.stderr
+    assert (done.with_name("failed") / "runs.csv").read_text().count("skipped") == 2
+
+
+BAD = [
+    (["nowhere.toml"], "nowhere.toml: no such study file"),
+    ([str(COORDINATES), "--set", "grid.reduction.modes=[0]"], "--set: grid.reduction.modes = 0: input should be"),
+    ([str(COORDINATES), "--out", "pyproject.toml"], "a folder that can be written to"),
+    ([str(COORDINATES), "--only", "coordinates=10"], "no such run; did you mean 'support_rows="),
+]
+
+
+@pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a[-2:]) for a, _ in BAD])
+def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str, monkeypatch, capsys) -> None:
+    done = called(monkeypatch, capsys, "study", *arguments)
+    assert done.returncode == 2
+    assert done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
+    assert says in done.stderr
+
+
+@pytest.mark.slow
+def test_bad_input_is_said_once_on_several_ranks() -> None:
+    done = pmr("nowhere.toml", ranks=2)
+    assert done.returncode != 0 and done.stderr.count("no such study file") == 1
+    with_jobs = pmr(str(COORDINATES), "--jobs", "2", ranks=2)
+    assert with_jobs.returncode != 0 and "--jobs = 2: under MPI all ranks but" in with_jobs.stderr
+
+
+@pytest.mark.slow
+def test_ranks_make_the_same_table(small: Path, done: Path, tmp_path: Path) -> None:
+    finished = python("-m", "mpi4py.futures", "-m", "pmr", "study", str(small), "--out", str(tmp_path), ranks=2)
+    assert finished.returncode == 0, finished.stderr
+    assert tables(tmp_path) == tables(done)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("when", [0.3, 0.7])
+def test_killed_and_started_again_it_makes_the_same_table(small: Path, done: Path, tmp_path: Path, when: float) -> None:
+    command = [sys.executable, "-m", "pmr", "study", str(small), "--out", str(tmp_path), "--jobs", "1"]
+    child = subprocess.Popen(command)
+    deadline = time.monotonic() + 100.0
+    while len(list(tmp_path.glob("tasks/*.npz"))) < when * 9 and time.monotonic() < deadline:
+        time.sleep(0.002)
+    os.kill(child.pid, signal.SIGKILL)
+    child.wait()
+    there = len(list(tmp_path.glob("tasks/*.npz")))
+    assert 0 < there < 9
+    again = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    computed = int(again.stdout.split(";")[1].split()[0])
+    assert computed <= 9 - there
+    assert tables(tmp_path) == tables(done)
+
+
+@pytest.mark.slow
+def test_interrupted_by_the_keyboard_it_says_how_to_go_on(small: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "pmr", "study", str(small), "--out", str(tmp_path)]
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs inherit a deaf ear
+    child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
+    deadline = time.monotonic() + 100.0
+    while not list(tmp_path.glob("tasks/*.npz")) and time.monotonic() < deadline:
+        time.sleep(0.002)
+    child.send_signal(signal.SIGINT)
+    _, told = child.communicate(timeout=60)
+    assert child.returncode == 130 and told == "interrupted; the same command goes on from here\n"
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> dict[str, str]:
+    """With `pmr`, `python` and `mpiexec` of this stack on PATH."""
+    command = tmp_path / "bin" / "pmr"
+    command.parent.mkdir()
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pmr "$@"\n')
+    command.chmod(0o755)
+    path = [str(command.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
+    return {**os.environ, "PATH": os.pathsep.join(path)}
+
+
+def script(*command: str, cwd: Path, env: dict[str, str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600, cwd=cwd, env=env)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_the_plain_loop_makes_the_same_table(
+    small: Path, done: Path, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    script("sh", str(ROOT / "workflows" / "study.sh"), str(small), "out", cwd=tmp_path, env=environment)
+    assert tables(tmp_path / "out") == tables(done)
+
+
+@pytest.mark.slow
+def test_snakemake_makes_the_same_table(small: Path, done: Path, tmp_path: Path, environment: dict[str, str]) -> None:
+    own = ROOT / ".venv-snakemake" / "bin" / "snakemake"
+    snakemake = str(own) if own.exists() else shutil.which("snakemake")
+    if snakemake is None:
+        pytest.skip("Snakemake is not installed: make test-suite does it")
+    options = ["--cores", "2", "--config", f"study={small}", "out=out"]
+    script(snakemake, "--snakefile", str(ROOT / "workflows" / "Snakefile"), *options, cwd=tmp_path, env=environment)
+    assert tables(tmp_path / "out") == tables(done)
+
+
+@pytest.mark.slow
+def test_the_slurm_script_makes_the_same_table_under_mpiexec(
+    small: Path, done: Path, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    text = (ROOT / "workflows" / "study.slurm").read_text()
+    settings = [line for line in text.splitlines() if line.startswith("#SBATCH")]
+    first_command = text.index("set -euo")
+    assert all(text.index(line) < first_command for line in settings) and "#SBATCH --requeue" in settings
+    with_mpi = environment | {"PMR_LAUNCH": "mpiexec -n 2"}
+    script("bash", str(ROOT / "workflows" / "study.slurm"), str(small), "out", cwd=tmp_path, env=with_mpi)
+    assert tables(tmp_path / "out") == tables(done)

@@ -1,0 +1,123 @@
+"""What the estimate of a scene does not cover is named: loads beyond the enrichment modes, if there are any."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oracle import full_body, inertial
+
+from pmr.compare import coverage
+from pmr.compare.coverage import NEVER, highest_known, not_covered
+from pmr.compare.estimate import estimate
+from pmr.report import sentences
+from pmr.run import run
+from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
+from pmr.simulate import TimeStepping
+
+MODEL = inertial(full_body(20), 9, enrichment=6)  # the highest enrichment mode is at 179 Hz, at the steps at 163 Hz
+STEPPING = TimeStepping(2.0, 1e-3)
+
+
+def test_the_highest_frequency_known_is_that_of_the_steps() -> None:
+    assert MODEL.enrichment is not None
+    true = float(np.sqrt(MODEL.enrichment.stiffness[-1])) / (2.0 * np.pi)
+    assert highest_known(MODEL, TimeStepping(1.0, 1e-5)) == pytest.approx(true, rel=1e-4)
+    omega, h = 2.0 * np.pi * true, 1e-3
+    # the trapezoidal rule keeps all energy and turns a mode by 2 atan(omega h / 2) in a step
+    step = np.linalg.solve([[1.0, -h / 2], [omega**2 * h / 2, 1.0]], [[1.0, h / 2], [-(omega**2) * h / 2, 1.0]])
+    turned = abs(float(np.angle(np.linalg.eigvals(step)[0])))
+    assert highest_known(MODEL, STEPPING) == pytest.approx(turned / (2.0 * np.pi * h), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        Constant(amount=3.0),
+        Sine(amplitude=1.0, frequency=100.0),
+        Sine(amplitude=1.0, frequency=1010.0),  # 10 Hz at the steps, which another warning says
+        Chirp(amplitude=1.0, times=(0.0, 2.0), frequencies=(0.5, 120.0)),
+        Step(time=0.3, after=1.0),
+        Ramp(times=(0.1, 0.5, 0.6), values=(0.0, 1.0, 0.5)),
+        SmoothRamp(times=(0.1, 0.11, 0.12), values=(0.0, 1.0, 0.0)),
+    ],
+    ids=lambda signal: signal.kind,
+)
+def test_what_the_enrichment_know_is_covered(signal: Signal) -> None:
+    assert not_covered(MODEL, [("load F", signal)], STEPPING) == [NEVER] and coverage.warnings([NEVER]) == []
+
+
+NOISE = Table(times=tuple(np.linspace(0.0, 2.0, 2001)), values=tuple(np.random.default_rng(1).normal(size=2001)))
+
+
+@pytest.mark.parametrize(
+    ("signal", "said"),
+    [
+        (Sine(amplitude=1.0, frequency=197.0), "load F, 197 Hz, excites beyond the highest enrichment mode, 163"),
+        (Sum(terms=(Constant(amount=1e6), Sine(amplitude=1.0, frequency=197.0))), "load F, 197 Hz"),
+        (Chirp(amplitude=1.0, times=(0.0, 2.0), frequencies=(1.0, 300.0)), "load F, 300 Hz"),
+        (Sine(amplitude=1.0, frequency=803.0), "load F, 803 Hz"),  # 197 Hz at the steps
+        (SmoothRamp(times=(0.1, 0.1025, 0.105), values=(0.0, 1.0, 0.0)), "% of it above the highest enrichment mode"),
+        (NOISE, "% of it above the highest enrichment mode"),
+    ],
+    ids=lambda value: getattr(value, "kind", ""),
+)
+def test_a_load_beyond_the_enrichment_is_named(signal: Signal, said: str) -> None:
+    quiet = ("the slider's path", Constant(amount=2.0))
+    clause, last = not_covered(MODEL, [quiet, ("load F", signal)], STEPPING)
+    assert said in clause and last == NEVER
+    assert coverage.warnings([clause, last]) == [f"the error may be larger than its estimate: {clause}"]
+
+
+def test_more_enrichment_cover_more() -> None:
+    tone = [("load F", Sine(amplitude=1.0, frequency=197.0))]
+    assert len(not_covered(MODEL, tone, STEPPING)) == 2
+    assert not_covered(inertial(full_body(20), 9, enrichment=12), tone, STEPPING) == [NEVER]
+
+
+@pytest.mark.slow
+def test_damping_that_couples_modes_is_not_covered_but_estimated_without() -> None:
+    slightly = np.zeros((9, 9))
+    slightly[4, 5] = slightly[5, 4] = 1e-7
+    model = replace(MODEL, D=0.1 * np.eye(9) + slightly)
+    assert not_covered(model, [], STEPPING) == [
+        "the damping of modes beyond the enrichment modes, which couples these",
+        NEVER,
+    ]
+    found = estimate(model, Constant(amount=2.0), Sine(amplitude=1.0, frequency=3.0), TimeStepping(0.2, 1e-3))
+    assert found.by == "enrichment" and found.beam > 0.0
+
+
+SHORT = ["time.end=0.4", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.3],values=[1.25,1.6]}"]
+TONE = "loads=[{name='F',at=5.0,signal={kind='sum',terms=[10.0,{kind='sine',amplitude=50.0,frequency=197.0}]}}]"
+
+
+@pytest.mark.parametrize("load", [[], [TONE]])
+def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> None:
+    outcome = run(load_scene("evolved_residual", [*SHORT, *load, "simulation.simulators=['march']"]))
+    assert outcome is not None
+    summary, text = outcome.result.summary, sentences.paragraph(outcome.result, [])
+    left_out = summary["estimate"]["not_covered"]
+    assert left_out[-1] == NEVER and NEVER in sentences.estimate(outcome.result) and NEVER in text
+    assert (len(left_out) == 2) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
+    assert all(clause in text for clause in left_out)
+
+
+def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch) -> None:
+    from pmr.errors import SimulationError
+
+    def fails(*_: object) -> None:
+        raise SimulationError("march failed at step 7")
+
+    monkeypatch.setattr("pmr.run.estimate.estimate", fails)
+    outcome = run(load_scene("evolved_residual", [*SHORT, "simulation.simulators=['march']", "compare.against=[]"]))
+    assert outcome is not None
+    found = outcome.result.summary["estimate"]
+    assert found["beam"] is None and found["reason"] == "march failed at step 7"
+    assert "march failed at step 7" in sentences.estimate(outcome.result)
+
+
+def test_without_tones_and_steps_there_is_no_share() -> None:
+    still = replace(STEPPING, end=1e-3)
+    assert not_covered(MODEL, [("load F", NOISE)], still) == [NEVER]

@@ -1,0 +1,141 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.interpolate import PPoly
+
+from pmr.compare.errors import absolute_error, errors, nrms
+from pmr.compare.evaluation import respond
+from pmr.errors import SimulationError
+from pmr.reduced.model import ReducedModel
+from pmr.results import Energy, Response
+from pmr.simulate.balance import energy
+from pmr.system.body import Trajectory
+
+T = np.linspace(0.0, 1.0, 1001)
+
+
+def test_nrms_is_the_mean_over_components_of_relative_rms() -> None:
+    reference = np.stack([np.sin(2 * np.pi * T), 3.0 * np.cos(2 * np.pi * T)], axis=1)
+    signal = reference * [1.01, 0.97]
+    assert nrms(signal, reference) == pytest.approx((0.01 + 0.03) / 2)
+    assert nrms(signal[:, 0], reference[:, 0]) == pytest.approx(0.01)
+
+
+def test_components_that_do_not_move_are_left_out() -> None:
+    reference = np.stack([np.sin(T), 1e-11 * np.ones_like(T)], axis=1)
+    signal = reference + [[0.0, 1.0]]
+    assert nrms(signal, reference) == 0.0
+    assert nrms(signal[:, 1], reference[:, 1]) == 1.0 and nrms(reference[:, 1], reference[:, 1]) == 0.0
+
+
+@pytest.mark.parametrize("size", [5e-324, 1e-300, 1e-12, 1e-5, 1.0, 1e5, 1e150, 1e300])
+def test_nrms_does_not_depend_on_the_unit(size: float) -> None:
+    """But for the smallest number there is, of which a percentage is none: it is off or it isn't."""
+    reference = np.stack([0.0 * T, np.sin(9.0 * T), 0.1 * np.cos(7.0 * T)], axis=1)  # the first one is pinned
+    signal = reference * [1.0, 1.25, 0.5]
+    off = nrms(size * signal, size * reference)
+    assert off > 0.3 if size < 1e-310 else off == pytest.approx((0.25 + 0.5) / 2.0)
+    assert nrms(size * reference, size * reference) == 0.0
+    assert nrms(size * signal, 0.0 * reference) == 1.0 and nrms(0.0 * reference, 0.0 * reference) == 0.0
+
+
+def test_what_is_so_small_beside_the_rest_that_it_may_be_round_off_does_not_count() -> None:
+    reference = np.stack([np.sin(9.0 * T), 0.9e-6 * np.sin(9.0 * T), 1.1e-6 * np.sin(9.0 * T)], axis=1)
+    assert nrms(reference * [1.0, 2.0, 1.1], reference) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("measure", [nrms, absolute_error])
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_is_no_error_of_zero(measure, wrong: float) -> None:
+    reference = np.sin(9.0 * T)[:, None]
+    broken = reference.copy()
+    broken[-1] = wrong
+    for pair in ((broken, reference), (reference, broken), (broken, broken)):
+        with pytest.raises(SimulationError, match="not finite"):
+            measure(*pair)
+
+
+def test_norms_of_huge_differences_are_numbers_or_refused() -> None:
+    assert absolute_error(np.array([3e200, 4e200]), np.zeros(2)) == pytest.approx(5e200)
+    assert absolute_error(np.array([3e-200, 4e-200]), np.zeros(2)) == pytest.approx(5e-200)
+    with pytest.raises(SimulationError, match="not finite"):
+        absolute_error(np.full(4, 1.5e308), np.full(4, -1.5e308))
+
+
+def test_nrms_is_capped_at_one() -> None:
+    assert nrms(-5.0 * np.sin(T), np.sin(T)) == 1.0
+
+
+def test_shapes_must_agree() -> None:
+    with pytest.raises(ValueError, match="differ"):
+        nrms(np.zeros((5, 1)), np.ones((5, 2)))
+
+
+def test_absolute_error_is_the_euclidean_norm_over_time() -> None:
+    assert absolute_error(np.array([1.0, 2.0, 4.0]), np.array([1.0, 0.0, 0.0])) == pytest.approx(np.sqrt(20.0))
+
+
+def response(scale: float) -> Response:
+    w = scale * np.stack([0 * T, np.sin(9 * T), np.sin(7 * T)], axis=1)
+    nothing = np.zeros_like(T)
+    force = scale**2 * np.sin(8 * T)[:, None]
+    return Response(T, np.arange(3.0), w, Energy(nothing, nothing, nothing), force, nothing, nothing, 0.0)
+
+
+def test_all_pairs_are_compared_the_later_one_being_the_reference() -> None:
+    found = errors({"ancf": response(1.0), "full": response(1.1), "reduced": response(1.21)})
+    assert set(found) == {"reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"}
+    assert found["reduced_vs_full"] == pytest.approx({"tip": 0.1, "beam": 0.1, "slider_force": 0.21})
+    assert found["reduced_vs_ancf"]["tip"] == pytest.approx(0.21)
+    absolute = errors({"full": response(1.0), "reduced": response(1.5)}, absolute_error)["reduced_vs_full"]
+    assert absolute["tip"] == pytest.approx(0.5 * np.linalg.norm(np.sin(7 * T)))
+    assert set(errors({"full": response(1.0), "reduced": response(1.0)})) == {"reduced_vs_full"}
+
+
+@pytest.fixture
+def model() -> ReducedModel:
+    """Two coordinates whose one row is p0 + s p1."""
+    rows = PPoly(np.array([[[[0.0, 1.0]]], [[[1.0, 0.0]]]]), [0.0, 2.0])
+    M, K = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([[4.0, 1.0], [1.0, 3.0]])
+    return ReducedModel(
+        M, np.zeros((2, 2)), K, np.array([[1.0], [2.0]]), np.eye(2), rows, ("F",), ("slider",), np.arange(2.0)
+    )
+
+
+def trajectory(s: np.ndarray) -> Trajectory:
+    """p = (-s p1, p1), which keeps the row; s moves at 1 m/s."""
+    q = np.stack([-s * np.sin(T), np.sin(T)], axis=1)
+    v = np.stack([-np.sin(T) - s * np.cos(T), np.cos(T)], axis=1)
+    return Trajectory(T, q, v, np.full((len(T), 1), 7.0), s, seconds=1.5)
+
+
+def test_residuals_vanish_for_a_consistent_motion_and_only_for_it(model: ReducedModel) -> None:
+    s = 0.5 + T
+    exact = respond(model, trajectory(s), np.ones_like(T), np.ones((len(T), 1)))
+    assert exact.residual_position.max() < 1e-15 and exact.residual_velocity.max() < 1e-14
+    assert exact.slider_force[:, 0] == pytest.approx(7.0) and exact.seconds == 1.5
+    assert exact.displacement == pytest.approx(trajectory(s).q)
+    still = respond(model, trajectory(s), np.zeros_like(T), np.ones((len(T), 1)))
+    assert still.residual_velocity == pytest.approx(np.abs(np.sin(T)))  # the missing term, s' C'(s) q
+    off = respond(model, Trajectory(**{**vars(trajectory(s)), "s": s + 0.1}), np.ones_like(T), np.ones((len(T), 1)))
+    assert off.residual_position == pytest.approx(0.1 * np.sin(T))
+
+
+@pytest.mark.parametrize("matrix", [np.asarray, sp.csr_matrix])
+def test_energies(model: ReducedModel, matrix) -> None:
+    body = ReducedModel(**{**vars(model), "M": matrix(model.M), "K": matrix(model.K)})
+    motion, F = trajectory(0.5 + T), np.full((len(T), 1), 3.0)
+    e = energy(body, motion, F)
+    q, v = motion.q[400], motion.v[400]
+    assert e.kinetic[400] == pytest.approx(v @ model.M @ v / 2)
+    assert e.strain[400] == pytest.approx(q @ model.K @ q / 2)
+    assert e.external[400] == pytest.approx(-3.0 * (q[0] + 2.0 * q[1]))
+    assert e.total == pytest.approx(e.kinetic + e.strain + e.external)
+
+
+def test_energies_that_overflow_are_refused(model: ReducedModel) -> None:
+    huge = Trajectory(**{**vars(trajectory(0.5 + T)), "q": 1e300 * trajectory(0.5 + T).q})
+    with pytest.raises(SimulationError, match="too large to be computed with"):
+        respond(model, huge, np.ones_like(T), np.ones((len(T), 1)))

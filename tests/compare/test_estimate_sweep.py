@@ -1,0 +1,76 @@
+"""The error estimate against the truth on random scenes.
+
+Twelve scenes as a rule; ``PMR_SWEEP=full`` takes 200.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from random_scenes import random_scene
+
+from pmr.compare import estimate as estimates
+from pmr.compare.responses import excitation, simulate_reduced, simulate_reference
+from pmr.fem.compat import MPI
+from pmr.fullmodel.build import build
+from pmr.reduce.from_scene import take_snapshots
+from pmr.run import reduce_with
+
+Array = NDArray[np.float64]
+SEEDS = range(200) if os.environ.get("PMR_SWEEP") == "full" else range(12)
+#: Below this share of the motion the two models differ by round-off of the full one's stiffness too.
+SMALLEST = 1e-6
+
+
+@dataclass(frozen=True)
+class Case:
+    """Errors of one scene, as fractions of the full model's motion along the beam.
+
+    `said` by the estimate, `true`; `seen`, that of the estimate without its margin, and `unseen`, of the run it is made
+    with; `largest` of the latter of all places.
+    """
+
+    seed: int
+    said: float
+    true: float
+    seen: float
+    unseen: float
+    largest: float
+
+
+def case(seed: int) -> Case:
+    scene = random_scene(seed)
+    model = build(scene, MPI.COMM_SELF).model
+    reduced = reduce_with(scene, model, take_snapshots(scene, model)).reduced
+    full = simulate_reference("full", scene, model.gather()).displacement
+    own = simulate_reduced(scene, reduced).displacement
+    found = estimates.estimate(reduced, *excitation(scene))
+    moves = np.sqrt(np.mean(full**2, axis=0))
+    counted = moves > 1e-6 * moves.max()
+
+    def shares(x: Array) -> Array:
+        return np.sqrt(np.mean(x**2, axis=0))[counted] / moves[counted]
+
+    error = own - full
+    parts = (float(shares(x).mean()) for x in (error, found.error, error + found.error))
+    return Case(seed, found.beam, *parts, largest=float(shares(error + found.error).max()))
+
+
+@pytest.mark.slow
+def test_the_estimate_is_above_the_error_wherever_its_second_run_is_good_enough() -> None:
+    r"""With e the error, d what is seen of it and u = e + d what is not, |e| <= |d| + |u|.
+
+    The estimate is 1.25 |d| in the units of the second run's motion, at most 1 + max u_i of the full one.  So it
+    exceeds the error for certain where 1.25 |d| >= (1 + max u_i) (|d| + |u|).
+    """
+    cases = [one for one in map(case, SEEDS) if one.true > SMALLEST]
+    told = "\n".join(f"{one.seed}: {one.said / one.true:.2f}, {one.true:.1e}, {one}" for one in cases)
+    for one in cases:
+        assert abs(one.seen - one.true) <= one.unseen * (1.0 + 1e-9), told
+    certain = [one for one in cases if 1.25 * one.seen >= (1.0 + one.largest) * (one.seen + one.unseen)]
+    assert len(certain) >= 0.7 * len(cases), told
+    assert all(one.said >= one.true for one in certain), told

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from oracle import flexible, full_body
+from scipy.interpolate import PPoly
+from textbook import CLOSED_FORM
+
+from pmr.compare.frequencies import closed_form_frequencies, reduced_frequencies
+from pmr.reduced.model import ReducedModel
+
+
+def test_reduced_frequencies_are_those_of_the_held_system() -> None:
+    """Three masses of 1 kg on springs of 1, 4 and 9 N/m; the row holds one after the other."""
+    c = np.zeros((1, 3, 1, 3))
+    for interval in range(3):
+        c[0, interval, 0, interval] = 1.0
+    rows = PPoly(c, [0.0, 1.0, 2.0, 3.0])
+    I = np.eye(3)
+    model = ReducedModel(I, 0 * I, np.diag([1.0, 4.0, 9.0]), I[:, :1], I, rows, ("F",), ("slider",), np.arange(3.0))
+    found = reduced_frequencies(model, np.array([0.5, 1.5, 2.5]), 3)
+    assert found[:, :2] == pytest.approx(np.array([[2.0, 3.0], [1.0, 3.0], [1.0, 2.0]]))
+    assert np.all(np.isnan(found[:, 2]))
+
+
+def test_rows_that_give_way_are_springs() -> None:
+    """Two free masses of 1 kg, one on a pad of 25 N/m, the other held."""
+    c = np.zeros((1, 1, 2, 2))
+    c[0, 0] = np.eye(2)
+    I = np.eye(2)
+    model = ReducedModel(
+        I, 0 * I, 0 * I, I[:, :1], I, PPoly(c, [0.0, 1.0]), ("F",), ("pad", "pin"), np.arange(2.0),
+        pads=np.array([1.0 / 25.0, 0.0]),
+    )  # fmt: skip
+    assert reduced_frequencies(model, np.array([0.5]), 1) == pytest.approx(np.array([[5.0]]))
+
+
+def test_frequencies_of_a_model_with_residual_flexibility_are_those_of_the_full_one() -> None:
+    s = np.array([1.25, 2.45, 3.7])
+    model = flexible(full_body(elements=40), 10)
+    omega = reduced_frequencies(model, s, 2)
+    assert omega[0] == pytest.approx(CLOSED_FORM[1.25][:2], rel=1e-5)
+    assert np.isfinite(omega).all()
+
+
+def test_closed_form_where_there_is_one(load_scene) -> None:
+    s = np.array([1.25, 2.5])
+    bar = np.pi / 10.0 * np.sqrt(2e7 / 78.0)  # between the third and the fourth of bending
+    assert closed_form_frequencies(load_scene(), s, 4)[0, 3] == pytest.approx(bar)
+    assert closed_form_frequencies(load_scene(), s, 3) == pytest.approx(np.array([CLOSED_FORM[1.25], CLOSED_FORM[2.5]]))
+    for change in ("supports=[{at=0.0,kind='clamped'}]", "slider.offsets=[0.0,0.1]"):
+        scene = load_scene("paper_simple", [change, "compare.against=[]", "reduction.coordinates=25"])
+        assert closed_form_frequencies(scene, s, 3).shape == (2, 0)

@@ -1,0 +1,63 @@
+"""References of a scene, by whichever simulator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pmr.compare.references import reference, references
+from pmr.compare.responses import MARCHED_UP_TO, full_simulator
+from pmr.fem.compat import MPI
+from pmr.fullmodel.model import full_model
+
+SHORT = ("time.end=0.04", "mesh.elements=20", "slider.path={kind='ramp',times=[0.01,0.03],values=[1.25,1.3]}")
+
+
+@pytest.mark.mpi
+def test_the_full_model_moves_alike_by_all_that_simulate_it(load_scene) -> None:
+    found = {}
+    for simulator in ("march", "exudyn", "petsc"):
+        scene = load_scene("paper_evolved", [*SHORT, f"simulation.full={simulator}", "compare.against=['full']"])
+        found[simulator] = references(scene, full_model(scene)).responses
+    if MPI.COMM_WORLD.rank > 0:
+        assert found["march"] == found["exudyn"] == {}
+        return
+    expected = found["march"]["full"]
+    size = np.abs(expected.displacement).max()
+    assert size > 1e-6
+    for simulator in ("exudyn", "petsc"):
+        response = found[simulator]["full"]
+        np.testing.assert_allclose(response.displacement, expected.displacement, rtol=0.0, atol=1e-6 * size)
+        scale = np.abs(expected.energy.strain).max()
+        np.testing.assert_allclose(response.energy.total, expected.energy.total, rtol=0.0, atol=1e-6 * scale)
+        np.testing.assert_array_equal(response.t, expected.t)
+        np.testing.assert_array_equal(response.x, expected.x)
+
+
+def test_the_cable_is_one_too(load_scene) -> None:
+    scene = load_scene("paper_evolved", [*SHORT, "compare.ancf_elements=4", "compare.against=['full','ancf']"])
+    model = full_model(scene)
+    found = references(scene, model).responses
+    assert list(found) == ["full", "ancf"]
+    np.testing.assert_array_equal(found["ancf"].x, model.output_positions)
+    assert references(load_scene("paper_evolved", [*SHORT, "compare.against=[]"]), model).responses == {}
+    assert reference("full", scene, model) is not None
+
+
+@pytest.mark.parametrize(("size", "chosen"), [(MARCHED_UP_TO, "march"), (MARCHED_UP_TO + 1, "petsc")])
+def test_the_size_decides_unless_the_scene_does(load_scene, size: int, chosen: str) -> None:
+    assert full_simulator(load_scene("paper_simple"), size) == chosen
+    assert full_simulator(load_scene("paper_simple", ["simulation.full=exudyn"]), size) == "exudyn"
+
+
+@pytest.mark.mpi
+def test_states_are_the_same_by_all_that_know_them(load_scene) -> None:
+    found, steps = {}, [0, 20, 40]
+    for simulator in ("march", "petsc"):
+        scene = load_scene("paper_evolved", [*SHORT, f"simulation.full={simulator}", "compare.against=['full']"])
+        model = full_model(scene)
+        found[simulator] = references(scene, model, steps=steps).states
+        assert found[simulator].shape == (3, model.M.getLocalSize()[0])
+    size = MPI.COMM_WORLD.allreduce(np.abs(found["march"]).max(), op=MPI.MAX)
+    assert size > 1e-6
+    np.testing.assert_allclose(found["petsc"], found["march"], rtol=0.0, atol=1e-6 * size)

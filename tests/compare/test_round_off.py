@@ -1,0 +1,73 @@
+"""What is left of motions and forces that cancel or that nothing drives is nobody's error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import PPoly
+
+from pmr import scene as scenes
+from pmr.compare.errors import force_round_off, round_off
+from pmr.compare.evaluation import respond
+from pmr.reduced.model import ReducedModel
+from pmr.run import run
+from pmr.scene.signals import Constant
+from pmr.simulate import TimeStepping
+from pmr.simulate.native import simulator as march
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+ALONG = {
+    "planar": (
+        "evolved_residual.toml",
+        "loads=[{name='X',at=5.0,direction='x',signal=1e3}]",
+        "mesh.elements=20",
+        "simulation.simulators=['march']",
+        "time.end=6.0",
+    ),
+    "space": ("boom.toml", "loads=[]", "gravity.direction=[-1.0,0.0,0.0]", "body.model=beam3d", "mesh.elements=12"),
+}
+
+
+def two_springs(turned: float) -> ReducedModel:
+    """A load along one spring, an output and a slider along the other; coordinates turned by an angle in rad."""
+    c, s = np.cos(turned), np.sin(turned)
+    T = np.array([[c, -s], [s, c]])
+    K, row = T.T @ np.diag([2e4, 3e4]) @ T, np.array([[0.0, 1.0]]) @ T
+    pieces = PPoly(np.stack([0.1 * row, 0.95 * row])[:, None], [0.0, 1.0])  # the row at s = 0.5 m
+    return ReducedModel(
+        np.eye(2), np.zeros((2, 2)), K, T.T[:, :1], row, pieces, ("F",), ("slider",), np.zeros(1), pads=np.array([1e-5])
+    )
+
+
+def test_round_off_is_that_of_the_body_not_of_its_coordinates() -> None:
+    loads = np.array([[3.0], [-7.0]])
+    w2 = (2.0 * np.pi / 5.0) ** 2
+    exact = 7e-12 / np.sqrt((2e4 + w2) * (3e4 + w2))
+    for turned in (0.0, 1e-3, 0.7):
+        assert round_off(two_springs(turned), loads, 5.0) == pytest.approx(exact, rel=1e-9, abs=0.0)
+    assert round_off(two_springs(0.7), 1e-200 * loads, 5.0) == pytest.approx(1e-200 * exact, rel=1e-9, abs=0.0)
+
+
+def test_forces_have_a_round_off_too() -> None:
+    model, stepping = two_springs(0.7), TimeStepping(1.0, 1e-3)
+    motion = march.simulate(model, Constant(amount=0.5), Constant(amount=7.0), stepping)
+    f, w2 = np.full((1001, 1), 7.0), (2.0 * np.pi) ** 2
+    least = 7e-11 / np.sqrt(2e4 + w2) / np.sqrt(1.0 / (3e4 + w2) + 1e-5)
+    assert force_round_off(model, f, 1.0, 0.5) == pytest.approx(least, rel=1e-9, abs=0.0)
+    response = respond(model, motion, np.zeros(1001), f)
+    assert np.abs(response.slider_force).max() < response.force_round_off == pytest.approx(least, rel=1e-9, abs=0.0)
+    assert np.abs(response.displacement).max() < response.round_off
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ALONG)
+def test_a_load_along_the_axis_bends_nothing(name: str) -> None:
+    """A mast under its weight: no error, no step too coarse, no pad that is pulled."""
+    file, *changes = ALONG[name]
+    outcome = run(scenes.load(WORKFLOWS / file, changes))
+    assert outcome is not None
+    summary = outcome.result.summary
+    assert set(summary["errors"]["reduced_vs_full"].values()) == {0.0}
+    assert (summary["estimate"]["beam"], summary["step"]["beam"], summary["warnings"]) == (0.0, 0.0, [])

@@ -1,0 +1,225 @@
+"""The error of the time step, against runs with far smaller steps, closed forms, and another simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from oracle import flexible, full_body, inertial, paper_basis, project, rich_body
+
+from pmr.compare.errors import relative_error
+from pmr.compare.halved_steps import Ladder
+from pmr.compare.step_advice import summary, warnings
+from pmr.compare.step_error import LIMIT, StepError, step_error
+from pmr.errors import SimulationError
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import with_kept_inertia
+from pmr.report import sentences
+from pmr.report.case import Case
+from pmr.report.document import case
+from pmr.run import run
+from pmr.scene.signals import Chirp, Constant, SignalBase, Sine, SmoothRamp, Sum
+from pmr.simulate import TimeStepping, exudyn
+from pmr.simulate.native import simulator as march
+from pmr.simulate.stepping import Loads, loads_at, one_for_each
+from pmr.system.body import displacement
+
+Array = NDArray[np.float64]
+PATH = SmoothRamp(times=(0.1, 0.8), values=(1.5, 3.0))
+SLOW = Sine(amplitude=50.0, frequency=2.0)
+REST = Constant(amount=2.0)
+
+
+def outputs(model: ReducedModel, path: SignalBase, loads: Loads, stepping: TimeStepping, simulate=march.simulate):
+    run_ = simulate(model, path, loads, stepping)
+    f = loads_at(one_for_each(loads, model.input_names), run_.t)
+    return displacement(model, run_.q, run_.s, run_.deforming, f)
+
+
+def true_error(model: ReducedModel, path: SignalBase, loads: Loads, stepping: TimeStepping, finer: int) -> float:
+    fine = TimeStepping(stepping.end, stepping.step / finer, stepping.rho_inf)
+    y, reference = (outputs(model, path, loads, one) for one in (stepping, fine))
+    return relative_error(y, reference[::finer])
+
+
+FULL = full_body(12)
+MODELS = {
+    "residual flexibility": (flexible(FULL, 5), SLOW),
+    "inertia kept": (with_kept_inertia(inertial(FULL, 5)), SLOW),
+    "rigid rows": (project(FULL, paper_basis(FULL, 3, 4, 9)), SLOW),
+    "two sliders, damped": (flexible(rich_body(), 6), (SLOW, Constant(amount=20.0))),
+}
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
+@pytest.mark.parametrize("name", MODELS)
+def test_it_is_the_error_against_far_smaller_steps(name: str, step: float) -> None:
+    model, loads = MODELS[name]
+    stepping = TimeStepping(1.0, step)
+    found = step_error(model, PATH, loads, stepping)
+    assert found.settled and found.by == "motion" and found.finest <= step / 4
+    # what settles is known to a quarter, and what is left out beyond the finest run is as small
+    assert found.beam == pytest.approx(true_error(model, PATH, loads, stepping, round(2e-2 / 1e-3) * 8), rel=0.3)
+    assert found.seconds > 0.0 and found.largest is not None and found.largest > 0.0
+
+
+def test_exudyn_makes_the_same_error(load_scene) -> None:
+    model, stepping = MODELS["residual flexibility"][0], TimeStepping(0.4, 1e-2)
+    by_exudyn = outputs(model, PATH, SLOW, stepping, exudyn.simulate)
+    fine = outputs(model, PATH, SLOW, TimeStepping(0.4, 1e-2 / 64))[::64]
+    assert step_error(model, PATH, SLOW, stepping).beam == pytest.approx(relative_error(by_exudyn, fine), rel=0.3)
+
+
+def test_a_coarse_step_is_said_with_the_band_of_load_and_motion() -> None:
+    model, stepping = MODELS["residual flexibility"][0], TimeStepping(10.0, 0.5)
+    load = Chirp(amplitude=50.0, times=(0.0, 10.0), frequencies=(0.5, 5.0))
+    found = step_error(model, REST, load, stepping)
+    assert found.beam > 0.3 and found.settled and 2.0 < found.band < 20.0
+    omega = 2.0 * np.pi * np.array([[2.0, 60.0], [1.0, 50.0]])
+    (line,) = warnings(found, stepping, [("load F", load)], omega)
+    for words in ("step of 0.5 s is too coarse", "load F goes up to 5 Hz, 0.4 steps a period", "the motion goes up to",
+                  "number 1, 1 Hz and above", "bring the error below 2 %"):  # fmt: skip
+        assert words in line
+    with catch_warnings():  # of modes that a reduced model hasn't at any place
+        simplefilter("error")
+        fewer = np.column_stack([omega, [np.nan, np.nan]])
+        assert warnings(found, stepping, [("load F", load)], fewer) == [line]
+    assert found.enough is not None and true_error(model, REST, load, TimeStepping(10.0, found.enough), 16) < LIMIT
+    fine = TimeStepping(10.0, found.enough)
+    assert warnings(step_error(model, REST, load, fine), fine, [("load F", load)], omega) == []
+
+
+def test_two_runs_that_both_miss_a_tone_are_not_believed() -> None:
+    """8 Hz are nothing at steps of 1/2, 1/4 and 1/8 s: three runs in which nothing moves."""
+    model, load = MODELS["residual flexibility"][0], Sine(amplitude=50.0, frequency=8.0)
+    found = step_error(model, REST, load, TimeStepping(4.0, 0.5))
+    assert found.settled and found.finest < 1 / 16 and found.beam > 0.9
+
+
+def test_a_tone_beyond_all_steps_leaves_the_error_unknown() -> None:
+    model, stepping = MODELS["residual flexibility"][0], TimeStepping(1.0, 1e-3)
+    load = Sine(amplitude=50.0, frequency=1.024e9)
+    found = step_error(model, PATH, load, stepping)
+    assert not found.settled and found.enough is None
+    (line,) = warnings(found, stepping, [("load F", load)], np.empty((0, 0)))
+    assert "at least" in line and "don't settle it" in line
+
+
+PUSHED = {  # the beam swings about its pin, and bounces on the slider under it
+    "motion": Sine(amplitude=2000.0, frequency=7.0),
+    "mean": Sum(terms=(Constant(amount=300.0), Sine(amplitude=2000.0, frequency=3.3))),
+}
+
+
+@pytest.mark.parametrize("by", PUSHED)
+def test_where_rows_only_push_and_runs_part_the_mean_is_compared(by: str) -> None:
+    model = replace(flexible(FULL, 5), clearance=np.zeros(1))
+    stepping = TimeStepping(10.0, 1e-3, parts=1)
+    found = step_error(model, REST, PUSHED[by], stepping)
+    assert found.by == by and (found.largest is None) == (by == "mean") and found.beam > 1e-3
+    if by == "mean":
+        (line,) = warnings(found, stepping, [], np.empty((0, 0)))
+        assert "in the mean (motions part after an impact" in line
+    else:  # steps in parts, as many in each run
+        assert step_error(model, REST, PUSHED[by], TimeStepping(10.0, 1e-3)).beam < 0.5 * found.beam
+
+
+def test_what_is_round_off_has_no_error() -> None:
+    """A load on top of the slider moves nothing but the last digits."""
+    model = flexible(full_body(20), 6)
+    found = step_error(model, Constant(amount=5.0), Sine(amplitude=50.0, frequency=5.0), TimeStepping(2.0, 1e-2))
+    assert (found.beam, found.tip, found.settled) == (0.0, 0.0, True)
+
+
+def test_where_the_tip_rests_the_band_is_that_of_the_beam() -> None:
+    """The slider stands below the tip; what moves is the span between it and the pin."""
+    full = full_body(20)
+    B = np.zeros((full.size, 1))
+    B[31, 0] = 1.0  # in the middle
+    load = SmoothRamp(times=(0.0, 0.05, 0.1, 4.0), values=(0.0, 50.0, 0.0, 0.0))
+    found = step_error(flexible(replace(full, B=B), 6), Constant(amount=5.0), load, TimeStepping(4.0, 1e-3))
+    assert found.tip == 0.0 and 1.0 < found.band < 100.0
+
+
+def test_a_small_error_that_is_not_settled_is_not_called_too_coarse() -> None:
+    found = StepError(1e-2, 2e-2, None, 1e-4, False, "mean", None, 5.0, 0.1)
+    (line,) = warnings(found, TimeStepping(1.0, 1e-3), [], np.empty((0, 0)))
+    assert "has an error that is not settled: it is at least 1 %" in line and "too coarse" not in line
+    assert warnings(replace(found, settled=True), TimeStepping(1.0, 1e-3), [], np.empty((0, 0))) == []
+
+
+def test_a_run_too_long_to_be_repeated_is_said(monkeypatch) -> None:
+    monkeypatch.setattr("pmr.compare.halved_steps.LONGEST", 1000)
+    with pytest.raises(SimulationError, match="half the step is too long"):
+        step_error(MODELS["residual flexibility"][0], PATH, SLOW, TimeStepping(1.0, 1e-3))
+
+
+def test_nothing_moves_and_nothing_is_wrong() -> None:
+    found = step_error(MODELS["rigid rows"][0], PATH, Constant(amount=0.0), TimeStepping(1.0, 1e-2))
+    assert (found.beam, found.tip, found.largest, found.band, found.settled) == (0.0, 0.0, 0.0, 0.0, True)
+
+
+def test_second_order_is_summed_to_its_end() -> None:
+    """y_h = y (1 + h^2): the error of h = 1 is one, and that of h = 1/8 below 2 %."""
+    y = np.random.default_rng(3).normal(size=(50, 4))
+    ladder = Ladder(2.0 * y)
+    for k in (1, 2):
+        ladder.add(y * (1.0 + 4.0**-k))
+    assert ladder.settled and ladder.error(slice(None)) == pytest.approx(1.0, rel=0.1)
+    assert ladder.halvings(0.02) is None
+    ladder.add(y * (1.0 + 4.0**-3))
+    assert ladder.halvings(0.02) == 3 and ladder.halvings(0.3) == 1
+    grows = Ladder(y)
+    for k in (2.0, 4.0, 8.0):
+        grows.add(k * y)
+    assert not grows.settled and grows.halvings(0.5) is None
+    noise = Ladder(y)
+    for k in (1.0, -2.0, 3.0):
+        noise.add(y * (1.0 + k * 1e-5))
+    assert noise.settled and noise.error(slice(None)) == pytest.approx(3e-5, rel=0.01)
+
+
+def test_what_the_summary_holds() -> None:
+    found = StepError(0.3, 0.2, None, 1e-4, False, "mean", None, 5.0, 0.1)
+    figures = summary(found)
+    assert figures["beam"] == 0.3 and figures["limit"] == LIMIT and figures["reason"] is None
+    without = summary(None, "march failed")
+    assert without["beam"] is None and without["reason"] == "march failed" and set(without) == set(figures)
+
+
+COARSE = ["time.end=1.0", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.9],values=[1.25,1.6]}",
+          "loads=[{name='F',at=5.0,signal={kind='sine',amplitude=50.0,frequency=5.0}}]"]  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["evolved_residual", "paper_evolved"])
+def test_a_run_whose_step_is_too_coarse_by_ten_says_so(load_scene, name: str) -> None:
+    def told(step: float) -> tuple[dict, Case]:
+        scene = load_scene(name, [*COARSE, f"time.step={step}", "compare.against=['full']"])
+        outcome = run(scene)
+        assert outcome is not None
+        return outcome.result.summary, case(outcome.result, "case-1")
+
+    fine, coarse = told(2e-3), told(2e-2)
+    assert fine[0]["step"]["beam"] < LIMIT < coarse[0]["step"]["beam"] and fine[0]["warnings"] == []
+    assert ["too coarse" in line for line in coarse[0]["warnings"]] == [True]
+    assert coarse[0]["errors"]["reduced_vs_full"]["beam"] < 0.02  # both models miss the same
+    for summary_, shown in (fine, coarse):
+        assert "The error of the time step itself is" in shown.paragraph
+        assert [line.lower() for line in shown.warnings] == [line.lower() for line in summary_["warnings"]]
+
+
+def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, monkeypatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise SimulationError("march failed at step 3")
+
+    monkeypatch.setattr("pmr.run.step_error", fails)
+    outcome = run(load_scene("evolved_residual", [*COARSE, "simulation.simulators=['march']", "compare.against=[]"]))
+    assert outcome is not None
+    summary_ = outcome.result.summary
+    assert summary_["step"]["beam"] is None and summary_["step"]["reason"] == "march failed at step 3"
+    assert any("march failed at step 3" in line for line in summary_["warnings"])
+    assert "time step itself" not in sentences.paragraph(outcome.result, [])

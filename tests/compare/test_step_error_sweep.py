@@ -1,0 +1,43 @@
+"""The error of the time step on random scenes with steps ten times as long, against runs with far smaller ones.
+
+Eight scenes as a rule; ``PMR_SWEEP=full`` takes 60.
+"""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from random_scenes import random_scene
+
+from pmr.compare.errors import relative_error
+from pmr.compare.halved_steps import NEGLIGIBLE, SETTLED
+from pmr.compare.responses import excitation, simulate_reduced
+from pmr.compare.step_error import step_error
+from pmr.run import reduce
+from pmr.scene import SceneBase
+
+SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(8)
+COARSE, FURTHER = 10, 4
+
+
+def with_step(scene: SceneBase, step: float) -> SceneBase:
+    return scene.model_copy(update={"time": scene.time.model_copy(update={"step": step})})
+
+
+@pytest.mark.slow
+def test_what_settles_is_the_error() -> None:
+    """Known to a quarter of itself by the scheme's order, and to what the reference run is off by in turn."""
+    told, settled = [], 0
+    for seed in SEEDS:
+        given = random_scene(seed)
+        scene, model = with_step(given, COARSE * given.time.step), reduce(given).reduced
+        found = step_error(model, *excitation(scene))
+        halved = round(scene.time.step / found.finest) * FURTHER
+        fine = simulate_reduced(with_step(scene, scene.time.step / halved), model).displacement[::halved]
+        true = relative_error(simulate_reduced(scene, model).displacement, fine)
+        told.append(f"{seed}: {found.beam:.2e} said, {true:.2e} true, settled {found.settled}, by {found.finest:.1e} s")
+        settled += found.settled
+        if found.settled:
+            assert found.beam == pytest.approx(true, rel=2.0 * SETTLED, abs=NEGLIGIBLE), "\n".join(told)
+    assert settled >= 0.8 * len(told), "\n".join(told)

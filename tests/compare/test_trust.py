@@ -1,0 +1,139 @@
+"""What is no reference: the run says so, and why, instead of an error that would blame the reduced model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pmr.compare.references import reference, references
+from pmr.compare.trust import ALTERNATING, alternating, distrust, warnings
+from pmr.errors import SimulationError
+from pmr.fem.compat import MPI
+from pmr.fullmodel.model import full_model
+from pmr.report import marks
+from pmr.report.document import case
+from pmr.results import Energy, Response
+from pmr.run import run
+from pmr.studies import marching, shared
+
+T = np.arange(200) * 1e-3
+#: 3.7 m/s on a coarse beam: with rho_inf = 0.9 all is well, with 0.999 the full model grows by tens of decades.
+FAST = (
+    "time.end=2.0",
+    "mesh.elements=16",
+    "slider.path={kind='ramp',times=[0.05,1.0,1.95],values=[0.7,4.2,0.7]}",
+    "reduction.coordinates=8",
+)
+GROWN = (*FAST, "time.rho_inf=0.999")
+
+
+def response(displacement: np.ndarray, surplus: float = np.nan) -> Response:
+    nothing = np.zeros(len(displacement))
+    energy = Energy(nothing, nothing, nothing)
+    return Response(
+        T, np.zeros(1), displacement[:, None], energy, nothing[:, None], nothing, nothing, 0.0, surplus=surplus
+    )
+
+
+@pytest.mark.parametrize("per_period", [2, 4, 10, 40])
+def test_the_alternating_share_of_a_tone(per_period: int) -> None:
+    tone = np.cos(2.0 * np.pi * np.arange(40 * per_period) / per_period)
+    assert alternating(tone) == pytest.approx(np.sin(np.pi / per_period) ** 8, rel=0.02)
+
+
+def test_what_is_too_short_or_still_does_not_alternate() -> None:
+    assert alternating(np.ones(8)) == alternating(np.zeros((20, 3))) == 0.0
+
+
+def test_what_can_be_trusted() -> None:
+    smooth = np.sin(20.0 * T)
+    assert distrust(response(smooth)) is distrust(response(smooth, 0.05)) is None
+    assert "12 % of its largest energy" in str(distrust(response(smooth, 0.12)))
+    assert "overflows" in str(distrust(response(smooth, np.inf)))
+    assert "not finite" in str(distrust(response(np.full(200, np.nan), 0.0)))
+    shaken = smooth + 3.0 * ALTERNATING * (-1.0) ** np.arange(200)
+    assert "changes its sign with every step" in str(distrust(response(shaken)))
+
+
+def test_warnings() -> None:
+    smooth = np.sin(20.0 * T)
+    assert warnings({}, response(smooth, 0.01)) == []
+    [reference, reduced] = warnings({"ancf": "it broke"}, response(smooth, 0.3))
+    assert reference == "no reference by the ANCF cable: it broke"
+    assert reduced.startswith("the reduced model's motion is not to be trusted: 30 % of its largest energy")
+
+
+@pytest.mark.slow
+def test_a_run_without_reference_says_so(load_scene) -> None:
+    outcome = run(load_scene("evolved_residual", GROWN), MPI.COMM_SELF)
+    assert outcome is not None
+    result, summary = outcome.result, outcome.result.summary
+    assert "grows without bound" in summary["no_reference"]["full"]
+    assert summary["errors"] == {}
+    assert summary["max_error"] is None
+    assert summary["max_displacement"] < 0.1
+    assert list(result.responses) == ["reduced"]
+    [told] = [warning for warning in summary["warnings"] if warning.startswith("no reference by the full model")]
+    assert "rho_inf" in told
+    table = marks.rows(result)
+    assert [row.comparison for row in table if row.here == "no reference"] == ["reduced against full"]
+    shown = case(result, "case-1")
+    assert [told[:1].upper() + told[1:]] == [line for line in shown.warnings if "no reference" in line.lower()]
+    assert "times the true error" not in shown.paragraph
+
+
+@pytest.mark.slow
+def test_the_same_run_with_a_reference_has_one(load_scene) -> None:
+    outcome = run(load_scene("evolved_residual", FAST), MPI.COMM_SELF)
+    assert outcome is not None
+    summary = outcome.result.summary
+    assert summary["no_reference"] == {}
+    assert summary["errors"]["reduced_vs_full"]["beam"] < 0.01
+    assert outcome.result.responses["full"].surplus < 0.01
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("simulator", ["march", "petsc"])
+def test_every_rank_knows_that_there_is_none(load_scene, simulator: str) -> None:
+    fast = "slider.path={kind='ramp',times=[0.02,0.22,0.42],values=[0.7,4.2,0.7]}"
+    few = ["time.end=0.3", "mesh.elements=8", fast, "reduction.coordinates=8", "time.rho_inf=0.999"]
+    scene = load_scene("evolved_residual", [*few, f"simulation.full={simulator}"])
+    model = full_model(scene)
+    found = references(scene, model, steps=[0, 20])
+    assert found.responses == {}
+    assert found.states is None
+    assert "grows without bound" in found.missing["full"]
+    with pytest.raises(SimulationError, match="grows without bound"):
+        reference("full", scene, model)
+
+
+def test_a_cable_that_fails_is_no_reference_either(load_scene) -> None:
+    case = [*GROWN, "body.axial=true", "compare.against=['ancf']", "compare.ancf_elements=8", "time.rho_inf=1.0"]
+    scene = load_scene("evolved_residual", case)
+    found = references(scene, full_model(scene))
+    assert found.responses == {}
+    assert "ANCF" not in found.missing["ancf"]
+    assert "rho_inf" in found.missing["ancf"]
+
+
+def test_a_reduced_motion_that_grows_is_no_result(load_scene) -> None:
+    """The paper's basis keeps its slider rigid: index 3 here too."""
+    with pytest.raises(SimulationError, match="reduced.*grows without bound"):
+        run(load_scene("paper_evolved", [*GROWN[:3], "compare.against=[]", "time.rho_inf=0.9999"]), MPI.COMM_SELF)
+
+
+def test_a_study_takes_no_such_reference(load_scene) -> None:
+    scene = load_scene("evolved_residual", GROWN)
+    for task in (marching.full_task(scene), shared.reference_task(scene, "full")):
+        with pytest.raises(SimulationError, match="grows without bound"):
+            task.function(task.arguments, {})
+
+
+def test_responses_keep_their_surplus() -> None:
+    found = response(np.sin(T), 0.25)
+    assert Response.from_arrays(found.arrays()).surplus == 0.25
+    older = {name: array for name, array in found.arrays().items() if name != "surplus"}
+    assert np.isnan(Response.from_arrays(older).surplus)
+    assert replace(found, surplus=np.inf).surplus == np.inf

@@ -1,0 +1,172 @@
+from __future__ import annotations
+
+import ast
+import runpy
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from oracle import flexible, project
+
+from pmr.errors import InputError
+from pmr.export.exudyn.script import exudyn_script, write_exudyn_script
+from pmr.reduced.model import ReducedModel
+from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp, Step, Sum, Table
+from pmr.simulate import TimeStepping
+from pmr.simulate.exudyn import simulator as exudyn
+from pmr.system.body import FullBody, displacement
+
+KNOTS = {"times": (0.2, 0.5, 0.6, 1.1, 1.3), "values": (1.0, 2.0, 1.5, 1.8, -0.5)}
+SIGNALS: dict[str, SignalBase] = {
+    "constant": Constant(amount=-50.0),
+    "ramp": Ramp(**KNOTS),
+    "smooth_ramp": SmoothRamp(**KNOTS),
+    "table": Table(**KNOTS),
+    "linear_table": Table(**KNOTS, interpolation="linear"),
+    "two_knots": Table(times=(0.3, 0.9), values=(1.0, 3.0)),
+    "step": Step(time=0.5, before=1.0, after=2.0),
+    "sine": Sine(amplitude=3.0, frequency=1.3, phase=0.4, offset=-2.0),
+    "chirp": Chirp(amplitude=50.0, times=(0.2, 0.7, 1.2), frequencies=(1.0, 10.0, 2.0), phase=0.3),
+    "sum": Sum(
+        terms=(
+            Sine(amplitude=1.0, frequency=3.0),
+            Sum(terms=(Step(time=0.4, after=1.0), Constant(amount=2.0))),
+        )
+    ),
+}
+PATH = SmoothRamp(times=(0.0, 0.2), values=(2.0, 2.6))
+LOADS = (SIGNALS["chirp"], SIGNALS["sum"])
+
+
+def scene(path: SignalBase, *signals: SignalBase, end: float = 0.2) -> dict[str, Any]:
+    """What a run leaves in the provenance of its model."""
+    return {
+        "title": 'A "sliding" beam',
+        "slider": {"path": path.model_dump(mode="json"), "offsets": [0.0, 0.8]},
+        "loads": [
+            {"name": f"F{i}", "at": 5.0, "direction": "y", "signal": signal.model_dump(mode="json")}
+            for i, signal in enumerate(signals)
+        ],
+        "time": {"end": end, "step": 1e-3, "rho_inf": 0.8},
+    }
+
+
+@pytest.fixture(scope="module")
+def model(rich: FullBody) -> ReducedModel:
+    """Two sliders, two inputs, damping."""
+    reduced = project(rich, np.eye(rich.size)[:, 2:])
+    return replace(reduced, input_names=("F 0", "F-1"), provenance={"scene": scene(PATH, *LOADS)})
+
+
+@pytest.fixture
+def script(model: ReducedModel, tmp_path: Path) -> Path:
+    return write_exudyn_script(model.save(tmp_path / "beam.npz"), tmp_path / "beam.py")
+
+
+@pytest.mark.parametrize("kind", SIGNALS)
+def test_signals_are_those_of_pmr(model: ReducedModel, kind: str, tmp_path: Path) -> None:
+    signal = SIGNALS[kind]
+    one = replace(model, input_names=("F",), provenance={"scene": scene(PATH, signal)})
+    target = tmp_path / "signals.py"
+    target.write_text(exudyn_script(one, "beam.npz"))
+    load = runpy.run_path(str(target))["load_F"]
+    t = np.linspace(-0.1, 1.5, 321)
+    np.testing.assert_allclose([load(float(x)) for x in t], signal.value(t), rtol=1e-12, atol=1e-12)
+
+
+def test_the_script_moves_as_pmr_does(model: ReducedModel, script: Path) -> None:
+    names = runpy.run_path(str(script))
+    read = names["read_model"](script.with_name("beam.npz"))
+    t, w = names["simulate"](
+        read, names["slider_position"], names["LOADS"], names["END"], names["STEP"], names["RHO_INF"]
+    )
+    expected = exudyn.simulate(model, PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8))
+    np.testing.assert_allclose(t, expected.t, atol=1e-12)
+    assert np.abs(w).max() > 1e-5
+    np.testing.assert_allclose(w, expected.q @ model.outputs.T, rtol=0.0, atol=1e-9 * np.abs(w).max())
+
+
+def test_it_runs_alone_and_tells_the_tip(script: Path) -> None:
+    done = subprocess.run([sys.executable, "-I", str(script)], capture_output=True, text=True, cwd="/", timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("Displacement at x = 5 m over 0.2 s:\n  smallest: -")
+    assert done.stdout.count(" mm\n") == 3
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("pads", ["none", "some", "alone"])
+def test_a_flexible_model_moves_as_pmr_has_it(rich: FullBody, tmp_path: Path, pads: str) -> None:
+    model = flexible(rich, 8)
+    if pads != "none":
+        model = replace(model, pads=np.array([2e-6, 3e-6]))
+    if pads == "alone":
+        model = replace(model, flexibility=None)
+    model = replace(model, provenance={"scene": scene(PATH, *LOADS)})
+    script = write_exudyn_script(model.save(tmp_path / "beam.npz"), tmp_path / "beam.py")
+    text = script.read_text()
+    assert "ObjectConnectorCoordinateVector" not in text and "X(s) lambda" in text
+    assert max(len(line) for line in text.splitlines()) <= 120
+    names = runpy.run_path(str(script))
+    read = names["read_model"](script.with_name("beam.npz"))
+    t, w = names["simulate"](
+        read, names["slider_position"], names["LOADS"], names["END"], names["STEP"], names["RHO_INF"]
+    )
+    expected = exudyn.simulate(model, PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8))
+    loads = np.stack([load.value(t) for load in LOADS], axis=1)
+    motion = displacement(model, expected.q, expected.s, expected.multipliers, loads)
+    assert np.abs(w).max() > 1e-5
+    np.testing.assert_allclose(w, motion, rtol=0.0, atol=1e-9 * np.abs(w).max())
+
+
+def test_a_script_of_a_model_only_part_of_which_gives_way_is_refused(model: ReducedModel) -> None:
+    with pytest.raises(InputError, match="only slider 0.8 give way"):
+        exudyn_script(replace(model, pads=np.array([0.0, 3e-6])), "beam.npz")
+
+
+def test_it_needs_numpy_scipy_and_exudyn_only(script: Path) -> None:
+    imports = [
+        node for node in ast.walk(ast.parse(script.read_text())) if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+    modules = {name.name for node in imports if isinstance(node, ast.Import) for name in node.names}
+    modules |= {str(node.module) for node in imports if isinstance(node, ast.ImportFrom)}
+    assert {module.split(".")[0] for module in modules} <= {
+        "exudyn",
+        "functools",
+        "numpy",
+        "pathlib",
+        "scipy",
+        "types",
+        "warnings",
+    }
+
+
+def test_it_reads_well(script: Path) -> None:
+    text = script.read_text()
+    assert text.startswith('"""A reduced model in Exudyn.') and """TITLE = 'A "sliding" beam'""" in text
+    assert "def load_F_0(t):" in text and "LOADS = [load_F_0, load_F_1]" in text
+    assert "def table" not in text and "akima" not in text.lower()  # what it doesn't use it doesn't hold
+    assert max(len(line) for line in text.splitlines()) <= 120
+
+
+def test_the_model_comes_along(model: ReducedModel, tmp_path: Path) -> None:
+    saved = model.save(tmp_path / "beam.npz")
+    target = write_exudyn_script(saved, tmp_path / "elsewhere" / "beam.py")
+    assert target.with_name("beam.npz").read_bytes() == saved.read_bytes()
+
+
+@pytest.mark.parametrize(
+    "provenance", [{}, {"scene": {"slider": {}}}, {"scene": scene(PATH, *LOADS) | {"time": {"end": "soon"}}}]
+)
+def test_a_model_without_scene_is_refused(model: ReducedModel, provenance: dict[str, Any]) -> None:
+    with pytest.raises(InputError) as error:
+        exudyn_script(replace(model, provenance=provenance), "beam.npz")
+    assert error.value.source == "beam.npz"
+
+
+def test_a_scene_with_other_loads_is_refused(model: ReducedModel) -> None:
+    with pytest.raises(InputError, match="1 given, one for each input"):
+        exudyn_script(replace(model, provenance={"scene": scene(PATH, LOADS[0])}), "beam.npz")

@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import meshio
+import numpy as np
+import pytest
+
+from pmr.export.paraview import write_series
+from pmr.fields.grid import Grid
+from pmr.fields.series import Fields
+
+POINTS = np.random.default_rng(1).normal(size=(8, 3))
+CELLS = {
+    "line": [[0, 1], [1, 2], [2, 7]],
+    "triangle": [[0, 1, 2], [1, 2, 3]],
+    "tetra": [[0, 1, 2, 4]],
+    "hexahedron": [[0, 1, 2, 3, 4, 5, 6, 7]],
+}
+
+
+def fields(cell: str, times: int = 3) -> Fields:
+    grid = Grid(cell, POINTS, np.array(CELLS[cell]), {"some": np.array([0])})
+    values = np.random.default_rng(2).normal(size=(times, 8, 3)).astype(np.float32)
+    stress = {face: 1e8 * np.abs(values[:, : len(grid.cells), k]) for k, face in enumerate(("outer", "inner"))}
+    return Fields(grid, 0.1 * np.arange(times), values, stress)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_a_series_is_read_back(tmp_path: Path, cell: str) -> None:
+    written = fields(cell)
+    listing = write_series(tmp_path, "boom", written)
+    assert listing == tmp_path / "boom.pvd"
+    sets = ElementTree.parse(listing).getroot().findall("Collection/DataSet")
+    assert [float(s.attrib["timestep"]) for s in sets] == written.t.tolist()
+    for k, entry in enumerate(sets):
+        mesh = meshio.read(tmp_path / entry.attrib["file"])
+        assert np.array_equal(mesh.points, POINTS)
+        assert [block.type for block in mesh.cells] == [cell] and np.array_equal(mesh.cells[0].data, CELLS[cell])
+        assert np.array_equal(mesh.point_data["displacement"], written.displacement[k])
+        assert {name: parts[0].tolist() for name, parts in mesh.cell_data.items()} == {
+            f"von_mises_{name}": values[k].tolist() for name, values in written.von_mises.items()
+        }
+
+
+def test_a_shorter_series_leaves_nothing_of_a_longer_one(tmp_path: Path) -> None:
+    for times in (3, 2):
+        write_series(tmp_path, "boom", fields("triangle", times))
+    assert sorted(file.name for file in (tmp_path / "boom").iterdir()) == ["00000.vtu", "00001.vtu"]
+
+
+def test_vtk_opens_a_series(tmp_path: Path) -> None:
+    pyvista = pytest.importorskip("pyvista")
+    written = fields("triangle")
+    reader = pyvista.get_reader(str(write_series(tmp_path, "boom", written)))
+    assert reader.time_values == pytest.approx(written.t.tolist())
+    reader.set_active_time_value(reader.time_values[2])
+    mesh = reader.read()[0]
+    assert np.array_equal(mesh.point_data["displacement"], written.displacement[2])
+    assert np.array_equal(mesh.cell_data["von_mises_inner"], written.von_mises["inner"][2])

@@ -1,0 +1,26 @@
+"""Assembles the mass matrix of a little beam, and prints the beam's mass: python compiling.py"""
+
+from __future__ import annotations
+
+import numpy as np
+import ufl
+
+from pmr.fem.compat import MPI, assemble, interval_mesh, lagrange_space
+
+
+def main() -> None:
+    mesh = interval_mesh(MPI.COMM_WORLD, np.linspace(0.0, 2.0, 9))
+    space = lagrange_space(mesh, 1)
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    M = assemble(3.0 * ufl.inner(u, v) * ufl.dx)
+    print(round(M.getVecLeft().comm.size), round(_sum(M), 9))
+
+
+def _sum(M) -> float:
+    ones, product = M.createVecs()
+    ones.set(1.0)
+    M.mult(ones, product)
+    return float(product.dot(ones))
+
+
+main()

@@ -1,0 +1,88 @@
+"""Compiled forms are whole or not there: where one process is killed while it compiles, the next goes on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+SCRIPT = Path(__file__).with_name("compiling.py")
+#: Twenty interruptions take two minutes; `PMR_SWEEP=full` has them all.
+INTERRUPTIONS = 20 if os.environ.get("PMR_SWEEP") == "full" else 3
+PATIENCE = 120.0  # s
+MASS = "6.0"  # kg, 3 kg/m over 2 m
+
+
+def start(cache: Path) -> subprocess.Popen[str]:
+    """The script with a cache of its own, in a group of its own as a terminal makes one."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMIX_"))}
+    return subprocess.Popen(
+        [sys.executable, str(SCRIPT)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment | {"XDG_CACHE_HOME": str(cache)},
+        start_new_session=True,
+    )
+
+
+def finished(process: subprocess.Popen[str]) -> str:
+    said, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, errors
+    return said.split()[-1]
+
+
+def begun(cache: Path) -> None:
+    """Return when FFCx has begun to compile."""
+    end = time.monotonic() + PATIENCE
+    while not list(cache.rglob("libffcx_*.c")):
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+@pytest.mark.slow
+def test_a_first_compilation_may_be_interrupted_at_any_time(tmp_path: Path) -> None:
+    rng = np.random.default_rng(14)
+    unfinished = 0
+    for k in range(INTERRUPTIONS):
+        cache = tmp_path / str(k)
+        process = start(cache)
+        begun(cache)
+        time.sleep(rng.uniform(0.0, 0.5))
+        sent = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)[k % 3]
+        if sent == signal.SIGINT:
+            os.killpg(process.pid, sent)  # Ctrl-C reaches the compiler, too
+        else:
+            process.send_signal(sent)
+        process.communicate(timeout=PATIENCE)
+        unfinished += process.returncode != 0
+        assert finished(start(cache)).endswith(MASS)
+        assert not list(cache.rglob("*.part"))  # what the dead process left
+    assert unfinished > INTERRUPTIONS // 2
+
+
+@pytest.mark.slow
+def test_processes_that_need_the_same_form_at_once_compile_it_once(tmp_path: Path) -> None:
+    processes = [start(tmp_path) for _ in range(3)]
+    assert {finished(process) for process in processes} == {MASS}
+    folders = [path for path in (tmp_path / "fenics" / "pmr").iterdir() if path.is_dir()]
+    assert folders and not list(tmp_path.rglob("*.part"))
+    modules = [file.name for file in tmp_path.rglob("libffcx_*.c.cached")]
+    assert len(modules) == len(set(modules)) == len(folders)
+
+
+@pytest.mark.slow
+def test_a_damaged_cache_is_made_anew(tmp_path: Path) -> None:
+    """A module cut off, as a power failure leaves it, and one without FFCx' mark."""
+    assert finished(start(tmp_path)) == MASS
+    modules = sorted(tmp_path.rglob("libffcx_*.so"))
+    modules[0].write_bytes(b"")
+    next(modules[-1].parent.glob("*.c.cached")).unlink()
+    assert finished(start(tmp_path)) == MASS
+    assert finished(start(tmp_path)) == MASS

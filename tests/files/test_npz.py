@@ -1,0 +1,144 @@
+"""Files whose directory, headers or shapes claim what is not there."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr.files.npz import DamagedError, read
+
+ARRAYS = {
+    "M": np.arange(12.0).reshape(3, 4),
+    "turned": np.asfortranarray(np.arange(6).reshape(2, 3)),
+    "single": np.float32([1.5, 2.5]),
+    "big_endian": np.arange(3, dtype=">f8"),
+    "flag": np.array(True),
+    "empty": np.empty((0, 5)),
+    "text": np.array('{"a": "ä"}'),
+    "names": np.array(["a", "bc"]),
+}
+GIGABYTES = 2 * 10**9
+
+
+def npy(shape: object, descr: str = "<f8", content: bytes = b"", version: bytes = b"\x01\x00") -> bytes:
+    """An array's bytes with a header that says what it likes."""
+    header = f"{{'descr': {descr!r}, 'fortran_order': False, 'shape': {shape!r}, }}\n".encode("latin1")
+    return b"\x93NUMPY" + version + struct.pack("<H", len(header)) + header + content
+
+
+def archive(file: Path, members: dict[str, bytes], compression: int = zipfile.ZIP_STORED) -> Path:
+    with zipfile.ZipFile(file, "w", compression) as written:
+        for name, content in members.items():
+            written.writestr(f"{name}.npy", content)
+    return file
+
+
+def lying_directory(file: Path) -> Path:
+    """The central directory claims a member of two gigabytes."""
+    content = bytearray(archive(file, {"M": npy((GIGABYTES // 8,), content=bytes(80))}).read_bytes())
+    at = content.rindex(b"PK\x01\x02")
+    content[at + 24 : at + 28] = struct.pack("<I", GIGABYTES)
+    file.write_bytes(content)
+    return file
+
+
+def shared_content(file: Path) -> Path:
+    """Every entry of the directory points to the same bytes."""
+    content = archive(file, {"M": npy((10_000,), content=bytes(80_000))}).read_bytes()
+    at = content.rindex(b"PK\x01\x02")
+    end = content.rindex(b"PK\x05\x06")
+    entry = bytearray(content[at:end])
+    entries = []
+    for number in range(500):
+        named = bytearray(entry)
+        named[28:30] = struct.pack("<H", 8)
+        entries.append(bytes(named[:46]) + f"{number:04}.npy".encode() + bytes(named[46 + 5 :]))
+    directory = b"".join(entries)
+    tail = bytearray(content[end:])
+    tail[8:12] = struct.pack("<HH", 500, 500)
+    tail[12:16] = struct.pack("<I", len(directory))
+    file.write_bytes(content[:at] + directory + tail)
+    return file
+
+
+LIES: dict[str, Callable[[Path], Path]] = {
+    "shape": lambda file: archive(file, {"M": npy((GIGABYTES // 8,), content=bytes(80))}),
+    "a product that overflows": lambda file: archive(file, {"M": npy((2**40, 2**40), content=bytes(80))}),
+    "a negative length": lambda file: archive(file, {"M": npy((-1, 10), content=bytes(80))}),
+    "too short": lambda file: archive(file, {"M": npy((11,), content=bytes(80))}),
+    "too long": lambda file: archive(file, {"M": npy((9,), content=bytes(80))}),
+    "a pickle": lambda file: archive(file, {"M": npy((1,), "|O", b"\x80\x04N.")}),
+    "a record": lambda file: archive(file, {"M": npy((1,), "|V8", bytes(8))}),
+    "text of no size": lambda file: archive(file, {"M": npy((10**9,), "<U0")}),
+    "no array": lambda file: archive(file, {"M": b"hello"}),
+    "a version of the future": lambda file: archive(file, {"M": npy((1,), content=bytes(8), version=b"\x09\x00")}),
+    "deep brackets": lambda file: archive(file, {"M": npy((1,), "(" * 9000, bytes(8))}),
+    "compressed": lambda file: archive(file, {"M": npy((2**21,), content=bytes(2**24))}, zipfile.ZIP_DEFLATED),
+    "directory": lying_directory,
+    "shared content": shared_content,
+    "two of one name": lambda file: _twice(file),
+    "no zip": lambda file: (file.write_bytes(b"hello"), file)[1],
+    "nothing": lambda file: (file.write_bytes(b""), file)[1],
+}
+
+
+def _twice(file: Path) -> Path:
+    with zipfile.ZipFile(file, "w") as written, pytest.warns(UserWarning, match="Duplicate"):
+        for _ in range(2):
+            written.writestr("M.npy", npy((1,), content=bytes(8)))
+    return file
+
+
+@pytest.mark.parametrize("write", [np.savez, np.savez_compressed])
+def test_what_numpy_wrote_is_read(write: Callable[..., None], tmp_path: Path) -> None:
+    write(tmp_path / "a.npz", **ARRAYS)
+    found = read(tmp_path / "a.npz", expansion=10.0)
+    assert set(found) == set(ARRAYS)
+    for name, array in ARRAYS.items():
+        assert np.array_equal(found[name], array) and found[name].dtype == array.dtype, name
+        assert found[name].shape == array.shape and found[name].flags.writeable
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_lie_is_refused_before_anything_is_allocated(lie: str, tmp_path: Path, monkeypatch) -> None:
+    file = LIES[lie](tmp_path / "a.npz")
+    asked, empty = [], np.empty
+
+    def counted(shape: object, *more: object) -> np.ndarray:
+        asked.append(empty(0, *more).itemsize * int(np.prod(shape)))
+        return empty(shape, *more)
+
+    monkeypatch.setattr(np, "empty", counted)
+    with pytest.raises(DamagedError):
+        read(file)
+    assert sum(asked) <= file.stat().st_size
+
+
+def test_what_is_all_zeros_may_be_compressed_to_almost_nothing_where_room_is_given(tmp_path: Path) -> None:
+    np.savez_compressed(tmp_path / "a.npz", a=np.zeros(10**6))
+    assert not read(tmp_path / "a.npz", expansion=100.0, room=2**24)["a"].any()
+    with pytest.raises(DamagedError, match="claims to hold"):
+        read(tmp_path / "a.npz", expansion=100.0)
+
+
+def test_a_flipped_byte_is_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", **ARRAYS)
+    content = (tmp_path / "a.npz").read_bytes()
+    at = content.index(np.arange(12.0).tobytes()) + 11
+    (tmp_path / "a.npz").write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])
+    with pytest.raises(DamagedError, match="CRC"):
+        read(tmp_path / "a.npz")
+
+
+def test_a_pickle_is_never_loaded(tmp_path: Path) -> None:
+    buffer = io.BytesIO()
+    np.save(buffer, np.array([object]), allow_pickle=True)
+    archive(tmp_path / "a.npz", {"M": buffer.getvalue()})
+    with pytest.raises(DamagedError, match="numbers and text are allowed"):
+        read(tmp_path / "a.npz")

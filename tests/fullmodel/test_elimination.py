@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from pmr.fem.compat import MPI
+from pmr.fem.matrices import gather
+from pmr.fullmodel.elimination import DependentRowsError, eliminate
+from pmr.fullmodel.model import full_model
+
+RNG = np.random.default_rng(3)
+
+
+def test_every_z_satisfies_the_rows_and_nothing_else_is_lost() -> None:
+    C = sp.random(4, 30, density=0.3, random_state=5, format="csr")
+    T = eliminate(C, "abcd").matrix()
+    assert T.shape == (30, 26)
+    assert np.abs(C @ T.toarray()).max() < 1e-14
+    assert np.linalg.matrix_rank(T.toarray()) == 26
+
+
+def test_a_unit_row_deletes_its_coordinate() -> None:
+    C = sp.csr_matrix(([1.0], ([0], [2])), shape=(1, 5))
+    assert np.array_equal(eliminate(C, ["slider"]).matrix().toarray(), np.delete(np.eye(5), 2, axis=1))
+
+
+def test_dependent_rows_are_named() -> None:
+    C = sp.csr_matrix(np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 1.0], [1.0, 4.0, 2.0]]))
+    with pytest.raises(DependentRowsError, match="slider"):
+        eliminate(C, ["support", "other", "slider"])
+
+
+def test_rows_of_very_different_size_are_no_less_independent() -> None:
+    C = sp.csr_matrix(np.array([[1.0, 0.5, 0.0], [0.0, 1e-12, 1e-12]]))
+    assert np.abs(C @ eliminate(C, "ab").matrix().toarray()).max() < 1e-24
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("s", [0.1, 1.27, 2.5, 5.0])
+def test_the_distributed_matrix_is_the_same(load_scene, s: float) -> None:
+    model = full_model(load_scene())
+    elimination = eliminate(model.rows.at(s), model.rows.names)
+    T = gather(elimination.petsc(model.M))
+    if MPI.COMM_WORLD.rank == 0:
+        assert np.array_equal(T.toarray(), elimination.matrix().toarray())

@@ -1,0 +1,236 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from booms import Boom, boom
+from boxes import box
+
+from pmr import scene as scenes
+from pmr.compare.errors import nrms
+from pmr.errors import InputError
+from pmr.fem.compat import MPI
+from pmr.fullmodel.build import build
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.structure import structural_model
+from pmr.mesh.box import BoxBoom, write_shell
+from pmr.models.beam3d import Beam3D
+from pmr.models.shell import Shell
+from pmr.reduce.basis import modal_basis
+from pmr.reduce.residual.model import flexible_model
+from pmr.reduced.model import ReducedModel
+from pmr.scene.signals import Constant
+from pmr.scene.space import GRAVITY
+from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
+from pmr.simulate import TimeStepping
+from pmr.simulate import petsc as fullorder
+from pmr.simulate.modal import modal_form
+from pmr.simulate.native import simulator as march
+from pmr.snapshots.free_modes import free_modes
+from pmr.system.compliant_rows import CompliantRows
+
+pytestmark = pytest.mark.mpi
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+LOADS = np.array([1500.0, 700.0, 9.81])
+PUSHING = (
+    "pads=[{name='tail',at=0.15,faces={bottom=[-0.1,0.1],top=[-0.1,0.1],left=[0.0],right=[0.0]},unilateral=true,"
+    "clearance={left=1e-3,right=1e-3}},{name='mouth',moving=true,faces={bottom=[-0.1,0.1],top=[-0.1,0.1],left=[0.0],"
+    "right=[0.0]},unilateral=true,clearance={left=1e-3,right=1e-3}}]"
+)
+
+
+def shell() -> Shell:
+    return Shell(ShellBody(plate=Plate(thickness=0.008)), box(length=6.0, along=16, around=2, skew=0.2))
+
+
+def beam() -> Beam3D:
+    profile = BoxProfile(width=0.3, height=0.4, wall=0.008)
+    return Beam3D(Beam3DBody(points=((0.0, 0.0, 0.0), (6.0, 0.0, 0.0)), profile=profile, elements=20, shear=True))
+
+
+def reduced(full: FullModel, r: int) -> ReducedModel:
+    return flexible_model(full, modal_basis(free_modes(full, r)), {})
+
+
+def at_rest(body: ReducedModel, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Outputs (T, o) and multipliers (T, m) in equilibrium under `LOADS`."""
+    rows = CompliantRows(body)
+    system = rows.system(s)
+    f = np.tile(LOADS, (len(s), 1))
+    q = np.linalg.solve(system[..., : body.size], (system[..., body.size :] @ LOADS)[..., None])[..., 0]
+    multipliers = rows.multipliers(s, q, f)
+    assert body.flexibility is not None
+    return q @ body.outputs.T + body.flexibility.displacement(s, multipliers, f), multipliers
+
+
+@pytest.fixture(scope="module", params=[shell, beam])
+def scene(request) -> Boom:
+    return boom(request.param())
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_statics_is_that_of_the_full_model(scene: Boom) -> None:
+    """With two rigid turns and two modes: what is left out is answered by the tables, everywhere on the path."""
+    full = structural_model(scene.structure)
+    body = reduced(full, 4)
+    s = np.array([1.5, 1.777, 2.9, 4.0])
+    y, multipliers = at_rest(body, s)
+    whole = MPI.COMM_WORLD.bcast(full.gather())
+    for k, place in enumerate(s):
+        C = whole.C(place)
+        answer = np.linalg.solve(
+            np.block([[whole.K.toarray(), C.T.toarray()], [C.toarray(), -np.diag(whole.row_compliance)]]),
+            np.concatenate([whole.B @ LOADS, np.zeros(C.shape[0])]),
+        )
+        released = [full.rows.names.index(name) for name in body.row_names]
+        forces = answer[whole.size :][released]
+        assert multipliers[k] == pytest.approx(forces, abs=1e-6 * np.abs(forces).max())
+        expected = whole.outputs @ answer[: whole.size]
+        for part in (slice(0, 60), slice(60, None)):  # displacements, forces
+            assert y[k, part] == pytest.approx(expected[part], abs=1e-6 * np.abs(expected[part]).max())
+
+
+def test_rigid_pads_on_a_section_that_can_not_deform_are_named() -> None:
+    model = beam()
+    structure = boom(model).structure
+    rigid = tuple(replace(pad, stiffness=np.inf) for pad in structure.pads.moving)
+    full = structural_model(replace(structure, pads=replace(structure.pads, moving=rigid)))
+    with pytest.raises(InputError, match="the rows mouth .* depend on each other at s ="):
+        reduced(full, 6)
+
+
+def node_passing_share(body: ReducedModel, spacing: float) -> float:
+    """Largest amplitude of a pad force at the wavelength of the nodes, over the largest force."""
+    s = np.linspace(1.6, 1.6 + 6 * spacing, 1201)
+    forces = at_rest(body, s)[1]
+    u = np.linspace(-1.0, 1.0, len(s))
+    smooth = np.polynomial.chebyshev.chebfit(u, forces, 8)
+    rest = forces - np.polynomial.chebyshev.chebval(u, smooth).T
+    window = np.hanning(len(s))[:, None]
+    content = 2.0 * np.abs(np.sum(window * rest * np.exp(-2j * np.pi * s / spacing)[:, None], axis=0)) / window.sum()
+    return float(content.max() / np.abs(forces).max())
+
+
+@pytest.mark.slow
+def test_pad_forces_hardly_feel_the_nodes() -> None:
+    """Cells a third of the pad long, cut by one diagonal and skewed, so that nothing is alike on any two walls.
+
+    What ripples is how the side pads, each on the middle of a thin wall, share the lateral force: 0.7 % of the largest
+    force.  Cells as long as the pad and longer don't resolve how the wall gives way under it: 3 to 4 %.
+    """
+    model = Shell(ShellBody(plate=Plate(thickness=0.008)), box(length=6.0, along=60, around=4, skew=0.2))
+    body = reduced(structural_model(boom(model).structure), 4)
+    for spacing in (0.1, 0.05):
+        assert node_passing_share(body, spacing) < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_ten_coordinates_follow_the_full_model() -> None:
+    """Gusts included: the first one comes in the third second."""
+    scene = boom(shell(), span=3.0)
+    full = structural_model(scene.structure)
+    every = fullorder.observe(full, scene.path, scene.loads, scene.stepping)
+    few = march.observe(modal_form(reduced(full, 10)), scene.path, scene.loads, scene.stepping)
+    released = [i for i, row in enumerate(full.rows.rows) if not row.fixed]
+    assert nrms(few.y[:, 58:60], every.y[:, 58:60]) < 0.002
+    assert nrms(few.y[:, :58], every.y[:, :58]) < 0.002
+    forces = (np.hstack([few.multipliers, few.y[:, 60:]]), np.hstack([every.multipliers[:, released], every.y[:, 60:]]))
+    assert nrms(*forces) < 0.002
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_ten_coordinates_follow_the_boom(scene: Boom) -> None:
+    """All ten seconds, against 150 with residual flexibility."""
+    full = structural_model(scene.structure)
+    found = [
+        march.observe(modal_form(reduced(full, r)), scene.path, scene.loads, scene.stepping)
+        for r in (10, min(150, full.size // 2))
+    ]
+    few, many = ((o.y[:, 58:60], o.y[:, :58], np.hstack([o.multipliers, o.y[:, 60:]])) for o in found)
+    assert max(nrms(a, b) for a, b in zip(few, many, strict=True)) < 0.003
+
+
+def weight_and_centre(scene: Boom) -> tuple[float, float]:
+    """Of boom and payload, in N and m."""
+    steel = 7850.0 * 2.0 * (0.3 + 0.4) * 0.008 * 6.0
+    return (steel + 250.0) * GRAVITY, (3.0 * steel + 6.0 * 250.0) / (steel + 250.0)
+
+
+@pytest.mark.slow
+def test_a_boom_on_pads_that_only_push_rests_as_statics_says() -> None:
+    """Its weight alone, drawn in: what is ahead of the mouth is heavier, so the tail is held down from above."""
+    scene = boom(beam(), overrides=[PUSHING, "compare.against=[]"])
+    full = structural_model(scene.structure)
+    assert len(full.output_positions) == 60 and len(full.rows.names) == 13  # all pads, and the cylinder
+    body = replace(reduced(full, 10), D=10.0 * np.eye(10))
+    loads = (Constant(amount=0.0), Constant(amount=0.0), scene.loads[2])
+    found = march.observe(modal_form(body), Constant(amount=1.5), loads, TimeStepping(4.0, 1e-2, rho_inf=0.5))
+    forces = dict(zip(body.row_names, found.multipliers[-1], strict=True))
+    weight, centre = weight_and_centre(scene)
+    tail = weight * (centre - 1.5) / (1.5 - 0.15)
+    for name, force in forces.items():
+        carries = {"tail top": tail / 2.0, "mouth bottom": (weight + tail) / 2.0}.get(name.rsplit(" ", 1)[0], 0.0)
+        assert force == pytest.approx(carries, rel=1e-3), name
+
+
+def test_side_pads_touch_within_their_clearance_only() -> None:
+    """A gust carries the boom across; the pads it hasn't reached have no force at all."""
+    scene = boom(beam(), span=3.0, overrides=[PUSHING, "compare.against=[]"])
+    body = reduced(structural_model(scene.structure), 10)
+    found = march.observe(modal_form(body), scene.path, scene.loads, scene.stepping)
+    sides = [k for k, name in enumerate(body.row_names) if name.split()[1:] in (["left"], ["right"])]
+    forces, ys = found.multipliers[:, sides], found.y[:, 58]
+    assert forces[:2000].max() == 0.0 and np.abs(ys[:2000]).max() < 1e-9  # before the gust
+    assert np.count_nonzero(forces.max(axis=0) > 100.0) >= 2 and found.multipliers.min() > -1e-6
+    assert 1e-3 < np.abs(ys).max() < 0.1
+
+
+OWN = """
+title = "A mesh of one's own"
+[body]
+model = "shell"
+thickness = 0.008
+[mesh]
+file = "boom.msh"
+[[pads]]
+name = "tail"
+at = 0.15
+faces = { bottom = [-0.1, 0.1], left = [0.0] }
+[[pads]]
+name = "mouth"
+moving = true
+faces = { bottom = [-0.1, 0.1], left = [0.0] }
+[[holds]]
+name = "cylinder"
+[slider]
+path = { kind = "smooth_ramp", times = [0.1, 0.9], values = [1.5, 2.0] }
+[[loads]]
+name = "F"
+signal = 1000.0
+[time]
+end = 1.0
+step = 1e-2
+[observe]
+start = 0.5
+end = 3.5
+count = 4
+"""
+
+
+def test_a_mesh_of_ones_own_is_read(tmp_path: Path) -> None:
+    if MPI.COMM_WORLD.size > 1:
+        pytest.skip("every rank has a folder of its own here")
+    write_shell(BoxBoom(length=4.0, size=0.2), tmp_path / "boom.msh")
+    (tmp_path / "own.toml").write_text(OWN)
+    model = build(scenes.load(tmp_path / "own.toml")).model
+    assert model.output_names[-4:] == ("tip z", *(f"force of tail {pad}" for pad in PADS))
+    with pytest.raises(InputError, match=r"boom.msh: no group named nose; found: bottom, left, right, tail, tip, top"):
+        build(scenes.load(tmp_path / "own.toml", ["observe.tip=nose"]))
+
+
+PADS = ("bottom right", "bottom left", "left")

@@ -1,0 +1,112 @@
+"""Small scenes of every kind, each a fraction of a second, from which mutations start."""
+
+from __future__ import annotations
+
+from typing import Any
+
+BEAM: dict[str, Any] = {
+    "title": "Beam",
+    "body": {"model": "beam2d", "length": 5.0, "bending_stiffness": 5.0e4, "mass_per_length": 78.0},
+    "mesh": {"elements": 10},
+    "supports": [{"at": 0.0, "kind": "pinned"}],
+    "slider": {"path": {"kind": "ramp", "times": [0.05, 0.15], "values": [1.25, 3.75]}},
+    "loads": [{"name": "F", "at": 5.0, "direction": "y", "signal": -50.0}],
+    "time": {"end": 0.2, "step": 2e-3, "rho_inf": 0.9},
+    "reduction": {"snapshots": 4, "modes": 4, "coordinates": 8},
+    "simulation": {"simulators": ["march"]},
+}
+PAPER: dict[str, Any] = BEAM | {
+    "title": "Paper",
+    "body": BEAM["body"] | {"axial": True, "axial_stiffness": 2.0e7},
+    "loads": [
+        {
+            "name": "F",
+            "at": 5.0,
+            "signal": {"kind": "chirp", "amplitude": 50.0, "times": [0.0, 0.1, 0.2], "frequencies": [1.0, 10.0, 1.0]},
+        }
+    ],
+    "reduction": {"snapshots": 5, "modes": 6, "coordinates": 12, "support_rows": "hold", "solver": "dense"},
+    "simulation": {"simulators": ["march", "exudyn"]},
+    "compare": {"against": ["full", "ancf"], "ancf_elements": 6},
+    "published": {"source": "a paper", "errors": {"reduced_vs_full": {"tip": 0.01}}, "max_displacement": 0.05},
+}
+FLEXIBLE: dict[str, Any] = BEAM | {
+    "title": "Flexible",
+    "slider": {
+        "path": {"kind": "smooth_ramp", "times": [0.0, 0.2], "values": [1.5, 2.5]},
+        "offsets": [0.0, 0.8],
+    },
+    "damping": {"ratio": 0.01, "frequencies": [1.0, 50.0]},
+    "loads": [
+        {"name": "F", "at": 5.0, "signal": {"kind": "sine", "amplitude": 50.0, "frequency": 3.0, "phase": 0.1}},
+        {"name": "T", "at": 2.5, "direction": "rotation", "signal": {"kind": "step", "time": 0.1, "after": 5.0}},
+        {
+            "name": "G",
+            "at": 4.0,
+            "signal": {
+                "kind": "sum",
+                "terms": [{"kind": "table", "times": [0.0, 0.1, 0.2], "values": [0.0, 9.0, 3.0]}],
+            },
+        },
+    ],
+    "reduction": {"basis": "free_modes", "flexibility": True, "coordinates": 5, "residual_inertia": False},
+    "simulation": {"simulators": ["march"], "repeats": 1, "full": "auto"},
+}
+BOOM: dict[str, Any] = {
+    "title": "Boom",
+    "body": {
+        "model": "beam3d",
+        "box": {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008},
+        "material": {"young": 210e9, "poisson": 0.3, "density": 7850.0},
+        "shear": True,
+    },
+    "mesh": {"elements": 20},
+    "pads": [
+        {"name": "tail", "at": 0.15, "faces": {"bottom": [-0.1, 0.1], "top": [0.0], "left": [0.0], "right": [0.0]}},
+        {
+            "name": "mouth",
+            "moving": True,
+            "faces": {"bottom": [-0.1, 0.1], "top": [0.0], "left": [0.0], "right": [0.0]},
+        },
+    ],
+    "holds": [{"name": "cylinder", "on": "tail", "direction": "x", "stiffness": "rigid"}],
+    "masses": [{"name": "payload", "on": "tip", "mass": 250.0}],
+    "slider": {"path": {"kind": "smooth_ramp", "times": [0.0, 0.1, 0.2], "values": [1.5, 1.8, 1.5]}},
+    "loads": [
+        {
+            "name": "tip force",
+            "on": "tip",
+            "direction": "z",
+            "signal": {"kind": "sine", "amplitude": 2000.0, "frequency": 5.0},
+        }
+    ],
+    "gravity": {"acceleration": 9.80665, "direction": [0.0, 0.0, -1.0], "rise": 0.1},
+    "damping": {"ratio": 0.005, "frequencies": [10.0, 60.0]},
+    "time": {"end": 0.2, "step": 2e-3},
+    "observe": {"start": 0.2, "end": 5.8, "count": 9},
+    "reduction": {"coordinates": 6},
+    "recovery": {"every": 0.02, "stress": True, "frames": 3, "series": False},
+}
+PUSHING: dict[str, Any] = BOOM | {
+    "title": "Pads that push",
+    "pads": [pad | {"unilateral": True, "clearance": 1e-4, "stiffness": 1e7} for pad in BOOM["pads"]],
+    "compare": {"against": []},
+}
+PLANAR_BOOM: dict[str, Any] = BOOM | {
+    "title": "Planar boom",
+    "body": {key: value for key, value in BOOM["body"].items() if key != "shear"} | {"model": "beam2d"},
+    "recovery": {"every": 0.02, "stress": False, "frames": 3, "series": False},
+}
+SHELL: dict[str, Any] = BOOM | {
+    "title": "Shell",
+    "body": {"model": "shell", "box": {"length": 2.0, "width": 0.3, "height": 0.4, "wall": 0.008}},
+    "mesh": {"size": 0.15, "along": 0.25},
+    "slider": {"path": 1.0},
+    "observe": {"start": 0.2, "end": 1.8, "count": 5},
+    "time": {"end": 0.05, "step": 1e-3},
+    "reduction": {"coordinates": 4},
+    "compare": {"against": []},
+    "recovery": {"every": 0.025, "stress": True, "frames": 2, "series": False},
+}
+#: How often each is taken.
+BASES = (BEAM, PAPER, FLEXIBLE, BOOM, BEAM, FLEXIBLE, BOOM, PUSHING, PLANAR_BOOM, BEAM, FLEXIBLE, BOOM, SHELL)

@@ -1,0 +1,65 @@
+"""Judges many mutations in processes of their own, and starts another one where a mutation ended the last."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from fuzz.verdict import PATIENCE, Verdict
+from fuzz.worker import READY
+
+TESTS = Path(__file__).parents[1]
+
+
+def verdicts(kind: str, count: int, first: int = 0) -> Iterator[Verdict]:
+    """One for each mutation, in order."""
+    number = first
+    while number < first + count:
+        for verdict in _one_process(kind, number, first + count):
+            yield verdict
+            number = verdict.number + 1
+        if number < first + count:
+            yield Verdict(number, "died", 0.0, "the process ended, or hung")
+            number += 1
+
+
+def told(found: list[Verdict]) -> str:
+    """Counts, and every fault with its number."""
+    counts = Counter(verdict.kind for verdict in found)
+    faults = [f"\n--- {v.number}: {v.kind} after {v.seconds:.1f} s\n{v.detail}" for v in found if not v.is_sound]
+    slowest = max((v.seconds for v in found), default=0.0)
+    return f"{len(found)} mutations: {dict(counts)}; the slowest took {slowest:.1f} s" + "".join(faults)
+
+
+def _one_process(kind: str, number: int, end: int) -> Iterator[Verdict]:
+    paths = [str(TESTS), str(TESTS.parent), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "fuzz.worker", kind, str(number), str(end)]
+    pipes: dict = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "bufsize": 0}  # no line waits unseen
+    with subprocess.Popen(command, env=environment, **pipes) as child:
+        assert child.stdout is not None
+        try:
+            said = child.stdout.readline().decode().strip()
+            assert said == READY, f"what is compiled for {kind} could not be prepared"
+            while select.select([child.stdout], [], [], 2 * PATIENCE)[0] and (line := child.stdout.readline()):
+                yield Verdict(**json.loads(line))
+        finally:
+            child.kill()
+
+
+if __name__ == "__main__":
+    asked, many, start = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 0
+    everything = []
+    for each in verdicts(asked, many, start):
+        everything.append(each)
+        if each.number % 50 == 49:
+            print(f"{each.number + 1} judged", flush=True)
+        if not each.is_sound:
+            print(f"--- {each.number}: {each.kind} after {each.seconds:.1f} s\n{each.detail}", flush=True)
+    print(told(everything).partition("\n")[0])

@@ -1,0 +1,90 @@
+"""Names of all kinds, as titles, of loads, pads and files: shown as they are, in pages, scripts and on terminals."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+from fuzz import toml
+from fuzz.bases import BEAM, BOOM
+from fuzz.mutations import STRANGE, Random
+from fuzz.scenes import coarse
+from fuzz.scenes import prepare as warm
+from fuzz.verdict import NonsenseError, strictly_read
+
+from pmr import scene as scenes
+from pmr.text import visible
+
+RANGES = (
+    (0, 32),
+    (32, 127),
+    (127, 256),
+    (0x200, 0x700),
+    (0x2000, 0x2100),
+    (0x4E00, 0x9FFF),
+    (0xFE00, 0x10000),
+    (0x1F300, 0x1F700),
+)
+
+
+prepare = warm
+
+
+def case(number: int, rng: Random, folder: Path) -> str:
+    """Run a scene full of a name, draw its report, export its model."""
+    from pmr.export.exudyn.script import write_exudyn_script
+    from pmr.fem.compat import MPI
+    from pmr.report.document import case as report_case
+    from pmr.report.document import render
+    from pmr.run import run
+
+    name, other = _name(rng), _name(rng)
+    base = BOOM if number % 4 == 0 else BEAM
+    loads = [base["loads"][0] | {"name": name}, base["loads"][0] | {"name": other}]
+    data = base | {"title": f"{name}{other}", "loads": loads}
+    if base is BOOM:
+        data["pads"] = [
+            pad | {"name": f"{part}{i}"} for i, (pad, part) in enumerate(zip(BOOM["pads"], (name, other), strict=True))
+        ]
+        data["holds"], data["masses"] = [BOOM["holds"][0] | {"name": other}], [BOOM["masses"][0] | {"name": name}]
+    file = folder / f"{_file_name(name)}.toml"
+    file.write_text(toml.written(data), encoding="utf-8")
+    outcome = run(coarse(scenes.load(file)), MPI.COMM_SELF)
+    assert outcome is not None
+    page = render([report_case(outcome.result, "case-1")])
+    if visible(page.replace("\n", "")) != page.replace("\n", ""):
+        raise NonsenseError("the page holds characters that steer")
+    for svg in re.findall(r"<svg.*?</svg>", page, re.DOTALL):
+        ElementTree.fromstring(svg)
+    outcome.result.save(folder / "results")
+    strictly_read((folder / "results" / "summary.json").read_text())
+    model = outcome.reduced.save(folder / f"{_file_name(other)}.npz")
+    try:
+        script = write_exudyn_script(model, folder / "script.py")
+    except scenes.files.InputError as error:
+        if "give way" in str(error):
+            return "no script"
+        raise
+    names: dict = {}
+    code = compile(script.read_text(encoding="utf-8"), "script.py", "exec")
+    exec(code, names)
+    if names["TITLE"] != data["title"].replace("\ud800", "?"):
+        raise NonsenseError(f"the script's title is {names['TITLE']!r}")
+    return "shown"
+
+
+def _name(rng: Random) -> str:
+    if rng.random() < 0.3:
+        return STRANGE[int(rng.integers(len(STRANGE)))]
+    parts = []
+    for _ in range(int(rng.integers(1, 12))):
+        low, high = RANGES[int(rng.integers(len(RANGES)))]
+        parts.append(chr(int(rng.integers(low, high))))
+        if rng.random() < 0.2:
+            parts.append(STRANGE[int(rng.integers(len(STRANGE)))][:20])
+    return "".join(parts)
+
+
+def _file_name(name: str) -> str:
+    return "".join(letter for letter in name if letter not in "/\0")[:40] or "_"

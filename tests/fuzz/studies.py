@@ -1,0 +1,116 @@
+"""Mutated studies: planned, and of those that are accepted a run or two computed."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fuzz import toml
+from fuzz.bases import BEAM, BOOM, PAPER
+from fuzz.mutations import STRANGE, Random, mutated, scratched, strange
+from fuzz.scenes import prepare as warm
+from fuzz.verdict import NonsenseError
+
+from pmr.errors import ConvergenceError, SimulationError
+from pmr.studies import files
+from pmr.studies.engine.task import Plan, Task, TaskResult
+
+SCENES = {
+    "beam.toml": BEAM | {"reduction": {"snapshots": 3, "modes": 2, "coordinates": 4}},
+    "paper.toml": PAPER,
+    "boom.toml": BOOM,
+}
+STUDIES: dict[str, dict[str, Any]] = {
+    "scenes": {
+        "kind": "scenes",
+        "title": "Coordinates",
+        "scenes": ["beam.toml"],
+        "change": {"compare": {"against": ["full"]}},
+        "cases": [{"name": "soft", "change": {"body": {"bending_stiffness": 1e4}}}, {"name": "as-it-is"}],
+        "grid": {"reduction": {"coordinates": [3, 4], "support_rows": ["drop"]}},
+    },
+    "boom": {"kind": "scenes", "title": "Boom", "scenes": ["boom.toml"], "grid": {"mesh": {"elements": [12, 16]}}},
+    "error_map": {
+        "kind": "error_map",
+        "title": "Map",
+        "scene": "beam.toml",
+        "most_snapshots": 3,
+        "most_modes": 3,
+        "smallest_pool": 2,
+        "largest_pool": 9,
+        "budget": 4,
+        "curve": 4,
+    },
+    "convergence": {
+        "kind": "convergence",
+        "title": "Convergence",
+        "scene": "paper.toml",
+        "ancf": [2, 4],
+        "full": [4, 6],
+    },
+    "collection": {
+        "kind": "collection",
+        "title": "All",
+        "files": ["scenes.toml", "error_map.toml"],
+        "change": {"scenes": {"title": "A"}},
+    },
+}
+COMPUTED, MOST_RUNS = 6, 1  # of that many accepted ones so many runs are computed
+
+
+prepare = warm
+
+
+def case(number: int, rng: Random, folder: Path) -> str:
+    """Plan a mutation, compute some of it if it is accepted."""
+    for name, data in SCENES.items():
+        (folder / name).write_text(toml.written(data))
+    for name, data in STUDIES.items():
+        (folder / f"{name}.toml").write_text(toml.written(data))
+    names = list(STUDIES)
+    base = STUDIES[names[int(rng.integers(len(names)))]]
+    overrides: list[str] = []
+    how = rng.random()
+    content = toml.written(base).encode()
+    if how < 0.15:
+        content = scratched(content, rng)
+    elif how < 0.3:
+        keys = ["grid.reduction.coordinates", "title", "scenes", "change.time.step", "grid", *STRANGE[:3]]
+        overrides = [f"{keys[int(rng.integers(len(keys)))]}={toml.value(strange(rng))}"]
+    else:
+        content = toml.written(mutated(base, rng, most=2)).encode()
+    file = folder / "study.toml"
+    file.write_bytes(content)
+    project = files.load(file, overrides)
+    if any("\n" in run for run in project.runs):
+        raise NonsenseError("a run's name has several lines")
+    computed = 0
+    if number % COMPUTED == 0:
+        for part in project.parts[:1]:
+            for run in part.plan.runs[:MOST_RUNS]:
+                try:
+                    _ensure_told(_result(part.plan, run, {}))
+                except (ConvergenceError, SimulationError) as error:  # a study records it, and its exit code says so
+                    return f"{len(project.runs)} runs, one fails: {error}"
+                computed += 1
+    return f"{len(project.runs)} runs, {computed} computed"
+
+
+def _result(plan: Plan, task: Task, known: dict[str, TaskResult]) -> TaskResult:
+    """As a worker computes it, its needs first."""
+    by_key = {each.key: each for each in plan}
+    for key in task.needs.values():
+        if key not in known:
+            known[key] = _result(plan, by_key[key], known)
+    arguments = json.loads(json.dumps(dict(task.arguments), allow_nan=False))
+    return task.function(arguments, {name: known[key] for name, key in task.needs.items()})
+
+
+def _ensure_told(result: TaskResult) -> None:
+    record: Mapping[str, Any] = result.record
+    for name, value in record.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            raise NonsenseError(f"{name} = {value}")

@@ -1,0 +1,35 @@
+"""TOML from plain data, whatever is in it."""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import Any
+
+
+def written(data: dict[str, Any]) -> str:
+    """A key a line; tables stand inline."""
+    return "".join(f"{key(name)} = {value(found)}\n" for name, found in data.items())
+
+
+def key(name: str) -> str:
+    return name if name.isascii() and name.replace("_", "a").isalnum() else text(name)
+
+
+def text(found: str) -> str:
+    """Quoted; halves of surrogate pairs, which TOML excludes, as question marks."""
+    letters = (ord("?") if 0xD800 <= ord(letter) < 0xE000 else ord(letter) for letter in found)
+    return '"' + "".join(chr(o) if 32 <= o < 127 and chr(o) not in '"\\' else f"\\U{o:08x}" for o in letters) + '"'
+
+
+def value(found: Any) -> str:
+    if isinstance(found, bool):
+        return str(found).lower()
+    if isinstance(found, dict):
+        return "{ " + ", ".join(f"{key(name)} = {value(part)}" for name, part in found.items()) + " }"
+    if isinstance(found, list | tuple):
+        return "[" + ", ".join(map(value, found)) + "]"
+    if isinstance(found, str):
+        return text(found)
+    if isinstance(found, date):
+        return found.isoformat()
+    return repr(found)

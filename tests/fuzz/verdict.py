@@ -1,0 +1,98 @@
+"""What became of one mutation."""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pmr.errors import ConvergenceError, InputError, SimulationError
+from pmr.text import visible
+
+LONGEST = 10.0  # s of processor time that one may take
+PATIENCE = 300  # s of wall time, on a machine that others use too
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`kind` is ``ran``, ``refused`` (one line and exit code 2) or ``stopped``; everything else is a fault.
+
+    ``stopped``: the motion grew without bound, which only its simulation shows: one line and exit code 1.  ``failed``:
+    a solver gave up otherwise; ``traceback``; ``nonsense``: a result that can't be and nobody is told; ``slow``;
+    ``died``: the process ended or hung.
+    """
+
+    number: int
+    kind: str
+    seconds: float
+    detail: str = ""
+
+    @property
+    def is_sound(self) -> bool:
+        return self.kind in ("ran", "refused", "stopped")
+
+
+class NonsenseError(Exception):
+    """A result that can't be."""
+
+
+class TooSlowError(BaseException):
+    """Not to be caught by those who catch what fails."""
+
+
+def judged(number: int, run: Callable[[], Any]) -> Verdict:
+    """Run something and say what became of it."""
+
+    def ring(*_: Any) -> None:
+        raise TooSlowError
+
+    signal.signal(signal.SIGALRM, ring)
+    signal.alarm(PATIENCE)
+    start = time.process_time()
+    try:
+        kind, detail = "ran", str(run() or "")
+    except InputError as error:
+        kind, detail = "refused", str(error)
+        if visible(detail) != detail or not detail:
+            kind = "nonsense"
+    except (ConvergenceError, SimulationError) as error:
+        detail = str(error)
+        kind = "stopped" if "grows without bound" in detail and visible(detail) == detail else "failed"
+    except NonsenseError as error:
+        kind, detail = "nonsense", str(error)
+    except TooSlowError:
+        kind, detail = "slow", traceback.format_exc(limit=-3)
+    except BaseException:
+        kind, detail = "traceback", traceback.format_exc(limit=-6)
+    finally:
+        signal.alarm(0)
+    seconds = time.process_time() - start
+    if kind in ("ran", "refused", "stopped", "failed") and seconds > LONGEST:
+        kind, detail = "slow", f"{seconds:.1f} s: {kind} {detail}"
+    return Verdict(number, kind, seconds, detail[:3000])
+
+
+def ensure_finite(name: str, array: Any) -> None:
+    if not np.isfinite(array).all():
+        raise NonsenseError(f"{name} is not finite")
+
+
+def strictly_read(text: str) -> Any:
+    """JSON as other readers take it.
+
+    Raises
+    ------
+    NonsenseError
+        If there is a number in it that is none.
+    """
+
+    def refuse(constant: str) -> None:
+        raise NonsenseError(f"{constant} in JSON")
+
+    return json.loads(text, parse_constant=refuse)

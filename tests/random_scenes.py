@@ -1,0 +1,88 @@
+"""Random scenes: planar beams on one slider or two, and booms in space on twelve pads; damped and not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pmr import scene as scenes
+from pmr.scene import SceneBase, from_data
+from pmr.scene.checks import check
+
+WORKFLOWS = Path(__file__).parents[1] / "workflows"
+END = 2.0
+
+
+def random_scene(seed: int) -> SceneBase:
+    """Seven of ten are planar; loads go up to 44 Hz, some set in at once, and a third of the paths has kinks."""
+    rng = np.random.default_rng(seed)
+    if rng.random() >= 0.7:
+        return scenes.load(WORKFLOWS / "boom_beam.toml", _boom(rng))
+    scene = from_data(_beam(rng))
+    check(scene)
+    return scene
+
+
+def _signal(rng: np.random.Generator, amplitude: float, highest: float) -> dict:
+    match rng.integers(5):
+        case 0:
+            frequencies = [0.5, float(rng.uniform(5.0, highest))]
+            return {"kind": "chirp", "amplitude": amplitude, "times": [0.0, END], "frequencies": frequencies}
+        case 1:
+            return {"kind": "sine", "amplitude": amplitude, "frequency": float(rng.uniform(0.5, highest))}
+        case 2:
+            return {"kind": "step", "time": float(rng.uniform(0.1, 0.5)), "after": amplitude}
+        case 3:
+            at, width = float(rng.uniform(0.2, 0.8)), float(rng.uniform(0.02, 0.3))
+            times = [at, at + width / 2.0, at + width]
+            return {"kind": "smooth_ramp", "times": times, "values": [0.0, amplitude, 0.0]}
+        case _:
+            return {"kind": "constant", "amount": amplitude}
+
+
+def _beam(rng: np.random.Generator) -> dict:
+    length, stiffness = float(rng.uniform(3.0, 8.0)), float(10.0 ** rng.uniform(4.3, 6.0))
+    mass = float(rng.uniform(40.0, 120.0))
+    offsets = [0.0, float(rng.uniform(0.3, 0.9))] if rng.random() < 0.5 else [0.0]
+    values = rng.uniform(0.15 * length, 0.9 * length - offsets[-1], 2).tolist()
+    loads = [{"name": "F", "at": length, "signal": _signal(rng, 50.0, 44.0)}]
+    if rng.random() < 0.4:
+        loads.append({"name": "G", "at": float(rng.uniform(0.3, 0.8) * length), "signal": _signal(rng, 30.0, 20.0)})
+    ratio = float(rng.choice([0.0, 0.0, 0.005, 0.01, 0.02, 0.05]))
+    kind = "ramp" if rng.random() < 0.4 else "smooth_ramp"
+    path = {"kind": kind, "times": [0.2, 0.2 + float(rng.uniform(0.4, 1.4))], "values": values}
+    return {
+        "title": "random beam",
+        "body": {"length": length, "bending_stiffness": stiffness, "mass_per_length": mass},
+        "mesh": {"elements": 30},
+        "supports": [{"at": 0.0, "kind": "clamped" if rng.random() < 0.3 else "pinned"}],
+        "slider": {"path": path, "offsets": offsets},
+        "loads": loads,
+        "time": {"end": END, "step": 1e-3},
+        "damping": {"ratio": ratio, "frequencies": [5.0, 40.0]},
+        "reduction": {
+            "basis": "free_modes",
+            "flexibility": True,
+            "coordinates": int(rng.choice([5, 6, 8, 10, 12, 16, 20])),
+        },
+        "simulation": {"simulators": ["march"]},
+    }
+
+
+def _boom(rng: np.random.Generator) -> list[str]:
+    kind = "ramp" if rng.random() < 0.3 else "smooth_ramp"
+    times, values = [0.2, round(rng.uniform(0.8, 1.8), 3)], [1.5, round(rng.uniform(2.0, 4.0), 3)]
+    signal = ", ".join(f"{name} = {value!r}" for name, value in _signal(rng, 1500.0, 40.0).items())
+    ratio = rng.choice([0.0, 0.005, 0.02, 0.05])
+    return [
+        f"body.box.length={rng.uniform(5.0, 9.0):.3f}",
+        "mesh.elements=24",
+        "recovery.every=0.05",
+        f"time.end={END}",
+        f"slider.path={{kind={kind!r}, times={times}, values={values}}}",
+        "observe.end=4.8",
+        f"reduction.coordinates={rng.choice([8, 10, 12, 16])}",
+        f"damping={{ratio={ratio}, frequencies=[10.0, 60.0]}}",
+        f"loads=[{{name='tip', on='tip', direction='{rng.choice(['y', 'z'])}', signal={{{signal}}}}}]",
+    ]

@@ -1,0 +1,126 @@
+"""Modes that move into the tables and back, against tables of the smaller and the larger model."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracle import flexible, inertial, paper_basis, project, rich_body
+from scipy.interpolate import PPoly
+
+from pmr.errors import InputError
+from pmr.reduced.inertia import TABLES
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import extended, is_modal, truncated, with_kept_inertia
+
+FULL = rich_body()
+S = np.linspace(0.0, 4.2, 60)
+
+
+def arrays(model: ReducedModel) -> dict[str, np.ndarray]:
+    """Everything that two models may differ in, tables as values; modes have no sign."""
+    assert model.flexibility and model.flexibility.inertia
+    tables, inertia = model.flexibility, model.flexibility.inertia
+    found = {name: getattr(tables, name) for name in ("rows", "inputs", "outputs", "direct", "energy")}
+    found |= {name: getattr(inertia, name) for name in TABLES} | {"kinetic": inertia.energy}
+    values = {name: A(S) if isinstance(A, PPoly) else A for name, A in found.items()}
+    return (
+        values
+        | {name: np.abs(getattr(model, name)) for name in ("M", "D", "K", "B", "outputs")}
+        | {"C": abs(model.C(S))}
+    )
+
+
+def assert_same(found: ReducedModel, expected: ReducedModel, tolerance: float = 1e-8) -> None:
+    for (name, a), b in zip(arrays(found).items(), arrays(expected).values(), strict=True):
+        assert np.abs(a - b).max() <= tolerance * max(np.abs(b).max(), 1e-30), name
+
+
+def test_a_large_model_holds_the_smaller_one_and_back() -> None:
+    large, small = inertial(FULL, 9), inertial(FULL, 5)
+    cut = truncated(large, 5)
+    assert_same(cut, small)
+    assert cut.enrichment and cut.enrichment.count == 4 and cut.size == 5
+    assert_same(extended(cut), large, 1e-10)
+    assert extended(cut).enrichment is None
+
+
+def test_step_by_step_is_at_once() -> None:
+    large = inertial(FULL, 9)
+    twice, once = truncated(truncated(large, 7), 5), truncated(large, 5)
+    assert twice.enrichment and once.enrichment
+    assert np.array_equal(twice.enrichment.stiffness, once.enrichment.stiffness)
+    assert twice.enrichment.rows(S) == pytest.approx(once.enrichment.rows(S), rel=1e-12)
+    assert_same(extended(twice, 2), inertial(FULL, 7))
+    left = extended(twice, 3).enrichment
+    assert left and left.count == 1 and left.stiffness == once.enrichment.stiffness[3:]
+
+
+def test_what_cannot_join_the_tables_is_refused() -> None:
+    model = inertial(FULL, 6)
+    with pytest.raises(ValueError, match="0 modes of 6"):
+        truncated(model, 0)
+    with pytest.raises(ValueError, match="6 modes of 6"):
+        truncated(model, 6)
+    with pytest.raises(ValueError, match="leading"):
+        truncated(replace(model, flexibility=None), 4)
+    coupled = model.K.copy()
+    coupled[3, 4] = coupled[4, 3] = 0.5 * coupled[3, 3]
+    backwards = {"K": model.K[::-1, ::-1], "D": model.D[::-1, ::-1]}
+    for change in ({"K": coupled}, {"M": 2.0 * model.M}, backwards):
+        assert not is_modal(replace(model, **change))
+        with pytest.raises(ValueError, match="only eigenmodes"):
+            truncated(replace(model, **change), 4)
+    assert not is_modal(project(FULL, paper_basis(FULL, 3, 3, 5)))
+    unsupported = replace(model, K=np.zeros_like(model.K))
+    with pytest.raises(ValueError, match="rigid-body modes have to stay"):
+        truncated(unsupported, 4)
+    with pytest.raises(ValueError, match="1 enrichment modes of 0"):
+        extended(model, 1)
+    with pytest.raises(ValueError, match="3 enrichment modes of 2"):
+        extended(truncated(model, 4), 3)
+    with pytest.raises(ValueError, match="no tables"):
+        with_kept_inertia(flexible(FULL, 4))
+
+
+def test_enrichment_and_inertia_survive_the_file(tmp_path: Path) -> None:
+    model = with_kept_inertia(inertial(FULL, 5, enrichment=3))
+    loaded = ReducedModel.load(model.save(tmp_path / "m.npz"))
+    assert loaded.flexibility and loaded.flexibility.keeps_inertia and loaded.enrichment and model.enrichment
+    assert_same(loaded, model, 0.0)
+    for name in ("stiffness", "damping", "B", "outputs"):
+        assert np.array_equal(getattr(loaded.enrichment, name), getattr(model.enrichment, name))
+    assert np.array_equal(loaded.enrichment.rows(S), model.enrichment.rows(S))
+
+
+def test_a_file_of_version_2_has_neither(tmp_path: Path) -> None:
+    path = inertial(FULL, 5, enrichment=3).save(tmp_path / "m.npz")
+    with np.load(path) as data:
+        old = {name: data[name] for name in data if not name.startswith(("inertia.", "companions."))}
+    old["header"] = np.array(json.dumps(json.loads(str(old["header"])) | {"version": 2}))
+    np.savez(path, **old)
+    loaded = ReducedModel.load(path)
+    assert loaded.flexibility and loaded.flexibility.inertia is None and loaded.enrichment is None
+    assert not loaded.flexibility.keeps_inertia
+
+
+def test_tables_and_enrichment_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    model = inertial(FULL, 5, enrichment=3)
+    assert model.flexibility and model.flexibility.inertia and model.enrichment
+
+    def said(**change: object) -> str:
+        with pytest.raises(InputError) as caught:
+            ReducedModel.load(replace(model, **change).save(tmp_path / "m.npz"))
+        return str(caught.value)
+
+    tables, wrong = model.flexibility, PPoly(np.zeros((1, 1, 3, 3)), [0.0, 4.2])
+    assert "inertia.A1 has shape (3, 3)" in said(flexibility=replace(tables, inertia=replace(tables.inertia, A1=wrong)))
+    assert "inertia.energy has shape (1, 1)" in said(
+        flexibility=replace(tables, inertia=replace(tables.inertia, energy=np.ones((1, 1))))
+    )
+    assert "enrichment.rows has shape (3, 3)" in said(enrichment=replace(model.enrichment, rows=wrong))
+    assert "enrichment.B has shape (1, 2)" in said(enrichment=replace(model.enrichment, B=model.enrichment.B[:1]))
+    assert "not positive" in said(enrichment=replace(model.enrichment, stiffness=np.zeros(3)))

@@ -1,0 +1,64 @@
+"""Names and titles stand in a report as they were written; what can't stand in a page is spelled out."""
+
+from __future__ import annotations
+
+import re
+from html import unescape
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from pmr.report import write_report
+from pmr.report.document import case, render
+from pmr.text import visible
+
+TEXTS = {
+    "mathtext": "$x^2$",
+    "broken mathtext": r"$\frac{",
+    "markup": "[/red] <b>&amp;</b> </text></svg><script>alert(1)</script>",
+    "template": "{{ 7 * 7 }} {% raw %} %s {0}",
+    "control": "a\x00\x08\x1b[31m\x9b",
+    "lines": "a\nb\r\tc\u2028d",
+    "direction": "\u202eabc\u2066\u200f",
+    "surrogate": "F\ud800",
+    "not XML": "F\ufffe\uffff",
+    "underscore": "_F",
+    "superscript": "F² ﬁ 😀 漢",
+    "nothing": "",
+    "long": "x" * 3000,
+}
+
+
+def page(make_result, text: str) -> str:
+    loads = [{"name": text, "at": 5.0, "signal": 1.0}, {"name": f"{text}2", "at": 5.0, "signal": 2.0}]
+    result = make_result(title=text, loads=loads, summary={"warnings": [text], "notes": [text]}, published=None)
+    return render([case(result, "case-1")])
+
+
+@pytest.mark.parametrize("kind", TEXTS)
+def test_a_report_shows_text_as_it_is(make_result, kind: str) -> None:
+    html, text = page(make_result, TEXTS[kind]), visible(TEXTS[kind])
+    assert re.search(r"<title>(.*?)</title>", html)[1] == unescape_once(text)
+    drawn = re.search(r'<figure id="case-1-loads".*?(<svg.*?</svg>)', html, re.DOTALL)[1]
+    legend = [unescape(found) for found in re.findall(r"<text[^>]*>([^<]*)</text>", drawn)]
+    assert f"{text}2" in legend and (text in legend or not text)
+    for svg in re.findall(r"<svg.*?</svg>", html, re.DOTALL):
+        ElementTree.fromstring(svg)
+    assert visible(html.replace("\n", "")) == html.replace("\n", "")
+    assert "<script>alert" not in html and "49" not in re.findall(r"<h1>(.*?)</h1>", html)
+
+
+def unescape_once(text: str) -> str:
+    """As a page has it: jinja writes quotes as numbers."""
+    from markupsafe import escape
+
+    return str(escape(text))
+
+
+@pytest.mark.slow
+def test_a_pdf_is_written_whatever_the_names(make_result, tmp_path: Path) -> None:
+    everything = " ".join(text[:60] for text in TEXTS.values())
+    loads = [{"name": f"{everything}{i}", "at": 5.0, "signal": 1.0} for i in range(2)]
+    files = write_report([make_result(title=everything, loads=loads)], tmp_path)
+    assert files.pdf.read_bytes().startswith(b"%PDF-")

@@ -1,0 +1,210 @@
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr import scene
+from pmr.errors import InputError
+from pmr.scene import Scene
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+SIMPLE = WORKFLOWS / "paper_simple.toml"
+
+
+@pytest.mark.parametrize("name", ["paper_simple", "paper_evolved"])
+def test_the_papers_scenes_hold_table_1(name: str) -> None:
+    s = scene.load(WORKFLOWS / f"{name}.toml")
+    assert (s.body.length, s.body.bending_stiffness, s.body.axial_stiffness, s.body.mass_per_length) == (
+        5,
+        5e4,
+        2e7,
+        78,
+    )
+    assert (s.mesh.elements, s.compare.ancf_elements, s.time.steps, s.time.rho_inf) == (50, 20, 15000, 0.9)
+    assert (s.reduction.snapshots, s.reduction.modes, s.reduction.coordinates, s.row_count) == (5, 6, 20, 3)
+    assert s.path_bounds == (1.25, 3.75)
+
+
+def test_a_signal_replaces_the_one_of_the_base_file_whole(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        f'extends = "{SIMPLE}"\nslider.path = {{ kind = "sine", amplitude = 1.0, frequency = 2.0, offset = 2.0 }}'
+    )
+    assert scene.load(file).slider.path.kind == "sine"
+
+
+def test_overrides_take_toml_values_and_bare_words() -> None:
+    s = scene.load(SIMPLE, ["reduction.coordinates=10", "reduction.solver=slepc", "body.length = 5.5"])
+    assert (s.reduction.coordinates, s.reduction.solver, s.body.length) == (10, "slepc", 5.5)
+
+
+def test_free_modes_with_flexibility_need_few_coordinates_and_no_pool(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    text = (WORKFLOWS / "paper_base.toml").read_text().split("[reduction]")[0]
+    file.write_text(f"{text}[slider]\npath = 2.0\n[[loads]]\nat = 5.0\nsignal = 1.0\n[reduction]\nbasis = 'free_modes'")
+    assert scene.load(file).reduction.coordinates == 20
+    assert scene.load(file, ["reduction.flexibility=true"]).reduction.coordinates == 6
+    assert scene.load(file, ["reduction.flexibility=true", "reduction.coordinates=1"]).reduction.coordinates == 1
+    assert scene.load(file, ["reduction.coordinates=70"]).reduction.coordinates == 70  # more than any pool would hold
+    with pytest.raises(InputError, match="at least as many as constraint rows"):
+        scene.load(file, ["reduction.coordinates=2"])
+
+
+def test_callbacks_know_no_rows_that_give_way() -> None:
+    with pytest.raises(InputError, match="simulation.simulators = .*'exudyn-multiplier' is allowed with flexibility"):
+        scene.load(WORKFLOWS / "simple_residual.toml", ["simulation.simulators=['march','exudyn-callback']"])
+
+
+REFUSED = [
+    ("body.lenght=3", "body.lenght = 3", "did you mean 'length'"),
+    ("body.bending_stiffness=-5", "body.bending_stiffness = -5", "greater than 0"),
+    ("body.length=nan", "body.length = nan", "finite"),
+    ("time.end=inf", "time.end = inf", "finite"),
+    ("slider.path={kind='ramp',times=[0,1],values=[1,6]}", "slider.path", "0 to 5 m"),
+    ("slider.path={kind='ramp',times=[0,1],vals=[1,6]}", "slider.path.vals", "did you mean 'values'"),
+    ("slider.path={kind='table',file='none.csv'}", "slider.path", "no such file: none.csv"),
+    ("slider.path={kind='table',times=[0,1],values=[1,nan]}", "slider.path.values[1] = nan", "finite"),
+    ("slider.path=0.0", "slider.path", "support"),
+    ("slider.offsets=[0.0, 2.0]", "slider.path", "(offset 2 m)"),
+    ("reduction.coordinates=31", "reduction.coordinates = 31", "at most snapshots * modes = 30"),
+    ("reduction.coordinates=2", "reduction.coordinates = 2", "3 (2 of supports, 1 of sliders)"),
+    ("reduction.coordinates=2.5", "reduction.coordinates = 2.5", "integer"),
+    ("reduction.positions=[1.0,2.0]", "reduction.snapshots = 5", "2 positions"),
+    ("reduction.positions=[1.0,2.0,3.0,4.0,6.0]", "reduction.positions", "0 to 5 m"),
+    ("reduction.flexibility=1", "reduction.flexibility = 1", "boolean"),
+    ("reduction.flexibility=true", "reduction.support_rows = 'hold'", "'drop' is allowed"),
+    ("reduction.basis=free_modes", "reduction.support_rows = 'hold'", "'drop' is allowed"),
+    ("reduction.residual_inertia=true", "reduction.residual_inertia = True", "free modes with flexibility"),
+    ("reduction.estimate=1", "reduction.estimate = 1", "boolean"),
+    ("reduction.basis=craig", "reduction.basis = 'craig'", "'eigenmodes' or 'free_modes'"),
+    ("time.step=0.7", "time.step = 0.7", "whole number of steps"),
+    ("time.rho_inf=1.1", "time.rho_inf = 1.1", "less than or equal to 1"),
+    ("mesh.file='none.msh'", "mesh.file", "no such file"),
+    ("loads=[{at=6.0,signal=1.0}]", "loads[0].at = 6", "0 to 5 m"),
+    ("loads=[{at=5.0}]", "loads[0].signal", "required"),
+    ("body.axial=1.5", "body.axial = 1.5", "boolean"),
+    ("compare.against=['comsol']", "compare.against[0] = 'comsol'", "'full' or 'ancf'"),
+    ("damping.mass=0.1", "compare.against", "no damping"),
+    ("reduction", "--set: reduction", "section.key=value"),
+    ("slider.path={kind='step',time=1.0,before=1.25,after=1.5}", "slider.path", "jumps from 1.25 m to 1.5 m at 1 s"),
+    ("body.length=true", "body.length = True", "valid number"),
+    ("body.length='5'", "body.length = '5'", "valid number"),
+    ("mesh.grading=1e300", "mesh.grading = 1e+300", "less than or equal to 1000"),
+    ("time.end=1e9", "time.step = 0.001", "at most 1,000,000 steps"),
+]
+
+
+@pytest.mark.parametrize(("override", "key", "allowed"), REFUSED, ids=[r[0] for r in REFUSED])
+def test_what_is_not_allowed_is_refused_in_one_line(override: str, key: str, allowed: str) -> None:
+    with pytest.raises(InputError) as caught:
+        scene.load(SIMPLE, [override])
+    line = str(caught.value)
+    assert key in line and allowed in line
+    assert "\n" not in line
+
+
+def test_the_line_names_the_file_in_which_the_value_stands(tmp_path: Path) -> None:
+    base, derived = tmp_path / "base.toml", tmp_path / "derived.toml"
+    base.write_text(f'extends = "{SIMPLE}"\n[body]\nmass_per_length = -1.0\n')
+    derived.write_text('extends = "base.toml"\n[mesh]\nelements = 0\n')
+    with pytest.raises(InputError) as caught:
+        scene.load(derived)
+    assert caught.value.source == str(base) and caught.value.key == "body.mass_per_length"
+    base.write_text(f'extends = "{SIMPLE}"\n')
+    with pytest.raises(InputError) as caught:
+        scene.load(derived)
+    assert caught.value.source == str(derived) and caught.value.key == "mesh.elements"
+
+
+def test_a_signal_replaced_whole_is_the_later_files(tmp_path: Path) -> None:
+    middle, last = tmp_path / "middle.toml", tmp_path / "last.toml"
+    middle.write_text(f'extends = "{SIMPLE}"\nslider.path.values = [1.0, 2.0]\n')
+    last.write_text('extends = "middle.toml"\nslider.path = { kind = "ramp", times = [0, 1], values = [1, nan] }\n')
+    assert scene.load(middle).path_bounds == (1.0, 2.0)
+    with pytest.raises(InputError) as caught:
+        scene.load(last)
+    assert caught.value.source == str(last) and caught.value.key == "slider.path.values[1]"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("extends = 'none.toml'", "extends = 'none.toml': the name of a scene file is allowed; there is none"),
+        ("extends = ''", "there is none"),
+        ("extends = 'self.toml'", "extend itself"),
+        ("a = ", "not valid TOML"),
+        ("extends = 3", "name of a scene file"),
+    ],
+)
+def test_a_file_that_is_no_scene_is_refused(tmp_path: Path, text: str, says: str) -> None:
+    file = tmp_path / "self.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=says):
+        scene.load(file)
+    with pytest.raises(InputError, match="no such scene file"):
+        scene.load(tmp_path / "other.toml")
+
+
+def test_files_are_found_beside_the_scene_that_names_them(tmp_path: Path) -> None:
+    (tmp_path / "s.csv").write_text("0, 1\n15, 2\n")
+    (tmp_path / "base.toml").write_text(f'extends = "{SIMPLE}"\nslider.path = {{ kind = "table", file = "s.csv" }}')
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "scene.toml").write_text('extends = "../base.toml"\n')
+    assert scene.load(tmp_path / "sub" / "scene.toml").path_bounds == (1.0, 2.0)
+
+
+def test_the_hash_changes_with_what_decides_the_result_only(tmp_path: Path) -> None:
+    reference = scene.load(SIMPLE).hash
+    assert scene.load(SIMPLE, ["title=other"]).hash == reference
+    assert scene.load(SIMPLE, ["body.length=5.01"]).hash != reference
+    csv = tmp_path / "s.csv"
+    digests = []
+    for end in (2, 3):
+        csv.write_text(f"0, 1\n15, {end}\n")
+        digests.append(scene.load(SIMPLE, [f"slider.path={{kind='table',file='{csv}'}}"]).hash)
+    assert digests[0] != digests[1]
+
+
+def test_published_figures_stand_beside_their_own_scene_only(tmp_path: Path) -> None:
+    assert scene.load(SIMPLE).published is not None
+    assert scene.load(SIMPLE, ["title=mine"]).published is not None
+    assert scene.load(SIMPLE, ["reduction.coordinates=10"]).published is None
+    derived = tmp_path / "derived.toml"
+    derived.write_text(f'extends = "{SIMPLE}"\n[reduction]\ncoordinates = 10\n')
+    assert scene.load(derived).published is None
+
+
+def test_an_override_may_mend_what_the_file_lacks(tmp_path: Path) -> None:
+    file = tmp_path / "template.toml"
+    file.write_text(f'extends = "{SIMPLE}"\n[body]\nlength = -1\n')
+    assert scene.load(file, ["body.length=5.0"]).body.length == 5.0
+
+
+def test_a_scene_survives_json() -> None:
+    s = scene.load(WORKFLOWS / "paper_evolved.toml")
+    assert Scene.model_validate(json.loads(s.model_dump_json())) == s
+
+
+def test_what_keeps_residual_inertia_is_simulated_by_march() -> None:
+    file = SIMPLE.with_name("simple_residual.toml")
+    assert scene.load(file).simulation.simulators == ("march", "exudyn")
+    assert scene.load(file, ["reduction.residual_inertia=true"]).simulation.simulators == ("march",)
+    with pytest.raises(InputError, match="march is allowed: it alone keeps residual inertia"):
+        scene.load(file, ["reduction.residual_inertia=true", "simulation.simulators=['march','exudyn']"])
+
+
+def test_a_path_of_many_rows_loads_in_the_time_that_reading_takes(tmp_path: Path) -> None:
+    """15,000 rows, a millisecond each: some 0.05 s; checking them one by one took a minute."""
+    t = np.linspace(0.0, 15.0, 15_000)
+    np.savetxt(tmp_path / "path.csv", np.column_stack([t, 2.5 - 1.25 * np.cos(t)]), delimiter=",")
+    took = []
+    for _ in range(3):
+        begin = time.perf_counter()
+        loaded = scene.load(SIMPLE, [f"slider.path={{kind='table',file='{tmp_path}/path.csv'}}"])
+        took.append(time.perf_counter() - begin)
+    assert len(loaded.slider.path.breaks) == 15_000
+    assert min(took) < 1.0

@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pmr.errors import InputError
+from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
+
+PLAIN = Dialect("file")
+
+
+def read(folder: Path, text: str, dialect: Dialect = PLAIN) -> TomlFile:
+    (folder / "a.toml").write_text(text)
+    return TomlFile.read(folder / "a.toml", dialect)
+
+
+def test_changes_are_laid_over_a_file_and_stay_as_they_are(tmp_path: Path) -> None:
+    file = read(tmp_path, "x.a = 1\nx.b = 2")
+    new, more = Change({"y": {"a": [1]}}, "first"), Change({"y": {"b": 2}, "x": {"b": 3}}, "second")
+    file.apply(new)
+    file.apply(more)
+    assert file.data == {"x": {"a": 1, "b": 3}, "y": {"a": [1], "b": 2}}
+    assert new.tables == {"y": {"a": [1]}}
+    assert [file.origin(key) for key in ("x.a", "x.b", "y.b")] == [str(tmp_path / "a.toml"), "second", "second"]
+
+
+def test_an_option_is_a_change() -> None:
+    assert override("a.b=[1, 2]") == Change({"a": {"b": [1, 2]}}, "--set")
+    assert override("a = word") == Change({"a": "word"}, "--set")
+    with pytest.raises(InputError, match=r"--set: a\.b: section\.key=value"):
+        override("a.b")
+
+
+def test_part_of_a_list_cannot_be_changed(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="here: x.y.z = 2: lists can't be changed in part"):
+        read(tmp_path, "x = [1]").apply(Change({"x": {"y": {"z": 2}}}, "here"))
+
+
+def test_names_of_files_are_relative_to_the_file_they_stand_in(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "base.toml").write_text('names = ["m", "n"]\n[x]\nfile = "b.msh"\nown = 1\n')
+    file = read(tmp_path, 'extends = "sub/base.toml"\nother = "c"', Dialect("file", ("names", "file"), ("own",)))
+    sub = tmp_path / "sub"
+    assert file.data == {"names": [str(sub / "m"), str(sub / "n")], "x": {"file": str(sub / "b.msh"), "own": 1},
+                         "other": "c"}  # fmt: skip
+
+
+def test_what_belongs_to_a_file_alone_is_not_taken_over(tmp_path: Path) -> None:
+    (tmp_path / "base.toml").write_text("own = 1\nother = 2\n")
+    assert read(tmp_path, 'extends = "base.toml"', Dialect("file", own=("own",))).data == {"other": 2}
+
+
+DAMPED = Dialect("file", alternatives={"d": (("a", "b"), ("c", "e"))})
+
+
+def test_another_way_to_say_the_same_takes_over_nothing(tmp_path: Path) -> None:
+    (tmp_path / "base.toml").write_text("[d]\nc = 1\ne = 2\nkept = 3\n")
+    file = read(tmp_path, 'extends = "base.toml"\n[d]\na = 4', DAMPED)
+    assert file.data == {"d": {"a": 4, "kept": 3}}
+    file.apply(Change({"d": {"e": 5}}, "--set"))
+    assert file.data == {"d": {"e": 5, "kept": 3}} and file.origin("d.e") == "--set"
+    file.apply(Change({"d": {"c": 6}}, "--set"))
+    assert file.data == {"d": {"c": 6, "e": 5, "kept": 3}}  # of one way: together

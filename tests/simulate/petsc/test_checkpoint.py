@@ -1,0 +1,148 @@
+"""Simulations that were cut off go on to the same result."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from distributed import distributed
+from oracle import rich_body
+from processes import python
+
+from pmr.errors import InputError
+from pmr.fem.compat import MPI
+from pmr.fullmodel.model import FullModel
+from pmr.scene.signals import Constant, Sine
+from pmr.simulate import TimeStepping
+from pmr.simulate.petsc import Checkpoint, Recording, observe
+from pmr.simulate.petsc.checkpoint import Saved, load, save
+
+SCRIPT = Path(__file__).with_name("interrupted.py")
+PATH = Sine(amplitude=0.7, frequency=4.0, offset=2.0)
+LOADS = (Constant(amount=30.0), Constant(amount=5.0))
+STEPPING = TimeStepping(end=0.01, step=1e-3, rho_inf=0.8)
+
+
+class InterruptionError(Exception):
+    pass
+
+
+def interrupt_at(share: float):
+    def progress(done: float) -> None:
+        if done >= share:
+            raise InterruptionError
+
+    return progress
+
+
+@pytest.fixture(scope="module")
+def model() -> FullModel:
+    return distributed(rich_body(), MPI.COMM_SELF)
+
+
+@pytest.mark.slow
+def test_a_simulation_killed_goes_on_to_the_same_digits(tmp_path: Path) -> None:
+    """kill -9 somewhere in the middle; nothing of the process has a chance to tidy up."""
+    checkpoint, whole, resumed = tmp_path / "checkpoint.npz", tmp_path / "whole.npz", tmp_path / "resumed.npz"
+    process = subprocess.Popen(
+        [sys.executable, str(SCRIPT), str(checkpoint), str(tmp_path / "never.npz"), "0.03"], env=dict(os.environ)
+    )
+    deadline = time.monotonic() + 120.0
+    while time.monotonic() < deadline and (not checkpoint.exists() or _step(checkpoint) < 20):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    assert 20 <= _step(checkpoint) < 80 and not (tmp_path / "never.npz").exists()
+    for arguments in ((str(checkpoint), str(resumed), "0"), ("", str(whole), "0")):
+        done = python(str(SCRIPT), *arguments)
+        assert done.returncode == 0, done.stderr
+    with np.load(resumed) as found, np.load(whole) as expected:
+        assert 0 < found["steps"] < expected["steps"] == 80
+        for name in ("y", "multipliers", "residual", "kinetic", "total", "q", "v"):
+            np.testing.assert_array_equal(found[name], expected[name])
+
+
+def _step(file: Path) -> int:
+    with np.load(file) as data:
+        return int(json.loads(data["header"].tobytes())["step"])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [(MPI.COMM_SELF, MPI.COMM_WORLD), (MPI.COMM_WORLD, MPI.COMM_SELF)])
+def test_as_many_ranks_as_one_likes_go_on(tmp_path: Path, ranks: tuple[MPI.Comm, MPI.Comm]) -> None:
+    world = MPI.COMM_WORLD
+    cut_off, resumed = (distributed(rich_body(), comm) for comm in ranks)
+    recording = Recording(energies=True, states=[0.002, 0.009])
+    file = Path(world.bcast(str(tmp_path / "checkpoint.npz")))
+    own = Checkpoint(file if world.rank == 0 or cut_off.comm.size > 1 else tmp_path / "unused.npz", seconds=0.0)
+    with pytest.raises(InterruptionError):
+        observe(cut_off, PATH, LOADS, STEPPING, recording, None, interrupt_at(0.5), own)
+    world.barrier()
+    steps: list[float] = []
+    found = observe(resumed, PATH, LOADS, STEPPING, recording, None, steps.append, Checkpoint(file, seconds=60.0))
+    expected = observe(resumed, PATH, LOADS, STEPPING, recording)
+    assert len(steps) == 5
+    parts = [(found.y, expected.y), (found.multipliers, expected.multipliers), (found.states.q, expected.states.q),
+             (found.states.v, expected.states.v), (found.energy.total, expected.energy.total)]  # fmt: skip
+    for a, b in parts:
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-9 * np.abs(b).max())
+    world.barrier()
+
+
+def test_a_finished_simulation_is_not_repeated(model: FullModel, tmp_path: Path) -> None:
+    checkpoint, steps = Checkpoint(tmp_path / "c.npz"), []
+    first = observe(model, PATH, LOADS, STEPPING, checkpoint=checkpoint)
+    second = observe(model, PATH, LOADS, STEPPING, progress=steps.append, checkpoint=checkpoint)
+    assert steps == [] and 0.0 < second.seconds <= first.seconds
+    np.testing.assert_array_equal(second.y, first.y)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["c.npz"]
+
+
+def test_another_simulation_does_not_go_on_from_it(model: FullModel, tmp_path: Path) -> None:
+    checkpoint = Checkpoint(tmp_path / "c.npz")
+    observe(model, PATH, LOADS, STEPPING, checkpoint=checkpoint)
+    stiffer = replace(model, K=model.K.copy())
+    stiffer.K.scale(1.01)
+    slower, longer = Sine(amplitude=0.7, frequency=3.0, offset=2.0), TimeStepping(0.02, 1e-3, 0.8)
+    for arguments, what in [
+        ((stiffer, PATH, LOADS, STEPPING), "matrices"),
+        ((model, slower, LOADS, STEPPING), "path"),
+        ((model, PATH, LOADS[::-1], STEPPING), "loads"),
+        ((model, PATH, LOADS, longer), "path, loads, time grid"),
+        ((model, PATH, LOADS, STEPPING, Recording(every=2)), "recording"),
+    ]:
+        with pytest.raises(InputError, match=f"c.npz: another simulation's checkpoint: {what} differ"):
+            observe(*arguments, checkpoint=checkpoint)
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"x" * 100])
+def test_a_damaged_file_is_refused(tmp_path: Path, damage) -> None:
+    checkpoint = Checkpoint(tmp_path / "c.npz")
+    save(checkpoint, Saved(3, 1.5, {"path": "a", "matrices": [1.0, 2.0]}, {"q": np.arange(5.0)}))
+    found = load(checkpoint, {"path": "a", "matrices": [1.0 + 1e-12, 2.0]})
+    assert found is not None and (found.step, found.seconds) == (3, 1.5)
+    np.testing.assert_array_equal(found.arrays["q"], np.arange(5.0))
+    checkpoint.file.write_bytes(damage(checkpoint.file.read_bytes()))
+    with pytest.raises(InputError, match="this is none"):
+        load(checkpoint, {"path": "a"})
+
+
+def test_another_format_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    checkpoint = Checkpoint(tmp_path / "c.npz")
+    monkeypatch.setattr("pmr.simulate.petsc.checkpoint.FORMAT_VERSION", 0)
+    save(checkpoint, Saved(3, 1.5, {}, {}))
+    monkeypatch.undo()
+    with pytest.raises(InputError, match="another format"):
+        load(checkpoint, {})
+
+
+def test_no_file_is_a_start_from_the_beginning(tmp_path: Path) -> None:
+    assert load(Checkpoint(tmp_path / "missing.npz"), {}) is None

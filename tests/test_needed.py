@@ -1,0 +1,59 @@
+"""Packages that only a part of the work needs: what is said where they are missing."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pmr.environment import check_installed, needed
+from pmr.errors import InputError
+
+WORKFLOWS = Path(__file__).parents[1] / "workflows"
+
+
+def run_without(folder: Path, package: str, content: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """`pmr` in a process in which an earlier entry of the path hides a package by one that fails to load."""
+    (folder / "hidden").mkdir()
+    (folder / "hidden" / f"{package}.py").write_text(content)
+    path = os.pathsep.join([str(folder / "hidden"), *filter(None, [os.environ.get("PYTHONPATH")])])
+    command = [sys.executable, "-m", "pmr", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": path}, cwd=folder)
+
+
+ABSENT = "raise ModuleNotFoundError(\"No module named '{}'\")"
+
+
+def test_without_gmsh_a_shell_is_refused_in_one_line(tmp_path: Path) -> None:
+    found = run_without(tmp_path, "gmsh", ABSENT.format("gmsh"), "run", str(WORKFLOWS / "boom_shell.toml"))
+    assert found.returncode == 2 and "Traceback" not in found.stderr
+    assert "pmr: installation: gmsh: not found (No module named 'gmsh')" in found.stderr
+    assert "pip install gmsh" in found.stderr
+
+
+@pytest.mark.slow
+def test_without_a_library_of_weasyprint_all_but_the_report_is_there(tmp_path: Path) -> None:
+    content = "raise OSError('cannot load library libpango')"
+    short = ["--set", "time.end=0.1", "--set", "mesh.elements=10", "--set", "compare.against=['full']"]
+    short += ["--set", "slider.path=1.25"]
+    scene = str(WORKFLOWS / "paper_simple.toml")
+    found = run_without(tmp_path, "weasyprint", content, "run", scene, "--out", "results", *short)
+    assert found.returncode == 1 and "Traceback" not in found.stderr
+    assert "installation: weasyprint: not found (cannot load library libpango)" in found.stderr
+    assert "pip install weasyprint" in found.stderr and "the results themselves are in results" in found.stderr
+    names = {file.name for file in (tmp_path / "results").iterdir()}
+    assert {"summary.json", "reduced.npz", "trajectories.npz"} <= names and "report.pdf" not in names
+
+
+def test_a_missing_package_is_named_before_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    check_installed("weasyprint")
+    assert needed("weasyprint").HTML
+    monkeypatch.setattr(sys, "path", [])
+    monkeypatch.delitem(sys.modules, "gmsh", raising=False)
+    with pytest.raises(InputError, match="installation: gmsh: not found; it draws .* pip install gmsh"):
+        check_installed("gmsh")
+    with pytest.raises(InputError, match="installation: gmsh: not found .* pip install gmsh"):
+        needed("gmsh")

@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from processes import called
+from rich.console import Console
+
+from pmr.cli import console
+from pmr.errors import InputError
+from pmr.text import visible
+
+PLAIN = ["[/red]", "[bold]x", "root:x:0", ":smile:", "$x^2$", "\\frac", "<b>&amp;", "ä ß 漢 שלום 😀 F²", "{0} %s", "_F"]
+STEERING = {
+    "\x1b[31m": r"\x1b[31m",
+    "a\nb\tc\r": r"a\nb\tc\r",
+    "\u202eabc": r"\u202eabc",
+    "\0\x7f\x9b": r"\x00\x7f\x9b",
+    "\ud800x\udcff": r"\ud800x\udcff",
+    "\ufffe\ufeff": r"\ufffe\ufeff",
+    "\U000e0041": r"\U000e0041",
+}
+
+
+@pytest.mark.parametrize("text", PLAIN)
+def test_text_without_control_stays_as_it_is(text: str) -> None:
+    assert visible(text) == text
+
+
+@pytest.mark.parametrize("text", STEERING)
+def test_what_steers_is_spelled_out(text: str) -> None:
+    assert visible(text) == STEERING[text]
+    ElementTree.fromstring(f"<t>{visible(text)}</t>")
+
+
+@pytest.mark.parametrize("text", [*PLAIN, *STEERING])
+def test_the_terminal_shows_text_as_it_is(text: str) -> None:
+    shown = io.StringIO()
+    console.say(Console(file=shown, force_terminal=True, color_system="truecolor", **console.PLAIN), text)
+    assert shown.getvalue() == visible(text) + "\n"
+
+
+@pytest.mark.parametrize("text", [*PLAIN, *STEERING])
+def test_an_error_is_one_line_whatever_is_quoted(text: str) -> None:
+    line = str(InputError(f"{text}.toml", f"a.{text}", text, f"no {text}"))
+    assert len(line.splitlines()) == 1 and visible(line) == line
+
+
+BEAM = Path("workflows/paper_simple.toml").resolve()
+
+
+@pytest.mark.parametrize("text", [*PLAIN, *STEERING])
+def test_info_shows_a_title_as_it_is(text: str, tmp_path: Path, monkeypatch, capsys) -> None:
+    scene, quoted = tmp_path / "scene.toml", "".join(f"\\U{ord(letter):08x}" for letter in text)
+    scene.write_text(f'extends = "{BEAM}"\ntitle = "{quoted}"\n', encoding="utf-8")
+    done = called(monkeypatch, capsys, "info", str(scene))
+    if any(0xD800 <= ord(letter) < 0xE000 for letter in text):  # halves of a pair are not text, says TOML
+        assert done.returncode == 2 and "not valid TOML" in done.stderr
+    else:
+        assert done.returncode == 0 and done.stdout.splitlines()[0].split(maxsplit=1)[1].strip() == visible(text)
+
+
+@pytest.mark.parametrize("name", ["[/red]", ":smile:", "\x1b[31m", "\u202e", "\udcff"])
+def test_a_files_name_is_shown_as_it_is(name: str, monkeypatch, capsys) -> None:
+    done = called(monkeypatch, capsys, "run", f"{name}.toml")
+    assert done.returncode == 2 and done.stderr == f"pmr: {visible(name)}.toml: no such scene file\n"
