@@ -77,7 +77,7 @@ def case(number: int) -> Case:
     clamps = []
     if random.random() < 0.25:
         known = {"solid": ["x", "y", "z"]}.get(model, ["x", "y", "z", "rx", "ry", "rz"])
-        chosen = sorted(random.choice(known, random.integers(1, len(known) + 1), False))
+        chosen = sorted(map(str, random.choice(known, random.integers(1, len(known) + 1), False)))
         clamps = [f"{{on='tail',directions={chosen}}}"]
         rows += clamp_rows(chosen, thick, width, height)
         if thick or set(held) & set(chosen):  # a cylinder on clamped coordinates has nothing to hold

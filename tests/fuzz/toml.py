@@ -5,6 +5,8 @@ from __future__ import annotations
 from datetime import date
 from typing import Any
 
+import numpy as np
+
 
 def written(data: dict[str, Any]) -> str:
     """A key a line; tables stand inline."""
@@ -32,4 +34,6 @@ def value(found: Any) -> str:
         return text(found)
     if isinstance(found, date):
         return found.isoformat()
+    if isinstance(found, np.generic):  # of NumPy 2 the text names the type
+        return value(found.item())
     return repr(found)
