@@ -24,8 +24,7 @@ def beam_on_pads(clearance: float | None, stiffness: float = 1e6, elements: int 
     """Free but for the axis; gravity in m/s^2, positive downwards, and a force at the tip; None for bilateral pads."""
     plain = full_body(elements)
     mouth, nodes = slider_row(plain.output_positions), plain.output_positions
-    dofs, weights = mouth.at(TAIL)
-    tail = fixed_row("tail", dofs, weights, (nodes[0], nodes[-1]))
+    tail = fixed_row("tail", mouth.at(TAIL), (nodes[0], nodes[-1]))
     pads = [_pad(row, sign, name, clearance, 1.0 / stiffness) for (row, sign), name in zip(
         [(tail, -1.0), (tail, 1.0), (mouth, -1.0), (mouth, 1.0)], NAMES, strict=True
     )]  # fmt: skip

@@ -13,7 +13,7 @@ from scipy.interpolate import PPoly
 from textbook import LENGTH, beam_matrices
 
 from pmr.constraints.polynomials import stacked
-from pmr.constraints.rows import Row, Rows, fixed_row
+from pmr.constraints.rows import Row, Rows, carrier, fixed_row, row_on_coordinates
 from pmr.reduced.enrichment import EnrichmentModes
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.inertia import Inertia
@@ -60,7 +60,8 @@ def slider_row(nodes: Array, offset: float = 0.0) -> Row:
     )
     elements = np.arange(len(nodes) - 1)
     dofs = 3 * elements[:, None] + np.array([1, 2, 4, 5])
-    return Row(f"slider {offset:g}", nodes - offset, dofs, np.repeat(shapes.T[:, None, :], len(elements), axis=1))
+    coefficients = np.repeat(shapes.T[:, None, :], len(elements), axis=1)
+    return row_on_coordinates(f"slider {offset:g}", nodes - offset, dofs, coefficients, 3 * len(nodes))
 
 
 def full_body(elements: int) -> FullBody:
@@ -70,7 +71,10 @@ def full_body(elements: int) -> FullBody:
     n, domain = len(M), (0.0, LENGTH)
     B = np.zeros((n, 1))
     B[n - 2, 0] = 1.0
-    rows = (fixed_row("pin x", 0, 1.0, domain), fixed_row("pin y", 1, 1.0, domain), slider_row(nodes))
+    rows = (
+        *(fixed_row(name, carrier(dof, 1.0, n), domain) for dof, name in enumerate(("pin x", "pin y"))),
+        slider_row(nodes),
+    )
     return FullBody(
         M=sp.csr_matrix(M),
         D=sp.csr_matrix((n, n)),

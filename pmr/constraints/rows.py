@@ -1,13 +1,17 @@
-"""The moving rows C(s) of sliders, exact in the path coordinate s.
+r"""Constraint rows C(s) of sliders and pads, exact in the path coordinate s.
 
-A slider at the beam coordinate s holds the interpolated displacement there, C(s) q = 0.  Between two nodes the row
-consists of the shape functions of one element, so it is a polynomial in s; over the whole beam it is a piecewise
-polynomial, C1-continuous for cubic Hermite elements.  `Row` keeps it sparse for the full model; `Row.project` gives
-the dense piecewise polynomial of a reduced model.
+.. math:: C(s) = b(s)\, U
+
+U (K, n) is fixed and sparse: its rows, the carriers, are what the constraint row measures.  b(s) is a piecewise
+polynomial that touches a few of them on each interval.  A slider holds the interpolated displacement of a beam: its
+carriers are the coordinates themselves, its weights the shape functions of one element, C1 for cubic Hermite elements.
+A pad that slides over a mesh touches thousands of coordinates, but only through K weighted means.  What a full model
+has to know of the path, its compliance U R U^T say, is then K static solves, however fine the mesh is.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,22 +23,25 @@ from scipy.interpolate import PPoly
 from pmr.constraints.polynomials import interval_around, rebased, within_domain
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Row:
-    """One constraint row of the full model as a sparse piecewise polynomial in s.
+    """One constraint row of a full model.
 
-    On ``[breaks[j], breaks[j + 1]]`` the row's entries are
-    ``C(s)[dofs[j, l]] = sum_p coefficients[p, j, l] (s - breaks[j])**(degree - p)``.
+    On ``[breaks[j], breaks[j + 1]]``
+    ``C(s) = sum_l sum_p coefficients[p, j, l] (s - breaks[j])**(degree - p) carriers[touched[j, l]]``.
 
     Attributes
     ----------
     name : str
         Shown wherever the row is spoken of.
     breaks : (k + 1,) array, m
-    dofs : (k, d) integer array
-        Columns that the row touches in each interval.
+    carriers : (K, n) sparse matrix
+        U.
+    touched : (k, d) integer array
+        Carriers that the row touches on each interval.
     coefficients : (degree + 1, k, d) array
         Highest power first, as in `scipy.interpolate.PPoly`.
     compliance : float, m/N
@@ -45,7 +52,8 @@ class Row:
 
     name: str
     breaks: Array
-    dofs: NDArray[np.int64]
+    carriers: sp.csr_matrix
+    touched: Indices
     coefficients: Array
     compliance: float = 0.0
     clearance: float | None = None
@@ -54,22 +62,33 @@ class Row:
     def _polynomial(self) -> PPoly:
         return PPoly(self.coefficients, self.breaks)
 
-    def at(self, s: ArrayLike, derivative: int = 0) -> tuple[NDArray[np.int64], Array]:
-        """Columns and entries, both ``s.shape + (d,)``, of the row at s or of its derivative with respect to s.
+    def weights(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
+        """b(s), or its derivative with respect to s, at each of the s (T,) m as a sparse matrix (T, K).
 
         Raises
         ------
         ValueError
             If s lies outside the path.
         """
-        s = within_domain(s, self.breaks[0], self.breaks[-1], self.name)
+        s = within_domain(np.atleast_1d(np.asarray(s, float)), self.breaks[0], self.breaks[-1], self.name)
         j = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
-        return self.dofs[j], self._polynomial(s, nu=derivative)
+        entries, touched = self._polynomial(s, nu=derivative), self.touched[j]
+        ends = touched.shape[1] * np.arange(len(s) + 1)
+        return sp.csr_matrix((entries.ravel(), touched.ravel(), ends), (len(s), self.carriers.shape[0]))
+
+    def at(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
+        """C(s), or its derivative with respect to s, at each of the s (T,) m as a sparse matrix (T, n).
+
+        Raises
+        ------
+        ValueError
+            If s lies outside the path.
+        """
+        return self.weights(s, derivative) @ self.carriers
 
     def apply(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q at each time, (T,), for s (T,) and q (T, n); or with the row's derivative."""
-        dofs, entries = self.at(s, derivative)
-        return np.einsum("td,td->t", entries, np.take_along_axis(q, dofs, axis=1))
+        return np.asarray(self.at(s, derivative).multiply(q).sum(axis=1)).ravel()
 
     @property
     def moves(self) -> bool:
@@ -79,8 +98,10 @@ class Row:
     @property
     def held(self) -> int | None:
         """The coordinate that the row holds at zero, where that is all it does."""
-        alone = self.dofs.size == 1 and len(self.coefficients) == 1 and self.coefficients.flat[0] == 1.0
-        return int(self.dofs.flat[0]) if alone and self.fixed else None
+        if not self.fixed:
+            return None
+        C = self.at(self.breaks[0])
+        return int(C.indices[0]) if C.nnz == 1 and C.data[0] == 1.0 else None
 
     @property
     def fixed(self) -> bool:
@@ -93,23 +114,33 @@ class Row:
         `V` may be a rank's share of the basis, the rows ``first`` to ``first + len(V)``; the shares' coefficients
         then add up to those of the whole.
         """
-        owned = (self.dofs >= first) & (self.dofs < first + len(V))
-        entries = np.where(owned[..., None], V[np.where(owned, self.dofs - first, 0)], 0.0) if len(V) else 0.0
-        c = np.einsum("pkd,kdr->pkr", self.coefficients, entries * np.ones((*self.dofs.shape, V.shape[1])))
-        return PPoly(c, self.breaks)
+        measured = self.carriers[:, first : first + len(V)] @ V
+        return PPoly(np.einsum("pkd,kdr->pkr", self.coefficients, measured[self.touched]), self.breaks)
 
     def refined(self, breaks: Array) -> Row:
         """The same row on finer breaks, which hold all of its own within their range: exact."""
         finer = rebased(self._polynomial, breaks)
-        return replace(
-            self, breaks=finer.x, dofs=self.dofs[interval_around(finer.x, self.breaks)], coefficients=finer.c
-        )
+        touched = self.touched[interval_around(finer.x, self.breaks)]
+        return replace(self, breaks=finer.x, touched=touched, coefficients=finer.c)
 
 
-def fixed_row(name: str, dofs: ArrayLike, entries: ArrayLike, domain: tuple[float, float]) -> Row:
-    """A row that does not move: a support, or a slider that stays where it is."""
+def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: Array, size: int) -> Row:
+    """A row whose carriers are single coordinates out of `size`, those numbered in `dofs` (k, d)."""
+    dofs = np.asarray(dofs, np.int64)
+    numbers, touched = np.unique(dofs, return_inverse=True)
+    carriers = sp.csr_matrix((np.ones(len(numbers)), numbers, np.arange(len(numbers) + 1)), (len(numbers), size))
+    return Row(name, breaks, carriers, touched.reshape(dofs.shape), coefficients)
+
+
+def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) -> Row:
+    """A row (1, n) that does not move: a support, or a slider that stays where it is."""
+    return Row(name, np.array(domain, float), sp.csr_matrix(carrier), np.zeros((1, 1), np.int64), np.ones((1, 1, 1)))
+
+
+def carrier(dofs: ArrayLike, entries: ArrayLike, size: int) -> sp.csr_matrix:
+    """A sparse row (1, size) from the coordinates that it touches and its entries there."""
     columns, values = np.atleast_1d(np.asarray(dofs, np.int64)), np.atleast_1d(np.asarray(entries, float))
-    return Row(name, np.array(domain, float), columns[None, :], values[None, None, :])
+    return sp.csr_matrix((values, (np.zeros(len(columns), np.int64), columns)), (1, size))
 
 
 @dataclass(frozen=True)
@@ -147,8 +178,41 @@ class Rows:
         """C(s) as a sparse matrix (m, n), or its derivative with respect to s."""
         if not self.rows:
             return sp.csr_matrix((0, self.size))
-        parts = [row.at(s, derivative) for row in self.rows]
-        counts = np.cumsum([0] + [len(dofs) for dofs, _ in parts])
-        columns = np.concatenate([dofs for dofs, _ in parts])
-        entries = np.concatenate([values for _, values in parts])
-        return sp.csr_matrix((entries, columns, counts), shape=(len(parts), self.size))
+        return sp.vstack([row.at(s, derivative) for row in self.rows], format="csr")
+
+    @cached_property
+    def shared(self) -> SharedCarriers:
+        """The same rows on common carriers."""
+        return _shared(self.rows, self.size)
+
+
+@dataclass(frozen=True)
+class SharedCarriers:
+    """Rows on common carriers.
+
+    Attributes
+    ----------
+    carriers : (K, n) sparse matrix
+        What the rows touch, each different carrier once.
+    rows : tuple of Row
+        Each on these carriers.
+    """
+
+    carriers: sp.csr_matrix
+    rows: tuple[Row, ...]
+
+
+def _shared(rows: Sequence[Row], size: int) -> SharedCarriers:
+    numbers: dict[bytes, int] = {}
+    new, touched = [sp.csr_matrix((0, size))], []
+    for row in rows:
+        used, known = np.unique(row.touched), len(numbers)
+        own = row.carriers[used].sorted_indices()
+        ends = zip(own.indptr[:-1], own.indptr[1:], strict=True)
+        contents = [own.indices[a:b].astype(np.int64).tobytes() + own.data[a:b].tobytes() for a, b in ends]
+        at = np.array([numbers.setdefault(content, len(numbers)) for content in contents])
+        new.append(own[np.unique(at, return_index=True)[1][np.unique(at) >= known]])
+        touched.append(at[np.searchsorted(used, row.touched)])
+    U = sp.vstack(new, format="csr")
+    on_common = (replace(row, carriers=U, touched=numbers) for row, numbers in zip(rows, touched, strict=True))
+    return SharedCarriers(U, tuple(on_common))

@@ -71,10 +71,7 @@ def freedoms(structure: Structure) -> list[Freedom]:
 
 def _measured(rows: Sequence[Row], R: Array) -> Array:
     """What rows that stay measure of each rigid motion, (m, k)."""
-    measured = []
-    for row in rows:
-        dofs, entries = row.at(row.breaks[0])
-        measured.append(entries @ R[dofs])
+    measured = [row.at(row.breaks[0]) @ R for row in rows]
     return np.array(measured).reshape(-1, R.shape[1])
 
 

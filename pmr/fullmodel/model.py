@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row, Rows, fixed_row
+from pmr.constraints.rows import Row, Rows, carrier, fixed_row
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.matrices import columns, gather
 from pmr.fullmodel.assembly import assemble_model, rayleigh
@@ -139,7 +139,9 @@ def beam_model(scene: Scene, mesh: BeamMesh) -> FullModel:
 def _support_rows(scene: Scene, model: Beam2D) -> list[Row]:
     domain = _path_domain(scene)
     return [
-        fixed_row(f"support {direction} at {support.at:g} m", *model.point(support.at, direction), domain)
+        fixed_row(
+            f"support {direction} at {support.at:g} m", carrier(*model.point(support.at, direction), model.size), domain
+        )
         for support in scene.supports
         for direction in SUPPORT_ROWS[support.kind]
         if direction in scene.body.directions

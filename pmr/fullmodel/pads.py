@@ -33,9 +33,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.bsplines import bump, value
-from pmr.constraints.carriers import on_carriers
 from pmr.constraints.polynomials import rebased
-from pmr.constraints.rows import Row, Rows, fixed_row
+from pmr.constraints.rows import Row, fixed_row
 from pmr.errors import InputError
 from pmr.mesh.strip import Extent, Window
 from pmr.models import StructuralModel
@@ -179,7 +178,7 @@ class Holding:
 
     def vectors(self, size: int) -> list[sp.csr_matrix]:
         """What each spring measures, as a row (1, n)."""
-        return [Rows((spring,), size).at(spring.breaks[0]) for spring in self.springs]
+        return [spring.at(spring.breaks[0]) for spring in self.springs]
 
 
 def hold(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Holding:
@@ -211,12 +210,12 @@ def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple
     count = max(1, int(np.ceil((high - low) / step - 1e-9)))
     breaks = np.append(low + step * np.arange(count), high)
     places = low + pad.at + step * np.arange(1 - reach, count + reach)
-    U = _stations(pad, model, places) @ T
+    U = sp.csr_matrix(_stations(pad, model, places) @ T)
     # The bump's pieces on the lattice, first the last one: stations ahead of the pad are farther left on it.
     pieces = rebased(bump(3, STATIONS * step), step * np.arange(-reach, reach + 1)).c[:, ::-1] / STATIONS
-    dofs = np.arange(count)[:, None] + np.arange(2 * reach)
+    touched = np.arange(count)[:, None] + np.arange(2 * reach)
     coefficients = np.repeat(pieces[:, None, :], count, axis=1)
-    return on_carriers(Row(pad.name, breaks, dofs, coefficients, 1.0 / pad.stiffness, pad.free_way), U)
+    return Row(pad.name, breaks, U, touched, coefficients, 1.0 / pad.stiffness, pad.free_way)
 
 
 def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
@@ -224,8 +223,8 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
     step, reach = _lattice(pad)
     offsets = step * np.arange(1 - reach, reach)
     weights = value(bump(3, STATIONS * step), offsets) / STATIONS
-    path = replace(fixed_row(pad.name, 0, 1.0, travel), compliance=1.0 / pad.stiffness, clearance=pad.free_way)
-    return on_carriers(path, sp.csr_matrix(weights @ _stations(pad, model, pad.at + offsets) @ T))
+    mean = sp.csr_matrix(weights @ _stations(pad, model, pad.at + offsets) @ T)
+    return replace(fixed_row(pad.name, mean, travel), compliance=1.0 / pad.stiffness, clearance=pad.free_way)
 
 
 def _hold(hold: Hold, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
@@ -237,8 +236,7 @@ def _hold(hold: Hold, model: StructuralModel, T: sp.csr_matrix, travel: tuple[fl
     if np.abs(left.data).max(initial=0.0) <= 1e-12 * np.abs(measured.data).max(initial=0.0):
         allowed = f"a clamp holds {hold.on} along it already; one of the two is allowed"
         raise InputError("scene", f"holds.{hold.name}.direction", hold.direction, allowed)
-    path = replace(fixed_row(hold.name, 0, 1.0, travel), compliance=1.0 / hold.stiffness)
-    return on_carriers(path, left)
+    return replace(fixed_row(hold.name, left, travel), compliance=1.0 / hold.stiffness)
 
 
 def _lattice(pad: Pad) -> tuple[float, int]:

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 import ufl
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row
+from pmr.constraints.rows import Row, row_on_coordinates
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, constant, hermite_space, interval_mesh
 from pmr.fields.grid import Grid
@@ -189,7 +189,7 @@ class Beam2D:
         c = HERMITE.T[:, None, :] * powers[:, :, None]
         c[:, :, [1, 3]] *= h[:, None]
         dofs = np.array([self._bending_dofs(e) for e in range(len(h))], np.int64)
-        return Row(name, self.nodes - offset, dofs, c)
+        return row_on_coordinates(name, self.nodes - offset, dofs, c, self.size)
 
     def _dof(self, node: int, direction: str) -> int:
         return self.per_node * node + self.body.directions.index(direction)

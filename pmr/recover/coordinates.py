@@ -122,8 +122,6 @@ class Recovery:
         """This rank's rows (n_local, S) of B f - C(s)^T z, in N."""
         g = np.asarray(self._inputs @ states.loads.T)
         for row, z in zip(self._rows, states.multipliers.T, strict=True):
-            dofs, entries = row.at(states.s)
-            ends = dofs.shape[1] * np.arange(len(dofs) + 1)
-            pressed = sp.csr_matrix(((entries * z[:, None]).ravel(), dofs.ravel(), ends), (len(dofs), self._model.size))
-            g -= pressed[:, self._share].T.toarray()
+            weights = sp.diags(z) @ row.weights(states.s)
+            g -= (weights @ row.carriers[:, self._share]).T.toarray()
         return g

@@ -252,11 +252,7 @@ class FullBody:
 
     def dense_rows(self, s: Array) -> Array:
         """C(s) (T, m, n) at several path coordinates (T,): for a few at a time."""
-        result = np.zeros((len(s), len(self.rows.rows), self.size))
-        for i, row in enumerate(self.rows.rows):
-            dofs, entries = row.at(s)
-            np.put_along_axis(result[:, i], dofs, entries, axis=1)
-        return result
+        return np.stack([row.at(s).toarray() for row in self.rows.rows], axis=1)
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q (T, m) along a trajectory, or with the derivative of C."""

@@ -2,10 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import evaluate, stacked
-from pmr.constraints.rows import Row, Rows, fixed_row
+from pmr.constraints.rows import Row, Rows, carrier, fixed_row, row_on_coordinates
 
 RNG = np.random.default_rng(1)
 
@@ -13,24 +14,68 @@ RNG = np.random.default_rng(1)
 def random_row(name: str = "slider", breaks=(0.0, 0.4, 1.0, 2.0), size: int = 12) -> Row:
     k = len(breaks) - 1
     dofs = np.array([RNG.choice(size, 4, replace=False) for _ in range(k)])
-    return Row(name, np.array(breaks), dofs, RNG.standard_normal((4, k, 4)))
+    return row_on_coordinates(name, np.array(breaks), dofs, RNG.standard_normal((4, k, 4)), size)
 
 
-def dense(row: Row, s: float, derivative: int, size: int = 12) -> np.ndarray:
-    result = np.zeros(size)
-    dofs, entries = row.at(s, derivative)
-    result[dofs] = entries
-    return result
+def carried_row(name: str = "pad", compliance: float = 0.0, factor: float = 1.0) -> Row:
+    """Over five carriers of one to four of twelve coordinates, three of them on each interval."""
+    U = np.zeros((5, 12))
+    for k, touched in enumerate(([0, 1], [1], [1, 3, 4, 7], [7, 8], [11])):
+        U[k, touched] = factor * (np.arange(1, len(touched) + 1) + 0.5 * k)
+    touched = np.array([[0, 1, 2], [1, 2, 3], [2, 3, 4]])
+    coefficients = np.random.default_rng(1).normal(size=(3, 3, 3))
+    return Row(name, np.array([0.0, 0.4, 1.0, 1.5]), sp.csr_matrix(U), touched, coefficients, compliance)
+
+
+def dense(row: Row, s: float, derivative: int = 0) -> np.ndarray:
+    return row.at(s, derivative).toarray()[0]
 
 
 def test_entries_are_the_polynomial_of_their_interval() -> None:
     row = random_row()
     x = 0.7 - 0.4
     expected = sum(row.coefficients[p, 1] * x ** (3 - p) for p in range(4))
-    dofs, entries = row.at(0.7)
-    assert dofs.tolist() == row.dofs[1].tolist() and entries == pytest.approx(expected)
+    dofs = row.carriers.indices[row.touched[1]]
+    assert dense(row, 0.7)[dofs] == pytest.approx(expected) and np.count_nonzero(dense(row, 0.7)) == 4
     slope = sum((3 - p) * row.coefficients[p, 1] * x ** (2 - p) for p in range(3))
-    assert row.at(0.7, derivative=1)[1] == pytest.approx(slope)
+    assert dense(row, 0.7, derivative=1)[dofs] == pytest.approx(slope)
+
+
+@pytest.mark.parametrize("s", [0.0, 0.2, 0.4, 0.77, 1.3, 1.5])
+@pytest.mark.parametrize("derivative", [0, 1])
+def test_a_row_is_its_weights_times_its_carriers(s: float, derivative: int) -> None:
+    row = carried_row()
+    j = min(np.searchsorted(row.breaks, s, side="right") - 1, 2)
+    powers = np.poly1d([1.0, 0.0, 0.0]), np.poly1d([1.0, 0.0]), np.poly1d([1.0])
+    b = sum(c * p.deriv(derivative)(s - row.breaks[j]) for c, p in zip(row.coefficients[:, j], powers, strict=True))
+    assert dense(row, s, derivative) == pytest.approx(b @ row.carriers.toarray()[row.touched[j]], abs=1e-13)
+
+
+def test_finer_breaks_keep_the_row_and_its_carriers() -> None:
+    row = carried_row()
+    finer = row.refined(np.array([0.0, 0.1, 0.4, 0.5, 1.0, 1.25, 1.5]))
+    assert finer.carriers is row.carriers and len(finer.breaks) == 7
+    for s in (0.05, 0.3, 1.1, 1.4):
+        assert dense(finer, s) == pytest.approx(dense(row, s), abs=1e-13)
+
+
+def test_rows_share_each_carrier_that_they_touch() -> None:
+    rows = [random_row("a"), carried_row("b"), carried_row("c", factor=2.0), carried_row("d"), random_row("e")]
+    plain = np.unique([row.carriers.indices[row.touched] for row in (rows[0], rows[4])])
+    # The fifth carrier of the pads and its double measure one coordinate with 3 and 6; the second likewise.
+    shared = Rows(tuple(rows), 12).shared
+    assert shared.carriers.shape == (len(plain) + 5 + 5, 12)
+    for s in (0.1, 0.6, 1.45):
+        for row, on_shared in zip(rows, shared.rows, strict=True):
+            assert on_shared.carriers is shared.carriers and on_shared.name == row.name
+            assert dense(on_shared, s) == pytest.approx(dense(row, s), abs=1e-13)
+
+
+def test_carriers_that_no_interval_touches_are_left_out() -> None:
+    row = carried_row()
+    first = Row("first", row.breaks[:2], row.carriers, row.touched[:1], row.coefficients[:, :1])
+    assert Rows((first,), 12).shared.carriers.shape == (3, 12)
+    assert Rows((), 12).shared.carriers.shape == (0, 12)
 
 
 def test_apply_is_the_row_times_each_state() -> None:
@@ -53,7 +98,7 @@ def test_projection_is_the_row_times_the_basis_whole_or_in_shares() -> None:
 def test_stacked_rows_keep_their_values_on_common_breaks() -> None:
     V = RNG.standard_normal((12, 3))
     first, second = random_row("a"), random_row("b", (-0.5, 0.3, 1.4, 1.9))
-    fixed = fixed_row("c", [4, 7], [1.0, -2.0], (0.0, 3.0))
+    fixed = fixed_row("c", carrier([4, 7], [1.0, -2.0], 12), (0.0, 3.0))
     table = stacked([row.project(V) for row in (first, second, fixed)], Rows((first, second, fixed), 12).domain)
     assert (table.x[0], table.x[-1]) == (0.0, 1.9) and set(np.round(table.x, 9)) == {0.0, 0.3, 0.4, 1.0, 1.4, 1.9}
     for s in np.linspace(0.0, 1.9, 39):
@@ -69,7 +114,7 @@ def test_breaks_that_differ_by_round_off_are_one() -> None:
 
 
 def test_rows_make_a_sparse_matrix() -> None:
-    rows = Rows((fixed_row("pin", 3, 1.0, (0.0, 2.0)), random_row()), 12)
+    rows = Rows((fixed_row("pin", carrier(3, 1.0, 12), (0.0, 2.0)), random_row()), 12)
     C = rows.at(0.7)
     assert C.shape == (2, 12) and C.nnz == 5 and rows.names == ("pin", "slider")
     assert C.toarray()[1] == pytest.approx(dense(rows.rows[1], 0.7, 0))
@@ -83,4 +128,4 @@ def test_outside_the_path_there_is_no_row(s: float) -> None:
         row.at(s)
     with pytest.raises(ValueError, match="allowed are 0 to 2 m"):
         row.apply(np.array([1.0, s]), np.zeros((2, 12)))
-    assert np.array_equal(row.at(2.0 + 1e-12)[1], row.at(2.0)[1])
+    assert np.array_equal(dense(row, 2.0 + 1e-12), dense(row, 2.0))

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.carriers import path_of
-from pmr.constraints.rows import Row
+from pmr.constraints.rows import Row, Rows
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import times
 from pmr.fullmodel.model import FullModel
@@ -28,11 +27,11 @@ def with_inertia(flexibility: Flexibility, model: FullModel, answers: list[Array
     something for a basis of eigenmodes only: any other one couples with the residual part by inertia.
     """
     breaks = flexibility.rows.x
-    path = path_of([row.refined(breaks) for row in rows], model.size)
+    shared = Rows(tuple(row.refined(breaks) for row in rows), model.size).shared
     of_mass = _squared(model.M, answers)
     damped = model.D.norm(PETSc.NormType.FROBENIUS) > 0.0
     of_damping = _squared(model.D, answers) if damped else np.zeros_like(of_mass)
-    C, p = stacked(path.rows, path.size), path.size
+    C, p = stacked(shared), shared.carriers.shape[0]
     C1 = C.derivative()
     C2 = C1.derivative()
 

@@ -22,7 +22,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row, fixed_row
+from pmr.constraints.rows import Row, carrier, fixed_row
 from pmr.fem.distributed import inner, times
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.statics import static_solver
@@ -76,4 +76,4 @@ def _anchors(model: FullModel, Z: Array) -> list[Row]:
     weighted = Z * np.sqrt(model.M.getDiagonal().getArray())[:, None]
     everywhere = np.concatenate(model.comm.allgather(weighted))
     pivots = scipy.linalg.qr(everywhere.T, mode="r", pivoting=True)[1][: Z.shape[1]]
-    return [fixed_row(f"coordinate {i}", int(i), 1.0, model.rows.domain) for i in pivots]
+    return [fixed_row(f"coordinate {i}", carrier(i, 1.0, model.size), model.rows.domain) for i in pivots]

@@ -10,8 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.carriers import Path, path_of
-from pmr.constraints.rows import Row
+from pmr.constraints.rows import Row, Rows, SharedCarriers
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
@@ -34,12 +33,11 @@ def tables(
 ) -> Flexibility:
     """Tables of the `rows` between common `breaks` (k + 1,) m, which hold all of the rows' own; collective.
 
-    R is had on the rows' carriers, or the coordinates that they touch, and on the inputs: one static solve each.  Where
+    R is had on the rows' carriers and on the inputs: one static solve each.  Where
     a list is given, it takes the `answers`: this rank's rows (n_local, up to `BLOCK`) of R times these loads, in order.
     """
-    rows = [row.refined(breaks) for row in rows]
-    path = path_of(rows, model.size)
-    loads = path_loads(model, path)
+    shared = Rows(tuple(row.refined(breaks) for row in rows), model.size).shared
+    loads = carrier_loads(model, shared.carriers)
     seen = sp.hstack([loads, local_csr(model.outputs)], format="csr").T
     blocks = []
     for k in range(0, loads.shape[1], BLOCK):
@@ -50,7 +48,7 @@ def tables(
     R = np.asarray(model.comm.allreduce(np.hstack(blocks)))
     own, outputs = R[: loads.shape[1]], R[loads.shape[1] :]
     own = (own + own.T) / 2.0
-    C, p = stacked(path.rows, path.size), path.size
+    C, p = stacked(shared), shared.carriers.shape[0]
     return Flexibility(
         rows=PPoly(_squared(C, own[:p, :p]), breaks),
         inputs=PPoly(C.times(own[:p, p:]), breaks),
@@ -60,10 +58,10 @@ def tables(
     )
 
 
-def path_loads(model: FullModel, path: Path) -> sp.csc_matrix:
-    """Unit loads of the path, then the inputs: this rank's rows."""
-    first, last = model.M.getOwnershipRange()
-    return sp.hstack([path.loads[first:last], local_csr(model.inputs)], format="csc")
+def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:
+    """Unit loads on the carriers, then the inputs: this rank's rows."""
+    share = slice(*model.M.getOwnershipRange())
+    return sp.hstack([carriers[:, share].T, local_csr(model.inputs)], format="csc")
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ class Polynomials:
         return np.moveaxis((self.entries @ X).reshape(*self.shape, X.shape[1]), 2, 0)
 
     def on(self, interval: int) -> tuple[Indices, Array]:
-        """Numbers (d,) of the loads that the rows touch on one interval, and coefficients there, (m powers, d)."""
+        """Numbers (d,) of the carriers that the rows touch on one interval, and coefficients there, (m powers, d)."""
         size = self.shape[1] * self.shape[2]
         ends = self.entries.indptr[interval * size : (interval + 1) * size + 1]
         which = slice(ends[0], ends[-1])
@@ -97,8 +95,9 @@ class Polynomials:
         return Polynomials(sp.csr_matrix(sp.diags(exponents[kept]) @ self.entries[kept]), (k, m, powers - 1))
 
 
-def stacked(rows: Sequence[Row], size: int) -> Polynomials:
-    """Coefficients of the rows of a path of `size` loads."""
+def stacked(shared: SharedCarriers) -> Polynomials:
+    """Coefficients of rows on common carriers and breaks."""
+    rows = shared.rows
     powers = max(len(row.coefficients) for row in rows)
     k, m = len(rows[0].breaks) - 1, len(rows)
     parts = []
@@ -109,11 +108,13 @@ def stacked(rows: Sequence[Row], size: int) -> Polynomials:
             (
                 row.coefficients.ravel(),
                 ((j * m + a) * powers + p + lacking).ravel(),
-                row.dofs[j, d].ravel(),
+                row.touched[j, d].ravel(),
             )
         )
     values, at, columns = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return Polynomials(sp.csr_matrix((values, (at, columns)), (k * m * powers, size)), (k, m, powers))
+    return Polynomials(
+        sp.csr_matrix((values, (at, columns)), (k * m * powers, shared.carriers.shape[0])), (k, m, powers)
+    )
 
 
 def _squared(C: Polynomials, R: Array) -> Array:
@@ -125,7 +126,7 @@ def _squared(C: Polynomials, R: Array) -> Array:
 def paired(C: Polynomials, R: Array, E: Polynomials) -> Array:
     """Coefficients (powers + powers' - 1, k, m, m') of C(s) R E(s)^T.
 
-    On an interval rows touch a few loads only, so of R a small block counts, however long the path is.
+    On an interval rows touch a few carriers only, so of R a small block counts, however long the path is.
     """
     (k, m, powers), (_, other, others) = C.shape, E.shape
     result = np.zeros((powers + others - 1, k, m, other))

@@ -7,14 +7,13 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.carriers import path_of
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fem.factor import BLOCK, Factor
 from pmr.fullmodel.model import FullModel
 from pmr.simulate.native.rows import SINGULAR
 from pmr.simulate.native.start import dependence
-from pmr.simulate.petsc.rows import Course, KeptAnswers, PathCompliance, PathRows, VisitedLoads
+from pmr.simulate.petsc.rows import Course, KeptAnswers, PathCompliance, PathRows, VisitedCarriers
 
 Array = NDArray[np.float64]
 
@@ -32,12 +31,12 @@ class Constraint:
     def __init__(self, model: FullModel, factor: Factor, q_gain: float, course: Course, step: int) -> None:
         self._q_gain, self._factor = q_gain, factor
         self._all_rows, self._pads = model.rows, np.diag(model.rows.compliance)
-        path, share = path_of(model.rows.rows, model.size), slice(*model.M.getOwnershipRange())
-        numbers = course.touched(path.rows)
-        loads = VisitedLoads(numbers, path.loads[share][:, numbers].T.tocsr())
-        self.rows = PathRows(path.rows, course, loads, step)
+        shared, share = model.rows.shared, slice(*model.M.getOwnershipRange())
+        numbers = course.touched(shared.rows)
+        visited = VisitedCarriers(numbers, shared.carriers[numbers][:, share])
+        self.rows = PathRows(shared.rows, course, visited, step)
         kept = 8 * len(numbers) * model.comm.allreduce(share.stop - share.start, op=MPI.MAX) <= KEPT_BYTES
-        P, answers = _answers(factor, loads.local, model.comm, kept)
+        P, answers = _answers(factor, visited.local, model.comm, kept)
         self._compliance = PathCompliance(P, self.rows)
         self._kept = KeptAnswers(answers, self.rows) if kept else None
         self._right, self._answer = model.M.createVecs()

@@ -32,7 +32,11 @@ def identity(
     first, last = model.M.getOwnershipRange()
     x = np.random.default_rng(3).standard_normal(model.size)
     forms = [x[first:last] @ product(A, x[first:last]) for A in (model.M, model.D, model.K)]
-    rows = [value for row in model.rows.rows for value in (np.abs(row.coefficients).sum(), row.compliance)]
+    rows = [
+        value
+        for row in model.rows.rows
+        for value in (np.abs(row.coefficients).sum(), abs(row.carriers).sum(), row.compliance)
+    ]
     recording = asdict(recorder.recording) | {
         "outputs": recorder.chosen.tolist(),
         "states": recorder.state_steps.tolist(),

@@ -1,8 +1,8 @@
 r"""The constraint rows over the visited path, and the inverse of the effective matrix on what they touch.
 
-Rows act through p loads E (n, p) on the path: unit vectors of coordinates, or the weighted means that pads are made of
-(`pmr.constraints.carriers`).  Between two breaks C(s) = sum_e x^e Gamma_e E^T with x counted from the lower break, so
-that with the powers stacked, C = X(x) Gamma E^T, and
+Rows act through the p carriers E^T (p, n) that they touch on the way (`pmr.constraints.rows`).  Between two breaks
+C(s) = sum_e x^e Gamma_e E^T with x counted from the lower break, so that with the powers stacked, C = X(x) Gamma E^T,
+and
 
 .. math::
     C S^{-1} C^T = X\, (\Gamma P \Gamma^T)\, X^T, \qquad
@@ -46,14 +46,14 @@ class Course:
         return cls(s, interval, distance)
 
     def touched(self, rows: Sequence[Row]) -> Indices:
-        """Loads (p,) that the rows touch somewhere, ascending."""
-        visited = [row.dofs[np.unique(self.interval[:, k])].ravel() for k, row in enumerate(rows)]
+        """Carriers (p,) that the rows touch somewhere, ascending."""
+        visited = [row.touched[np.unique(self.interval[:, k])].ravel() for k, row in enumerate(rows)]
         return np.unique(np.concatenate([np.empty(0, np.int64), *visited]))
 
 
 @dataclass(frozen=True)
-class VisitedLoads:
-    """The p loads of a path that its rows touch: their numbers, and this rank's columns of E^T, (p, n_local)."""
+class VisitedCarriers:
+    """The p carriers that rows touch on their way: their numbers, and this rank's columns of E^T, (p, n_local)."""
 
     numbers: Indices
     local: sp.csr_matrix
@@ -63,7 +63,7 @@ class Layout:
     """Numbers of m rows' entries (D,) and of their powers (c,), one row after the other."""
 
     def __init__(self, rows: Sequence[Row]) -> None:
-        widths = np.array([row.dofs.shape[1] for row in rows], int)
+        widths = np.array([row.touched.shape[1] for row in rows], int)
         powers = np.array([len(row.coefficients) for row in rows], int)
         self.count = len(rows)
         self.row_of_entry, self.row_of_power = (
@@ -83,18 +83,18 @@ class PathRows:
     Gamma : (c, D) array
         Coefficients: one line for each power of each row, one column for each of its entries.
     columns : (D,) integer array
-        Which of the p loads each entry stands for.
+        Which of the p carriers each entry stands for.
     changed : list of int
         Rows that the last `move` brought into another interval.
     """
 
-    def __init__(self, rows: Sequence[Row], course: Course, loads: VisitedLoads, step: int = 0) -> None:
+    def __init__(self, rows: Sequence[Row], course: Course, visited: VisitedCarriers, step: int = 0) -> None:
         self.course, self.layout = course, Layout(rows)
-        self._rows, self._loads = rows, loads
+        self._rows, self._visited = rows, visited
         self.Gamma = np.zeros((len(self.layout.row_of_power), len(self.layout.row_of_entry)))
         self.columns = np.zeros(len(self.layout.row_of_entry), np.int64)
         self._interval = np.full(len(rows), -1, np.int64)
-        self._E = loads.local[self.columns]
+        self._E = visited.local[self.columns]
         self.changed: list[int] = []
         self.move(step)
 
@@ -104,11 +104,11 @@ class PathRows:
         self.changed = np.flatnonzero(interval != self._interval).tolist()
         for k in self.changed:
             entries, powers, j = self.layout.entries[k], self.layout.powers[k], interval[k]
-            self.columns[entries] = np.searchsorted(self._loads.numbers, self._rows[k].dofs[j])
+            self.columns[entries] = np.searchsorted(self._visited.numbers, self._rows[k].touched[j])
             self.Gamma[powers, entries] = self._rows[k].coefficients[:, j]
         if self.changed:
             self._interval = interval
-            self._E = self._loads.local[self.columns]
+            self._E = self._visited.local[self.columns]
         self.x = self.course.distance[step][self.layout.row_of_power]
         self.X = self.x**self.layout.exponents
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.constraints.polynomials import common_breaks
+from pmr.constraints.rows import Rows
 from pmr.fullmodel.model import FullModel, full_model
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduce.residual.tables import BLOCK, paired, stacked, tables
@@ -74,19 +75,20 @@ def test_pairs_of_rows_on_every_interval(load_scene) -> None:
     """C R E^T with a derivative on one side, where R is no symmetric matrix."""
     full = full_model(load_scene("paper_simple", RICH))
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in full.rows.rows[2:]], full.rows.domain)
-    rows = [row.refined(breaks) for row in full.rows.rows[2:]]
+    shared = Rows(tuple(row.refined(breaks) for row in full.rows.rows[2:]), full.size).shared
     R = np.random.default_rng(8).standard_normal((full.size, full.size))
-    C = stacked(rows, full.size)
-    found = paired(C, R, C.derivative())
+    C, U = stacked(shared), shared.carriers
+    R_shared = U @ (U @ R.T).T
+    found = paired(C, R_shared, C.derivative())
     for j in range(len(breaks) - 1):
         for t in (0.0, 0.4, 1.0):
             s = breaks[j] + t * (breaks[j + 1] - breaks[j])
             at, rate = (np.zeros((2, full.size)) for _ in range(2))
-            for a, row in enumerate(rows):
+            for a, row in enumerate(shared.rows):
                 powers = (s - breaks[j]) ** np.arange(3.0, -1.0, -1.0)
                 slopes = np.arange(3.0, -1.0, -1.0) * (s - breaks[j]) ** np.array([2.0, 1.0, 0.0, 0.0])
-                at[a, row.dofs[j]] = powers @ row.coefficients[:, j]
-                rate[a, row.dofs[j]] = slopes @ row.coefficients[:, j]
+                at[a] = powers @ row.coefficients[:, j] @ U[row.touched[j]].toarray()
+                rate[a] = slopes @ row.coefficients[:, j] @ U[row.touched[j]].toarray()
             value = np.polyval(found[:, j].reshape(len(found), -1), s - breaks[j]).reshape(2, 2)
             assert close(value, at @ R @ rate.T)
 

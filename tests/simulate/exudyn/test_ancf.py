@@ -101,10 +101,7 @@ def test_moves_as_the_linear_beam_does(full: FullBody, at: float) -> None:
     stepping, path = TimeStepping(0.6, 1e-3), Ramp(times=(0.0, 0.6), values=(2.0, 3.3))
     load = SmoothRamp(times=(0.0, 0.2), values=(0.0, 20.0))
     motion = ancf.simulate(replace(CABLE, elements=20), path, [ancf.PointLoad(at, load)], stepping, X)
-    dofs, weights = full.rows.rows[2].at(at)
-    B = np.zeros_like(full.B)
-    B[dofs, 0] = weights
-    beam = exudyn.simulate(replace(full, B=B), path, [load], stepping)
+    beam = exudyn.simulate(replace(full, B=full.rows.rows[2].at(at).T.toarray()), path, [load], stepping)
     assert nrms_error(motion.displacement, beam.q @ full.outputs.T) < 0.005
     assert nrms_error(motion.velocity[:, :, 1], beam.v @ full.outputs.T) < 0.02
     assert nrms_error(motion.slider_force[:, None], beam.multipliers[:, 2:]) < 0.05

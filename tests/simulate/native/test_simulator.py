@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from oracle import CASES, Case, generalized_alpha, project
 from scipy.interpolate import PPoly
 
-from pmr.constraints.rows import Rows, fixed_row
+from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.model import ReducedModel
@@ -77,7 +77,7 @@ def test_damping_that_couples_the_modes(body: SlidingBody) -> None:
 
 def test_rows_that_never_move_stand_before_those_that_do(rich: FullBody) -> None:
     """Evaluated once; with pads and three rows, against the integrator that does it anew in every step."""
-    held = fixed_row("fixed", [4, 5, 7, 8], [0.3, 0.1, 0.6, -0.2], rich.rows.domain)
+    held = fixed_row("fixed", carrier([4, 5, 7, 8], [0.3, 0.1, 0.6, -0.2], rich.size), rich.rows.domain)
     more = replace(rich, rows=Rows((held, *rich.rows.rows[2:]), rich.size))
     body = project(more, np.eye(rich.size)[:, 2:])
     assert march_system.system(modal_form(body), GeneralizedAlpha(1e-3, 0.8).scheme()).constant_rows == 1
