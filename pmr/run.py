@@ -229,6 +229,7 @@ def _estimated(scene: SceneBase, reduced: ReducedModel, omega: Array, clock: Clo
             try:
                 found = estimate.estimate(reduced, path, loads, stepping, _tips(scene))
                 left_out = coverage.not_covered(reduced, driven, stepping)
+                left_out += [coverage.BLOWS] * (found.pad_force is None)
             except SimulationError as error:
                 failed = str(error)
     asked = {"estimate": estimate.summary(reduced, found, left_out, failed)} if scene.reduction.estimate else {}

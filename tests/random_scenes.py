@@ -24,6 +24,17 @@ def random_scene(seed: int) -> SceneBase:
     return scene
 
 
+def sliding_scene(seed: int) -> SceneBase:
+    """As `random_scene`, but that each fourth one is a beam on three sliders."""
+    if seed % 4:
+        return random_scene(seed)
+    rng = np.random.default_rng(seed)
+    first, second = rng.uniform(0.3, 0.6, 2).tolist()
+    scene = from_data(_beam(rng, [0.0, first, first + second]))
+    check(scene)
+    return scene
+
+
 def _signal(rng: np.random.Generator, amplitude: float, highest: float) -> dict:
     match rng.integers(5):
         case 0:
@@ -41,10 +52,11 @@ def _signal(rng: np.random.Generator, amplitude: float, highest: float) -> dict:
             return {"kind": "constant", "amount": amplitude}
 
 
-def _beam(rng: np.random.Generator) -> dict:
+def _beam(rng: np.random.Generator, offsets: list[float] | None = None) -> dict:
     length, stiffness = float(rng.uniform(3.0, 8.0)), float(10.0 ** rng.uniform(4.3, 6.0))
     mass = float(rng.uniform(40.0, 120.0))
-    offsets = [0.0, float(rng.uniform(0.3, 0.9))] if rng.random() < 0.5 else [0.0]
+    if offsets is None:
+        offsets = [0.0, float(rng.uniform(0.3, 0.9))] if rng.random() < 0.5 else [0.0]
     values = rng.uniform(0.15 * length, 0.9 * length - offsets[-1], 2).tolist()
     loads = [{"name": "F", "at": length, "signal": _signal(rng, 50.0, 44.0)}]
     if rng.random() < 0.4:

@@ -12,12 +12,8 @@ estimate was 0.86 to 1.18 times the true error in random scenes, damped and not,
 twelve pads (tests/compare/test_estimate_sweep.py).  It is no bound: it needs an error that falls from r to r + c modes
 (docs/moving_residual_flexibility.md, section 12); `pmr.compare.coverage` says where that can be seen to fail.
 
-A model that keeps all of that inertia already has its enrichment modes only, and what these say is divided by their
-share of what is left out:
-
-.. math::
-    \kappa = \frac{\mathrm{rms}_t\, \mathrm{tr} \sum_{j=r+1}^{r+c} (C \varphi_j)(C \varphi_j)^T \omega_j^{-4}}
-                  {\mathrm{rms}_t\, \mathrm{tr} A_0(s)}
+A model that keeps all of that inertia already has its enrichment modes only, and what these say is divided by kappa,
+their share of what is left out (`pmr.compare.indicators`).
 """
 
 from __future__ import annotations
@@ -29,8 +25,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.errors import relative_error, round_off, settled
-from pmr.constraints.polynomials import evaluate
+from pmr.compare.indicators import chi, kappa
+from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, outputs
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, is_modal, with_kept_inertia
 from pmr.scene.signals import SignalBase
@@ -38,7 +34,7 @@ from pmr.simulate import Loads, TimeStepping
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
 from pmr.simulate.stepping import loads_at, one_for_each
-from pmr.system.body import Trajectory, displacement, force_outputs, pushing_rows
+from pmr.system.body import Trajectory, pushing_rows
 from pmr.text import rounded
 
 Array = NDArray[np.float64]
@@ -49,7 +45,7 @@ MARGIN = 1.25
 REACHED = 0.5
 #: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
 RESOLVED = 2.0
-_FIGURES = ("beam", "tip", "kappa", "by", "chi", "largest", "seconds")
+_FIGURES = ("beam", "tip", "pad_force", "velocity", "kappa", "by", "chi", "largest", "seconds")
 
 
 @dataclass(frozen=True)
@@ -61,6 +57,10 @@ class Estimate:
     beam, tip : float
         e_NRMS over all displacements and of the tip's, fractions; relative to the second run's motion.  Not
         capped: above 1 the error is larger than the motion.
+    pad_force : float or None
+        The same of the forces of sliders and pads; None where these have no size (`pmr.compare.outputs.impulsive`).
+    velocity : float
+        The same of the displacements' rates.
     kappa : float
         Share of the residual part's inertia that the enrichment modes carry.
     by : str
@@ -75,6 +75,8 @@ class Estimate:
 
     beam: float
     tip: float
+    pad_force: float | None
+    velocity: float
     kappa: float
     by: str
     chi: float
@@ -125,37 +127,35 @@ def estimate(model: ReducedModel, path: SignalBase, loads: Loads, stepping: Time
     if why := no_estimate(model):
         raise ValueError(f"no estimate: {why}")
     assert model.flexibility is not None
-    f = loads_at(one_for_each(loads, model.input_names), stepping.times)
-    moved = ~force_outputs(model)
+    signals = one_for_each(loads, model.input_names)
+    f = loads_at(signals, stepping.times)
 
-    def simulated(one: ReducedModel) -> tuple[Array, ModalForm, Trajectory]:
+    def simulated(one: ReducedModel) -> tuple[Outputs, ModalForm, Trajectory]:
         form = modal_form(one)
-        run = march.simulate_modal(form, path, loads, stepping)
-        return displacement(form.body, run.q, run.s, run.deforming, f)[:, moved], form, run
+        run = march.simulate_modal(form, path, signals, stepping)
+        return outputs(form.body, run, path, signals, tips), form, run
 
     own, _, run = simulated(model)
     better, form, extended_run = simulated(extended(model))
     share = kappa(model, run.s)
     if model.flexibility.keeps_inertia or not form.classically_damped:  # damping that couples modes has no tables
-        missing = {"enrichment": (better - own) / share}
+        missing = {"enrichment": better.minus(own).times(1.0 / share)}
     else:
         complete, _, _ = simulated(with_kept_inertia(extended(model)))
-        missing = {"inertia": complete - own, "enrichment": better - own}
-    noise = round_off(model, f, stepping.end)
-
-    def error_of(by: str, columns: slice) -> float:
-        one, other = settled(own + missing[by], own, noise)
-        return MARGIN * relative_error(other[:, columns], one[:, columns])
-
-    everything, tip = slice(None), slice(-tips, None)
-    by = max(missing, key=lambda name: error_of(name, everything))
+        missing = {"inertia": complete.minus(own), "enrichment": better.minus(own)}
+    floors = Floors.of(model, path, f, stepping.end)
+    found = {name: differences(own, own.plus(what), floors) for name, what in missing.items()}
+    by = max(found, key=lambda name: found[name]["beam"])
+    largest = {kind: MARGIN * max(one[kind] for one in found.values()) for kind in KINDS}
     return Estimate(
-        beam=error_of(by, everything),
-        tip=max(error_of(name, tip) for name in missing),
+        beam=largest["beam"],
+        tip=largest["tip"],
+        pad_force=None if impulsive(model, path, stepping) else largest["pad_force"],
+        velocity=largest["velocity"],
         kappa=share,
         by=by,
-        chi=_chi(form, extended_run, f, model.size),
-        error=missing[by],
+        chi=chi(form, extended_run, f, model.size),
+        error=missing[by].displacement,
         seconds=time.perf_counter() - begin,
     )
 
@@ -163,7 +163,8 @@ def estimate(model: ReducedModel, path: SignalBase, loads: Loads, stepping: Time
 def summary(
     model: ReducedModel, estimated: Estimate | None, not_covered: Sequence[str] = (), failed: str | None = None
 ) -> dict[str, float | str | list[str] | None]:
-    """What summary.json holds: ``beam``, ``tip`` (fractions), ``kappa``, ``chi``, ``largest`` (m), ``seconds``.
+    """What summary.json holds: ``beam``, ``tip``, ``pad_force``, ``velocity`` (fractions), ``kappa``, ``chi``,
+    ``largest`` (m), ``seconds``.
 
     ``not_covered`` lists in words what the estimate leaves out.  All are None where there is no estimate, and
     ``reason`` says why: what `failed`, or `no_estimate`.
@@ -171,24 +172,6 @@ def summary(
     if estimated is None:
         return dict.fromkeys((*_FIGURES, "not_covered")) | {"reason": failed or no_estimate(model)}
     return {name: getattr(estimated, name) for name in _FIGURES} | {"not_covered": list(not_covered)}
-
-
-def kappa(model: ReducedModel, s: Array) -> float:
-    """Share of the residual part's inertia that the enrichment modes carry, at the path coordinates s (T,) m.
-
-    Where the model keeps that inertia, what is neglected is C (R M)^2 R C^T; the modes beyond the enrichment modes are
-    taken to be as low as the last of these, which makes kappa a little smaller than it is.
-    """
-    assert model.enrichment is not None and model.flexibility is not None and model.flexibility.inertia is not None
-    squares = np.einsum("tmc,tmc->tc", rows := evaluate(model.enrichment.rows, s), rows)
-    stiffness = model.enrichment.stiffness
-    part = squares @ stiffness**-2.0
-    whole = np.einsum("tmm->t", evaluate(model.flexibility.inertia.A0, s))
-    if model.flexibility.keeps_inertia:
-        rest = np.maximum(whole - part, 0.0) / stiffness[-1]
-        part = squares @ stiffness**-3.0
-        whole = part + rest
-    return min(1.0, _rms(part) / _rms(whole)) if np.any(whole > 0.0) else 1.0
 
 
 def warnings(model: ReducedModel, stepping: TimeStepping, estimated: Estimate | None) -> list[str]:
@@ -210,16 +193,3 @@ def warnings(model: ReducedModel, stepping: TimeStepping, estimated: Estimate | 
             f"with a moving slider this can grow; a smaller step, rho_inf < 1 or fewer coordinates help"
         )
     return found
-
-
-def _chi(form: ModalForm, run: Trajectory, f: Array, mode: int) -> float:
-    """Share of a mode's motion that is not quasi-static."""
-    body = form.body
-    force = f @ body.B[mode] - np.einsum("tm,tm->t", body.C(run.s)[:, :, mode], run.multipliers)
-    motion = _rms(run.q[:, mode])
-    return _rms(run.q[:, mode] - force / form.omega2[mode]) / motion if motion > 0.0 else 0.0
-
-
-def _rms(x: Array) -> float:
-    unit = float(np.abs(x).max(initial=0.0))  # squares of tiny values would vanish
-    return unit * float(np.sqrt(np.mean((x / unit) ** 2))) if unit > 0.0 else 0.0

@@ -46,6 +46,8 @@ def estimate(result: RunResult) -> str:
         return f"The error can't be estimated without the full {noun(result)}: {found['reason']}."
     tip, beam = percent(found["tip"]), percent(found["beam"])
     said = f"The estimate, which needs no full {noun(result)}, is {tip} at the tip and {beam} along the beam"
+    if found.get("pad_force") is not None:
+        said = f"{said.replace(' and ', ', ')} and {percent(found['pad_force'])} in the forces of sliders and pads"
     known = (
         f", {significant(found['beam'] / true, 3)} times the true error"
         if true

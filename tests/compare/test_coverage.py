@@ -9,7 +9,7 @@ import pytest
 from oracle import full_body, inertial
 
 from pmr.compare import coverage
-from pmr.compare.coverage import NEVER, highest_known, not_covered
+from pmr.compare.coverage import BLOWS, NEVER, highest_known, not_covered
 from pmr.compare.estimate import estimate
 from pmr.report import sentences
 from pmr.run import run
@@ -99,8 +99,8 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
     assert outcome is not None
     summary, text = outcome.result.summary, sentences.paragraph(outcome.result, [])
     left_out = summary["estimate"]["not_covered"]
-    assert left_out[-1] == NEVER and NEVER in sentences.estimate(outcome.result) and NEVER in text
-    assert (len(left_out) == 2) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
+    assert left_out[-2:] == [NEVER, BLOWS] and NEVER in sentences.estimate(outcome.result) and NEVER in text
+    assert (len(left_out) == 3) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])
     assert all(clause in text for clause in left_out)
 
 

@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 from oracle import flexible, full_body, inertial, nrms_error, paper_basis, project, rich_body
 
 from pmr.compare import estimate as estimates
-from pmr.compare.estimate import MARGIN, Estimate, estimate, kappa, no_estimate, warnings
+from pmr.compare.estimate import MARGIN, Estimate, estimate, no_estimate, warnings
+from pmr.compare.indicators import kappa
+from pmr.compare.outputs import outputs
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, with_kept_inertia
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulate import TimeStepping
+from pmr.simulate.modal import modal_form
 from pmr.simulate.native import residual_inertia as inertial_march
 from pmr.simulate.native import simulator as march
 from pmr.simulate.stepping import Loads, loads_at, one_for_each
@@ -56,15 +59,39 @@ def test_it_is_the_error_and_a_margin(body: str, r: int) -> None:
     assert found.seconds > 0.0
 
 
-def outputs(model: ReducedModel, path: SignalBase, loads: Loads) -> Array:
+def moved(model: ReducedModel, path: SignalBase, loads: Loads) -> Array:
     run = march.simulate(model, path, loads, STEPPING)
     f = loads_at(one_for_each(loads, model.input_names), run.t)
     return displacement(model, run.q, run.s, run.deforming, f)
 
 
+@pytest.mark.parametrize("r", [6, 9])
+def test_forces_and_velocities_have_estimates_of_their_own(r: int) -> None:
+    full, loads = rich_body(), tuple(one_for_each(LOADS, rich_body().input_names))
+    model, form = inertial(full, r, enrichment=4), modal_form(full)
+    truth_, own = (
+        outputs(one.body, march.simulate_modal(one, PATH, loads, STEPPING), PATH, loads, 1)
+        for one in (form, modal_form(model))
+    )
+    found = estimate(model, PATH, loads, STEPPING)
+    for kind in ("pad_force", "velocity"):
+        assert 1.0 < getattr(found, kind) / nrms_error(own.of(kind), truth_.of(kind)) < 2.0
+
+
+def test_forces_have_none_where_a_rigid_slider_strikes() -> None:
+    """At a kink of the path; a slider that gives way has an estimate."""
+    kinked, model = Ramp(times=(0.1, 0.6), values=(2.0, 3.0)), inertial(full_body(20), 5, enrichment=4)
+    assert estimate(model, kinked, LOADS[0], STEPPING).pad_force is None
+    assert estimate(model, PATH, LOADS[0], STEPPING).pad_force is not None
+    soft = replace(model, pads=np.array([1e-7]))
+    assert estimate(soft, kinked, LOADS[0], STEPPING).pad_force is not None
+    late = Ramp(times=(1.0, 2.0), values=(2.0, 3.0))  # the first kink is at the end
+    assert estimate(model, late, LOADS[0], STEPPING).pad_force is not None
+
+
 def test_what_the_enrichment_say_is_scaled_by_their_share_where_inertia_is_kept() -> None:
     model, larger = (with_kept_inertia(inertial(full_body(30), *size)) for size in ((12, 2), (14, 0)))
-    found, y = estimate(model, PATH, LOADS[0], STEPPING), [outputs(one, PATH, LOADS[0]) for one in (model, larger)]
+    found, y = estimate(model, PATH, LOADS[0], STEPPING), [moved(one, PATH, LOADS[0]) for one in (model, larger)]
     assert found.kappa < 0.95 and found.by == "enrichment"
     assert found.beam == pytest.approx(MARGIN / found.kappa * nrms_error(y[1], y[0]), rel=1e-3)
     assert found.tip == pytest.approx(MARGIN / found.kappa * nrms_error(y[1][:, -1:], y[0][:, -1:]), rel=1e-3)
@@ -74,7 +101,7 @@ def test_what_the_enrichment_say_is_scaled_by_their_share_where_inertia_is_kept(
 def test_otherwise_the_second_run_has_the_enrichment_and_the_inertia_of_the_rest() -> None:
     full = full_body(30)
     model, larger = inertial(full, 14, enrichment=2), with_kept_inertia(inertial(full, 16))
-    found, y = estimate(model, PATH, LOADS[0], STEPPING), [outputs(one, PATH, LOADS[0]) for one in (model, larger)]
+    found, y = estimate(model, PATH, LOADS[0], STEPPING), [moved(one, PATH, LOADS[0]) for one in (model, larger)]
     assert found.by == "inertia"
     assert found.beam == pytest.approx(MARGIN * nrms_error(y[1], y[0]), rel=1e-3)
     assert np.abs(found.error - (y[1] - y[0])).max() < 1e-3 * np.abs(found.error).max()
@@ -86,9 +113,9 @@ def test_damping_of_what_is_left_out_is_in_it(r: int) -> None:
     plain = full_body(30)
     full = replace(plain, D=(2.79 * plain.M + 3.54e-4 * plain.K).tocsr())
     model, w = inertial(full, r, enrichment=2), truth(full, PATH, LOADS[0], STEPPING)
-    found, true = estimate(model, PATH, LOADS[0], STEPPING), nrms_error(outputs(model, PATH, LOADS[0]), w)
+    found, true = estimate(model, PATH, LOADS[0], STEPPING), nrms_error(moved(model, PATH, LOADS[0]), w)
     assert 1.1 < found.beam / true < 1.4
-    enrichment_alone = nrms_error(outputs(extended(model), PATH, LOADS[0]), outputs(model, PATH, LOADS[0]))
+    enrichment_alone = nrms_error(moved(extended(model), PATH, LOADS[0]), moved(model, PATH, LOADS[0]))
     assert enrichment_alone / found.kappa < 0.85 * true  # which is why they are not enough
 
 

@@ -1,0 +1,127 @@
+r"""What models are judged by: displacements along the beam, the tip, forces of sliders and pads, velocities.
+
+Of a trajectory in the coordinates of a body, forces are its outputs in N and the multipliers of its sliders and pads;
+velocities those of the displacements, with the part that follows at once (`pmr.compare.velocities`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.errors import force_round_off, relative_error, round_off, settled
+from pmr.compare.velocities import velocity
+from pmr.reduced.model import ReducedModel
+from pmr.scene.signals import SignalBase
+from pmr.simulate.stepping import TimeStepping, loads_at
+from pmr.system.body import Trajectory, displacement, force_outputs, released_rows
+
+Array = NDArray[np.float64]
+
+#: Kinds of outputs by the names that scenes and summaries give them.
+KINDS = ("beam", "tip", "pad_force", "velocity")
+#: Share of the path's largest rate by which this has to jump for a blow.
+KINK = 1e-6
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What a simulation says, by kind.
+
+    Attributes
+    ----------
+    displacement, velocity : (T, o) arrays, m and m/s
+        The last `tips` columns are the tip's.
+    force : (T, p) array, N
+    tips : int
+    """
+
+    displacement: Array
+    velocity: Array
+    force: Array
+    tips: int
+
+    def of(self, kind: str) -> Array:
+        """One of `KINDS`, (T, k)."""
+        match kind:
+            case "beam":
+                return self.displacement
+            case "tip":
+                return self.displacement[:, -self.tips :]
+            case "pad_force":
+                return self.force
+            case "velocity":
+                return self.velocity
+        raise ValueError(f"{kind!r} is none of {', '.join(KINDS)}")
+
+    def plus(self, difference: Outputs) -> Outputs:
+        """The sum of both, kind by kind."""
+        return Outputs(
+            self.displacement + difference.displacement,
+            self.velocity + difference.velocity,
+            self.force + difference.force,
+            self.tips,
+        )
+
+    def minus(self, other: Outputs) -> Outputs:
+        """The difference of both, kind by kind."""
+        return self.plus(other.times(-1.0))
+
+    def times(self, factor: float) -> Outputs:
+        """All of it, scaled."""
+        return Outputs(factor * self.displacement, factor * self.velocity, factor * self.force, self.tips)
+
+
+@dataclass(frozen=True)
+class Floors:
+    """What of a displacement (m) and of a force (N) may be round-off alone."""
+
+    displacement: float
+    force: float
+
+    @classmethod
+    def of(cls, model: ReducedModel, path: SignalBase, f: Array, end: float) -> Floors:
+        """Of a model under loads f (T, i) in N for `end` seconds (`pmr.compare.errors.round_off`)."""
+        return cls(round_off(model, f, end), force_round_off(model, f, end, float(path.value(0.0))))
+
+
+def outputs(model: ReducedModel, run: Trajectory, path: SignalBase, loads: Sequence[SignalBase], tips: int) -> Outputs:
+    """Of a trajectory in the coordinates of the model, under one load for each of its inputs."""
+    is_force = force_outputs(model)
+    y = displacement(model, run.q, run.s, run.deforming, loads_at(loads, run.t))
+    return Outputs(
+        displacement=y[:, ~is_force],
+        velocity=velocity(model, run, path, loads)[:, ~is_force],
+        force=np.hstack([y[:, is_force], run.multipliers[:, released_rows(model)]]),
+        tips=tips,
+    )
+
+
+def differences(one: Outputs, reference: Outputs, floors: Floors) -> dict[str, float]:
+    """Error by kind (`pmr.compare.errors.relative_error`), fractions; what is round-off in both counts as zero."""
+    moves = settled(one.displacement, reference.displacement, floors.displacement)
+    forces = settled(one.force, reference.force, floors.force)
+    still = ~np.any(moves[0], axis=0) & ~np.any(moves[1], axis=0)
+    rates = np.where(still, 0.0, one.velocity), np.where(still, 0.0, reference.velocity)
+    return {
+        "beam": relative_error(*moves),
+        "tip": relative_error(*(y[:, -reference.tips :] for y in moves)),
+        "pad_force": relative_error(*forces),
+        "velocity": relative_error(*rates),
+    }
+
+
+def impulsive(model: ReducedModel, path: SignalBase, stepping: TimeStepping) -> bool:
+    """Whether forces of sliders have no size: at a kink of the path a rigid slider strikes the body.
+
+    The force of that blow is as high as the step is short, and no two models agree on it.
+    """
+    rigid = np.flatnonzero(model.row_compliance == 0.0)
+    if not set(rigid.tolist()) & set(model.moving):
+        return False
+    at = np.array([b for b in path.breaks if 0.0 < b < stepping.end])
+    before, after = np.asarray(path.rate(np.nextafter(at, -np.inf))), np.asarray(path.rate(at))
+    return bool(np.any(np.abs(after - before) > KINK * np.abs(path.rate(stepping.times)).max()))
