@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.fields.series import Fields
-from pmr.files import jsonfile
-from pmr.files.npz import read, write
+from pmr.files import jsonfile, npz, records
 from pmr.files.swap import finished
 from pmr.scene import Scene, SceneBase, from_data
 
@@ -109,27 +108,6 @@ class Response:
         """Transverse displacement of the free end, (T,) m."""
         return self.displacement[:, -1]
 
-    def arrays(self) -> dict[str, Array]:
-        """Everything by name, as an npz file holds it."""
-        energy = {f"energy.{part}": getattr(self.energy, part) for part in _ENERGIES}
-        names = {name: np.array(getattr(self, name), dtype=np.str_) for name in _NAMES}
-        return (
-            {name: getattr(self, name) for name in _RESPONSE_ARRAYS}
-            | {name: np.array(getattr(self, name)) for name in _SCALARS}
-            | energy
-            | ({} if self.force_peaks is None else {"force_peaks": self.force_peaks})
-            | {name: found for name, found in names.items() if found.size}
-        )
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, Array]) -> Response:
-        """The response that `arrays` was made from."""
-        named: dict[str, Any] = {name: arrays[name] for name in _RESPONSE_ARRAYS}
-        named |= {name: tuple(map(str, arrays[name])) for name in _NAMES if name in arrays}
-        named |= {name: float(arrays[name]) for name in _SCALARS if name in arrays}
-        named["force_peaks"] = arrays.get("force_peaks")
-        return cls(**named, energy=Energy(*(arrays[f"energy.{part}"] for part in _ENERGIES)))
-
 
 @dataclass(frozen=True)
 class Shapes:
@@ -191,15 +169,12 @@ class RunResult:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1), encoding="utf-8")
         (folder / "summary.json").write_text(jsonfile.text(self.summary, indent=1), encoding="utf-8")
-        arrays: dict[str, Array] = {"s": self.path, "s_rate": self.path_rate, "loads": self.loads}
-        for name in ("singular_values", "x", "shapes"):
-            arrays[f"basis.{name}"] = getattr(self.shapes, name)
-        for name in ("s", "full", "reduced", "closed_form"):
-            arrays[f"frequencies.{name}"] = getattr(self.frequencies, name)
+        arrays: dict[str, NDArray[Any]] = {"s": self.path, "s_rate": self.path_rate, "loads": self.loads}
+        arrays |= records.arrays(self.shapes, "basis.") | records.arrays(self.frequencies, "frequencies.")
         for simulator, response in self.responses.items():
-            arrays |= {f"{simulator}.{name}": array for name, array in response.arrays().items()}
+            arrays |= records.arrays(response, f"{simulator}.")
         arrays |= {f"peak_stress.{name}": stress for name, stress in self.peak_stress.items()}
-        write(folder / "trajectories.npz", arrays)
+        npz.write(folder / "trajectories.npz", arrays)
         if self.fields is not None:
             self.fields.save(folder / "fields.npz")
 
@@ -208,25 +183,17 @@ class RunResult:
         """Read what `save` wrote."""
         finished(folder)
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        data = read(folder / "trajectories.npz")
+        data = npz.read(folder / "trajectories.npz")
         simulators = sorted({key.split(".")[0] for key in data if key.endswith(".displacement")})
-        responses = {
-            simulator: Response.from_arrays(
-                {key.removeprefix(f"{simulator}."): data[key] for key in data if key.startswith(f"{simulator}.")}
-            )
-            for simulator in simulators
-        }
         return cls(
             scene=from_data(json.loads((folder / "scene.json").read_text(encoding="utf-8"))),
             summary=summary,
-            responses=responses,
+            responses={simulator: records.record(Response, data, f"{simulator}.") for simulator in simulators},
             path=data["s"],
             path_rate=data["s_rate"],
             loads=data["loads"],
-            shapes=Shapes(*(data[f"basis.{name}"] for name in ("singular_values", "x", "shapes"))),
-            frequencies=FrequencyCurves(
-                *(data[f"frequencies.{name}"] for name in ("s", "full", "reduced", "closed_form"))
-            ),
+            shapes=records.record(Shapes, data, "basis."),
+            frequencies=records.record(FrequencyCurves, data, "frequencies."),
             fields=Fields.load(folder / "fields.npz") if (folder / "fields.npz").is_file() else None,
             peak_stress={
                 key.removeprefix("peak_stress."): values
@@ -234,9 +201,3 @@ class RunResult:
                 if key.startswith("peak_stress.")
             },
         )
-
-
-_ENERGIES = ("kinetic", "strain", "external")
-_SCALARS = ("seconds", "round_off", "force_round_off", "surplus")
-_NAMES = ("output_names", "output_units", "force_names")
-_RESPONSE_ARRAYS = ("t", "x", "displacement", "slider_force", "residual_position", "residual_velocity")

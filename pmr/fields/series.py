@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.fields.grid import Grid
-from pmr.files.npz import read, write
-from pmr.files.whole import replaced
+from pmr.files import npz, records
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 MOST_EXPANSION = 100.0  # of a compressed file; fields that move take a third more than their file,
 ROOM = 2**28  # fields at rest up to a thousand times as much: bytes that any file may claim
-_STRESS, _REGION = "von_mises.", "region."
 
 
 @dataclass(frozen=True)
@@ -56,26 +54,10 @@ class Fields:
 
     def save(self, file: Path) -> None:
         """Write everything as compressed npz."""
-        grid = self.grid
-        arrays: dict[str, NDArray] = {
-            "t": self.t,
-            "displacement": self.displacement,
-            "grid.cell": np.array(grid.cell),
-            "grid.points": grid.points,
-            "grid.cells": grid.cells,
-        }
-        arrays |= {_STRESS + name: values for name, values in self.von_mises.items()}
-        arrays |= {_REGION + name: cells for name, cells in grid.regions.items()}
-        with replaced(file) as part:
-            write(part, arrays, compressed=True)
+        npz.write(file, records.arrays(self), compressed=True)
 
     @classmethod
     def load(cls, file: Path) -> Fields:
         """Read what `save` wrote."""
-        data = read(file, MOST_EXPANSION, ROOM)
-
-        def named(prefix: str) -> dict[str, NDArray]:
-            return {key.removeprefix(prefix): values for key, values in data.items() if key.startswith(prefix)}
-
-        grid = Grid(str(data["grid.cell"]), data["grid.points"], data["grid.cells"], named(_REGION))
-        return cls(grid, data["t"], data["displacement"], named(_STRESS))
+        data = npz.read(file, MOST_EXPANSION, ROOM)
+        return records.record(cls, records.renamed(data, {"region.": "grid.regions."}))  # as version 0.1 wrote them

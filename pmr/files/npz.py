@@ -6,17 +6,23 @@ file of two megabytes may claim two gigabytes.  Here all of them have to agree w
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pmr.files import jsonfile
+from pmr.files.whole import replaced
+
+HEADER = "header"
+OLD_HEADER = "header.json"  # text instead of an array, in results of tasks of version 1
 MOST_MEMBERS = 10_000
 _KINDS = "biufU"  # numbers and text; neither objects (pickles) nor records
 _DAMAGE = (
@@ -29,7 +35,9 @@ class DamagedError(ValueError):
     """A file does not hold what it claims to hold."""
 
 
-def read(file: Path, expansion: float = 1.0, room: int = 0) -> dict[str, NDArray[Any]]:
+def read(
+    file: Path, expansion: float = 1.0, room: int = 0, only: Collection[str] | None = None
+) -> dict[str, NDArray[Any]]:
     """All arrays of an npz file by name.
 
     Parameters
@@ -39,6 +47,8 @@ def read(file: Path, expansion: float = 1.0, room: int = 0) -> dict[str, NDArray
         How many times the size of the file its content may take: 1 for files that are not compressed.
     room : int
         Bytes that it may take however small the file is: what is all zeros is compressed to almost nothing.
+    only : collection of str, optional
+        Names of the arrays that are wanted; all without it.
 
     Raises
     ------
@@ -48,31 +58,54 @@ def read(file: Path, expansion: float = 1.0, room: int = 0) -> dict[str, NDArray
     """
     try:
         with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:
-            members = checked(archive, os.fstat(stream.fileno()).st_size, expansion, room)
-            return {info.filename.removesuffix(".npy"): array(archive, info) for info in members}
+            members = {
+                _name(info): info for info in _checked(archive, os.fstat(stream.fileno()).st_size, expansion, room)
+            }
+            return {name: _array(archive, info) for name, info in members.items() if only is None or name in only}
     except DamagedError:
         raise
     except _DAMAGE as error:
         raise DamagedError(str(error) or type(error).__name__) from None
 
 
-def write(file: Path, arrays: Mapping[str, ArrayLike], compressed: bool = False) -> None:
-    """Write an npz file as `numpy.savez` does; where it finds no room, the error is the only thing that is said."""
+def write(
+    file: Path, arrays: Mapping[str, ArrayLike], header: Mapping[str, Any] | None = None, compressed: bool = False
+) -> None:
+    """Write an npz file, all of it or nothing, with a header in JSON if there is one; equal arrays give equal bytes.
+
+    Raises
+    ------
+    NotWrittenError
+        If there is no room for it.
+    """
     kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
-    with zipfile.ZipFile(file, "w", kind) as archive:
+    if header is not None:
+        arrays = {HEADER: np.array(jsonfile.text(header)), **arrays}
+    with replaced(file) as part, zipfile.ZipFile(part, "w") as archive:
         for name, values in arrays.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+            info = zipfile.ZipInfo(f"{name}.npy")  # of a time that is always the same
+            info.compress_type = kind
+            with archive.open(info, "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(values), allow_pickle=False)
 
 
-def checked(archive: zipfile.ZipFile, size: int, expansion: float = 1.0, room: int = 0) -> Sequence[zipfile.ZipInfo]:
-    """Members of an archive in a file of `size` bytes, if their sizes can be true.
+def without_header(arrays: dict[str, NDArray[Any]]) -> Any:
+    """The header of a file, taken out of its arrays.
 
     Raises
     ------
     DamagedError
-        If they can't.
+        If there is none.
     """
+    try:
+        header = arrays.pop(HEADER)
+        return json.loads(header.tobytes() if header.dtype == np.uint8 else str(header))
+    except _DAMAGE as error:
+        raise DamagedError(f"no header: {error}") from None
+
+
+def _checked(archive: zipfile.ZipFile, size: int, expansion: float, room: int) -> Sequence[zipfile.ZipInfo]:
+    """Members of an archive in a file of `size` bytes, whose sizes can be true."""
     members = archive.infolist()
     if len(members) > MOST_MEMBERS or len({info.filename for info in members}) < len(members):
         raise DamagedError(f"it has {len(members)} members, at most {MOST_MEMBERS} with different names are allowed")
@@ -84,14 +117,14 @@ def checked(archive: zipfile.ZipFile, size: int, expansion: float = 1.0, room: i
     return members
 
 
-def array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
-    """The array of a member, whose header has to agree with the member's size.
+def _name(info: zipfile.ZipInfo) -> str:
+    return HEADER if info.filename == OLD_HEADER else info.filename.removesuffix(".npy")
 
-    Raises
-    ------
-    DamagedError
-        If it doesn't.
-    """
+
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
+    """The array of a member, whose header has to agree with the member's size."""
+    if info.filename == OLD_HEADER:
+        return np.array(archive.read(info).decode())
     with archive.open(info) as stream:
         shape, fortran, dtype = _header(stream)
         count = math.prod(shape)

@@ -6,15 +6,15 @@ coordinates after all (`pmr.reduced.truncation`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.reduced.soundness import misfit
+
 Array = NDArray[np.float64]
-_CONSTANTS = ("stiffness", "damping", "B", "outputs")
 
 
 @dataclass(frozen=True)
@@ -43,28 +43,10 @@ class EnrichmentModes:
     def count(self) -> int:
         return len(self.stiffness)
 
-    def arrays(self) -> dict[str, Array]:
-        """Named arrays for a file, as `from_arrays` reads them."""
-        constants = {f"companions.{name}": getattr(self, name) for name in _CONSTANTS}
-        return constants | {"companions.breaks": self.rows.x, "companions.coefficients": self.rows.c}
-
-    @classmethod
-    def from_arrays(cls, data: Mapping[str, Array]) -> EnrichmentModes | None:
-        """What `arrays` gave; None if there is none in `data`."""
-        if "companions.stiffness" not in data:
-            return None
-        constants = {name: np.asarray(data[f"companions.{name}"], dtype=float) for name in _CONSTANTS}
-        return cls(**constants, rows=PPoly(data["companions.coefficients"], data["companions.breaks"]))
-
     def contradiction(self, m: int, i: int, o: int) -> str | None:
         """What is wrong with the shapes for m rows, i inputs and o outputs, in words; None where all is sound."""
         c = self.count
-        for name, shape in {"stiffness": (c,), "damping": (c,), "B": (c, i), "outputs": (o, c)}.items():
-            array = getattr(self, name)
-            if array.shape != shape or not np.isfinite(array).all():
-                return f"enrichment.{name} has shape {array.shape} or is not finite, {shape} is allowed"
-        if self.rows.c.shape[2:] != (m, c) or not np.isfinite(self.rows.c).all():
-            return f"enrichment.rows has shape {self.rows.c.shape[2:]} or is not finite, {(m, c)} is allowed"
-        if not np.all(self.stiffness > 0.0):
-            return "enrichment.stiffness is not positive"
-        return None
+        shapes = {"stiffness": (c,), "damping": (c,), "B": (c, i), "outputs": (o, c), "rows": (m, c)}
+        if wrong := misfit(self, shapes, "enrichment."):
+            return wrong
+        return None if np.all(self.stiffness > 0.0) else "enrichment.stiffness is not positive"

@@ -11,7 +11,6 @@ With R the flexibility that a basis leaves out and q = V p + R (B f - C^T lambda
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,12 +19,11 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import evaluate
 from pmr.reduced.inertia import Inertia
+from pmr.reduced.soundness import misfit
 
 Array = NDArray[np.float64]
 #: Steps for which the outputs' tables are evaluated at once.
 BLOCK = 4096
-_TABLES = ("rows", "inputs", "outputs")
-_CONSTANTS = ("direct", "energy")
 
 
 @dataclass(frozen=True)
@@ -84,39 +82,8 @@ class Flexibility:
         """B^T R g, (T, i) in m: what the residual part adds to the motion of the loads' points."""
         return loads @ self.energy - np.einsum("tmi,tm->ti", evaluate(self.inputs, s), multipliers)
 
-    def arrays(self) -> dict[str, Array]:
-        """Named arrays for a file, as `from_arrays` reads them."""
-        tables = {name: getattr(self, name) for name in _TABLES}
-        return (
-            {f"flexibility.{name}.breaks": table.x for name, table in tables.items()}
-            | {f"flexibility.{name}.coefficients": table.c for name, table in tables.items()}
-            | {f"flexibility.{name}": getattr(self, name) for name in _CONSTANTS}
-            | (self.inertia.arrays() if self.inertia else {})
-        )
-
-    @classmethod
-    def from_arrays(cls, data: Mapping[str, Array]) -> Flexibility | None:
-        """What `arrays` gave; None if there is none in `data`."""
-        if "flexibility.direct" not in data:
-            return None
-        tables = {
-            name: PPoly(data[f"flexibility.{name}.coefficients"], data[f"flexibility.{name}.breaks"])
-            for name in _TABLES
-        }
-        constants = {name: np.asarray(data[f"flexibility.{name}"], dtype=float) for name in _CONSTANTS}
-        return cls(**tables, **constants, inertia=Inertia.from_arrays(data))
-
     def contradiction(self, m: int, i: int, o: int) -> str | None:
         """What is wrong with the shapes for m rows, i inputs and o outputs, in words; None where all is sound."""
-        tables = {"rows": (m, m), "inputs": (m, i), "outputs": (o, m)}
-        for name, shape in tables.items():
-            table = getattr(self, name)
-            if table.c.shape[2:] != shape or not np.isfinite(table.c).all():
-                return f"flexibility.{name} has shape {table.c.shape[2:]} or is not finite, {shape} is allowed"
-            if not np.all(np.diff(table.x) > 0.0):
-                return f"the breaks of flexibility.{name} do not increase"
-        for name, shape in {"direct": (o, i), "energy": (i, i)}.items():
-            array = getattr(self, name)
-            if array.shape != shape or not np.isfinite(array).all():
-                return f"flexibility.{name} has shape {array.shape} or is not finite, {shape} is allowed"
-        return self.inertia.contradiction(m, i) if self.inertia else None
+        shapes = {"rows": (m, m), "inputs": (m, i), "outputs": (o, m), "direct": (o, i), "energy": (i, i)}
+        wrong = misfit(self, shapes, "flexibility.")
+        return wrong or (self.inertia.contradiction(m, i) if self.inertia else None)

@@ -15,7 +15,6 @@ component-mode representation for structural dynamic analysis, AIAA Journal 13, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import evaluate
+from pmr.reduced.soundness import misfit
 
 Array = NDArray[np.float64]
 #: Tables by name, and whether their values are (m, i) instead of (m, m).
@@ -70,34 +70,10 @@ class Inertia:
         doubled += _form(a, A0, a) + 2.0 * _form(a, A1, b) + _form(b, A11, b)
         return np.asarray((doubled - 2.0 * _form(a, E0, f) - 2.0 * _form(b, E1, f)) / 2.0)
 
-    def arrays(self) -> dict[str, Array]:
-        """Named arrays for a file, as `from_arrays` reads them."""
-        tables = {name: getattr(self, name) for name in TABLES}
-        return (
-            {f"inertia.{name}.breaks": table.x for name, table in tables.items()}
-            | {f"inertia.{name}.coefficients": table.c for name, table in tables.items()}
-            | {"inertia.energy": self.energy, "inertia.kept": np.array(self.kept)}
-        )
-
-    @classmethod
-    def from_arrays(cls, data: Mapping[str, Array]) -> Inertia | None:
-        """What `arrays` gave; None if there is none in `data`."""
-        if "inertia.energy" not in data:
-            return None
-        tables = {name: PPoly(data[f"inertia.{name}.coefficients"], data[f"inertia.{name}.breaks"]) for name in TABLES}
-        return cls(**tables, energy=np.asarray(data["inertia.energy"], float), kept=bool(data["inertia.kept"]))
-
     def contradiction(self, m: int, i: int) -> str | None:
         """What is wrong with the shapes for m rows and i inputs, in words; None where all is sound."""
-        for name, of_inputs in TABLES.items():
-            table, shape = getattr(self, name), (m, i if of_inputs else m)
-            if table.c.shape[2:] != shape or not np.isfinite(table.c).all():
-                return f"inertia.{name} has shape {table.c.shape[2:]} or is not finite, {shape} is allowed"
-            if not np.all(np.diff(table.x) > 0.0):
-                return f"the breaks of inertia.{name} do not increase"
-        if self.energy.shape != (i, i) or not np.isfinite(self.energy).all():
-            return f"inertia.energy has shape {self.energy.shape} or is not finite, {(i, i)} is allowed"
-        return None
+        shapes = {name: (m, i if of_inputs else m) for name, of_inputs in TABLES.items()} | {"energy": (i, i)}
+        return misfit(self, shapes, "inertia.")
 
 
 @dataclass(frozen=True)

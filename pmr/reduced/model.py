@@ -14,8 +14,7 @@ lambda = 0 (docs/pads.md).
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -26,21 +25,23 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import columns, contributions, evaluate, select_rows, times
 from pmr.errors import InputError
-from pmr.files import jsonfile
-from pmr.files.npz import read, write
-from pmr.files.whole import replaced
+from pmr.files import jsonfile, npz, records
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.enrichment import EnrichmentModes
 from pmr.reduced.flexibility import Flexibility
-from pmr.reduced.soundness import contradiction
+from pmr.reduced.soundness import asymmetry, misfit
 
 Array = NDArray[np.float64]
 #: Numbers that rows at several steps may have together.
 ENTRIES = 2**19
 FORMAT = "pmr-reduced-model"
-FORMAT_VERSION = 4
-_MATRICES = ("M", "D", "K", "B", "outputs")
-_NAMES = ("input_names", "row_names", "left_out", "output_names", "output_units")  # the last two since version 4
+FORMAT_VERSION = 5
+_NAMES = ("input_names", "row_names", "left_out", "output_names", "output_units")
+_OLD_NAMES = {
+    **{"rows_": "rows.", "inertia.": "flexibility.inertia."},
+    **{f"companions.{part}": f"enrichment.rows.{part}" for part in ("breaks", "coefficients")},
+    "companions.": "enrichment.",
+}
 
 
 @dataclass(frozen=True)
@@ -192,24 +193,8 @@ class ReducedModel:
             "format": FORMAT,
             "version": FORMAT_VERSION,
             "units": "SI; coordinates as the basis in provenance states",
-            "input_names": self.input_names,
-            "row_names": self.row_names,
-            "left_out": self.left_out,
-            "output_names": self.output_names,
-            "output_units": self.output_units,
-            "provenance": self.provenance,
-            "rayleigh": None if self.rayleigh is None else [self.rayleigh.alpha, self.rayleigh.beta],
         }
-        arrays = {name: getattr(self, name) for name in _MATRICES}
-        arrays |= {"pads": self.row_compliance, "clearance": self.row_clearance}
-        if self.flexibility is not None:
-            arrays |= self.flexibility.arrays()
-        if self.enrichment is not None:
-            arrays |= self.enrichment.arrays()
-        arrays |= {"header": np.array(jsonfile.text(header)), "output_positions": self.output_positions}
-        arrays |= {"rows_breaks": self.rows.x, "rows_coefficients": self.rows.c}
-        with replaced(path) as part:
-            write(part, arrays)
+        npz.write(path, records.arrays(self), header)
         return path
 
     @classmethod
@@ -226,27 +211,14 @@ class ReducedModel:
         if not path.is_file():
             raise InputError(str(path), "", None, "no such file; `pmr run` writes reduced.npz")
         try:
-            found = read(path)
-            header = json.loads(str(found.pop("header")))
+            data = npz.read(path)
+            header = npz.without_header(data)
             if header["format"] != FORMAT:
                 raise InputError(str(path), "format", header["format"], f"{FORMAT!r} is allowed")
             if int(header["version"]) > FORMAT_VERSION:
                 raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
-            data = {name: np.asarray(array, dtype=float) for name, array in found.items()}
-            parts: dict[str, Any] = {name: data[name] for name in _MATRICES}
-            parts |= {name: _names(header.get(name, ())) for name in _NAMES}
-            model = cls(
-                **parts,
-                rows=PPoly(data["rows_coefficients"], data["rows_breaks"]),
-                output_positions=data["output_positions"],
-                pads=data.get("pads"),  # since version 2
-                flexibility=Flexibility.from_arrays(data),
-                enrichment=EnrichmentModes.from_arrays(data),  # since version 3
-                clearance=data.get("clearance"),  # since version 4
-                provenance=_table(header["provenance"]),
-                rayleigh=_rayleigh(header.get("rayleigh")),
-            )
-            wrong = contradiction(model)
+            model = records.record(cls, data if int(header["version"]) > 4 else _of_version_4(header, data))
+            wrong = model.contradiction()
         except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError) as error:
             if isinstance(error, InputError):
                 raise
@@ -255,16 +227,40 @@ class ReducedModel:
             raise InputError(str(path), "", None, f"not a sound reduced model: {wrong}")
         return model
 
+    def contradiction(self) -> str | None:
+        """What is wrong with the arrays, in words; None where shapes agree, breaks increase and all is finite."""
+        for name, axes in {"M": 2, "output_positions": 1}.items():
+            if getattr(self, name).ndim != axes:
+                return f"{name} has shape {getattr(self, name).shape}, {axes} axes are allowed"
+        r, i, o, m = self.size, len(self.input_names), len(self.output_positions), len(self.row_names)
+        shapes = {"M": (r, r), "D": (r, r), "K": (r, r), "B": (r, i), "outputs": (o, r), "output_positions": (o,)}
+        if not {len(self.output_names), len(self.output_units)} <= {0, o}:
+            return f"{len(self.output_names)} names and {len(self.output_units)} units are given for {o} outputs"
+        if wrong := misfit(self, shapes) or asymmetry({"M": self.M, "D": self.D, "K": self.K}):
+            return wrong
+        if wrong := misfit(self, {"rows": (m, r)} | ({} if self.pads is None else {"pads": (m,)})):
+            return wrong
+        if np.any(self.row_compliance < 0.0):
+            return "pads has negative values, values from 0 on are allowed"
+        clearance = self.row_clearance
+        if clearance.shape != (m,) or not np.all(np.isnan(clearance) | (clearance >= 0.0) & np.isfinite(clearance)):
+            return f"clearance has shape {clearance.shape} or values that are no lengths, {(m,)} from 0 on are allowed"
+        parts = [part.contradiction(m, i, o) for part in (self.flexibility, self.enrichment) if part is not None]
+        return next((wrong for wrong in parts if wrong), None)
 
-def _names(found: Any) -> tuple[str, ...]:
-    if not isinstance(found, list | tuple) or not all(isinstance(name, str) for name in found):
-        raise TypeError(f"a list of names is allowed, not {found!r:.60}")
-    return tuple(found)
 
-
-def _table(found: Any) -> dict[str, Any]:
-    if not isinstance(found, dict):
-        raise TypeError(f"a table is allowed for provenance, not {found!r:.60}")
+def _of_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:
+    """Arrays by the names of today; names, provenance and Rayleigh's factors stood in the header."""
+    found = records.renamed(data, _OLD_NAMES)
+    for name in _NAMES:
+        names = header.get(name, ())
+        if not isinstance(names, list | tuple) or not all(isinstance(each, str) for each in names):
+            raise TypeError(f"a list of names is allowed, not {names!r:.60}")
+        found[name] = np.array(names, dtype=np.str_)
+    found["provenance"] = np.array(jsonfile.text(header["provenance"]))
+    if header.get("rayleigh") is not None:
+        alpha, beta = header["rayleigh"]
+        found |= {"rayleigh.alpha": np.array(alpha), "rayleigh.beta": np.array(beta)}
     return found
 
 
@@ -276,7 +272,3 @@ def satisfied_rows(C: PPoly, tolerance: float = 1e-10) -> list[int]:
     """
     magnitude = np.abs(contributions(C)).max(axis=(0, 1, 3))
     return np.flatnonzero(magnitude <= tolerance * magnitude.max()).tolist()
-
-
-def _rayleigh(pair: Any) -> Rayleigh | None:
-    return None if pair is None else Rayleigh(*map(float, pair))

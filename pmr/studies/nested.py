@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PPoly
 
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
@@ -41,10 +40,6 @@ Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 #: What becomes of the supports' rows.
 TREATMENTS = ("kept", "hold", "drop")
-
-
-_ARRAYS = ("M", "D", "K", "B", "outputs", "output_positions")
-_NAMES = ("input_names", "row_names")
 
 
 @dataclass(frozen=True)
@@ -70,21 +65,6 @@ class NestedModels:
         """
         free = min(coordinates - self.spent, self.longest.size)
         return self.longest.leading(free) if free > 0 else None
-
-    def arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
-        """Everything by name, as a result holds it; for models without pads or flexibility."""
-        model = self.longest
-        arrays = {name: getattr(model, name) for name in _ARRAYS} | {"rows.c": model.rows.c, "rows.x": model.rows.x}
-        arrays |= {name: np.array(getattr(model, name), dtype=np.str_) for name in _NAMES}
-        return {f"{prefix}.{name}": array for name, array in (arrays | {"spent": np.array(self.spent)}).items()}
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], prefix: str) -> NestedModels:
-        """The models that `arrays` was made from."""
-        of: dict[str, Any] = {name: arrays[f"{prefix}.{name}"] for name in _ARRAYS}
-        of |= {name: tuple(map(str, arrays[f"{prefix}.{name}"])) for name in _NAMES}
-        of["rows"] = PPoly(arrays[f"{prefix}.rows.c"], arrays[f"{prefix}.rows.x"])
-        return cls(ReducedModel(**of), int(arrays[f"{prefix}.spent"]))
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.files import jsonfile
+from pmr.files import jsonfile, npz
 from pmr.files.swap import finished, fresh
 from pmr.studies.engine.graph import digests
 from pmr.studies.engine.runner import Failure
-from pmr.studies.engine.store import Store, write_arrays
+from pmr.studies.engine.store import Store
 from pmr.studies.engine.task import Plan, Scalar
 
 #: Files that go together, and those that are made of them.
@@ -117,7 +117,7 @@ class StudyResults:
         names = _names(rows)
         with fresh(self.folder, (*TABLES, *REPORT)) as new:
             _write(new / "runs.csv", _csv(names, rows))
-            write_arrays(new / "runs.npz", {name: self.column(name) for name in names})
+            npz.write(new / "runs.npz", {name: self.column(name) for name in names})
             times: list[dict[str, Scalar]] = [{"run": run.key} | dict(run.seconds) for run in self.runs]
             _write(new / "seconds.csv", _csv(_names(times), times))
             _write(new / "summary.json", self._text(summary))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmr.files import records
 from pmr.results import Response
 from pmr.scene import Damping, Reduction, SceneBase, StructureScene, from_data
 from pmr.scene.sections import Compare, Simulation, TimeChoice
@@ -108,7 +109,7 @@ def snapshots_from(scene: SceneBase, needs: Mapping[str, TaskResult]) -> Snapsho
 
 def response_from(result: TaskResult) -> Response:
     """The response of a `reference_task`."""
-    return Response.from_arrays(result.arrays)
+    return records.record(Response, result.arrays)
 
 
 def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -141,7 +142,7 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     scene = scene_of(arguments)
     response = references.reference(arguments["simulator"], scene, model_of(scene))
     assert response is not None
-    return TaskResult(arrays=response.arrays(), seconds={"simulate": response.seconds})
+    return TaskResult(arrays=records.arrays(response), seconds={"simulate": response.seconds})
 
 
 def frequencies(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:

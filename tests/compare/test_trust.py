@@ -11,6 +11,7 @@ from pmr.compare.references import reference, references
 from pmr.compare.trust import ALTERNATING, alternating, distrust, warnings
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
+from pmr.files import records
 from pmr.fullmodel.model import full_model
 from pmr.report import marks
 from pmr.report.document import case
@@ -133,7 +134,7 @@ def test_a_study_takes_no_such_reference(load_scene) -> None:
 
 def test_responses_keep_their_surplus() -> None:
     found = response(np.sin(T), 0.25)
-    assert Response.from_arrays(found.arrays()).surplus == 0.25
-    older = {name: array for name, array in found.arrays().items() if name != "surplus"}
-    assert np.isnan(Response.from_arrays(older).surplus)
+    assert records.record(Response, records.arrays(found)).surplus == 0.25
+    older = {name: array for name, array in records.arrays(found).items() if name != "surplus"}
+    assert np.isnan(records.record(Response, older).surplus)
     assert replace(found, surplus=np.inf).surplus == np.inf

@@ -101,6 +101,7 @@ def _changed(content: bytes, rng: Random) -> bytes:
     header = json.loads(str(arrays.pop("header")))
     if kind < 0.55:
         header = mutated(header, rng)
+        arrays["provenance"] = np.array(json.dumps(mutated(json.loads(str(arrays["provenance"])), rng), default=str))
     elif kind < 0.9:
         for _ in range(int(rng.integers(1, 3))):
             names = sorted(arrays)

@@ -51,9 +51,7 @@ def test_clearances_survive_the_file_and_old_files_have_none(model: ReducedModel
     assert np.array_equal(loaded.leading(2).row_clearance, loaded.row_clearance, equal_nan=True)
     with np.load(file) as data:
         arrays = {name: data[name] for name in data if name != "clearance"}
-    header = json.loads(str(arrays.pop("header")))
-    assert header["version"] == 4
-    np.savez(tmp_path / "old.npz", header=np.array(json.dumps(header | {"version": 3})), **arrays)
+    np.savez(tmp_path / "old.npz", **arrays)
     assert pushing_rows(ReducedModel.load(tmp_path / "old.npz")) == []
 
 
@@ -106,7 +104,7 @@ def test_rows_satisfied_identically_are_recognised_relative_to_the_others() -> N
         ({"M": np.full((4, 4), np.nan)}, "M is not finite"),
         ({"K": np.eye(3)}, "K has shape (3, 3), (4, 4) is allowed"),
         ({"input_names": ("F",)}, "B has shape (4, 2), (4, 1) is allowed"),
-        ({"row_names": ("slider",)}, "the rows have shape (2, 4)"),
+        ({"row_names": ("slider",)}, "rows has shape (2, 4)"),
         ({"output_positions": np.arange(5.0)}, "outputs has shape (6, 4)"),
         ({"clearance": np.zeros(3)}, "clearance has shape (3,)"),
         ({"clearance": np.array([np.nan, -1e-3])}, "values that are no lengths, (2,) from 0 on are allowed"),
@@ -128,9 +126,9 @@ def test_a_model_that_contradicts_itself_is_refused(
         ({"M": np.zeros((4, 4))}, "M is singular"),
         ({"K": np.triu(np.ones((4, 4)))}, "K is not symmetric"),
         ({"D": -np.eye(4)}, "D has a negative eigenvalue"),
-        ({"output_positions": np.full(6, np.inf)}, "output_positions are not finite"),
+        ({"output_positions": np.full(6, np.inf)}, "output_positions is not finite"),
         ({"output_names": ("w",)}, "1 names and 0 units are given for 6 outputs"),
-        ({"pads": np.array([np.inf, 0.0])}, "pads has shape (2,) or negative values"),
+        ({"pads": np.array([np.inf, 0.0])}, "pads is not finite"),
     ],
 )
 def test_a_model_that_no_structure_has_is_refused(model: ReducedModel, tmp_path: Path, change: dict, says: str) -> None:
@@ -147,10 +145,11 @@ def test_a_model_that_no_structure_has_is_refused(model: ReducedModel, tmp_path:
         {"format": []},
         {"version": "four"},
         {"version": 1e400},
-        {"row_names": "ab"},
-        {"row_names": [1, 2]},
-        {"input_names": None},
-        {"provenance": []},
+        {"version": 4},
+        {"version": 4, "row_names": "ab", "provenance": {}},
+        {"version": 4, "row_names": [1, 2], "provenance": {}},
+        {"version": 4, "input_names": None, "provenance": {}},
+        {"version": 4, "provenance": []},
     ],
     ids=repr,
 )

@@ -14,6 +14,7 @@ from scipy.interpolate import PPoly
 
 from pmr.compare.evaluation import respond
 from pmr.errors import InputError
+from pmr.files import records
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant
 from pmr.simulate import InitialState, TimeStepping, contact_step
@@ -140,7 +141,7 @@ def test_a_response_has_the_peaks_of_pads_that_only_push() -> None:
     assert found.peaks is not None and response.force_peaks is not None
     name = response.force_names[0]
     assert np.array_equal(response.force(name, 0), found.peaks[:, 0])
-    again = type(response).from_arrays(response.arrays())
+    again = records.record(type(response), records.arrays(response))
     assert np.array_equal(again.force(name, 0), found.peaks[:, 0])
 
 

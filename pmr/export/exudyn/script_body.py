@@ -23,7 +23,7 @@ def read_model(path):
     """M, D, K (r, r), B (r, i), outputs (o, r) and C(s) (m, r), a piecewise polynomial in s."""
     with np.load(path) as data:
         arrays = {name: data[name] for name in ("M", "D", "K", "B", "outputs", "output_positions")}
-        return SimpleNamespace(**arrays, C=PPoly(data["rows_coefficients"], data["rows_breaks"]))
+        return SimpleNamespace(**arrays, C=PPoly(data["rows.coefficients"], data["rows.breaks"]))
 
 
 def add_sliding_body(mbs, model, slider_position, loads):

@@ -26,7 +26,7 @@ def read_model(path):
 
         return SimpleNamespace(
             **arrays,
-            C=PPoly(data["rows_coefficients"], data["rows_breaks"]),
+            C=PPoly(data["rows.coefficients"], data["rows.breaks"]),
             G=table("flexibility.rows", (m, m)),
             H=table("flexibility.inputs", (m, i)),
             X=table("flexibility.outputs", (o, m)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.files import jsonfile
-from pmr.files.npz import read, write
-from pmr.files.whole import NotWrittenError, replaced
+from pmr.files import npz
+from pmr.files.whole import NotWrittenError
 
 Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
@@ -68,8 +66,7 @@ def save(checkpoint: Checkpoint, saved: Saved) -> None:
     }
     checkpoint.file.parent.mkdir(parents=True, exist_ok=True)
     try:
-        with replaced(checkpoint.file) as part:
-            write(part, {"header": np.frombuffer(jsonfile.text(header).encode(), np.uint8), **saved.arrays})
+        npz.write(checkpoint.file, saved.arrays, header)
     except NotWrittenError as error:
         _log.warning("no checkpoint: %s", error)
 
@@ -86,8 +83,8 @@ def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> Saved | None:
     if not checkpoint.file.exists():
         return None
     try:
-        arrays = read(checkpoint.file)
-        header = json.loads(arrays.pop("header").tobytes())
+        arrays = npz.read(checkpoint.file)
+        header = npz.without_header(arrays)
         if (header["format"], header["version"]) != (FORMAT, FORMAT_VERSION):
             raise ValueError("another format")
         saved = Saved(int(header["step"]), float(header["seconds"]), dict(header["identity"]), arrays)

@@ -17,6 +17,7 @@ from pydantic import Field
 from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.errors import SimulationError
+from pmr.files import records
 from pmr.studies import marching, nested, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, number
 from pmr.studies.results import RunRecord, StudyResults
@@ -81,7 +82,7 @@ def basis(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Task
     found = nested.global_basis(scene, needs["library"], arguments["snapshots"], arguments["modes"])
     arrays = {"singular_values": found.sigma}
     for treatment, models in found.models.items():
-        arrays |= models.arrays(treatment)
+        arrays |= records.arrays(models, f"{treatment}.")
     record = {"rank": found.rank, "kappa": kappa(found.sigma, min(STATED, len(found.sigma)))}
     return TaskResult(record, arrays)
 
@@ -96,7 +97,7 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     full, arrays = marching.full_motion(needs["full"]), needs["basis"].arrays
     record: dict[str, Scalar] = {}
     for treatment in nested.TREATMENTS:
-        models = nested.NestedModels.from_arrays(arrays, treatment)
+        models = records.record(nested.NestedModels, arrays, f"{treatment}.")
         record |= {f"{treatment}.beam": None, f"{treatment}.strain": None}
         if arguments["coordinates"] - models.spent > models.longest.size:
             continue

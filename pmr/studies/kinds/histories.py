@@ -18,6 +18,7 @@ from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.compare.responses import simulate_reduced
 from pmr.errors import InputError
+from pmr.files import records
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulate.stepping import loads_at
@@ -111,7 +112,7 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
             output_names=response.output_names[-1:],
             output_units=response.output_units[-1:],
         )
-        arrays |= {f"{name}.{key}": array for key, array in at_tip.arrays().items()}
+        arrays |= records.arrays(at_tip, f"{name}.")
     return TaskResult(record, arrays, {f"simulate.{name}": response.seconds for name, response in responses.items()})
 
 

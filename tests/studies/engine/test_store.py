@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pmr.studies.engine.store import STALE_AFTER, DamagedError, Store, Stored, write_arrays
+from pmr.files.npz import DamagedError, write
+from pmr.studies.engine.store import STALE_AFTER, Store, Stored
 from pmr.studies.engine.task import TaskResult
 
 ARRAYS = {"x": np.linspace(0.0, 1.0, 1000), "names": np.array(["a", "b"]), "none": np.empty((0, 3))}
@@ -65,7 +66,7 @@ def test_objects_are_not_stored(store: Store) -> None:
 
 def test_equal_arrays_give_equal_files(tmp_path: Path) -> None:
     for name in "ab":
-        write_arrays(tmp_path / name, ARRAYS)
+        write(tmp_path / name, ARRAYS)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
     with zipfile.ZipFile(tmp_path / "a") as file:
         assert {info.date_time[0] for info in file.infolist()} == {1980}  # and not the time of writing

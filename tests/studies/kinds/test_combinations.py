@@ -9,6 +9,7 @@ from finished import WORKFLOWS, compute, finished, short_scene
 
 from pmr import scene
 from pmr.compare import errors as compare
+from pmr.files import records
 from pmr.reduce.galerkin import with_held_coordinates
 from pmr.studies import files, marching, nested, shared
 from pmr.studies.engine.task import number
@@ -40,7 +41,7 @@ def test_held_coordinates_are_as_good_as_left_out(small: StudyResults) -> None:
     assert runs["3x3-8"]["hold.beam"] == runs["3x3-6"]["drop.beam"]
     assert runs["3x3-8"]["hold.strain"] == runs["3x3-6"]["drop.strain"]
     short = scene.load(small.folder / "short.toml")
-    models = nested.NestedModels.from_arrays(small.arrays("3x3"), "drop")
+    models = records.record(nested.NestedModels, small.arrays("3x3"), "drop.")
     eight = nested.NestedModels(models.longest).of(8)
     assert eight is not None
     from dataclasses import replace
@@ -57,7 +58,7 @@ def test_errors_are_those_of_the_motions(small: StudyResults) -> None:
     """The strain energy is summed from modal coordinates; here it is q K q / 2."""
     short = scene.load(small.folder / "short.toml")
     full = marching.full(shared.scene_arguments(marching.driven(short)), {})
-    model = nested.NestedModels.from_arrays(small.arrays("9x1"), "drop").of(7)
+    model = records.record(nested.NestedModels, small.arrays("9x1"), "drop.").of(7)
     assert model is not None
     from pmr.simulate.native import simulator as march
 

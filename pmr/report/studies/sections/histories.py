@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from pmr.files import records
 from pmr.report import marks, provenance
 from pmr.report.figures import Drawing, inputs
 from pmr.report.figures.canvas import WIDE, key, sheet
@@ -69,12 +70,7 @@ def run_result(study: FinishedStudy, run: RunRecord) -> RunResult:
         statement.why for statement in study.published if statement.figure.startswith(f"{run.key}.") and statement.why
     ]
     summary = _nested(run.figures) | {"notes": list(dict.fromkeys(remarks)), "seconds": {}}
-    responses = {
-        name: Response.from_arrays(
-            {k.removeprefix(f"{name}."): v for k, v in arrays.items() if k.startswith(f"{name}.")}
-        )
-        for name in SIMULATORS
-    }
+    responses = {name: records.record(Response, arrays, f"{name}.") for name in SIMULATORS}
     none = np.zeros((0, 0))
     return RunResult(
         scene=scene,
