@@ -14,6 +14,7 @@ from textbook import LENGTH, beam_matrices
 
 from pmr.constraints.polynomials import stacked
 from pmr.constraints.rows import Row, Rows, carrier, fixed_row, row_on_coordinates
+from pmr.reduced.carriers import CarriedRows, CarrierFlexibility
 from pmr.reduced.enrichment import EnrichmentModes
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.inertia import Inertia
@@ -218,6 +219,15 @@ def inertial(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
     )
     flexibility = replace(model.flexibility, inertia=inertia)
     return replace(model, flexibility=flexibility, enrichment=beside if enrichment else None)
+
+
+def carried_rows(full: FullBody, count: int) -> CarriedRows:
+    """The rows that are no supports on their carriers, with the flexibility that `count` free modes leave out."""
+    V, R = free_modes(full, count)
+    shared = Rows(tuple(row for row in full.rows.rows if row.held is None), full.size).shared
+    U, O, B = shared.carriers.toarray(), full.outputs, full.B
+    flexibility = CarrierFlexibility(U @ R @ U.T, U @ R @ B, O @ R @ U.T, O @ R @ B, B.T @ R @ B)
+    return CarriedRows.of(shared.rows, U @ V, flexibility)
 
 
 def generalized_alpha(

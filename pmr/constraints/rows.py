@@ -201,6 +201,10 @@ class SharedCarriers:
     carriers: sp.csr_matrix
     rows: tuple[Row, ...]
 
+    def refined(self, breaks: Array) -> SharedCarriers:
+        """All rows on common breaks, which hold all of their own within their range: exact."""
+        return replace(self, rows=tuple(row.refined(breaks) for row in self.rows))
+
 
 def _shared(rows: Sequence[Row], size: int) -> SharedCarriers:
     numbers: dict[bytes, int] = {}

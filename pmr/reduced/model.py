@@ -26,6 +26,7 @@ from scipy.interpolate import PPoly
 from pmr.constraints.polynomials import columns, contributions, evaluate, select_rows, times
 from pmr.errors import InputError
 from pmr.files import jsonfile, npz, records
+from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.enrichment import EnrichmentModes
 from pmr.reduced.flexibility import Flexibility
@@ -76,6 +77,8 @@ class ReducedModel:
         How far a row that only pushes lets the body go, NaN where it holds both ways; None where all do.
     rayleigh : Rayleigh, optional
         What D is made of, where it is Rayleigh's.
+    carriers : CarriedRows, optional
+        The rows on their carriers, for a system in which each has a path coordinate of its own.
     """
 
     M: Array
@@ -96,6 +99,7 @@ class ReducedModel:
     enrichment: EnrichmentModes | None = None
     clearance: Array | None = None
     rayleigh: Rayleigh | None = None
+    carriers: CarriedRows | None = None
 
     @property
     def size(self) -> int:
@@ -163,6 +167,7 @@ class ReducedModel:
             row_names=tuple(self.row_names[i] for i in chosen),
             pads=None if self.pads is None else self.pads[chosen],
             clearance=None if self.clearance is None else self.clearance[chosen],
+            carriers=None if self.carriers is None else self.carriers.with_rows(chosen),
         )
 
     def leading(self, coordinates: int) -> ReducedModel:
@@ -184,6 +189,7 @@ class ReducedModel:
             B=self.B[:r],
             outputs=np.ascontiguousarray(self.outputs[:, :r]),
             rows=columns(self.rows, slice(r)),
+            carriers=None if self.carriers is None else self.carriers.on(np.eye(self.size, r)),
         )
 
     def save(self, path: str | Path) -> Path:
@@ -246,6 +252,7 @@ class ReducedModel:
         if clearance.shape != (m,) or not np.all(np.isnan(clearance) | (clearance >= 0.0) & np.isfinite(clearance)):
             return f"clearance has shape {clearance.shape} or values that are no lengths, {(m,)} from 0 on are allowed"
         parts = [part.contradiction(m, i, o) for part in (self.flexibility, self.enrichment) if part is not None]
+        parts += [] if self.carriers is None else [self.carriers.contradiction(m, r, i, o)]
         return next((wrong for wrong in parts if wrong), None)
 
 

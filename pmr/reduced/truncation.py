@@ -62,6 +62,7 @@ def truncated(model: ReducedModel, r: int) -> ReducedModel:
         rows=columns(model.rows, slice(0, r)),
         flexibility=_joined(model.flexibility, moved, 1.0),
         enrichment=moved if model.enrichment is None else _chained(moved, model.enrichment),
+        carriers=None if model.carriers is None else model.carriers.truncated(r, moved),
     )
 
 
@@ -88,6 +89,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
         rows=side_by_side(model.rows, back.rows),
         flexibility=_joined(model.flexibility, back, -1.0),
         enrichment=rest,
+        carriers=None if model.carriers is None else model.carriers.extended(back),
     )
 
 

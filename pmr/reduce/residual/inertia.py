@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.rows import Row, Rows
+from pmr.constraints.rows import SharedCarriers
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import times
 from pmr.fullmodel.model import FullModel
@@ -20,14 +19,15 @@ from pmr.reduced.inertia import Inertia
 Array = NDArray[np.float64]
 
 
-def with_inertia(flexibility: Flexibility, model: FullModel, answers: list[Array], rows: Sequence[Row]) -> Flexibility:
+def with_inertia(
+    flexibility: Flexibility, model: FullModel, answers: list[Array], shared: SharedCarriers
+) -> Flexibility:
     """The tables with those of the residual part's inertia and damping, on the same breaks; collective.
 
-    `answers` are those that `pmr.reduce.residual.tables.tables` got for the same rows: no more solves.  They mean
-    something for a basis of eigenmodes only: any other one couples with the residual part by inertia.
+    `answers` are those that `pmr.reduce.residual.tables.carrier_flexibility` got on the same carriers: no more solves.
+    They mean something for a basis of eigenmodes only: any other one couples with the residual part by inertia.
     """
     breaks = flexibility.rows.x
-    shared = Rows(tuple(row.refined(breaks) for row in rows), model.size).shared
     of_mass = _squared(model.M, answers)
     damped = model.D.norm(PETSc.NormType.FROBENIUS) > 0.0
     of_damping = _squared(model.D, answers) if damped else np.zeros_like(of_mass)

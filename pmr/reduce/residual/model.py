@@ -11,7 +11,7 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.dependence import of_flexibility
 from pmr.constraints.polynomials import product, total
-from pmr.constraints.rows import Row
+from pmr.constraints.rows import Rows
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import free_dropped, freed, inner, sparse, times
@@ -21,7 +21,8 @@ from pmr.reduce.basis import Basis
 from pmr.reduce.galerkin import RANK_CHECKS, galerkin, without_rows
 from pmr.reduce.residual.inertia import with_inertia
 from pmr.reduce.residual.operator import ResidualFlexibility
-from pmr.reduce.residual.tables import tables
+from pmr.reduce.residual.tables import carrier_flexibility, tables
+from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncated
 from pmr.snapshots.rigid import rigid_bodies
@@ -67,7 +68,7 @@ def flexible_model(model: FullModel, basis: Basis, provenance: dict[str, Any], s
     """
     flexible = _flexible(model, basis, provenance, solver)
     free_dropped(model.comm)
-    return flexible
+    return replace(flexible, carriers=None)
 
 
 def modal_model(
@@ -81,12 +82,30 @@ def modal_model(
     InputError, ValueError
         As `flexible_model`, and if the basis holds anything but eigenmodes.
     """
+    return replace(_modal(model, basis, provenance, coordinates, solver), carriers=None)
+
+
+def section_model(
+    model: FullModel, basis: Basis, provenance: dict[str, Any], coordinates: int, solver: str = "auto"
+) -> ReducedModel:
+    """The same with `carriers`: a body of a system, whose rows each have a path coordinate of their own.
+
+    Raises
+    ------
+    InputError, ValueError
+        As `modal_model`.
+    """
+    return _modal(model, basis, provenance, coordinates, solver)
+
+
+def _modal(model: FullModel, basis: Basis, provenance: dict[str, Any], coordinates: int, solver: str) -> ReducedModel:
     answers: list[Array] = []
     flexible = _flexible(model, basis, provenance, solver, answers)
-    assert flexible.flexibility is not None
+    assert flexible.flexibility is not None and flexible.carriers is not None
     if not is_modal(flexible):
         raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
-    inertial = replace(flexible, flexibility=with_inertia(flexible.flexibility, model, answers, _released(model)))
+    shared = _released(model).shared.refined(flexible.flexibility.rows.x)
+    inertial = replace(flexible, flexibility=with_inertia(flexible.flexibility, model, answers, shared))
     free_dropped(model.comm)
     return inertial if coordinates == basis.size else truncated(inertial, coordinates)
 
@@ -102,18 +121,24 @@ def _flexible(
     V = np.array(basis.V.getDenseArray())
     reduced = _without_round_off(without_rows(whole, fixed), model, V)
     residual = ResidualFlexibility(model, V, solver)
-    flexibility = tables(model, residual, _released(model), reduced.rows.x, answers)
+    shared = _released(model).shared
+    flexibility = carrier_flexibility(model, residual, shared.carriers, answers)
     residual.destroy()
-    flexible = replace(reduced, flexibility=flexibility)
+    measured = model.comm.allreduce(shared.carriers[:, slice(*model.M.getOwnershipRange())] @ V)
+    flexible = replace(
+        reduced,
+        flexibility=tables(flexibility, shared.refined(reduced.rows.x)),
+        carriers=CarriedRows.of(shared.rows, measured, flexibility),
+    )
     if not is_modal(flexible):
         flexible = _with_floor(flexible)
     _check_independence(flexible)
     return flexible
 
 
-def _released(model: FullModel) -> list[Row]:
+def _released(model: FullModel) -> Rows:
     """The rows of sliders and pads."""
-    return [row for row in model.rows.rows if not row.fixed]
+    return Rows(tuple(row for row in model.rows.rows if not row.fixed), model.size)
 
 
 def _without_round_off(reduced: ReducedModel, model: FullModel, V: Array) -> ReducedModel:

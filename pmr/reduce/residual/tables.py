@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +9,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.rows import Row, Rows, SharedCarriers
+from pmr.constraints.rows import SharedCarriers
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
+from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.flexibility import Flexibility
 
 Array = NDArray[np.float64]
@@ -24,20 +24,15 @@ Indices = NDArray[np.int64]
 BLOCK = 32
 
 
-def tables(
-    model: FullModel,
-    residual: ResidualFlexibility,
-    rows: Sequence[Row],
-    breaks: Array,
-    answers: list[Array] | None = None,
-) -> Flexibility:
-    """Tables of the `rows` between common `breaks` (k + 1,) m, which hold all of the rows' own; collective.
+def carrier_flexibility(
+    model: FullModel, residual: ResidualFlexibility, carriers: sp.csr_matrix, answers: list[Array] | None = None
+) -> CarrierFlexibility:
+    """R on carriers (K, n) and on the inputs, one static solve each; collective.
 
-    R is had on the rows' carriers and on the inputs: one static solve each.  Where
-    a list is given, it takes the `answers`: this rank's rows (n_local, up to `BLOCK`) of R times these loads, in order.
+    Where a list is given, it takes the `answers`: this rank's rows (n_local, up to `BLOCK`) of R times these loads, in
+    order.
     """
-    shared = Rows(tuple(row.refined(breaks) for row in rows), model.size).shared
-    loads = carrier_loads(model, shared.carriers)
+    loads, K = carrier_loads(model, carriers), carriers.shape[0]
     seen = sp.hstack([loads, local_csr(model.outputs)], format="csr").T
     blocks = []
     for k in range(0, loads.shape[1], BLOCK):
@@ -48,13 +43,18 @@ def tables(
     R = np.asarray(model.comm.allreduce(np.hstack(blocks)))
     own, outputs = R[: loads.shape[1]], R[loads.shape[1] :]
     own = (own + own.T) / 2.0
-    C, p = stacked(shared), shared.carriers.shape[0]
+    return CarrierFlexibility(own[:K, :K], own[:K, K:], outputs[:, :K], outputs[:, K:], own[K:, K:])
+
+
+def tables(flexibility: CarrierFlexibility, shared: SharedCarriers) -> Flexibility:
+    """Tables of rows on common carriers and breaks, all of them at the same path coordinate."""
+    C, breaks = stacked(shared), shared.rows[0].breaks
     return Flexibility(
-        rows=PPoly(_squared(C, own[:p, :p]), breaks),
-        inputs=PPoly(C.times(own[:p, p:]), breaks),
-        outputs=PPoly(C.times(outputs[:, :p].T).swapaxes(2, 3), breaks),
-        direct=outputs[:, p:],
-        energy=own[p:, p:],
+        rows=PPoly(_squared(C, flexibility.rows), breaks),
+        inputs=PPoly(C.times(flexibility.inputs), breaks),
+        outputs=PPoly(C.times(flexibility.outputs.T).swapaxes(2, 3), breaks),
+        direct=flexibility.direct,
+        energy=flexibility.energy,
     )
 
 

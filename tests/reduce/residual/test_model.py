@@ -15,7 +15,7 @@ from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis, modal_basis
 from pmr.reduce.from_scene import build_basis, project, take_snapshots
-from pmr.reduce.residual.model import FLOOR, flexible_model
+from pmr.reduce.residual.model import FLOOR, flexible_model, modal_model, section_model
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import truncated
 from pmr.snapshots.free_modes import free_modes
@@ -107,12 +107,14 @@ def test_free_modes_need_no_floor(load_scene) -> None:
     scene = load_scene("simple_residual", [NO_ANCF, "reduction.coordinates=60"])
     model = full_model(scene)
     from pmr.reduce.residual.operator import ResidualFlexibility
-    from pmr.reduce.residual.tables import tables
+    from pmr.reduce.residual.tables import carrier_flexibility, tables
 
     modes = free_modes(model, 60)
     found = flexible_model(model, modal_basis(modes), {})
     V = np.array(modes.S.getDenseArray())
-    plain = tables(model, ResidualFlexibility(model, V), model.rows.rows[2:], found.rows.x)
+    shared = Rows(model.rows.rows[2:], model.size).shared
+    on_carriers = carrier_flexibility(model, ResidualFlexibility(model, V), shared.carriers)
+    plain = tables(on_carriers, shared.refined(found.rows.x))
     assert found.flexibility and np.array_equal(found.flexibility.rows.c, plain.rows.c)
 
 
@@ -173,3 +175,17 @@ def test_a_pool_too_small_is_told_in_the_users_count(load_scene) -> None:
     scene = load_scene("simple_residual", [NO_ANCF, *PAPERS_BASIS, f"reduction.coordinates={most}"])
     model = full_model(scene)
     assert build_basis(scene, model, take_snapshots(scene, model)).size == most
+
+
+def test_a_section_has_its_rows_on_carriers(load_scene) -> None:
+    """Multiplied out at one path coordinate they are the tables."""
+    model = full_model(load_scene("evolved_residual", ["slider.offsets=[0.0,-0.33]", "compare.against=[]"]))
+    basis = modal_basis(free_modes(model, 6, "auto", 3))
+    found = section_model(model, basis, {}, 6)
+    assert found.carriers is not None and found.carriers.flexibility is not None and found.flexibility is not None
+    assert modal_model(model, basis, {}, 6).carriers is None
+    for s in (0.5, 1.7, 4.4):
+        b = np.vstack([row.weights(s).toarray() for row in found.carriers.rows(found.row_names)])
+        assert b @ found.carriers.values == pytest.approx(found.C(s), abs=1e-9)
+        G = found.flexibility.rows(s)
+        assert b @ found.carriers.flexibility.rows @ b.T == pytest.approx(G, abs=1e-9 * np.abs(G).max())

@@ -12,7 +12,7 @@ from pmr.constraints.rows import Rows
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
-from pmr.reduce.residual.tables import BLOCK, paired, stacked, tables
+from pmr.reduce.residual.tables import BLOCK, carrier_flexibility, paired, stacked, tables
 from pmr.run import reduce
 from pmr.snapshots.free_modes import free_modes
 
@@ -49,7 +49,8 @@ def test_tables_are_exact_between_and_on_their_breaks(case) -> None:
     R = (R + R.T) / 2.0
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
-    found = tables(full, residual, rows, breaks)
+    shared = Rows(rows, full.size).shared
+    found = tables(carrier_flexibility(full, residual, shared.carriers), shared.refined(breaks))
     body = full.comm.bcast(full.gather())
     O, B = body.outputs.toarray(), body.B
     assert found.rows.c.shape == (7, len(breaks) - 1, 2, 2) and found.inputs.c.shape[0] == 4
@@ -66,7 +67,8 @@ def test_the_sliders_flexibility_is_symmetric_and_positive(case) -> None:
     full, residual = case
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
-    G = tables(full, residual, rows, breaks).rows
+    shared = Rows(rows, full.size).shared
+    G = tables(carrier_flexibility(full, residual, shared.carriers), shared.refined(breaks)).rows
     assert np.array_equal(G.c, G.c.swapaxes(2, 3))
     s = np.linspace(*full.rows.domain, 301)[1:]
     assert np.linalg.eigvalsh(G(s))[:, 0].min() > 0.0

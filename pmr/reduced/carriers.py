@@ -1,0 +1,149 @@
+r"""What the rows of a reduced body measure, as constants: any number of them, each with a path coordinate of its own.
+
+With c(x) = b(x) U on the full body, V the basis and R what it leaves out,
+
+.. math::
+    c(x)\, V = b(x)\, (U V), \qquad c_\rho(x)\, R\, c_\sigma(y)^T = b_\rho(x)\, (U R U^T)\, b_\sigma(y)^T
+
+so that rows which travel independently need no table in two variables.  Where all rows share one path coordinate, the
+tables of `pmr.reduced.flexibility` are these products, multiplied out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.constraints.rows import Row
+from pmr.reduced.enrichment import EnrichmentModes
+from pmr.reduced.soundness import misfit
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class CarrierFlexibility:
+    """Residual flexibility between K carriers, i inputs and o outputs.
+
+    Attributes
+    ----------
+    rows : (K, K) array, m/N
+        U R U^T.
+    inputs : (K, i) array, m/N
+        U R B.
+    outputs : (o, K) array, m/N
+        O R U^T.
+    direct : (o, i) array, m/N
+        O R B.
+    energy : (i, i) array, m/N
+        B^T R B.
+    """
+
+    rows: Array
+    inputs: Array
+    outputs: Array
+    direct: Array
+    energy: Array
+
+    def joined(self, U: Array, modes: EnrichmentModes, sign: float) -> CarrierFlexibility:
+        """With the flexibility of modes that measure U (K, c) on the carriers, or without it where `sign` is -1."""
+        share = sign / modes.stiffness
+        scaled = share[:, None] * modes.B
+        return CarrierFlexibility(
+            rows=self.rows + U * share @ U.T,
+            inputs=self.inputs + U @ scaled,
+            outputs=self.outputs + modes.outputs * share @ U.T,
+            direct=self.direct + modes.outputs @ scaled,
+            energy=self.energy + modes.B.T @ scaled,
+        )
+
+
+@dataclass(frozen=True)
+class CarriedRows:
+    """m rows of a body of r coordinates on K carriers.
+
+    Attributes
+    ----------
+    values : (K, r) array
+        U V: what the coordinates measure on the carriers.
+    breaks, touched, coefficients : mappings of the rows' numbers, ``"0"`` and on, to arrays
+        b(x) of each row, as in `pmr.constraints.rows.Row`.
+    enrichment : (K, c) array
+        U phi of the model's enrichment modes.
+    flexibility : CarrierFlexibility, optional
+        What the coordinates leave out between the carriers.
+    """
+
+    values: Array
+    breaks: Mapping[str, Array]
+    touched: Mapping[str, Indices]
+    coefficients: Mapping[str, Array]
+    enrichment: Array
+    flexibility: CarrierFlexibility | None = None
+
+    @classmethod
+    def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:
+        """Rows on common carriers, of which the coordinates measure `values` (K, r)."""
+        breaks, touched, coefficients = (
+            {str(k): getattr(row, name) for k, row in enumerate(rows)} for name in ("breaks", "touched", "coefficients")
+        )
+        return cls(np.asarray(values), breaks, touched, coefficients, np.zeros((len(values), 0)), flexibility)
+
+    def rows(self, names: Sequence[str]) -> tuple[Row, ...]:
+        """The rows by their names."""
+        U = sp.csr_matrix(self.values)
+        return tuple(
+            Row(name, self.breaks[str(k)], U, self.touched[str(k)], self.coefficients[str(k)])
+            for k, name in enumerate(names)
+        )
+
+    def on(self, X: Array) -> CarriedRows:
+        """In other coordinates, q = X z with X (r, k)."""
+        return replace(self, values=self.values @ X)
+
+    def with_rows(self, numbers: Sequence[int]) -> CarriedRows:
+        """With none but these rows."""
+        return replace(
+            self,
+            breaks={str(k): self.breaks[str(number)] for k, number in enumerate(numbers)},
+            touched={str(k): self.touched[str(number)] for k, number in enumerate(numbers)},
+            coefficients={str(k): self.coefficients[str(number)] for k, number in enumerate(numbers)},
+        )
+
+    def truncated(self, r: int, modes: EnrichmentModes) -> CarriedRows:
+        """On the first r coordinates; the others, the `modes`, join the flexibility and the enrichment modes."""
+        assert self.flexibility is not None
+        values, moved = self.values[:, :r], self.values[:, r:]
+        enrichment = np.hstack([moved, self.enrichment])
+        flexibility = self.flexibility.joined(moved, modes, 1.0)
+        return replace(self, values=values, enrichment=enrichment, flexibility=flexibility)
+
+    def extended(self, modes: EnrichmentModes) -> CarriedRows:
+        """With the first enrichment modes, the `modes`, as coordinates: what `truncated` undoes."""
+        assert self.flexibility is not None
+        back, enrichment = self.enrichment[:, : modes.count], self.enrichment[:, modes.count :]
+        flexibility = self.flexibility.joined(back, modes, -1.0)
+        return replace(self, values=np.hstack([self.values, back]), enrichment=enrichment, flexibility=flexibility)
+
+    def contradiction(self, m: int, r: int, i: int, o: int) -> str | None:
+        """What is wrong with the shapes for m rows, r coordinates, i inputs and o outputs; None where all is sound."""
+        K, c = len(self.values), self.enrichment.shape[-1]
+        if wrong := misfit(self, {"values": (K, r), "enrichment": (K, c)}, "carriers."):
+            return wrong
+        shapes = {"rows": (K, K), "inputs": (K, i), "outputs": (o, K), "direct": (o, i), "energy": (i, i)}
+        if self.flexibility is not None and (wrong := misfit(self.flexibility, shapes, "carriers.flexibility.")):
+            return wrong
+        for k in map(str, range(m)):
+            x, touched, b = self.breaks[k], self.touched[k], self.coefficients[k]
+            if x.ndim != 1 or touched.ndim != 2 or len(touched) != len(x) - 1 or not np.all(np.diff(x) > 0.0):
+                return f"the carriers' row {k} has breaks that do not increase, or not one more than intervals"
+            if b.ndim != 3 or b.shape[1:] != touched.shape or not np.isfinite(b).all():
+                return f"the carriers' row {k} has coefficients of shape {b.shape} or that are not finite"
+            if not np.all((touched >= 0) & (touched < K)):
+                return f"the carriers' row {k} touches a carrier that there is none of"
+        return None
