@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
 from pmr.compare.errors import nrms
-from pmr.simulate import Simulator
+from pmr.simulate import Excitation, Simulator
 from pmr.simulate.exudyn import simulator as exudyn
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
-from pmr.simulate.stepping import loads_at
 from pmr.system.body import SlidingBody, Trajectory, displacement
 
 Array = NDArray[np.float64]
@@ -65,14 +64,14 @@ def in_exudyn(repeats: int) -> dict[str, Any]:
         "residual flexibility": (exudyn.simulate, flexible),
     }
     full = beams.full("evolved")
-    reference = _outputs(full, march.simulate(full, drive.path, drive.loads, drive.stepping), drive)
+    reference = _outputs(full, march.simulate(full, drive), drive)
     errors = dict[str, float]()
 
     def by(name: str) -> Callable[[], float]:
         simulate, body = simulators[name]
 
         def run() -> float:
-            trajectory = simulate(body, drive.path, drive.loads, drive.stepping)
+            trajectory = simulate(body, drive)
             errors[name] = nrms(_outputs(body, trajectory, drive), reference)
             return trajectory.seconds
 
@@ -88,25 +87,25 @@ def in_exudyn(repeats: int) -> dict[str, Any]:
     }
 
 
-def _observe(form: ModalForm, drive: beams.Drive, chosen: Sequence[int]) -> float:
-    return march.observe(form, drive.path, drive.loads, drive.stepping, outputs=chosen).seconds
+def _observe(form: ModalForm, drive: Excitation, chosen: Sequence[int]) -> float:
+    return march.observe(form, drive, outputs=chosen).seconds
 
 
 def _size(name: str, body: SlidingBody, as_in_paper: SlidingBody, share: float, repeats: int) -> dict[str, Any]:
     drive, form = beams.drive(name), modal_form(body)
-    parts = drive.stretches(share)
+    parts = beams.stretches(drive, share)
     found: dict[str, list[Array]] = {}
 
-    def by(way: str, simulate: Simulator, body: SlidingBody, drives: Sequence[beams.Drive]) -> Callable[[], float]:
+    def by(way: str, simulate: Simulator, body: SlidingBody, drives: Sequence[Excitation]) -> Callable[[], float]:
         def run() -> float:
-            trajectories = [simulate(body, each.path, each.loads, each.stepping) for each in drives]
+            trajectories = [simulate(body, each) for each in drives]
             found[way] = [_outputs(body, *both) for both in zip(trajectories, drives, strict=True)]
             return sum(trajectory.seconds for trajectory in trajectories)
 
         return run
 
     def modal() -> float:
-        return march.simulate_modal(form, drive.path, drive.loads, drive.stepping).seconds
+        return march.simulate_modal(form, drive).seconds
 
     by("march, parts", march.simulate, body, parts)()  # compiled before the clock runs
     by("march", march.simulate, body, [drive])()
@@ -137,8 +136,8 @@ def _middle(run: Callable[[], float]) -> Callable[[], float]:
     return lambda: statistics.median(run() for _ in range(MARCHES))
 
 
-def _outputs(body: SlidingBody, trajectory: Trajectory, drive: beams.Drive) -> Array:
-    f = loads_at(drive.loads, trajectory.t)
+def _outputs(body: SlidingBody, trajectory: Trajectory, drive: Excitation) -> Array:
+    f = drive.forces(body.input_names)
     return displacement(body, trajectory.q, trajectory.s, trajectory.multipliers, f)
 
 

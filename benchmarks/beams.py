@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from pmr import scene as scenes
-from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import full_model
 from pmr.reduced.model import ReducedModel
 from pmr.run import reduce
 from pmr.scene import Scene
 from pmr.scene.signals import SignalBase, Sine
-from pmr.simulate import TimeStepping
+from pmr.simulate import Excitation
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.studies.kinds.speed import Later
 from pmr.system.body import FullBody
@@ -25,32 +26,26 @@ STRETCHES = 8
 CASES = {"simple": "paper_simple.toml", "evolved": "paper_evolved.toml"}
 
 
-@dataclass(frozen=True)
-class Drive:
-    """Path, loads and time grid of a scene."""
-
-    path: SignalBase
-    loads: tuple[SignalBase, ...]
-    stepping: TimeStepping
-
-    def shorter(self, share: float) -> Drive:
-        """The beginning of it."""
-        steps = max(1, round(share * self.stepping.steps))
-        return replace(self, stepping=replace(self.stepping, end=steps * self.stepping.step))
-
-    def stretches(self, share: float) -> list[Drive]:
-        """All of it, or eight stretches that make up a share, spread evenly, each from rest."""
-        if share == 1.0:
-            return [self]
-        step, part = self.stepping.step, self.stepping.end / STRETCHES
-        length = max(1, round(share * self.stepping.steps / STRETCHES)) * step
-        begins = [(k + 0.5) * part - 0.5 * length for k in range(STRETCHES)]
-        stepping = replace(self.stepping, end=length)
-        return [Drive(_later(self.path, t), tuple(_later(f, t) for f in self.loads), stepping) for t in begins]
+def shorter(excitation: Excitation, share: float) -> Excitation:
+    """The beginning of it."""
+    stepping = excitation.stepping
+    steps = max(1, round(share * stepping.steps))
+    return excitation.with_stepping(replace(stepping, end=steps * stepping.step))
 
 
-def _later(signal: SignalBase, begin: float) -> SignalBase:
-    return Later(signal=signal, begin=begin)
+def stretches(excitation: Excitation, share: float) -> list[Excitation]:
+    """All of it, or eight stretches that make up a share, spread evenly, each from rest."""
+    if share == 1.0:
+        return [excitation]
+    step, part = excitation.stepping.step, excitation.stepping.end / STRETCHES
+    length = max(1, round(share * excitation.stepping.steps / STRETCHES)) * step
+    begins = [(k + 0.5) * part - 0.5 * length for k in range(STRETCHES)]
+    stepping = replace(excitation.stepping, end=length)
+    return [Excitation(_later(excitation.paths, t), _later(excitation.loads, t), stepping) for t in begins]
+
+
+def _later(signals: Mapping[str, SignalBase], begin: float) -> dict[str, SignalBase]:
+    return {name: Later(signal=signal, begin=begin) for name, signal in signals.items()}
 
 
 @cache
@@ -59,19 +54,17 @@ def scene(name: str, *settings: str) -> Scene:
     return scenes.load(WORKFLOWS / name, list(settings))
 
 
-def drive(name: str) -> Drive:
+def drive(name: str) -> Excitation:
     """What moves the beam in a case of the paper."""
-    case = scene(CASES[name])
-    stepping = TimeStepping(case.time.end, case.time.step, case.time.rho_inf)
-    return Drive(case.slider.path, tuple(load.signal for load in case.loads), stepping)
+    return Excitation.of(scene(CASES[name]))
 
 
-def sliding(steps: int) -> Drive:
+def sliding(steps: int) -> Excitation:
     """The evolved case's load while the slider moves to and fro in every step, so that none is cheaper than another."""
     case = drive("evolved")
     end = steps * case.stepping.step
     path = Sine(amplitude=1.25, frequency=1.0 / end, offset=2.5)
-    return Drive(path, case.loads, replace(case.stepping, end=end))
+    return Excitation({"slider": path}, case.loads, replace(case.stepping, end=end))
 
 
 @cache

@@ -15,15 +15,15 @@ from benchmarks import beams
 from pmr.simulate import march, bound_step
 from pmr.simulate.native.stepper import Stepper
 
-body, drive = beams.reduced("evolved"), beams.drive("evolved").shorter(0.001)
+body, drive = beams.reduced("evolved"), beams.shorter(beams.drive("evolved"), 0.001)
 form = march.modal_form(body)
 seconds = {}
 def timed(name, work):
     begin = time.perf_counter()
     work()
     seconds[name] = time.perf_counter() - begin
-timed("all steps kept", lambda: march.simulate_modal(form, drive.path, drive.loads, drive.stepping))
-timed("outputs kept", lambda: march.observe(form, drive.path, drive.loads, drive.stepping))
+timed("all steps kept", lambda: march.simulate_modal(form, drive))
+timed("outputs kept", lambda: march.observe(form, drive))
 timed("step by step", lambda: Stepper(body, 1e-3, 1.25).step(1.25, 0.0))
 print(json.dumps(seconds))
 """

@@ -40,7 +40,7 @@ def _series(forms: dict[int, tuple[ModalForm, int]], repeats: int) -> dict[str, 
     for _ in range(repeats):
         for size, (form, outputs) in forms.items():
             chosen = np.linspace(0, len(form.body.outputs) - 1, outputs).astype(int)
-            seen = march.observe(form, drive.path, drive.loads, drive.stepping, outputs=chosen)
+            seen = march.observe(form, drive, outputs=chosen)
             best[size] = min(best[size], seen.seconds / drive.stepping.steps)
     return {"size": list(best), "ns": [1e9 * seconds for seconds in best.values()]}
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from benchmarks import beams
 from pmr.simulate.native.step import step_and_observe
 from pmr.simulate.native.stepper import Stepper
-from pmr.simulate.stepping import loads_at
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -72,14 +71,12 @@ def measure(steps: int, python_calls: int = PYTHON_CALLS) -> dict[str, Any]:
 
 def _start() -> tuple[float, float, Array]:
     drive = beams.sliding(STEPS)
-    t = np.zeros(1)
-    return drive.stepping.step, float(drive.path.value(t)[0]), loads_at(drive.loads, t)[0]
+    return drive.stepping.step, float(drive.s[0, 0]), drive.f[0]
 
 
 def _inputs() -> tuple[Array, Array]:
     drive = beams.sliding(STEPS)
-    t = drive.stepping.times[1:]
-    return np.ascontiguousarray(drive.path.value(t)), loads_at(drive.loads, t)
+    return np.ascontiguousarray(drive.s[1:, 0]), drive.f[1:]
 
 
 def _compiled(stepper: Stepper, outputs: int, stamps: Stamps) -> Array:

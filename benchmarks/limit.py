@@ -79,7 +79,7 @@ def measure(sizes: tuple[int, ...] = (6, 20, 48, 100, 151), repeats: int = 200) 
     step, byte, flop, operation = dict.fromkeys(sizes, np.inf), dict.fromkeys(sizes, np.inf), np.inf, np.inf
     for _ in range(repeats):
         for r in sizes:
-            seen = march.observe(bodies[r], drive.path, drive.loads, drive.stepping, outputs=[50], every=steps)
+            seen = march.observe(bodies[r], drive, outputs=[50], every=steps)
             step[r] = min(step[r], 1e9 * seen.seconds / steps)
             turns = 1 + 20_000 // len(arrays[r][0])
             byte[r] = min(byte[r], _ns(_triad, turns, *arrays[r], 0.5) / (turns * len(arrays[r][0]) * 24))

@@ -15,7 +15,7 @@ from pmr.compare import coverage, estimate, memory, pad_forces, step_advice, tru
 from pmr.compare import errors as compare
 from pmr.compare.frequencies import closed_form_frequencies, reduced_frequencies
 from pmr.compare.references import References, references
-from pmr.compare.responses import Simulations, excitation, full_simulator, quantities, simulate
+from pmr.compare.responses import Simulations, full_simulator, quantities, simulate
 from pmr.compare.step_error import StepError, step_error
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
@@ -33,9 +33,8 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene, SceneBase, StructureScene
 from pmr.scene.choice import transverse
-from pmr.simulate import contact_step, resolution
+from pmr.simulate import Excitation, contact_step, resolution
 from pmr.simulate.petsc import Checkpoint
-from pmr.simulate.stepping import loads_at
 from pmr.snapshots import Snapshots
 
 Array = NDArray[np.float64]
@@ -97,11 +96,11 @@ def run(
     summary |= _estimated(scene, reduction.reduced, curves.reduced, clock)
     summary |= pad_forces.summary(scene, simulations.responses["reduced"])
     summary["warnings"] += memory.warnings(scene, size, outputs)
-    summary["warnings"] += free_motions.warnings(built.structure, scene.path_bounds)
+    summary["warnings"] += free_motions.warnings(scene, built.structure)
     summary["warnings"] += pad_forces.warnings(scene, simulations.responses["reduced"])
-    path, _, stepping = excitation(scene)
-    summary |= contact_step.summary(reduction.reduced, path, stepping)
-    summary["warnings"] += contact_step.warnings(reduction.reduced, path, stepping)
+    excitation = Excitation.of(scene)
+    summary |= contact_step.summary(reduction.reduced, excitation)
+    summary["warnings"] += contact_step.warnings(reduction.reduced, excitation)
     summary |= {"no_reference": found.missing}
     summary["warnings"] += trust.warnings(found.missing, simulations.responses["reduced"])
     result = _result(scene, summary, simulations.responses, reduction, curves)
@@ -221,13 +220,13 @@ def _summary(
 
 def _estimated(scene: SceneBase, reduced: ReducedModel, omega: Array, clock: Clock) -> dict[str, Any]:
     """Errors estimated of the reduction and of the step, and what a user should know."""
-    path, loads, stepping = excitation(scene)
-    driven = [("the slider's path", path), *zip((f"load {name}" for name in reduced.input_names), loads, strict=True)]
+    excitation = Excitation.of(scene)
+    driven, stepping = excitation.signals, excitation.stepping
     found, failed, left_out = None, None, list[str]()
     if scene.reduction.estimate and estimate.no_estimate(reduced) is None:
         with clock.stage("estimate"):
             try:
-                found = estimate.estimate(reduced, path, loads, stepping, _tips(scene))
+                found = estimate.estimate(reduced, excitation, _tips(scene))
                 left_out = coverage.not_covered(reduced, driven, stepping)
                 left_out += [coverage.BLOWS] * (found.pad_force is None)
             except SimulationError as error:
@@ -247,7 +246,7 @@ def _step_error(scene: SceneBase, reduced: ReducedModel, clock: Clock) -> tuple[
     """Error of the time step, or why there is no figure."""
     with clock.stage("step"):
         try:
-            return step_error(reduced, *excitation(scene), _tips(scene)), None
+            return step_error(reduced, Excitation.of(scene), _tips(scene)), None
         except (SimulationError, InputError) as error:
             return None, str(error)
 
@@ -264,7 +263,7 @@ def _result(
     reduction: Reduction,
     curves: FrequencyCurves,
 ) -> RunResult:
-    t = responses["reduced"].t
     shapes = Shapes(reduction.basis.sigma, reduction.reduced.output_positions, reduction.reduced.outputs)
-    path, loads = scene.slider.path, loads_at(scene.signals, t)
-    return RunResult(scene, summary, responses, path.value(t), path.rate(t), loads, shapes, curves)
+    excitation = Excitation.of(scene)
+    s, f = excitation.s[:, 0], excitation.forces(reduction.reduced.input_names)
+    return RunResult(scene, summary, responses, s, excitation.path_rate, f, shapes, curves)

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pmr import scene as scenes
-from pmr.compare.responses import excitation
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structure import Structure
 from pmr.models import StructuralModel
 from pmr.scene import StructureScene
-from pmr.scene.signals import SignalBase
-from pmr.simulate import TimeStepping
+from pmr.simulate import Excitation
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 
@@ -23,12 +21,10 @@ class Boom:
     """The reference boom on any model, and what moves it."""
 
     structure: Structure
-    path: SignalBase
-    loads: list[SignalBase]
-    stepping: TimeStepping
+    excitation: Excitation
 
 
 def boom(model: StructuralModel, span: float = 10.0, overrides: Sequence[str] = ()) -> Boom:
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}", *overrides])
     assert isinstance(scene, StructureScene)
-    return Boom(replace(structure_of(scene), model=model), *excitation(scene))
+    return Boom(replace(structure_of(scene), model=model), Excitation.of(scene))

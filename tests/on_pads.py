@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
+import driving
 import numpy as np
 from numpy.typing import NDArray
 from oracle import flexible, free_modes, full_body, project, slider_row
@@ -17,6 +19,8 @@ Array = NDArray[np.float64]
 
 TAIL = 0.5  # m, where two of the pads stay; the others sit at s
 WEIGHT = RHO_A * LENGTH  # N under one m/s^2
+INPUTS = ("gravity", "F")  # m/s^2 and N
+driven = partial(driving.driven, names=INPUTS)
 NAMES = ("tail bottom", "tail top", "mouth bottom", "mouth top")
 
 
@@ -36,7 +40,7 @@ def beam_on_pads(clearance: float | None, stiffness: float = 1e6, elements: int 
         plain,
         B=np.stack([-(plain.M @ upwards), tip], axis=1),
         rows=Rows((plain.rows.rows[0], *pads), plain.size),
-        input_names=("gravity", "F"),
+        input_names=INPUTS,
     )
 
 

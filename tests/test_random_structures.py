@@ -13,17 +13,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from driving import driven
 
 from pmr import scene as scenes
 from pmr.clock import Clock
 from pmr.compare import errors as compare
 from pmr.compare import estimate
 from pmr.compare.references import references
-from pmr.compare.responses import excitation, quantities, simulate
+from pmr.compare.responses import quantities, simulate
 from pmr.errors import InputError
 from pmr.fullmodel.build import build
 from pmr.reduce.from_scene import take_snapshots
 from pmr.run import reduce_with
+from pmr.simulate import Excitation
 from pmr.snapshots.rigid import rigid_modes
 
 BOOM = Path(__file__).parents[1] / "workflows" / "boom_beam.toml"
@@ -191,9 +193,9 @@ def test_a_random_structure(number: int) -> None:
     if "full" not in scene.compare.against:
         return
     full = references(scene, found.model, Clock(), [], None)
-    responses = simulate(scene, found.reduced, full.responses, Clock()).responses
+    responses = simulate(scene, driven(found.reduced, full.responses, Clock())).responses
     error = compare.errors(responses, quantities=quantities(scene))["reduced_vs_full"]["beam"]
-    told = estimate.estimate(found.reduced, *excitation(scene), 1)
+    told = estimate.estimate(found.reduced, Excitation.of(scene), 1)
     print(number, one.model, found.model.size, "rigid", rigid, left, f"error {error:.2e} estimate {told.beam:.2e}")
     assert np.isfinite(error)
     if told.beam < 1e-4:

@@ -29,11 +29,9 @@ from pmr.compare.indicators import chi, kappa
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, outputs
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, is_modal, with_kept_inertia
-from pmr.scene.signals import SignalBase
-from pmr.simulate import Loads, TimeStepping
+from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
-from pmr.simulate.stepping import loads_at, one_for_each
 from pmr.system.body import Trajectory, pushing_rows
 from pmr.text import rounded
 
@@ -111,8 +109,8 @@ def no_estimate(model: ReducedModel) -> str | None:
     return None
 
 
-def estimate(model: ReducedModel, path: SignalBase, loads: Loads, stepping: TimeStepping, tips: int = 1) -> Estimate:
-    """Estimate the error of a model with enrichment modes on a path under loads, from rest; all runs are made here.
+def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Estimate:
+    """Estimate the error of a model with enrichment modes, from rest; all runs are made here.
 
     The last `tips` displacements are those of the tip.
 
@@ -127,13 +125,12 @@ def estimate(model: ReducedModel, path: SignalBase, loads: Loads, stepping: Time
     if why := no_estimate(model):
         raise ValueError(f"no estimate: {why}")
     assert model.flexibility is not None
-    signals = one_for_each(loads, model.input_names)
-    f = loads_at(signals, stepping.times)
+    f = excitation.forces(model.input_names)
 
     def simulated(one: ReducedModel) -> tuple[Outputs, ModalForm, Trajectory]:
         form = modal_form(one)
-        run = march.simulate_modal(form, path, signals, stepping)
-        return outputs(form.body, run, path, signals, tips), form, run
+        run = march.simulate_modal(form, excitation)
+        return outputs(form.body, run, excitation, tips), form, run
 
     own, _, run = simulated(model)
     better, form, extended_run = simulated(extended(model))
@@ -143,14 +140,14 @@ def estimate(model: ReducedModel, path: SignalBase, loads: Loads, stepping: Time
     else:
         complete, _, _ = simulated(with_kept_inertia(extended(model)))
         missing = {"inertia": complete.minus(own), "enrichment": better.minus(own)}
-    floors = Floors.of(model, path, f, stepping.end)
+    floors = Floors.of(model, excitation)
     found = {name: differences(own, own.plus(what), floors) for name, what in missing.items()}
     by = max(found, key=lambda name: found[name]["beam"])
     largest = {kind: MARGIN * max(one[kind] for one in found.values()) for kind in KINDS}
     return Estimate(
         beam=largest["beam"],
         tip=largest["tip"],
-        pad_force=None if impulsive(model, path, stepping) else largest["pad_force"],
+        pad_force=None if impulsive(model, excitation) else largest["pad_force"],
         velocity=largest["velocity"],
         kappa=share,
         by=by,

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from pmr.compare.errors import relative_error, round_off, settled
 from pmr.errors import SimulationError
-from pmr.scene.signals import SignalBase
 from pmr.simulate import contact_step
+from pmr.simulate.excitation import Excitation
 from pmr.simulate.modal import ModalForm
 from pmr.simulate.native import simulator as march
 from pmr.simulate.resolution import aliased
-from pmr.simulate.stepping import Loads, TimeStepping, loads_at, one_for_each
+from pmr.simulate.stepping import TimeStepping
 from pmr.system.body import displacement, force_outputs, pushing_rows
 
 Array = NDArray[np.float64]
@@ -40,13 +40,13 @@ COMPARED = 20_000
 class Runs:
     """One model with the given step, half of it, and so on."""
 
-    def __init__(self, form: ModalForm, path: SignalBase, loads: Loads, stepping: TimeStepping) -> None:
-        self._form, self._path, self._loads = form, path, one_for_each(loads, form.body.input_names)
+    def __init__(self, form: ModalForm, excitation: Excitation) -> None:
+        self._form, self._excitation, stepping = form, excitation, excitation.stepping
         self._moved = np.flatnonzero(~force_outputs(form.body))
         # As many parts a step in every run: were they fewer in a shorter step, impacts would be the same in all.
-        self._given = contact_step.with_parts(form.body, path, stepping)
+        self._given = contact_step.with_parts(form.body, excitation)
         self._stride = -(-stepping.steps // COMPARED)
-        self._round_off = round_off(form.body, loads_at(self._loads, stepping.times), stepping.end)
+        self._round_off = round_off(form.body, excitation.forces(form.body.input_names), stepping.end)
         self._budget = BUDGET_OF_IMPACTS if pushing_rows(form.body) else BUDGET
         self.halved, self.taken = -1, 0
 
@@ -64,7 +64,7 @@ class Runs:
     @property
     def resolved(self) -> bool:
         """Whether the last run can tell all tones of path and loads from slower ones."""
-        return not any(aliased(signal, self.stepping) for signal in (self._path, *self._loads))
+        return not any(aliased(signal, self.stepping) for _, signal in self._excitation.signals)
 
     @property
     def affordable(self) -> bool:
@@ -105,14 +105,14 @@ class Runs:
         return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (len(y) * self.stepping.step))
 
     def _outputs(self, which: NDArray[np.intp], every: int) -> Array:
-        body, stepping = self._form.body, self.stepping
-        kept = stepping.steps * (2 * body.size + len(body.row_names))
+        body, excitation = self._form.body, self._excitation.with_stepping(self.stepping)
+        kept = excitation.stepping.steps * (2 * body.size + len(body.row_names))
         if kept > KEPT and not (body.flexibility is not None and body.flexibility.keeps_inertia):
-            y = march.observe(self._form, self._path, self._loads, stepping, which.tolist(), every).y
+            y = march.observe(self._form, excitation, which.tolist(), every).y
             return self._moving(y)
-        run = march.simulate_modal(self._form, self._path, self._loads, stepping)
+        run = march.simulate_modal(self._form, excitation)
         at = slice(None, None, every)
-        f = loads_at(self._loads, run.t[at])
+        f = excitation.forces(body.input_names)[at]
         return self._moving(displacement(body, run.q[at], run.s[at], run.deforming[at], f)[:, which])
 
     def _moving(self, y: Array) -> Array:

@@ -6,7 +6,6 @@ velocities those of the displacements, with the part that follows at once (`pmr.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +14,7 @@ from numpy.typing import NDArray
 from pmr.compare.errors import force_round_off, relative_error, round_off, settled
 from pmr.compare.velocities import velocity
 from pmr.reduced.model import ReducedModel
-from pmr.scene.signals import SignalBase
-from pmr.simulate.stepping import TimeStepping, loads_at
+from pmr.simulate import Excitation
 from pmr.system.body import Trajectory, displacement, force_outputs, released_rows
 
 Array = NDArray[np.float64]
@@ -83,18 +81,19 @@ class Floors:
     force: float
 
     @classmethod
-    def of(cls, model: ReducedModel, path: SignalBase, f: Array, end: float) -> Floors:
-        """Of a model under loads f (T, i) in N for `end` seconds (`pmr.compare.errors.round_off`)."""
-        return cls(round_off(model, f, end), force_round_off(model, f, end, float(path.value(0.0))))
+    def of(cls, model: ReducedModel, excitation: Excitation) -> Floors:
+        """Of a model under these loads (`pmr.compare.errors.round_off`)."""
+        f, end = excitation.forces(model.input_names), excitation.stepping.end
+        return cls(round_off(model, f, end), force_round_off(model, f, end, float(excitation.path.value(0.0))))
 
 
-def outputs(model: ReducedModel, run: Trajectory, path: SignalBase, loads: Sequence[SignalBase], tips: int) -> Outputs:
-    """Of a trajectory in the coordinates of the model, under one load for each of its inputs."""
+def outputs(model: ReducedModel, run: Trajectory, excitation: Excitation, tips: int) -> Outputs:
+    """Of a trajectory in the coordinates of the model, all steps of its excitation."""
     is_force = force_outputs(model)
-    y = displacement(model, run.q, run.s, run.deforming, loads_at(loads, run.t))
+    y = displacement(model, run.q, run.s, run.deforming, excitation.forces(model.input_names))
     return Outputs(
         displacement=y[:, ~is_force],
-        velocity=velocity(model, run, path, loads)[:, ~is_force],
+        velocity=velocity(model, run, excitation)[:, ~is_force],
         force=np.hstack([y[:, is_force], run.multipliers[:, released_rows(model)]]),
         tips=tips,
     )
@@ -114,7 +113,7 @@ def differences(one: Outputs, reference: Outputs, floors: Floors) -> dict[str, f
     }
 
 
-def impulsive(model: ReducedModel, path: SignalBase, stepping: TimeStepping) -> bool:
+def impulsive(model: ReducedModel, excitation: Excitation) -> bool:
     """Whether forces of sliders have no size: at a kink of the path a rigid slider strikes the body.
 
     The force of that blow is as high as the step is short, and no two models agree on it.
@@ -122,6 +121,7 @@ def impulsive(model: ReducedModel, path: SignalBase, stepping: TimeStepping) -> 
     rigid = np.flatnonzero(model.row_compliance == 0.0)
     if not set(rigid.tolist()) & set(model.moving):
         return False
-    at = np.array([b for b in path.breaks if 0.0 < b < stepping.end])
+    path = excitation.path
+    at = np.array([b for b in path.breaks if 0.0 < b < excitation.stepping.end])
     before, after = np.asarray(path.rate(np.nextafter(at, -np.inf))), np.asarray(path.rate(at))
-    return bool(np.any(np.abs(after - before) > KINK * np.abs(path.rate(stepping.times)).max()))
+    return bool(np.any(np.abs(after - before) > KINK * np.abs(excitation.path_rate).max()))

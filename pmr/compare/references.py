@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.clock import Clock
-from pmr.compare.responses import MARCHED_UP_TO, excitation, full_simulator, simulate_reference
+from pmr.compare.responses import MARCHED_UP_TO, full_simulator, simulate_reference
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError
 from pmr.fullmodel.model import FullModel
 from pmr.results import Response
 from pmr.scene import SceneBase
+from pmr.simulate.excitation import Excitation
 from pmr.simulate.native import simulator as march
 from pmr.simulate.petsc import Checkpoint, Recording, observe, respond
 
@@ -94,16 +95,16 @@ def _full(
     scene: SceneBase, model: FullModel, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None
 ) -> tuple[Response | None, Array | None]:
     if full_simulator(scene, model.size) == "petsc":
-        path, loads, stepping = excitation(scene)
-        recording = Recording(energies=True, states=[stepping.step * step for step in steps])
+        excitation = Excitation.of(scene)
+        recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
         with clock.stage("full") as done:
-            history = observe(model, path, loads, stepping, recording, progress=done, checkpoint=checkpoint)
+            history = observe(model, excitation, recording, progress=done, checkpoint=checkpoint)
         return _trusted(respond(model, history)), history.states.q if len(steps) else None
     response = _gathered(scene, model, clock)
     if not len(steps) or model.size > MARCHED_UP_TO:
         return response, None
     body = model.gather()
-    states = None if body is None else march.simulate_at(body, *excitation(scene), np.asarray(steps)).q
+    states = None if body is None else march.simulate_at(body, Excitation.of(scene), np.asarray(steps)).q
     return response, _spread(model, states)
 
 

@@ -18,13 +18,11 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene, SceneBase, StructureScene
 from pmr.scene.choice import transverse
-from pmr.scene.signals import SignalBase
-from pmr.simulate import Simulator, TimeStepping
+from pmr.simulate import Excitation, Simulator
 from pmr.simulate.exudyn import ancf
 from pmr.simulate.exudyn import simulator as exudyn
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
-from pmr.simulate.stepping import loads_at
 from pmr.system.body import FullBody, SlidingBody
 
 Array = NDArray[np.float64]
@@ -113,20 +111,19 @@ def _repeated(scene: SceneBase, reduced: ReducedModel, simulator: str) -> Respon
 
 def _in_exudyn(integrate: Simulator) -> Respond:
     def response(scene: SceneBase, body: SlidingBody, done: Done | None) -> Response:
-        path, signals, stepping = excitation(scene)
-        trajectory = integrate(body, path, signals, stepping, progress=done)
-        return respond(body, trajectory, path.rate(stepping.times), loads_at(signals, stepping.times))
+        excitation = Excitation.of(scene)
+        trajectory = integrate(body, excitation, progress=done)
+        return respond(body, trajectory, excitation.path_rate, excitation.forces(body.input_names))
 
     return response
 
 
 def _in_march(scene: SceneBase, body: SlidingBody, done: Done | None) -> Response:
     """In modal coordinates throughout, which nobody keeps: what a response holds does not depend on them."""
-    path, signals, stepping = excitation(scene)
-    form = modal_form(body)
-    t = stepping.times
-    evaluation = Evaluation(form.body, t, path.rate(t), loads_at(signals, t))
-    return evaluation.response(march.follow(form, path, signals, stepping, evaluation, progress=done))
+    form, excitation = modal_form(body), Excitation.of(scene)
+    f = excitation.forces(body.input_names)
+    evaluation = Evaluation(form.body, excitation.times, excitation.path_rate, f)
+    return evaluation.response(march.follow(form, excitation, evaluation, progress=done))
 
 
 _RESPOND: dict[str, Respond] = {
@@ -135,12 +132,6 @@ _RESPOND: dict[str, Respond] = {
     "exudyn-multiplier": _in_exudyn(partial(exudyn.simulate, formulation="multipliers")),
     "exudyn-callback": _in_exudyn(partial(exudyn.simulate, formulation="callbacks")),
 }
-
-
-def excitation(scene: SceneBase) -> tuple[SignalBase, list[SignalBase], TimeStepping]:
-    """Path, loads and time grid of a scene, as simulators take them."""
-    stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
-    return scene.slider.path, scene.signals, stepping
 
 
 def cable_of(scene: Scene) -> ancf.Cable:
@@ -158,9 +149,8 @@ def cable_of(scene: Scene) -> ancf.Cable:
 
 def simulate_cable(scene: Scene, x: ArrayLike, done: Done | None = None) -> ancf.CableMotion:
     """Motion of that cable at the material points x (o,) in m."""
-    path, _, stepping = excitation(scene)
-    points = [ancf.PointLoad(load.at, load.signal) for load in scene.loads]
-    return ancf.simulate(cable_of(scene), path, points, stepping, np.asarray(x, dtype=float), done)
+    places = {load.name: load.at for load in scene.loads}
+    return ancf.simulate(cable_of(scene), places, Excitation.of(scene), np.asarray(x, dtype=float), done)
 
 
 def _ancf(scene: Scene, x: Array, done: Done) -> Response:

@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 from pmr.compare.halved_steps import Ladder, Runs
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
-from pmr.scene.signals import SignalBase
+from pmr.simulate.excitation import Excitation
 from pmr.simulate.modal import modal_form
-from pmr.simulate.stepping import Loads, TimeStepping
 from pmr.system.body import pushing_rows
 
 Array = NDArray[np.float64]
@@ -70,8 +69,8 @@ class StepError:
     seconds: float
 
 
-def step_error(model: ReducedModel, path: SignalBase, loads: Loads, stepping: TimeStepping, tips: int = 1) -> StepError:
-    """Error of the time step on a path under loads, from rest; the last `tips` displacements are the tip's.
+def step_error(model: ReducedModel, excitation: Excitation, tips: int = 1) -> StepError:
+    """Error of the time step, from rest; the last `tips` displacements are the tip's.
 
     `march` makes the runs; Exudyn's solver has the same scheme and start.
 
@@ -83,7 +82,7 @@ def step_error(model: ReducedModel, path: SignalBase, loads: Loads, stepping: Ti
         If one of the first two runs fails, or the second would be too long.
     """
     begin = time.perf_counter()
-    runs = Runs(modal_form(model), path, loads, stepping)
+    runs = Runs(modal_form(model), excitation)
     y = runs.next()
     if not runs.affordable:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
@@ -106,7 +105,7 @@ def step_error(model: ReducedModel, path: SignalBase, loads: Loads, stepping: Ti
         finest=runs.stepping.step,
         settled=ladder.settled and runs.resolved,
         by="motion" if ladder is moving else "mean",
-        enough=None if halvings is None else stepping.step / 2**halvings,
+        enough=None if halvings is None else excitation.stepping.step / 2**halvings,
         band=runs.band(tips),
         seconds=time.perf_counter() - begin,
     )

@@ -20,22 +20,21 @@ from numpy.typing import NDArray
 from pmr.constraints.polynomials import evaluate
 from pmr.reduced.inertia import Rates
 from pmr.reduced.model import ReducedModel
-from pmr.scene.signals import SignalBase
-from pmr.simulate.stepping import Loads, loads_at, one_for_each
+from pmr.simulate.excitation import Excitation, in_order
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
 
 
-def load_rates(model: ReducedModel, loads: Loads, t: Array) -> Rates:
-    """Loads (T, i) in N and their rates at the times t (T,) in s."""
-    signals = one_for_each(loads, model.input_names)
+def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
+    """Loads (T, i) in N and their rates at the steps."""
+    t, signals = excitation.times, in_order(excitation.loads, model.input_names)
     rates = np.column_stack([np.empty((len(t), 0)), *(load.rate(t) for load in signals)])
-    return Rates(loads_at(signals, t), rates)
+    return Rates(excitation.forces(model.input_names), rates)
 
 
-def force_rates(model: ReducedModel, trajectory: Trajectory, path: SignalBase, loads: Rates) -> Rates:
-    """The forces z (T, m) in N that deform the residual part, and their rates in N/s.
+def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, loads: Rates) -> Rates:
+    """The forces z (T, m) in N that deform the residual part, and their rates in N/s; `path_rate` (T,) is s' in m/s.
 
     Raises
     ------
@@ -45,7 +44,7 @@ def force_rates(model: ReducedModel, trajectory: Trajectory, path: SignalBase, l
     tables, s = model.flexibility, trajectory.s
     if tables is None:
         raise ValueError("without residual flexibility no force follows from the positions")
-    z, ds = trajectory.deforming, np.asarray(path.rate(trajectory.t))[:, None]
+    z, ds = trajectory.deforming, path_rate[:, None]
     right = model.apply_rows(s, trajectory.v) + ds * model.apply_rows(s, trajectory.q, derivative=1)
     right += _times(evaluate(tables.inputs, s), loads.rate) + ds * _times(evaluate(tables.inputs, s, 1), loads.value)
     right -= ds * _times(evaluate(tables.rows, s, 1), z)
@@ -56,27 +55,26 @@ def force_rates(model: ReducedModel, trajectory: Trajectory, path: SignalBase, l
     return Rates(z, np.linalg.solve(G, right[:, :, None])[:, :, 0])
 
 
-def velocity(model: ReducedModel, trajectory: Trajectory, path: SignalBase, loads: Loads) -> Array:
+def velocity(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> Array:
     """Rates of the outputs, (T, o) in m/s.
 
     Parameters
     ----------
     model : ReducedModel
     trajectory : Trajectory
-        In the model's coordinates.
-    path : signal
-    loads : signal or sequence of signals
+        In the model's coordinates, all steps of the excitation.
+    excitation : Excitation
     """
     result, tables = trajectory.v @ model.outputs.T, model.flexibility
     if tables is None:
         return np.asarray(result)
-    f = load_rates(model, loads, trajectory.t)
-    z, ds = force_rates(model, trajectory, path, f), np.asarray(path.rate(trajectory.t))[:, None]
+    f = load_rates(model, excitation)
+    z, ds = force_rates(model, trajectory, excitation.path_rate, f), excitation.path_rate[:, None]
     X, X1 = evaluate(tables.outputs, trajectory.s), evaluate(tables.outputs, trajectory.s, 1)
     return np.asarray(result + f.rate @ tables.direct.T - _times(X, z.rate) - ds * _times(X1, z.value))
 
 
-def kinetic_energy(model: ReducedModel, trajectory: Trajectory, path: SignalBase, loads: Loads) -> Array:
+def kinetic_energy(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> Array:
     """p'^T M p' / 2 and that of the residual part, (T,) in J.
 
     The second is no part of the balance that the reduced model keeps, unless its equations of motion keep the
@@ -92,9 +90,8 @@ def kinetic_energy(model: ReducedModel, trajectory: Trajectory, path: SignalBase
         return np.asarray(own)
     if model.flexibility.inertia is None:
         raise ValueError("the model has no tables of the residual part's inertia: free modes with flexibility have")
-    f = load_rates(model, loads, trajectory.t)
-    z = force_rates(model, trajectory, path, f)
-    rate = np.asarray(path.rate(trajectory.t))
+    f = load_rates(model, excitation)
+    z, rate = force_rates(model, trajectory, excitation.path_rate, f), excitation.path_rate
     return np.asarray(own + model.flexibility.inertia.kinetic_energy(trajectory.s, z, f, rate))
 
 

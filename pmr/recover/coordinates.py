@@ -24,7 +24,6 @@ from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduced.model import ReducedModel
-from pmr.simulate.stepping import Loads, loads_at, one_for_each
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
@@ -60,12 +59,12 @@ class ReducedStates:
         return ReducedStates(*(getattr(self, name)[which] for name in ("t", "s", "p", "v", "multipliers", "loads")))
 
 
-def chosen_states(model: ReducedModel, trajectory: Trajectory, loads: Loads, steps: Indices) -> ReducedStates:
-    """The states of a trajectory at some of its steps (S,)."""
+def chosen_states(trajectory: Trajectory, loads: Array, steps: Indices) -> ReducedStates:
+    """The states of a trajectory under loads (T, i) in N at some of its steps (S,)."""
     t, s, p, v, z = (
         array[steps] for array in (trajectory.t, trajectory.s, trajectory.q, trajectory.v, trajectory.deforming)
     )
-    return ReducedStates(t, s, p, v, z, loads_at(one_for_each(loads, model.input_names), t))
+    return ReducedStates(t, s, p, v, z, loads[steps])
 
 
 class Recovery:

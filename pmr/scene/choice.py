@@ -81,7 +81,7 @@ def _walls(scene: StructureScene) -> list[str]:
             half = (box.width if face in ("bottom", "top") else box.height) / 2.0
             if half - abs(across) > AT_THE_WEB * 2.0 * half:
                 found.append(f"the pad {name} presses on the middle of a wall, {half - abs(across):g} m from the web")
-    highest = max(map(highest_frequency, scene.signals), default=0.0)
+    highest = max(map(highest_frequency, scene.signals.values()), default=0.0)
     own = wall_frequency(box, material.young, material.poisson, material.density)
     if highest > QUASI_STATIC * own:
         found.append(f"loads of {highest:g} Hz come near the walls' own frequency of {own:.3g} Hz")

@@ -84,7 +84,7 @@ def check_magnitudes(scene: SceneBase) -> None:
             raise InputError("scene", key, value, f"a number from {low:g} to {high:g} is allowed (SI units)")
     _proportions(scene)
     if isinstance(scene, (Scene, StructureScene)):
-        for i, signal in enumerate(scene.signals[: len(scene.loads)]):  # the weight comes last
+        for i, signal in enumerate(list(scene.signals.values())[: len(scene.loads)]):  # the weight comes last
             _check_load(signal, f"loads[{i}].signal", scene.time.end)
 
 

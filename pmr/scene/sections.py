@@ -246,8 +246,8 @@ class SceneBase(_Section):
 
     @property
     @abstractmethod
-    def signals(self) -> list[SignalBase]:
-        """One signal for each input of the model, in their order."""
+    def signals(self) -> dict[str, SignalBase]:
+        """What drives each input of the model, by its name."""
 
     @abstractmethod
     def without_loads(self) -> Self:
@@ -281,8 +281,8 @@ class Scene(SceneBase):
     loads: tuple[Load, ...] = Field(min_length=1)
 
     @property
-    def signals(self) -> list[SignalBase]:
-        return [load.signal for load in self.loads]
+    def signals(self) -> dict[str, SignalBase]:
+        return {load.name: load.signal for load in self.loads}
 
     def without_loads(self) -> Scene:
         loads = tuple(load.model_copy(update={"signal": Constant(amount=0.0)}) for load in self.loads)

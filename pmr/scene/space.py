@@ -212,9 +212,9 @@ class StructureScene(SceneBase):
         return hash(self.hash)  # some sections hold tables
 
     @property
-    def signals(self) -> list[SignalBase]:
-        weight = [self.gravity.signal] if self.gravity else []
-        return [*(load.signal for load in self.loads), *weight]
+    def signals(self) -> dict[str, SignalBase]:
+        weight = {"gravity": self.gravity.signal} if self.gravity else {}
+        return {load.name: load.signal for load in self.loads} | weight
 
     def without_loads(self) -> StructureScene:
         loads = tuple(load.model_copy(update={"signal": Constant(amount=0.0)}) for load in self.loads)

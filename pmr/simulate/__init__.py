@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from pmr.scene.signals import SignalBase
+from pmr.simulate.excitation import Excitation
 from pmr.simulate.start import InitialState
-from pmr.simulate.stepping import Loads, Progress, TimeStepping
+from pmr.simulate.stepping import Progress, TimeStepping
 from pmr.system.body import SlidingBody, Trajectory
 
-__all__ = ["InitialState", "Loads", "Progress", "Simulator", "TimeStepping"]
+__all__ = ["Excitation", "InitialState", "Progress", "Simulator", "TimeStepping"]
 
 
 class Simulator(Protocol):
@@ -22,9 +22,7 @@ class Simulator(Protocol):
     def __call__(
         self,
         body: SlidingBody,
-        path: SignalBase,
-        loads: Loads,
-        stepping: TimeStepping,
+        excitation: Excitation,
         initial: InitialState | None = None,
         progress: Progress | None = None,
     ) -> Trajectory:
@@ -34,11 +32,8 @@ class Simulator(Protocol):
         ----------
         body : SlidingBody
             Reduced or full.
-        path : signal
-            Slider path s(t) in m, within the body's domain.
-        loads : signal or sequence of signals
-            One for each of the body's inputs, in their order; N (or N m).
-        stepping : TimeStepping
+        excitation : Excitation
+            One path, within the body's domain, a load for each of the body's inputs, and the time grid.
         initial : InitialState, optional
             Coordinates and velocities at t = 0; at rest and undeformed by default.
         progress : callable, optional

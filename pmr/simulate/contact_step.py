@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.reduced.model import ReducedModel
-from pmr.scene.signals import SignalBase
-from pmr.simulate.stepping import TimeStepping, path_at
+from pmr.simulate.excitation import Excitation
+from pmr.simulate.stepping import TimeStepping
 from pmr.system.body import pushing_rows
 from pmr.text import rounded, rounded_down
 
@@ -56,26 +56,27 @@ def parts(omega: float, stepping: TimeStepping) -> int:
     return max(1, min(needed, MOST_PARTS, MOST_IN_ALL // stepping.steps))
 
 
-def with_parts(body: ReducedModel, path: SignalBase, stepping: TimeStepping) -> TimeStepping:
-    """The stepping with its number of parts spelled out, where rows only push."""
+def with_parts(body: ReducedModel, excitation: Excitation) -> TimeStepping:
+    """The time grid with its number of parts spelled out, where rows only push."""
+    stepping = excitation.stepping
     if not pushing_rows(body):
         return stepping
-    count = parts(_omega(body, path, stepping), stepping)
+    count = parts(_omega(body, excitation), stepping)
     return TimeStepping(stepping.end, stepping.step, stepping.rho_inf, count)
 
 
-def summary(body: ReducedModel, path: SignalBase, stepping: TimeStepping) -> dict[str, object]:
+def summary(body: ReducedModel, excitation: Excitation) -> dict[str, object]:
     """``contact`` of summary.json: ``omega`` in rad/s, ``parts`` of a step, ``h_omega`` of a part; else empty."""
-    omega = _omega(body, path, stepping)
+    omega, stepping = _omega(body, excitation), excitation.stepping
     if omega == 0.0:
         return {}
     count = parts(omega, stepping)
     return {"contact": {"omega": omega, "parts": count, "h_omega": stepping.step * omega / count}}
 
 
-def warnings(body: ReducedModel, path: SignalBase, stepping: TimeStepping) -> list[str]:
+def warnings(body: ReducedModel, excitation: Excitation) -> list[str]:
     """A line where even the parts of a step are too long for the contact."""
-    omega = _omega(body, path, stepping)
+    omega, stepping = _omega(body, excitation), excitation.stepping
     count = parts(omega, stepping)
     reached = stepping.step * omega / count
     if reached <= RESOLVED * (1.0 + 1e-9):
@@ -89,5 +90,5 @@ def warnings(body: ReducedModel, path: SignalBase, stepping: TimeStepping) -> li
     ]
 
 
-def _omega(body: ReducedModel, path: SignalBase, stepping: TimeStepping) -> float:
-    return contact_frequency(body, path_at(path, body.domain, stepping.times)) if pushing_rows(body) else 0.0
+def _omega(body: ReducedModel, excitation: Excitation) -> float:
+    return contact_frequency(body, excitation.along(body.domain)) if pushing_rows(body) else 0.0

@@ -1,22 +1,18 @@
-"""Time grid of a simulation, and path and loads on it."""
+"""Time grid of a simulation."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import DOMAIN_TOLERANCE
 from pmr.errors import InputError
-from pmr.scene.signals import SignalBase
 
 Array = NDArray[np.float64]
 #: Called with the share of the time span, 0 to 1, that is done.
 Progress = Callable[[float], None]
-#: One signal for each input, in their order; a single one for a single input.
-Loads = SignalBase | Sequence[SignalBase]
 
 
 @dataclass(frozen=True)
@@ -69,46 +65,3 @@ class TimeStepping:
     def times(self) -> Array:
         """(steps + 1,) s, 0 included."""
         return np.arange(self.steps + 1) * self.step
-
-
-def path_at(path: SignalBase, domain: tuple[float, float], t: Array) -> Array:
-    """Path coordinates (T,) in m at the ascending times t (T,) in s.
-
-    Raises
-    ------
-    InputError
-        If the path leaves `domain`, at one of these times or between two of them.
-    """
-    low, high = domain
-    s = np.asarray(path.value(t), dtype=float)
-    slack = DOMAIN_TOLERANCE * (high - low)
-    outside = ~((s >= low - slack) & (s <= high + slack))
-    if outside.any():
-        k = int(np.argmax(outside))
-        allowed = f"{low:g} to {high:g} m is allowed; left at t = {t[k]:g} s"
-        raise InputError("scene", "slider.path", float(s[k]), allowed)
-    for at in path.bounds(float(t[0]), float(t[-1])):
-        if not low - slack <= at <= high + slack:
-            allowed = f"{low:g} to {high:g} m is allowed; left between two steps"
-            raise InputError("scene", "slider.path", at, allowed)
-    return np.clip(s, low, high)
-
-
-def loads_at(loads: Sequence[SignalBase], t: Array) -> Array:
-    """Loads (T, i) in N (or N m) at the times t (T,) in s, one column a load."""
-    return np.column_stack([np.empty((len(t), 0)), *(load.value(t) for load in loads)])
-
-
-def one_for_each(loads: Loads, names: Sequence[str]) -> tuple[SignalBase, ...]:
-    """The loads of a body with the inputs `names`; a single signal will do for a single input.
-
-    Raises
-    ------
-    InputError
-        If there are not as many loads as inputs.
-    """
-    signals = (loads,) if isinstance(loads, SignalBase) else tuple(loads)
-    if len(signals) != len(names):
-        allowed = f"{len(signals)} given, one for each input is allowed: {', '.join(names)}"
-        raise InputError("scene", "loads", None, allowed)
-    return signals

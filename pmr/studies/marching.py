@@ -11,33 +11,16 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation
-from pmr.scene.signals import SignalBase
-from pmr.simulate import TimeStepping
+from pmr.simulate import Excitation
 from pmr.simulate.balance import NOTABLE, described
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
-from pmr.simulate.stepping import loads_at
 from pmr.studies import shared
 from pmr.studies.engine.task import Task, TaskResult
 from pmr.system.body import SlidingBody
 from pmr.system.body import displacement as outputs
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Drive:
-    """What moves a beam: slider path in m, loads in N, and the time grid."""
-
-    path: SignalBase
-    loads: tuple[SignalBase, ...]
-    stepping: TimeStepping
-
-    @classmethod
-    def of(cls, scene: Scene) -> Drive:
-        """Path, loads and time grid of a scene."""
-        stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
-        return cls(scene.slider.path, tuple(load.signal for load in scene.loads), stepping)
 
 
 @dataclass(frozen=True)
@@ -49,7 +32,7 @@ class Motion:
     surplus: float = 0.0
 
 
-def displacement(body: SlidingBody, drive: Drive) -> Array:
+def displacement(body: SlidingBody, excitation: Excitation) -> Array:
     """Transverse displacement (T, o) in m at the body's outputs.
 
     Raises
@@ -58,15 +41,15 @@ def displacement(body: SlidingBody, drive: Drive) -> Array:
         As for `pmr.simulate.Simulator`.
     """
     form = modal_form(body)
-    found = march.simulate_modal(form, drive.path, drive.loads, drive.stepping)
-    f = loads_at(drive.loads, drive.stepping.times)
+    found = march.simulate_modal(form, excitation)
+    f = excitation.forces(body.input_names)
     return outputs(form.body, found.q, found.s, found.multipliers, f)
 
 
-def motion(body: SlidingBody, drive: Drive) -> Motion:
+def motion(body: SlidingBody, excitation: Excitation) -> Motion:
     """Displacement and, from the modal coordinates z, the strain energy sum_i omega_i^2 z_i^2 / 2; errors likewise."""
     form = modal_form(body)
-    found = march.simulate_modal(form, drive.path, drive.loads, drive.stepping)
+    found = march.simulate_modal(form, excitation)
     z = found.q
     return Motion(z @ form.body.outputs.T, z**2 @ form.omega2 / 2.0, found.surplus)
 
@@ -87,11 +70,11 @@ def full(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskR
     scene = shared.scene_of(arguments)
     body = shared.model_of(scene).gather()
     assert body is not None
-    drive = Drive.of(scene)
-    found = motion(body, drive)
+    excitation = Excitation.of(scene)
+    found = motion(body, excitation)
     if found.surplus > NOTABLE:  # what many runs are compared with
         raise SimulationError(f"the full model is no reference: {described(found.surplus)}")
-    arrays = {"t": drive.stepping.times, "x": body.output_positions}
+    arrays = {"t": excitation.times, "x": body.output_positions}
     return TaskResult(arrays=arrays | {"displacement": found.displacement, "strain": found.strain})
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from driving import driven
 from oracle import full_body, inertial
 
 from pmr.compare import coverage
@@ -85,7 +86,7 @@ def test_damping_that_couples_modes_is_not_covered_but_estimated_without() -> No
         "the damping of modes beyond the enrichment modes, which couples these",
         NEVER,
     ]
-    found = estimate(model, Constant(amount=2.0), Sine(amplitude=1.0, frequency=3.0), TimeStepping(0.2, 1e-3))
+    found = estimate(model, driven(Constant(amount=2.0), Sine(amplitude=1.0, frequency=3.0), TimeStepping(0.2, 1e-3)))
     assert found.by == "enrichment" and found.beam > 0.0
 
 

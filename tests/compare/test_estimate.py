@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from driving import Loads, driven, loads_at
 from numpy.typing import NDArray
 from oracle import flexible, full_body, inertial, nrms_error, paper_basis, project, rich_body
 
@@ -19,7 +20,6 @@ from pmr.simulate import TimeStepping
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import residual_inertia as inertial_march
 from pmr.simulate.native import simulator as march
-from pmr.simulate.stepping import Loads, loads_at, one_for_each
 from pmr.system.body import FullBody, displacement
 
 Array = NDArray[np.float64]
@@ -30,15 +30,15 @@ STEPPING = TimeStepping(1.0, 1e-3)
 
 
 def truth(full: FullBody, path: SignalBase, loads: Loads, stepping: TimeStepping) -> Array:
-    run = march.simulate(full, path, loads, stepping)
-    f = loads_at(one_for_each(loads, full.input_names), run.t)
+    run = march.simulate(full, driven(path, loads, stepping))
+    f = loads_at(loads, run.t)
     return displacement(full, run.q, run.s, run.multipliers, f)
 
 
 def errors(found: Estimate, model: ReducedModel, w: Array, path: SignalBase, loads: Loads) -> tuple[float, Array]:
     """e_NRMS of the model without kept inertia, and its error (T, o)."""
-    run = march.simulate(model, path, loads, STEPPING)
-    f = loads_at(one_for_each(loads, model.input_names), run.t)
+    run = march.simulate(model, driven(path, loads, STEPPING))
+    f = loads_at(loads, run.t)
     y = displacement(model, run.q, run.s, run.multipliers, f)
     return nrms_error(y, w), w - y
 
@@ -49,7 +49,7 @@ def test_it_is_the_error_and_a_margin(body: str, r: int) -> None:
     full, loads = (full_body(30), LOADS[0]) if body == "paper" else (rich_body(), LOADS)
     model = inertial(full, r, enrichment=4)
     w = truth(full, PATH, loads, STEPPING)
-    found = estimate(model, PATH, loads, STEPPING)
+    found = estimate(model, driven(PATH, loads, STEPPING))
     beam, error = errors(found, model, w, PATH, loads)
     assert 1.0 < found.beam / beam < 1.6
     assert np.abs(found.error - error).max() < 0.35 * np.abs(error).max()
@@ -60,20 +60,19 @@ def test_it_is_the_error_and_a_margin(body: str, r: int) -> None:
 
 
 def moved(model: ReducedModel, path: SignalBase, loads: Loads) -> Array:
-    run = march.simulate(model, path, loads, STEPPING)
-    f = loads_at(one_for_each(loads, model.input_names), run.t)
+    run = march.simulate(model, driven(path, loads, STEPPING))
+    f = loads_at(loads, run.t)
     return displacement(model, run.q, run.s, run.deforming, f)
 
 
 @pytest.mark.parametrize("r", [6, 9])
 def test_forces_and_velocities_have_estimates_of_their_own(r: int) -> None:
-    full, loads = rich_body(), tuple(one_for_each(LOADS, rich_body().input_names))
+    full, excitation = rich_body(), driven(PATH, LOADS, STEPPING)
     model, form = inertial(full, r, enrichment=4), modal_form(full)
     truth_, own = (
-        outputs(one.body, march.simulate_modal(one, PATH, loads, STEPPING), PATH, loads, 1)
-        for one in (form, modal_form(model))
+        outputs(one.body, march.simulate_modal(one, excitation), excitation, 1) for one in (form, modal_form(model))
     )
-    found = estimate(model, PATH, loads, STEPPING)
+    found = estimate(model, excitation)
     for kind in ("pad_force", "velocity"):
         assert 1.0 < getattr(found, kind) / nrms_error(own.of(kind), truth_.of(kind)) < 2.0
 
@@ -81,17 +80,18 @@ def test_forces_and_velocities_have_estimates_of_their_own(r: int) -> None:
 def test_forces_have_none_where_a_rigid_slider_strikes() -> None:
     """At a kink of the path; a slider that gives way has an estimate."""
     kinked, model = Ramp(times=(0.1, 0.6), values=(2.0, 3.0)), inertial(full_body(20), 5, enrichment=4)
-    assert estimate(model, kinked, LOADS[0], STEPPING).pad_force is None
-    assert estimate(model, PATH, LOADS[0], STEPPING).pad_force is not None
+    assert estimate(model, driven(kinked, LOADS[0], STEPPING)).pad_force is None
+    assert estimate(model, driven(PATH, LOADS[0], STEPPING)).pad_force is not None
     soft = replace(model, pads=np.array([1e-7]))
-    assert estimate(soft, kinked, LOADS[0], STEPPING).pad_force is not None
+    assert estimate(soft, driven(kinked, LOADS[0], STEPPING)).pad_force is not None
     late = Ramp(times=(1.0, 2.0), values=(2.0, 3.0))  # the first kink is at the end
-    assert estimate(model, late, LOADS[0], STEPPING).pad_force is not None
+    assert estimate(model, driven(late, LOADS[0], STEPPING)).pad_force is not None
 
 
 def test_what_the_enrichment_say_is_scaled_by_their_share_where_inertia_is_kept() -> None:
     model, larger = (with_kept_inertia(inertial(full_body(30), *size)) for size in ((12, 2), (14, 0)))
-    found, y = estimate(model, PATH, LOADS[0], STEPPING), [moved(one, PATH, LOADS[0]) for one in (model, larger)]
+    found = estimate(model, driven(PATH, LOADS[0], STEPPING))
+    y = [moved(one, PATH, LOADS[0]) for one in (model, larger)]
     assert found.kappa < 0.95 and found.by == "enrichment"
     assert found.beam == pytest.approx(MARGIN / found.kappa * nrms_error(y[1], y[0]), rel=1e-3)
     assert found.tip == pytest.approx(MARGIN / found.kappa * nrms_error(y[1][:, -1:], y[0][:, -1:]), rel=1e-3)
@@ -101,7 +101,8 @@ def test_what_the_enrichment_say_is_scaled_by_their_share_where_inertia_is_kept(
 def test_otherwise_the_second_run_has_the_enrichment_and_the_inertia_of_the_rest() -> None:
     full = full_body(30)
     model, larger = inertial(full, 14, enrichment=2), with_kept_inertia(inertial(full, 16))
-    found, y = estimate(model, PATH, LOADS[0], STEPPING), [moved(one, PATH, LOADS[0]) for one in (model, larger)]
+    found = estimate(model, driven(PATH, LOADS[0], STEPPING))
+    y = [moved(one, PATH, LOADS[0]) for one in (model, larger)]
     assert found.by == "inertia"
     assert found.beam == pytest.approx(MARGIN * nrms_error(y[1], y[0]), rel=1e-3)
     assert np.abs(found.error - (y[1] - y[0])).max() < 1e-3 * np.abs(found.error).max()
@@ -113,7 +114,7 @@ def test_damping_of_what_is_left_out_is_in_it(r: int) -> None:
     plain = full_body(30)
     full = replace(plain, D=(2.79 * plain.M + 3.54e-4 * plain.K).tocsr())
     model, w = inertial(full, r, enrichment=2), truth(full, PATH, LOADS[0], STEPPING)
-    found, true = estimate(model, PATH, LOADS[0], STEPPING), nrms_error(moved(model, PATH, LOADS[0]), w)
+    found, true = estimate(model, driven(PATH, LOADS[0], STEPPING)), nrms_error(moved(model, PATH, LOADS[0]), w)
     assert 1.1 < found.beam / true < 1.4
     enrichment_alone = nrms_error(moved(extended(model), PATH, LOADS[0]), moved(model, PATH, LOADS[0]))
     assert enrichment_alone / found.kappa < 0.85 * true  # which is why they are not enough
@@ -122,9 +123,9 @@ def test_damping_of_what_is_left_out_is_in_it(r: int) -> None:
 def test_the_larger_one_of_both_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """Inertia that sees nothing of the error leaves it to the enrichment modes."""
     model = inertial(full_body(30), 6, enrichment=4)
-    both = estimate(model, PATH, LOADS[0], STEPPING)
+    both = estimate(model, driven(PATH, LOADS[0], STEPPING))
     monkeypatch.setattr(estimates, "with_kept_inertia", lambda _: model)
-    alone = estimate(model, PATH, LOADS[0], STEPPING)
+    alone = estimate(model, driven(PATH, LOADS[0], STEPPING))
     assert (both.by, alone.by) == ("inertia", "enrichment")
     assert alone.beam == pytest.approx(both.beam, rel=0.1) and np.abs(alone.error).max() > 0.0
 
@@ -132,8 +133,8 @@ def test_the_larger_one_of_both_is_said(monkeypatch: pytest.MonkeyPatch) -> None
 def test_the_error_of_a_model_with_its_inertia_kept() -> None:
     full = full_body(30)
     w, model = truth(full, PATH, LOADS[0], STEPPING), inertial(full, 6, enrichment=4)
-    plain, kept = (estimate(one, PATH, LOADS[0], STEPPING) for one in (model, with_kept_inertia(model)))
-    run = inertial_march.simulate(model, PATH, LOADS[0], STEPPING)
+    plain, kept = (estimate(one, driven(PATH, LOADS[0], STEPPING)) for one in (model, with_kept_inertia(model)))
+    run = inertial_march.simulate(model, driven(PATH, LOADS[0], STEPPING))
     y = displacement(model, run.q, run.s, run.deforming, loads_at([LOADS[0]], run.t))
     assert 1.0 < kept.beam / nrms_error(y, w) < 1.6
     assert kept.beam < 0.7 * plain.beam and plain.kappa < kept.kappa < 1.0
@@ -157,20 +158,20 @@ def test_chi_says_whether_the_first_truncated_mode_is_reached() -> None:
     model = inertial(full_body(20), 4, enrichment=4)  # the first mode left out is at 16.8 Hz
     slow, blow = SmoothRamp(times=(0.0, 0.9), values=(0.0, 50.0)), Sine(amplitude=50.0, frequency=17.0)
     rest = Constant(amount=2.0)
-    assert estimate(model, rest, slow, STEPPING).chi < 0.05
-    found = estimate(model, rest, blow, STEPPING)
+    assert estimate(model, driven(rest, slow, STEPPING)).chi < 0.05
+    found = estimate(model, driven(rest, blow, STEPPING))
     assert found.chi > 0.5
     assert "first truncated mode (chi = " in warnings(model, STEPPING, found)[0]
 
 
 def test_nothing_moves_and_nothing_is_wrong() -> None:
-    found = estimate(inertial(full_body(20), 5, enrichment=4), PATH, Constant(amount=0.0), STEPPING)
+    found = estimate(inertial(full_body(20), 5, enrichment=4), driven(PATH, Constant(amount=0.0), STEPPING))
     assert (found.beam, found.tip, found.chi, found.largest) == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_an_error_larger_than_the_motion_is_not_capped() -> None:
     model = inertial(full_body(20), 1, enrichment=1)
-    found = estimate(model, Constant(amount=2.0), Sine(amplitude=50.0, frequency=2.5), TimeStepping(3.0, 1e-3))
+    found = estimate(model, driven(Constant(amount=2.0), Sine(amplitude=50.0, frequency=2.5), TimeStepping(3.0, 1e-3)))
     assert found.beam > 1.2 and found.tip > 1.2
     assert "times the motion: too few coordinates" in warnings(model, STEPPING, found)[0]
 
@@ -190,7 +191,7 @@ def test_where_there_is_no_estimate_it_says_why() -> None:
     ):
         assert "keeps no enrichment modes" in str(no_estimate(without))
     with pytest.raises(ValueError, match="no estimate: without residual flexibility"):
-        estimate(pod, PATH, LOADS[0], STEPPING)
+        estimate(pod, driven(PATH, LOADS[0], STEPPING))
     nothing = estimates.summary(pod, None)
     assert nothing["beam"] is None and nothing["reason"] == no_estimate(pod)
 
@@ -206,6 +207,6 @@ def test_a_step_too_long_for_an_undamped_scheme_is_said() -> None:
 def test_a_file_is_enough(tmp_path: Path) -> None:
     model = inertial(full_body(20), 5, enrichment=4)
     path = Ramp(times=(0.0, 1.0), values=(2.0, 3.0))
-    expected = estimate(model, path, LOADS[0], STEPPING)
-    found = estimate(ReducedModel.load(model.save(tmp_path / "m.npz")), path, LOADS[0], STEPPING)
+    expected = estimate(model, driven(path, LOADS[0], STEPPING))
+    found = estimate(ReducedModel.load(model.save(tmp_path / "m.npz")), driven(path, LOADS[0], STEPPING))
     assert (found.beam, found.kappa, found.chi) == (expected.beam, expected.kappa, expected.chi)

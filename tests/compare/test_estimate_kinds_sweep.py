@@ -14,15 +14,14 @@ from random_scenes import sliding_scene
 
 from pmr.compare.estimate import estimate
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, outputs
-from pmr.compare.responses import excitation
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.reduce.from_scene import take_snapshots
 from pmr.run import reduce_with
 from pmr.scene import SceneBase, StructureScene
+from pmr.simulate import Excitation
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
-from pmr.simulate.stepping import loads_at
 from pmr.system.body import SlidingBody
 
 SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(12)
@@ -31,9 +30,8 @@ SMALLEST = 1e-6
 
 
 def simulated(scene: SceneBase, body: SlidingBody, tips: int) -> Outputs:
-    path, loads, stepping = excitation(scene)
-    form = modal_form(body)
-    return outputs(form.body, march.simulate_modal(form, path, loads, stepping), path, loads, tips)
+    form, excitation = modal_form(body), Excitation.of(scene)
+    return outputs(form.body, march.simulate_modal(form, excitation), excitation, tips)
 
 
 def ratios(seed: int) -> Iterator[tuple[str, float, float]]:
@@ -42,12 +40,11 @@ def ratios(seed: int) -> Iterator[tuple[str, float, float]]:
     model = build(scene, MPI.COMM_SELF).model
     reduced = reduce_with(scene, model, take_snapshots(scene, model)).reduced
     tips = 2 if isinstance(scene, StructureScene) else 1
-    path, loads, stepping = excitation(scene)
     own, full = (simulated(scene, body, tips) for body in (reduced, model.gather()))
     known = own.force.shape[1]
     full = Outputs(full.displacement, full.velocity, full.force[:, -known:], tips)  # rigid holds are rows of it alone
-    found = estimate(reduced, path, loads, stepping, tips)
-    true = differences(own, full, Floors.of(reduced, path, loads_at(loads, stepping.times), stepping.end))
+    found = estimate(reduced, Excitation.of(scene), tips)
+    true = differences(own, full, Floors.of(reduced, Excitation.of(scene)))
     for kind in KINDS:
         said = getattr(found, kind)
         if said is not None and true[kind] > SMALLEST:

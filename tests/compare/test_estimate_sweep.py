@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from random_scenes import random_scene
 
 from pmr.compare import estimate as estimates
-from pmr.compare.responses import excitation, simulate_reduced, simulate_reference
+from pmr.compare.responses import simulate_reduced, simulate_reference
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.reduce.from_scene import take_snapshots
 from pmr.run import reduce_with
+from pmr.simulate import Excitation
 
 Array = NDArray[np.float64]
 SEEDS = range(200) if os.environ.get("PMR_SWEEP") == "full" else range(12)
@@ -48,7 +49,7 @@ def case(seed: int) -> Case:
     reduced = reduce_with(scene, model, take_snapshots(scene, model)).reduced
     full = simulate_reference("full", scene, model.gather()).displacement
     own = simulate_reduced(scene, reduced).displacement
-    found = estimates.estimate(reduced, *excitation(scene))
+    found = estimates.estimate(reduced, Excitation.of(scene))
     moves = np.sqrt(np.mean(full**2, axis=0))
     counted = moves > 1e-6 * moves.max()
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from pmr.compare import memory
-from pmr.compare.responses import excitation, simulate_reference
+from pmr.compare.responses import simulate_reference
 from pmr.errors import InputError
+from pmr.simulate import Excitation
 from pmr.simulate.native import simulator as march
 from pmr.system.body import FullBody
 
@@ -78,5 +79,5 @@ def test_a_response_is_made_without_the_states_of_all_steps(load_scene, full: Fu
 
 def test_states_at_a_few_steps_don_t_take_those_of_all(load_scene, full: FullBody) -> None:
     steps = np.arange(0, 7001, 1000)
-    found = _a_step(load_scene, lambda scene: march.simulate_at(full, *excitation(scene), steps))
+    found = _a_step(load_scene, lambda scene: march.simulate_at(full, Excitation.of(scene), steps))
     assert found < memory.NUMBER * memory.BESIDE

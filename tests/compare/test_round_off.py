@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from driving import driven
 from scipy.interpolate import PPoly
 
 from pmr import scene as scenes
@@ -52,7 +53,7 @@ def test_round_off_is_that_of_the_body_not_of_its_coordinates() -> None:
 
 def test_forces_have_a_round_off_too() -> None:
     model, stepping = two_springs(0.7), TimeStepping(1.0, 1e-3)
-    motion = march.simulate(model, Constant(amount=0.5), Constant(amount=7.0), stepping)
+    motion = march.simulate(model, driven(Constant(amount=0.5), Constant(amount=7.0), stepping))
     f, w2 = np.full((1001, 1), 7.0), (2.0 * np.pi) ** 2
     least = 7e-11 / np.sqrt(2e4 + w2) / np.sqrt(1.0 / (3e4 + w2) + 1e-5)
     assert force_round_off(model, f, 1.0, 0.5) == pytest.approx(least, rel=1e-9, abs=0.0)

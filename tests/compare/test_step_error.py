@@ -7,6 +7,7 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pytest
+from driving import Loads, driven, loads_at
 from numpy.typing import NDArray
 from oracle import flexible, full_body, inertial, paper_basis, project, rich_body
 
@@ -24,7 +25,6 @@ from pmr.run import run
 from pmr.scene.signals import Chirp, Constant, SignalBase, Sine, SmoothRamp, Sum
 from pmr.simulate import TimeStepping, exudyn
 from pmr.simulate.native import simulator as march
-from pmr.simulate.stepping import Loads, loads_at, one_for_each
 from pmr.system.body import displacement
 
 Array = NDArray[np.float64]
@@ -34,8 +34,8 @@ REST = Constant(amount=2.0)
 
 
 def outputs(model: ReducedModel, path: SignalBase, loads: Loads, stepping: TimeStepping, simulate=march.simulate):
-    run_ = simulate(model, path, loads, stepping)
-    f = loads_at(one_for_each(loads, model.input_names), run_.t)
+    run_ = simulate(model, driven(path, loads, stepping))
+    f = loads_at(loads, run_.t)
     return displacement(model, run_.q, run_.s, run_.deforming, f)
 
 
@@ -59,7 +59,7 @@ MODELS = {
 def test_it_is_the_error_against_far_smaller_steps(name: str, step: float) -> None:
     model, loads = MODELS[name]
     stepping = TimeStepping(1.0, step)
-    found = step_error(model, PATH, loads, stepping)
+    found = step_error(model, driven(PATH, loads, stepping))
     assert found.settled and found.by == "motion" and found.finest <= step / 4
     # what settles is known to a quarter, and what is left out beyond the finest run is as small
     assert found.beam == pytest.approx(true_error(model, PATH, loads, stepping, round(2e-2 / 1e-3) * 8), rel=0.3)
@@ -70,13 +70,15 @@ def test_exudyn_makes_the_same_error(load_scene) -> None:
     model, stepping = MODELS["residual flexibility"][0], TimeStepping(0.4, 1e-2)
     by_exudyn = outputs(model, PATH, SLOW, stepping, exudyn.simulate)
     fine = outputs(model, PATH, SLOW, TimeStepping(0.4, 1e-2 / 64))[::64]
-    assert step_error(model, PATH, SLOW, stepping).beam == pytest.approx(relative_error(by_exudyn, fine), rel=0.3)
+    assert step_error(model, driven(PATH, SLOW, stepping)).beam == pytest.approx(
+        relative_error(by_exudyn, fine), rel=0.3
+    )
 
 
 def test_a_coarse_step_is_said_with_the_band_of_load_and_motion() -> None:
     model, stepping = MODELS["residual flexibility"][0], TimeStepping(10.0, 0.5)
     load = Chirp(amplitude=50.0, times=(0.0, 10.0), frequencies=(0.5, 5.0))
-    found = step_error(model, REST, load, stepping)
+    found = step_error(model, driven(REST, load, stepping))
     assert found.beam > 0.3 and found.settled and 2.0 < found.band < 20.0
     omega = 2.0 * np.pi * np.array([[2.0, 60.0], [1.0, 50.0]])
     (line,) = warnings(found, stepping, [("load F", load)], omega)
@@ -89,20 +91,20 @@ def test_a_coarse_step_is_said_with_the_band_of_load_and_motion() -> None:
         assert warnings(found, stepping, [("load F", load)], fewer) == [line]
     assert found.enough is not None and true_error(model, REST, load, TimeStepping(10.0, found.enough), 16) < LIMIT
     fine = TimeStepping(10.0, found.enough)
-    assert warnings(step_error(model, REST, load, fine), fine, [("load F", load)], omega) == []
+    assert warnings(step_error(model, driven(REST, load, fine)), fine, [("load F", load)], omega) == []
 
 
 def test_two_runs_that_both_miss_a_tone_are_not_believed() -> None:
     """8 Hz are nothing at steps of 1/2, 1/4 and 1/8 s: three runs in which nothing moves."""
     model, load = MODELS["residual flexibility"][0], Sine(amplitude=50.0, frequency=8.0)
-    found = step_error(model, REST, load, TimeStepping(4.0, 0.5))
+    found = step_error(model, driven(REST, load, TimeStepping(4.0, 0.5)))
     assert found.settled and found.finest < 1 / 16 and found.beam > 0.9
 
 
 def test_a_tone_beyond_all_steps_leaves_the_error_unknown() -> None:
     model, stepping = MODELS["residual flexibility"][0], TimeStepping(1.0, 1e-3)
     load = Sine(amplitude=50.0, frequency=1.024e9)
-    found = step_error(model, PATH, load, stepping)
+    found = step_error(model, driven(PATH, load, stepping))
     assert not found.settled and found.enough is None
     (line,) = warnings(found, stepping, [("load F", load)], np.empty((0, 0)))
     assert "at least" in line and "don't settle it" in line
@@ -118,19 +120,21 @@ PUSHED = {  # the beam swings about its pin, and bounces on the slider under it
 def test_where_rows_only_push_and_runs_part_the_mean_is_compared(by: str) -> None:
     model = replace(flexible(FULL, 5), clearance=np.zeros(1))
     stepping = TimeStepping(10.0, 1e-3, parts=1)
-    found = step_error(model, REST, PUSHED[by], stepping)
+    found = step_error(model, driven(REST, PUSHED[by], stepping))
     assert found.by == by and (found.largest is None) == (by == "mean") and found.beam > 1e-3
     if by == "mean":
         (line,) = warnings(found, stepping, [], np.empty((0, 0)))
         assert "in the mean (motions part after an impact" in line
     else:  # steps in parts, as many in each run
-        assert step_error(model, REST, PUSHED[by], TimeStepping(10.0, 1e-3)).beam < 0.5 * found.beam
+        assert step_error(model, driven(REST, PUSHED[by], TimeStepping(10.0, 1e-3))).beam < 0.5 * found.beam
 
 
 def test_what_is_round_off_has_no_error() -> None:
     """A load on top of the slider moves nothing but the last digits."""
     model = flexible(full_body(20), 6)
-    found = step_error(model, Constant(amount=5.0), Sine(amplitude=50.0, frequency=5.0), TimeStepping(2.0, 1e-2))
+    found = step_error(
+        model, driven(Constant(amount=5.0), Sine(amplitude=50.0, frequency=5.0), TimeStepping(2.0, 1e-2))
+    )
     assert (found.beam, found.tip, found.settled) == (0.0, 0.0, True)
 
 
@@ -140,7 +144,7 @@ def test_where_the_tip_rests_the_band_is_that_of_the_beam() -> None:
     B = np.zeros((full.size, 1))
     B[31, 0] = 1.0  # in the middle
     load = SmoothRamp(times=(0.0, 0.05, 0.1, 4.0), values=(0.0, 50.0, 0.0, 0.0))
-    found = step_error(flexible(replace(full, B=B), 6), Constant(amount=5.0), load, TimeStepping(4.0, 1e-3))
+    found = step_error(flexible(replace(full, B=B), 6), driven(Constant(amount=5.0), load, TimeStepping(4.0, 1e-3)))
     assert found.tip == 0.0 and 1.0 < found.band < 100.0
 
 
@@ -154,11 +158,11 @@ def test_a_small_error_that_is_not_settled_is_not_called_too_coarse() -> None:
 def test_a_run_too_long_to_be_repeated_is_said(monkeypatch) -> None:
     monkeypatch.setattr("pmr.compare.halved_steps.LONGEST", 1000)
     with pytest.raises(SimulationError, match="half the step is too long"):
-        step_error(MODELS["residual flexibility"][0], PATH, SLOW, TimeStepping(1.0, 1e-3))
+        step_error(MODELS["residual flexibility"][0], driven(PATH, SLOW, TimeStepping(1.0, 1e-3)))
 
 
 def test_nothing_moves_and_nothing_is_wrong() -> None:
-    found = step_error(MODELS["rigid rows"][0], PATH, Constant(amount=0.0), TimeStepping(1.0, 1e-2))
+    found = step_error(MODELS["rigid rows"][0], driven(PATH, Constant(amount=0.0), TimeStepping(1.0, 1e-2)))
     assert (found.beam, found.tip, found.largest, found.band, found.settled) == (0.0, 0.0, 0.0, 0.0, True)
 
 

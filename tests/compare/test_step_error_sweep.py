@@ -12,10 +12,11 @@ from random_scenes import random_scene
 
 from pmr.compare.errors import relative_error
 from pmr.compare.halved_steps import NEGLIGIBLE, SETTLED
-from pmr.compare.responses import excitation, simulate_reduced
+from pmr.compare.responses import simulate_reduced
 from pmr.compare.step_error import step_error
 from pmr.run import reduce
 from pmr.scene import SceneBase
+from pmr.simulate import Excitation
 
 SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(8)
 COARSE, FURTHER = 10, 4
@@ -32,7 +33,7 @@ def test_what_settles_is_the_error() -> None:
     for seed in SEEDS:
         given = random_scene(seed)
         scene, model = with_step(given, COARSE * given.time.step), reduce(given).reduced
-        found = step_error(model, *excitation(scene))
+        found = step_error(model, Excitation.of(scene))
         halved = round(scene.time.step / found.finest) * FURTHER
         fine = simulate_reduced(with_step(scene, scene.time.step / halved), model).displacement[::halved]
         true = relative_error(simulate_reduced(scene, model).displacement, fine)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import on_pads
 import pytest
+from driving import driven, loads_at
 from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
 from oracle import flexible, free_modes, inertial, paper_basis, project, rich_body
@@ -15,7 +17,6 @@ from pmr.scene.signals import Sine, SmoothRamp
 from pmr.simulate import TimeStepping
 from pmr.simulate.native import residual_inertia as inertial_march
 from pmr.simulate.native import simulator as march
-from pmr.simulate.stepping import loads_at
 from pmr.system.body import Trajectory, displacement
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ FULL = rich_body()
 PATH = SmoothRamp(times=(0.0, 0.3), values=(1.5, 2.1))
 LOADS = (Sine(amplitude=200.0, frequency=3.0), SmoothRamp(times=(0.0, 0.3), values=(0.0, 80.0)))
 STEPPING = TimeStepping(0.3, 2e-5, 0.9)
+DRIVEN = driven(PATH, LOADS, STEPPING)
+SHORT = driven(PATH, LOADS, TimeStepping(0.1, 1e-3))
 
 
 def rate(x: Array) -> Array:
@@ -45,16 +48,16 @@ def coordinates(r: int, run: Trajectory) -> Array:
 @pytest.mark.parametrize("integrate", [march.simulate, inertial_march.simulate])
 def test_they_are_the_rates_of_outputs_and_coordinates(integrate, pads: Array | None) -> None:
     model = replace(inertial(FULL, 5), pads=pads)
-    run = integrate(model, PATH, LOADS, STEPPING)
+    run = integrate(model, DRIVEN)
     y = displacement(model, run.q, run.s, run.deforming, loads_at(LOADS, run.t))
-    found, late = velocity(model, run, PATH, LOADS)[1:-1], slice(300, None)  # the start strikes
+    found, late = velocity(model, run, DRIVEN)[1:-1], slice(300, None)  # the start strikes
     assert np.abs(found - rate(y))[late].max() < 2e-4 * np.abs(found).max()
-    assert np.abs(run.v @ model.outputs.T - velocity(model, run, PATH, LOADS)).max() > 1e-2 * np.abs(found).max()
-    z = force_rates(model, run, PATH, load_rates(model, LOADS, run.t))
+    assert np.abs(run.v @ model.outputs.T - velocity(model, run, DRIVEN)).max() > 1e-2 * np.abs(found).max()
+    z = force_rates(model, run, DRIVEN.path_rate, load_rates(model, DRIVEN))
     assert np.abs(z.rate[1:-1] - rate(run.deforming))[late].max() < 1e-3 * np.abs(z.rate).max()
     dq = rate(coordinates(5, run))
     expected = np.einsum("tn,tn->t", dq, dq @ FULL.M) / 2.0
-    energy = kinetic_energy(model, run, PATH, LOADS)[1:-1]
+    energy = kinetic_energy(model, run, DRIVEN)[1:-1]
     residual = expected - np.einsum("tn,tn->t", run.v, run.v)[1:-1] / 2.0
     assert np.abs(energy - expected)[late].max() < 0.05 * np.abs(residual[late]).max()
 
@@ -63,28 +66,30 @@ def test_rows_that_are_open_have_no_force_that_changes() -> None:
     """A beam that rises from the lower pads to the upper ones and back."""
     model = flexible_on_pads(beam_on_pads(clearance=1e-3), 5)
     loads = (SmoothRamp(times=(0.0, 0.1), values=(0.0, 9.81)), Sine(amplitude=4000.0, frequency=5.0))
-    run = march.simulate(model, PATH, loads, STEPPING)
-    z, pushes = force_rates(model, run, PATH, load_rates(model, loads, run.t)), run.multipliers > 0.0
+    excitation = on_pads.driven(PATH, loads, STEPPING)
+    run = march.simulate(model, excitation)
+    z = force_rates(model, run, excitation.path_rate, load_rates(model, excitation))
+    pushes = run.multipliers > 0.0
     assert not z.rate[~pushes].any() and 0.1 < pushes.mean() < 0.9
     y = displacement(model, run.q, run.s, run.multipliers, loads_at(loads, run.t))
     same = np.all((pushes[2:] == pushes[1:-1]) & (pushes[:-2] == pushes[1:-1]), axis=1)
-    found = velocity(model, run, PATH, loads)[1:-1]
+    found = velocity(model, run, excitation)[1:-1]
     assert np.abs(found - rate(y))[same].max() < 2e-4 * np.abs(found).max()
 
 
 def test_without_flexibility_they_are_those_of_the_coordinates() -> None:
     model = project(FULL, paper_basis(FULL, 3, 3, 6))
-    run = march.simulate(model, PATH, LOADS, TimeStepping(0.1, 1e-3))
-    assert np.array_equal(velocity(model, run, PATH, LOADS), run.v @ model.outputs.T)
+    run = march.simulate(model, SHORT)
+    assert np.array_equal(velocity(model, run, SHORT), run.v @ model.outputs.T)
     energy = np.einsum("tn,nm,tm->t", run.v, model.M, run.v) / 2.0
-    assert np.array_equal(kinetic_energy(model, run, PATH, LOADS), energy)
+    assert np.array_equal(kinetic_energy(model, run, SHORT), energy)
     with pytest.raises(ValueError, match="without residual flexibility"):
-        force_rates(model, run, PATH, load_rates(model, LOADS, run.t))
+        force_rates(model, run, SHORT.path_rate, load_rates(model, SHORT))
 
 
 def test_energy_needs_the_tables_of_inertia() -> None:
     model = flexible(FULL, 5)
-    run = march.simulate(model, PATH, LOADS, TimeStepping(0.1, 1e-3))
-    assert np.isfinite(velocity(model, run, PATH, LOADS)).all()
+    run = march.simulate(model, SHORT)
+    assert np.isfinite(velocity(model, run, SHORT)).all()
     with pytest.raises(ValueError, match="no tables of the residual part's inertia"):
-        kinetic_energy(model, run, PATH, LOADS)
+        kinetic_energy(model, run, SHORT)

@@ -48,7 +48,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
 def _simulated(model: Any) -> str:
     from pmr.errors import SimulationError
     from pmr.scene import from_data
-    from pmr.simulate import TimeStepping
+    from pmr.simulate import Excitation, TimeStepping
     from pmr.simulate.native import simulator
     from pmr.system.body import displacement
 
@@ -58,15 +58,14 @@ def _simulated(model: Any) -> str:
     except (KeyError, TypeError, ValueError, AttributeError):
         return "no scene"
     stepping = TimeStepping(min(time.steps, MOST_STEPS) * time.step, time.step, time.rho_inf)
+    excitation = Excitation.of(scene).with_stepping(stepping)
     try:
-        found = simulator.simulate(model, scene.slider.path, scene.signals, stepping)
+        found = simulator.simulate(model, excitation)
     except SimulationError as error:  # what the library says to a program of one's own; no command simulates a model
         return f"stopped: {error}"
     ensure_finite("q", found.q)
     ensure_finite("multipliers", found.multipliers)
-    t = np.asarray(found.t)
-    loads = np.stack([signal.value(t) for signal in scene.signals], axis=1)
-    moved = displacement(model, found.q, found.s, found.multipliers, loads)
+    moved = displacement(model, found.q, found.s, found.multipliers, excitation.forces(model.input_names))
     ensure_finite("displacement", moved)
     return f"{np.abs(moved).max(initial=0.0):.2e} m"
 

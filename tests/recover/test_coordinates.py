@@ -12,8 +12,7 @@ from boxes import box
 from pmr.constraints.polynomials import evaluate
 from pmr.fem.distributed import inner, times
 from pmr.fem.matrices import local_csr
-from pmr.fullmodel.build import full_model
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, full_model
 from pmr.fullmodel.structure import structural_model
 from pmr.models.shell import Shell
 from pmr.recover.coordinates import Recovery, ReducedStates, chosen_states
@@ -22,12 +21,11 @@ from pmr.reduce.galerkin import reduced_model
 from pmr.reduce.residual.model import flexible_model, modal_model
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
-from pmr.scene.signals import SignalBase
 from pmr.scene.structures import Plate, ShellBody
+from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate import petsc as fullorder
 from pmr.simulate.native import simulator as march
 from pmr.simulate.petsc import Recording
-from pmr.simulate.stepping import Loads, TimeStepping, loads_at, one_for_each
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.body import Trajectory, displacement
 
@@ -39,26 +37,20 @@ class Case:
     """A full model on its course, and times at which it is looked at."""
 
     full: FullModel
-    path: SignalBase
-    loads: Loads
-    stepping: TimeStepping
+    excitation: Excitation
 
     @property
     def steps(self) -> np.ndarray:
-        return np.linspace(0, self.stepping.steps, 150).astype(int)  # more than one block
-
-    def loads_at(self, t: np.ndarray) -> np.ndarray:
-        return loads_at(one_for_each(self.loads, self.full.input_names), t)
+        return np.linspace(0, self.excitation.stepping.steps, 150).astype(int)  # more than one block
 
     def simulated(self, body: ReducedModel) -> tuple[Trajectory, ReducedStates]:
-        whole = march.simulate(body, self.path, self.loads, self.stepping)
-        return whole, chosen_states(body, whole, self.loads, self.steps)
+        whole = march.simulate(body, self.excitation)
+        return whole, chosen_states(whole, self.excitation.f, self.steps)
 
 
 def planar(load_scene: Callable) -> Case:
     scene = load_scene("evolved_residual", ["compare.against=[]", "mesh.elements=12"])
-    loads = [load.signal for load in scene.loads]
-    return Case(full_model(scene), scene.slider.path, loads, TimeStepping(end=0.5, step=1e-3))
+    return Case(full_model(scene), Excitation.of(scene).with_stepping(TimeStepping(end=0.5, step=1e-3)))
 
 
 def boom(load_scene: Callable, **pads: Any) -> Case:
@@ -66,7 +58,7 @@ def boom(load_scene: Callable, **pads: Any) -> Case:
     scene = booms.boom(model, span=0.5)
     moving = tuple(replace(pad, **pads) for pad in scene.structure.pads.moving)
     structure = replace(scene.structure, pads=replace(scene.structure.pads, moving=moving))
-    return Case(structural_model(structure), scene.path, scene.loads, scene.stepping)
+    return Case(structural_model(structure), scene.excitation)
 
 
 @pytest.fixture(scope="module", params=[planar, boom])
@@ -107,7 +99,7 @@ def check_outputs(case: Case, reduce: Callable) -> ReducedStates:
     body, V = reduce(case.full, basis), np.array(basis.V.getDenseArray())
     whole, states = case.simulated(body)
     recovery = Recovery(case.full, V, body)
-    expected = displacement(body, whole.q, whole.s, whole.deforming, case.loads_at(whole.t))[case.steps]
+    expected = displacement(body, whole.q, whole.s, whole.deforming, case.excitation.f)[case.steps]
     found = outputs(case.full, recovery.positions(states))
     largest = largest_terms(body, states)  # on a support it is round-off of the others
     assert np.all(np.abs(found - expected).max(axis=0) <= 1e-10 * largest + np.finfo(float).eps * largest.max())
@@ -138,7 +130,7 @@ def test_recovered_states_are_nearly_those_of_the_full_model(case: Case) -> None
     body = flexible(case.full, basis)
     states = case.simulated(body)[1]
     recording = Recording(outputs=[0], states=tuple(states.t))
-    exact = fullorder.observe(case.full, case.path, case.loads, case.stepping, recording).states.q
+    exact = fullorder.observe(case.full, case.excitation, recording).states.q
 
     def energy(q: np.ndarray) -> float:
         return float(np.trace(inner(q.T, times(case.full.K, np.ascontiguousarray(q.T)), case.full.comm)))

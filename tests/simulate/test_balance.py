@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from driving import driven
 from numpy.typing import NDArray
 from oracle import flexible, full_body, inertial
 
@@ -57,18 +58,18 @@ def test_a_rigid_rows_multiplier_has_a_triple_root_at_minus_rho(rho: float) -> N
 def test_growth_is_an_error_in_every_simulator(beam: FullBody, simulator: Simulator) -> None:
     """Exudyn's Newton method may give up before the end is reached."""
     with pytest.raises(SimulationError, match=r"(grows without bound.*rigid row slider.* moves|not converge).*rho_inf"):
-        simulator(beam, FAST, LOAD, TimeStepping(1.2, 1e-3, 0.999))
+        simulator(beam, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.999)))
 
 
 def test_what_is_right_passes_in_every_simulator(beam: FullBody, simulator: Simulator) -> None:
-    found = simulator(beam, SLOWER, LOAD, TimeStepping(2.0, 1e-3, 0.9))
+    found = simulator(beam, driven(SLOWER, LOAD, TimeStepping(2.0, 1e-3, 0.9)))
     assert 0.0 <= found.surplus < 0.1 * balance.NOTABLE
 
 
 def test_between_the_two_it_is_notable(beam: FullBody) -> None:
     """With rho_inf = 0.9 too, on a fast path: 29 % of the energy from nowhere before the displacements show it."""
-    found = march.simulate(beam, FAST, LOAD, TimeStepping(1.2, 1e-3, 0.9))
-    sound = march.simulate(flexible(beam, 12), FAST, LOAD, TimeStepping(1.2, 1e-3, 0.9))
+    found = march.simulate(beam, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.9)))
+    sound = march.simulate(flexible(beam, 12), driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.9)))
     assert balance.NOTABLE < found.surplus < balance.GROWN
     assert sound.surplus < 0.1 * balance.NOTABLE
 
@@ -77,7 +78,7 @@ def test_a_row_that_gives_way_does_not_grow(beam: FullBody) -> None:
     """The same path and rho_inf, without a multiplier of index 3."""
     model = flexible(beam, 8)
     for simulate in (march.simulate, exudyn.simulate):
-        assert simulate(model, FAST, LOAD, TimeStepping(1.2, 1e-3, 0.999)).surplus < 0.02 * balance.NOTABLE
+        assert simulate(model, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.999))).surplus < 0.02 * balance.NOTABLE
 
 
 @pytest.mark.parametrize("of", [flexible, inertial, lambda beam, count: beam], ids=["flexible", "inertial", "full"])
@@ -85,7 +86,7 @@ def test_the_balance_closes_with_the_step(beam: FullBody, of: Callable) -> None:
     """Second order: energy, work of loads and work of the row are those of one motion, signs included."""
     smooth = Sine(amplitude=1.2, frequency=1.0, offset=2.4)
     body, steps = of(beam, 8), (4e-3, 1e-3)
-    found = [march.simulate(body, smooth, LOAD, TimeStepping(1.0, h, 0.8)).surplus for h in steps]
+    found = [march.simulate(body, driven(smooth, LOAD, TimeStepping(1.0, h, 0.8))).surplus for h in steps]
     assert found[0] < 0.02
     assert found[1] < found[0] / 8.0
 
@@ -93,7 +94,9 @@ def test_the_balance_closes_with_the_step(beam: FullBody, of: Callable) -> None:
 def test_an_initial_deformation_has_its_energy(beam: FullBody) -> None:
     model = flexible(beam, 8)
     start = InitialState(np.eye(model.size)[2] * 0.1, np.zeros(model.size))
-    found = march.simulate(model, Constant(amount=2.0), Constant(amount=0.0), TimeStepping(1.0, 1e-3, 0.9), start)
+    found = march.simulate(
+        model, driven(Constant(amount=2.0), Constant(amount=0.0), TimeStepping(1.0, 1e-3, 0.9)), start
+    )
     assert found.surplus < 1e-3
 
 
@@ -115,7 +118,7 @@ def test_surplus(stored: list[float], work: list[float], expected: float) -> Non
 def test_round_off_has_no_source(beam: FullBody) -> None:
     assert balance.surplus(np.array([0.0, 1e-30]), np.zeros(2), least=1e-20) == 0.0
     at = full_body(elements=16)
-    found = march.simulate(flexible(at, 8), Constant(amount=5.0), LOAD, TimeStepping(0.5, 1e-3, 0.9))
+    found = march.simulate(flexible(at, 8), driven(Constant(amount=5.0), LOAD, TimeStepping(0.5, 1e-3, 0.9)))
     assert np.abs(found.q).max() < 1e-12  # the slider stands under the load
     assert found.surplus == 0.0
 

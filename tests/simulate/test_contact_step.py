@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from on_pads import beam_on_pads, flexible_on_pads, modes_on_pads
+from on_pads import beam_on_pads, driven, flexible_on_pads, modes_on_pads
 from scipy.interpolate import PPoly
 
 from pmr.compare.evaluation import respond
@@ -42,7 +42,7 @@ def on_a_spring(mass: float, stiffness: float, clearance: float) -> ReducedModel
 
 def fall(body: ReducedModel, stepping: TimeStepping) -> Trajectory:
     """The beam falls by the clearance of its pads and bounces between those below and above."""
-    return march.simulate(body, Constant(amount=3.0), (Constant(amount=9.81), REST[1]), stepping)
+    return march.simulate(body, driven(Constant(amount=3.0), (Constant(amount=9.81), REST[1]), stepping))
 
 
 @pytest.mark.parametrize("stiffness", [1e2, 1e8])
@@ -72,10 +72,10 @@ def test_as_many_parts_as_the_contact_takes() -> None:
 def test_the_step_that_is_said_to_be_enough_is_enough(end: float, step: float) -> None:
     """Where all steps together would have too many parts, only a step that needs none is."""
     body, path = on_a_spring(2.0, 3e8, 1e-3), Constant(amount=0.5)
-    (line,) = contact_step.warnings(body, path, TimeStepping(end, step))
+    (line,) = contact_step.warnings(body, driven(path, [], TimeStepping(end, step)))
     enough = float(re.search(r"time\.step = (\S+) s", line)[1])
     steps = int(np.ceil(end / enough))
-    assert contact_step.warnings(body, path, TimeStepping(end, end / steps)) == []
+    assert contact_step.warnings(body, driven(path, [], TimeStepping(end, end / steps))) == []
 
 
 @pytest.mark.parametrize("coordinates", [4, 10])
@@ -101,7 +101,7 @@ def test_energy_is_kept_where_it_is_resolved_and_never_grows(kind: str, stiffnes
     v[:4] = np.random.default_rng(0).standard_normal(4) * [0.6, 0.6, 1.0, 0.6]
     for h in (1e-3, 1e-2):
         stepping = TimeStepping(2000 * h, h, rho_inf)
-        found = march.simulate(body, Constant(amount=3.5), REST, stepping, InitialState(np.zeros(6), v))
+        found = march.simulate(body, driven(Constant(amount=3.5), REST, stepping), InitialState(np.zeros(6), v))
         total = energy(body, found, np.zeros((2001, 2))).total
         assert found.peaks is not None and np.count_nonzero(found.peaks.max(axis=1) > 0.0) > 20
         assert total.max() <= total[0] * (1.0 + 1e-12)
@@ -113,7 +113,7 @@ def test_five_seconds_of_rebounds_keep_their_energy() -> None:
     start = InitialState(np.zeros(4), np.array([0.6, 0.4, 0.0, 0.0]))
     left = {}
     for parts in (0, 1):
-        found = march.simulate(body, Constant(amount=3.5), REST, TimeStepping(5.0, 1e-3, 0.9, parts), start)
+        found = march.simulate(body, driven(Constant(amount=3.5), REST, TimeStepping(5.0, 1e-3, 0.9, parts)), start)
         total = energy(body, found, np.zeros((5001, 2))).total
         left[parts] = total[-1] / total[0]
     assert left[0] > 0.8 and left[1] < 0.05
@@ -129,8 +129,8 @@ def test_parts_are_smaller_steps_of_which_the_last_is_kept() -> None:
     assert found.peaks is not None
     within = every.multipliers[1:].reshape(500, 7, 4).max(axis=1)
     np.testing.assert_allclose(found.peaks[1:], within, rtol=0.0, atol=1e-9 * within.max())
-    form, drive = modal_form(body), (Constant(amount=3.0), (Constant(amount=9.81), REST[1]))
-    seen = march.observe(form, *drive, TimeStepping(0.5, 1e-3, 0.9, parts=7), outputs=[3], every=5)
+    loads, stepping = (Constant(amount=9.81), REST[1]), TimeStepping(0.5, 1e-3, 0.9, parts=7)
+    seen = march.observe(modal_form(body), driven(Constant(amount=3.0), loads, stepping), outputs=[3], every=5)
     np.testing.assert_allclose(seen.multipliers, found.multipliers[::5], rtol=0.0, atol=1e-6 * within.max())
 
 
@@ -148,17 +148,18 @@ def test_a_response_has_the_peaks_of_pads_that_only_push() -> None:
 def test_a_contact_that_no_part_resolves_is_told_with_a_step_that_does() -> None:
     path = Constant(amount=0.5)
     body = on_a_spring(1.0, 1e10, 1e-3)  # omega = 1e5 / s
-    coarse = TimeStepping(1.0, 1e-3)
-    (line,) = contact_step.warnings(body, path, coarse)
+    coarse = driven(path, [], TimeStepping(1.0, 1e-3))
+    (line,) = contact_step.warnings(body, coarse)
     assert "h omega = 0.5 in each of the 200 parts of a step, 0.05 resolves" in line and "time.step = 0.0001 s" in line
-    assert contact_step.warnings(body, path, TimeStepping(0.1, 1e-4)) == []
-    assert contact_step.summary(body, path, coarse) == {
+    assert contact_step.warnings(body, driven(path, [], TimeStepping(0.1, 1e-4))) == []
+    assert contact_step.summary(body, coarse) == {
         "contact": {"omega": pytest.approx(1e5), "parts": 200, "h_omega": pytest.approx(0.5)}
     }
-    (line,) = contact_step.warnings(on_a_spring(1.0, 1e6, 1e-3), path, TimeStepping(1.0, 1e-3, parts=1))
+    one_part = driven(path, [], TimeStepping(1.0, 1e-3, parts=1))
+    (line,) = contact_step.warnings(on_a_spring(1.0, 1e6, 1e-3), one_part)
     assert "h omega = 1 in each of the 1 parts" in line and "time.step = 5e-05 s" in line
     both_ways = replace(body, clearance=None)
-    assert contact_step.warnings(both_ways, path, coarse) == [] and contact_step.summary(both_ways, path, coarse) == {}
+    assert contact_step.warnings(both_ways, coarse) == [] and contact_step.summary(both_ways, coarse) == {}
 
 
 #: Falls of the sweep: a sample in CI, all of them with PMR_SWEEP=full.
@@ -182,7 +183,7 @@ def test_first_impacts_of_random_falls_are_those_of_a_fine_step() -> None:
         found = []
         for parts in (0, 1, max(2, int(np.ceil(h * omega / 0.004)))):
             stepping = TimeStepping(steps * h, h, float(rho_inf), parts)
-            run = march.simulate(body, Constant(amount=s), (Constant(amount=9.81), REST[1]), stepping)
+            run = march.simulate(body, driven(Constant(amount=s), (Constant(amount=9.81), REST[1]), stepping))
             found.append(float((run.multipliers if run.peaks is None else run.peaks).max()))
         off.append(abs(found[0] / found[2] - 1.0))
         whole.append(abs(found[1] / found[2] - 1.0))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from driving import driven
 from numpy.typing import NDArray
 from oracle import flexible, full_body
 
@@ -88,7 +89,7 @@ def found() -> list[Found]:
             damped = TimeStepping(stepping.end, stepping.step, 0.7)
             f = drive.load.value(stepping.times)[:, None]
             runs = [
-                march.simulate_modal(form, drive.path, drive.load, time)
+                march.simulate_modal(form, driven(drive.path, drive.load, time))
                 for form in (full, rich)
                 for time in (stepping, damped)
             ]
@@ -158,4 +159,6 @@ def test_a_coarse_step_alone_is_no_growth(seed: int) -> None:
     )
     load = Chirp(amplitude=50.0, times=(0.0, end), frequencies=(1.0, float(rng.uniform(2.0, 15.0))))
     body = modal_form(full_body(elements=20))
-    assert march.simulate_modal(body, paths[seed % 3], load, TimeStepping(end, step, rho)).surplus < balance.GROWN
+    assert (
+        march.simulate_modal(body, driven(paths[seed % 3], load, TimeStepping(end, step, rho))).surplus < balance.GROWN
+    )

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from driving import driven
 from numpy.typing import NDArray
 from oracle import CASES, Case, nrms_error, paper_basis, project
 from textbook import EA, EI, LENGTH, RHO_A
@@ -25,7 +26,7 @@ SLIDING_ENDS = 11.25  # s
 
 
 def run(body: FullBody | ReducedModel, case: Case, simulate: Any = exudyn.simulate) -> Trajectory:
-    return simulate(body, case.path, [case.load], STEPPING)
+    return simulate(body, driven(case.path, [case.load], STEPPING))
 
 
 def displacement(body: FullBody | ReducedModel, trajectory: Trajectory) -> Array:
@@ -51,7 +52,7 @@ def references(full: FullBody, full_runs: dict[str, Trajectory]) -> dict[str, Ar
 def cable_runs(full: FullBody) -> dict[str, ancf.CableMotion]:
     cable = ancf.Cable(LENGTH, EA, EI, RHO_A, elements=20)
     return {
-        name: ancf.simulate(cable, case.path, [ancf.PointLoad(LENGTH, case.load)], STEPPING, full.output_positions)
+        name: ancf.simulate(cable, {"F": LENGTH}, driven(case.path, case.load, STEPPING), full.output_positions)
         for name, case in CASES.items()
     }
 

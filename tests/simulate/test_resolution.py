@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from driving import driven
 from oracle import flexible, full_body
 
 from pmr.errors import InputError
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulate import TimeStepping
+from pmr.simulate.excitation import path_at
 from pmr.simulate.native import residual_inertia as inertial
 from pmr.simulate.native import simulator as march
 from pmr.simulate.resolution import STEPS_A_PERIOD, UNSEEN, aliased, unseen
-from pmr.simulate.stepping import path_at
 
 STEPPING = TimeStepping(1.0, 1e-3)
 SLOW = Ramp(times=(0.0, 1.0), values=(0.0, 100.0))
@@ -79,4 +80,4 @@ def test_a_path_that_leaves_the_beam_between_the_steps_is_refused(frequency: flo
     model = flexible(full_body(10), 4)
     for simulate in (march.simulate, inertial.simulate):
         with pytest.raises(InputError, match="left between two steps"):
-            simulate(model, path, Constant(amount=1.0), STEPPING)
+            simulate(model, driven(path, Constant(amount=1.0), STEPPING))

@@ -10,8 +10,7 @@ from pmr.constraints.rows import Rows
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import inner, times
-from pmr.fullmodel.build import full_model
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, full_model
 from pmr.snapshots import Snapshots
 from pmr.snapshots.free_modes import free_modes
 from pmr.snapshots.rigid import rigid_bodies, rigid_modes

@@ -8,7 +8,7 @@ Conveying Fluid and Axially Moving Beams, Journal of Computational and Nonlinear
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,25 +19,17 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.results import Energy
-from pmr.scene.signals import SignalBase
+from pmr.simulate.excitation import Excitation
 from pmr.simulate.exudyn.ancf_items import CableItems, add_force, add_sliding_cable
 from pmr.simulate.exudyn.cable import Cable, curvature, values
 from pmr.simulate.exudyn.items import add_pre_step_function
 from pmr.simulate.exudyn.solver import settings, solve, stored
-from pmr.simulate.stepping import Progress, TimeStepping, loads_at, path_at
+from pmr.simulate.stepping import Progress, TimeStepping
 
-__all__ = ["Cable", "CableMotion", "PointLoad", "energy", "simulate"]
+__all__ = ["Cable", "CableMotion", "energy", "simulate"]
 Array = NDArray[np.float64]
 #: Position and slope, each in the plane.
 COORDINATES_PER_NODE = 4
-
-
-@dataclass(frozen=True)
-class PointLoad:
-    """A force in N along y at the material point `at` (m)."""
-
-    at: float
-    signal: SignalBase
 
 
 @dataclass(frozen=True)
@@ -79,9 +71,8 @@ class CableMotion:
 
 def simulate(
     cable: Cable,
-    path: SignalBase,
-    loads: Sequence[PointLoad],
-    stepping: TimeStepping,
+    places: Mapping[str, float],
+    excitation: Excitation,
     x: Array,
     progress: Progress | None = None,
 ) -> CableMotion:
@@ -90,10 +81,10 @@ def simulate(
     Parameters
     ----------
     cable : Cable
-    path : signal
-        Slider position s(t) in m, between the ends of the cable.
-    loads : sequence of PointLoad
-    stepping : TimeStepping
+    places : mapping of str to float, m
+        Material points at which the loads act, along y, by the loads' names.
+    excitation : Excitation
+        One path, between the ends of the cable, a load for each of the places, and the time grid.
     x : (o,) array, m
         Material points to report.
     progress : callable, optional
@@ -102,15 +93,15 @@ def simulate(
     Raises
     ------
     InputError
-        If path, loads or x leave the cable.
+        If path, places or x leave the cable, or a place has no load.
     SimulationError
         If a step fails or a result is not finite.
     """
-    x, at = np.asarray(x, dtype=float), np.array([load.at for load in loads])
+    x, at = np.asarray(x, dtype=float), np.array(list(places.values()))
     for key, points in (("x", x), ("loads.at", at)):
         _check_on_cable(cable, key, points)
-    s = path_at(path, (0.0, cable.length), stepping.times)
-    forces = loads_at([load.signal for load in loads], stepping.times)
+    s, forces = excitation.along((0.0, cable.length)), excitation.forces(list(places))
+    stepping = excitation.stepping
 
     container = exu.SystemContainer()  # owns the mbs: must stay alive
     mbs = container.AddSystem()
@@ -133,7 +124,7 @@ def simulate(
     kept = [[stored(mbs, sensor, stepping, position) for sensor in group] for group in sensors]
     q, v, joint = (np.stack(group, axis=1) for group in kept)
     return CableMotion(
-        t=stepping.times,
+        t=excitation.times,
         x=x,
         displacement=values(cable, q, x)[:, :, 1],
         velocity=values(cable, v, x),

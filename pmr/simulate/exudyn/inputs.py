@@ -5,14 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.scene.signals import SignalBase
-from pmr.simulate.stepping import Loads, TimeStepping, loads_at, one_for_each, path_at
+from pmr.simulate.excitation import Excitation, in_order
 from pmr.system.body import SlidingBody
 
 Array = NDArray[np.float64]
@@ -52,11 +52,11 @@ class SignalInputs:
     Raises
     ------
     InputError
-        If there are not as many loads as inputs.
+        If an input has no load, or a load no input.
     """
 
-    def __init__(self, body: SlidingBody, path: SignalBase, loads: Loads) -> None:
-        self._path, self._loads = path, one_for_each(loads, body.input_names)
+    def __init__(self, body: SlidingBody, path: SignalBase, loads: Mapping[str, SignalBase]) -> None:
+        self._path, self._loads = path, in_order(loads, body.input_names)
 
     def position(self, t: float) -> float:
         return float(self._path.value(t))
@@ -83,16 +83,14 @@ class TabulatedInputs:
     Raises
     ------
     InputError
-        If the path leaves the body's domain or there are not as many loads as inputs.
+        If the path leaves the body's domain an input has no load, or a load no input.
     """
 
-    def __init__(self, body: SlidingBody, path: SignalBase, loads: Loads, stepping: TimeStepping) -> None:
-        signals = one_for_each(loads, body.input_names)
-        self.s = path_at(path, body.domain, stepping.times)
-        self.f = loads_at(signals, stepping.times)
+    def __init__(self, body: SlidingBody, excitation: Excitation) -> None:
+        self.s, self.f = excitation.along(body.domain), excitation.forces(body.input_names)
         self._positions = self.s.tolist()
         self._loads = [tuple(f) for f in self.f.tolist()]
-        self._step = stepping.step
+        self._step = excitation.stepping.step
 
     def position(self, t: float) -> float:
         return self._positions[round(t / self._step)]

@@ -7,7 +7,7 @@ In an mbs of one's own::
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 import exudyn as exu
@@ -17,12 +17,13 @@ from exudyn.itemInterface import SensorNode, SensorObject
 
 from pmr.scene.signals import SignalBase
 from pmr.simulate import balance
+from pmr.simulate.excitation import Excitation, path_at
 from pmr.simulate.exudyn.bodies import add_called_body, add_kept_body, add_updated_body
 from pmr.simulate.exudyn.inputs import Inputs, SignalInputs, TabulatedInputs
 from pmr.simulate.exudyn.items import SlidingBodyItems, add_pre_step_function
 from pmr.simulate.exudyn.solver import settings, solve, stored
 from pmr.simulate.start import InitialState, consistent_start
-from pmr.simulate.stepping import Loads, Progress, TimeStepping, path_at
+from pmr.simulate.stepping import Progress
 from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.compliant_rows import CompliantRows
 
@@ -47,7 +48,7 @@ def add_sliding_body(
     mbs: Any,
     body: SlidingBody,
     path: SignalBase,
-    loads: Loads,
+    loads: Mapping[str, SignalBase],
     initial: InitialState | None = None,
     formulation: Formulation = "springs",
 ) -> SlidingBodyItems:
@@ -69,8 +70,12 @@ def add_sliding_body(
     mbs : exudyn.MainSystem
         A pre-step function that is already set stays in place and is called first.  Setting one later with
         ``mbs.SetPreStepUserFunction`` would replace the update: use `add_pre_step_function`.
-    body, path, loads, initial
+    body, initial
         As for `pmr.simulate.Simulator`.  A velocity that violates the rows is corrected M-orthogonally.
+    path : signal
+        Slider path s(t) in m.
+    loads : mapping of str to signal
+        A load in N (or N m) for each of the body's inputs, by its name.
 
     Raises
     ------
@@ -82,9 +87,7 @@ def add_sliding_body(
 
 def simulate(
     body: SlidingBody,
-    path: SignalBase,
-    loads: Loads,
-    stepping: TimeStepping,
+    excitation: Excitation,
     initial: InitialState | None = None,
     progress: Progress | None = None,
     formulation: Formulation = "springs",
@@ -99,8 +102,8 @@ def simulate(
     out what moving rows add to them (2 s' C' v and more): exact where the slider starts at rest, or the body
     undeformed and still; the method stays of second order elsewhere.
     """
-    inputs = TabulatedInputs(body, path, loads, stepping)
-    start = consistent_start(body, inputs.position(0.0), float(path.rate(0.0)), initial)
+    inputs, stepping = TabulatedInputs(body, excitation), excitation.stepping
+    start = consistent_start(body, inputs.position(0.0), float(excitation.path_rate[0]), initial)
     container = exu.SystemContainer()  # owns the mbs: must stay alive
     mbs = container.AddSystem()
     items = _ADD[formulation](mbs, body, inputs, start)
@@ -126,7 +129,7 @@ def simulate(
     compliant = CompliantRows(body)
     if rest := [i for i in compliant.numbers if i not in held]:
         multipliers[:, rest] = compliant.multipliers(inputs.s, q, inputs.f)
-    found = Trajectory(t=stepping.times, q=q, v=v, multipliers=multipliers, s=inputs.s, seconds=seconds)
+    found = Trajectory(t=excitation.times, q=q, v=v, multipliers=multipliers, s=inputs.s, seconds=seconds)
     return balance.checked(body, found, inputs.f, "Exudyn")
 
 

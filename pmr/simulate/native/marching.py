@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
-from pmr.scene.signals import SignalBase
 from pmr.simulate import contact_step
+from pmr.simulate.excitation import Excitation
 from pmr.simulate.modal import ModalForm
 from pmr.simulate.native import step as kernel
 from pmr.simulate.native import system as march_system
@@ -18,7 +18,7 @@ from pmr.simulate.native.arrays import V, Z
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.start import check_stable, reason, starting_state
 from pmr.simulate.start import InitialState
-from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
+from pmr.simulate.stepping import Progress
 from pmr.system.body import Trajectory, pushing_rows
 
 Array = NDArray[np.float64]
@@ -29,23 +29,22 @@ BLOCK = 4096
 class March:
     """One simulation: system, state, path and loads on the time grid."""
 
-    def __init__(
-        self, form: ModalForm, path: SignalBase, loads: Loads, stepping: TimeStepping, initial: InitialState | None
-    ) -> None:
+    def __init__(self, form: ModalForm, excitation: Excitation, initial: InitialState | None) -> None:
         body = form.body
         self.body, self.parts = body, 1
-        self.s = path_at(path, body.domain, stepping.times)
+        self.s = excitation.along(body.domain)
         if pushing_rows(body):
-            self.parts = contact_step.parts(contact_step.contact_frequency(body, self.s), stepping)
-            stepping = stepping.divided(self.parts)
-            self.s = path_at(path, body.domain, stepping.times)
+            self.parts = contact_step.parts(contact_step.contact_frequency(body, self.s), excitation.stepping)
+            excitation = excitation.with_stepping(excitation.stepping.divided(self.parts))
+            self.s = excitation.along(body.domain)
+        stepping = excitation.stepping
         self.step = stepping.step
-        self.f = loads_at(one_for_each(loads, body.input_names), stepping.times)
+        self.f = excitation.forces(body.input_names)
         check_stable(body, self.s, stepping.rho_inf)
         method = GeneralizedAlpha(stepping.step, stepping.rho_inf)
         self.scheme = method.scheme()
         self.system = march_system.system(form, self.scheme)
-        self.state = starting_state(form, method, self.s[0], float(path.rate(0.0)), self.f[0], initial)
+        self.state = starting_state(form, method, self.s[0], float(excitation.path_rate[0]), self.f[0], initial)
 
     @property
     def start(self) -> Array:

@@ -16,15 +16,15 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import side_by_side, total
 from pmr.errors import InputError, SimulationError
-from pmr.scene.signals import SignalBase
 from pmr.simulate import balance
 from pmr.simulate.blocks import Block, Ended, Kept, Take
+from pmr.simulate.excitation import Excitation, in_order
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import residual_inertia_step as kernel
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.system import aligned
 from pmr.simulate.start import InitialState
-from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
+from pmr.simulate.stepping import Progress
 from pmr.system.body import SlidingBody, Trajectory, pushing_rows
 
 Array = NDArray[np.float64]
@@ -34,9 +34,7 @@ BLOCK = 4096
 
 def simulate(
     body: SlidingBody,
-    path: SignalBase,
-    loads: Loads,
-    stepping: TimeStepping,
+    excitation: Excitation,
     initial: InitialState | None = None,
     progress: Progress | None = None,
 ) -> Trajectory:
@@ -52,7 +50,7 @@ def simulate(
     """
     form = modal_form(body)
     start = None if initial is None else form.start(initial)
-    modal = simulate_modal(form, path, loads, stepping, start, progress)
+    modal = simulate_modal(form, excitation, start, progress)
     q, v = modal.q @ form.X.T, modal.v @ form.X.T
     return Trajectory(
         modal.t, q, v, modal.multipliers, modal.s, modal.seconds, modal.quasi_static, surplus=modal.surplus
@@ -61,22 +59,18 @@ def simulate(
 
 def simulate_modal(
     form: ModalForm,
-    path: SignalBase,
-    loads: Loads,
-    stepping: TimeStepping,
+    excitation: Excitation,
     initial: InitialState | None = None,
     progress: Progress | None = None,
 ) -> Trajectory:
     """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates."""
-    kept = Kept(np.arange(stepping.steps + 1))
-    return kept.trajectory(follow(form, path, loads, stepping, kept, initial, progress))
+    kept = Kept(np.arange(excitation.stepping.steps + 1))
+    return kept.trajectory(follow(form, excitation, kept, initial, progress))
 
 
 def follow(
     form: ModalForm,
-    path: SignalBase,
-    loads: Loads,
-    stepping: TimeStepping,
+    excitation: Excitation,
     take: Take,
     initial: InitialState | None = None,
     progress: Progress | None = None,
@@ -93,8 +87,9 @@ def follow(
     if names := ", ".join(body.row_names[k] for k in pushing_rows(body)):
         allowed = f"a model without is allowed where rows only push: {names}"
         raise InputError("body", "flexibility.inertia", None, allowed)
-    course, account = _sampled(form, path, loads, stepping), balance.Account(body, stepping.steps)
-    r, m, i, T, t = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1, stepping.times
+    stepping, t = excitation.stepping, excitation.times
+    course, account = _sampled(form, excitation), balance.Account(body, stepping.steps)
+    r, m, i, T = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1
     kept = kernel.Kept(*(np.empty((min(BLOCK, T - 1) + 1, size)) for size in (r, r, m, m)))
     state = _state(InitialState.at_rest(r) if initial is None else initial, m, i)
     scheme, seconds = _scheme(GeneralizedAlpha(stepping.step, stepping.rho_inf)), 0.0
@@ -130,11 +125,12 @@ def central_differences(values: Array, step: float) -> Array:
     return np.stack([values[1:-1], first, second])
 
 
-def _sampled(form: ModalForm, path: SignalBase, loads: Loads, stepping: TimeStepping) -> kernel.Course:
+def _sampled(form: ModalForm, excitation: Excitation) -> kernel.Course:
+    stepping, loads = excitation.stepping, in_order(excitation.loads, form.body.input_names)
     around = np.arange(-1, stepping.steps + 2) * stepping.step
-    s = central_differences(np.asarray(path.value(around), float), stepping.step)
-    s[0] = path_at(path, form.body.domain, stepping.times)
-    f = loads_at(one_for_each(loads, form.body.input_names), around)
+    s = central_differences(np.asarray(excitation.path.value(around), float), stepping.step)
+    s[0] = excitation.along(form.body.domain)
+    f = np.column_stack([np.empty((len(around), 0)), *(load.value(around) for load in loads)])
     return kernel.Course(s, central_differences(f, stepping.step))
 
 

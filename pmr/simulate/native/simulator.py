@@ -17,16 +17,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.scene.signals import SignalBase
 from pmr.simulate import balance
 from pmr.simulate.blocks import Block, Ended, Indices, Kept, Take
+from pmr.simulate.excitation import Excitation
 from pmr.simulate.modal import ModalForm, modal_form, support_forces
 from pmr.simulate.native import residual_inertia as inertial
 from pmr.simulate.native import step as kernel
 from pmr.simulate.native import system as march_system
 from pmr.simulate.native.marching import March, Room
 from pmr.simulate.start import InitialState, consistent_start
-from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
+from pmr.simulate.stepping import Progress
 from pmr.system.body import SlidingBody, Trajectory, displacement
 
 Array = NDArray[np.float64]
@@ -53,9 +53,7 @@ class Observation:
 
 def simulate(
     body: SlidingBody,
-    path: SignalBase,
-    loads: Loads,
-    stepping: TimeStepping,
+    excitation: Excitation,
     initial: InitialState | None = None,
     progress: Progress | None = None,
 ) -> Trajectory:
@@ -67,42 +65,33 @@ def simulate(
     """
     form = modal_form(body)
     if initial is not None:
-        s = float(path_at(path, body.domain, np.zeros(1))[0])
-        initial = form.start(consistent_start(body, s, float(path.rate(0.0)), initial))
-    modal = simulate_modal(form, path, loads, stepping, initial, progress)
-    return _in_coordinates(body, form, modal, loads)
+        s, s_rate = float(excitation.along(body.domain)[0]), float(excitation.path_rate[0])
+        initial = form.start(consistent_start(body, s, s_rate, initial))
+    modal = simulate_modal(form, excitation, initial, progress)
+    return _in_coordinates(body, form, modal, excitation.forces(body.input_names))
 
 
-def simulate_at(
-    body: SlidingBody,
-    path: SignalBase,
-    loads: Loads,
-    stepping: TimeStepping,
-    steps: Indices,
-) -> Trajectory:
+def simulate_at(body: SlidingBody, excitation: Excitation, steps: Indices) -> Trajectory:
     """The states that `simulate` gives at the steps (S,), ascending numbers; no others are kept."""
     form, kept = modal_form(body), Kept(steps)
-    return _in_coordinates(body, form, kept.trajectory(follow(form, path, loads, stepping, kept)), loads)
+    modal = kept.trajectory(follow(form, excitation, kept))
+    return _in_coordinates(body, form, modal, excitation.forces(body.input_names)[steps])
 
 
 def simulate_modal(
     form: ModalForm,
-    path: SignalBase,
-    loads: Loads,
-    stepping: TimeStepping,
+    excitation: Excitation,
     initial: InitialState | None = None,
     progress: Progress | None = None,
 ) -> Trajectory:
     """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates."""
-    kept = Kept(np.arange(stepping.steps + 1))
-    return kept.trajectory(follow(form, path, loads, stepping, kept, initial, progress))
+    kept = Kept(np.arange(excitation.stepping.steps + 1))
+    return kept.trajectory(follow(form, excitation, kept, initial, progress))
 
 
 def follow(
     form: ModalForm,
-    path: SignalBase,
-    loads: Loads,
-    stepping: TimeStepping,
+    excitation: Excitation,
     take: Take,
     initial: InitialState | None = None,
     progress: Progress | None = None,
@@ -118,23 +107,21 @@ def follow(
         As for `pmr.simulate.Simulator`; that of a motion that grows at the end.
     """
     if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
-        return inertial.follow(form, path, loads, stepping, take, initial, progress)
-    march, account = March(form, path, loads, stepping, initial), balance.Account(form.body, stepping.steps)
+        return inertial.follow(form, excitation, take, initial, progress)
+    march, t = March(form, excitation, initial), excitation.times
+    account = balance.Account(form.body, excitation.stepping.steps)
 
     def taken(first: int, part: Trajectory, f: Array) -> None:
         take(Block(first, part, f, account.add(first, part, f)))
 
-    room = Room(march, stepping.times, taken)
+    room = Room(march, t, taken)
     seconds = march.advance(room.steps, march.parts, progress, room.passed)
-    t = stepping.times
     return Ended(seconds, account.surplus(march.f[:: march.parts], float(t[1] - t[0]), float(march.s[0]), "march"))
 
 
 def observe(
     form: ModalForm,
-    path: SignalBase,
-    loads: Loads,
-    stepping: TimeStepping,
+    excitation: Excitation,
     outputs: Sequence[int] | None = None,
     every: int = 1,
 ) -> Observation:
@@ -148,7 +135,7 @@ def observe(
     InputError, SimulationError
         As for `pmr.simulate.Simulator`.
     """
-    march = March(form, path, loads, stepping, None)
+    march, stepping = March(form, excitation, None), excitation.stepping
     parts_kept = every * march.parts
     chosen = np.arange(len(form.body.outputs)) if outputs is None else np.asarray(outputs, dtype=np.int64)
     tables = march_system.outputs(form.body, chosen)
@@ -164,15 +151,14 @@ def observe(
 
     seconds = march.advance(steps, parts_kept, None)
     march.check_finite(y, parts_kept)
-    return Observation(stepping.times[::every][:count], y, multipliers, seconds)
+    return Observation(excitation.times[::every][:count], y, multipliers, seconds)
 
 
-def _in_coordinates(body: SlidingBody, form: ModalForm, modal: Trajectory, loads: Loads) -> Trajectory:
-    """A trajectory in modal coordinates in those of the body, with the multipliers of its supports."""
+def _in_coordinates(body: SlidingBody, form: ModalForm, modal: Trajectory, f: Array) -> Trajectory:
+    """A trajectory under loads f (T, i) in coordinates of the body, with the multipliers of its supports."""
     multipliers = np.empty((len(modal.t), len(body.row_names)))
     multipliers[:, form.rows] = modal.multipliers
     if body.held:
-        f = loads_at(one_for_each(loads, body.input_names), modal.t)
         multipliers[:, list(body.held)] = support_forces(body, form, modal, f)
     q, v = modal.q @ form.X.T, modal.v @ form.X.T
     peaks = None

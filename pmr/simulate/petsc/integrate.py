@@ -29,8 +29,8 @@ from pmr.fem.compat import MPI, PETSc
 from pmr.fem.factor import Factor, without_zeros
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
-from pmr.scene.signals import SignalBase
 from pmr.simulate.balance import refuse_growth
+from pmr.simulate.excitation import Excitation
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.start import refuse_undamped
 from pmr.simulate.petsc.checkpoint import Checkpoint
@@ -41,7 +41,7 @@ from pmr.simulate.petsc.resume import Keeper, identity
 from pmr.simulate.petsc.rows import Course
 from pmr.simulate.petsc.start import State, starting_state
 from pmr.simulate.start import InitialState
-from pmr.simulate.stepping import Loads, Progress, TimeStepping, loads_at, one_for_each, path_at
+from pmr.simulate.stepping import Progress
 from pmr.system.body import refuse_pushing_rows
 
 Array = NDArray[np.float64]
@@ -52,9 +52,7 @@ TOLD = 1000
 
 def observe(
     model: FullModel,
-    path: SignalBase,
-    loads: Loads,
-    stepping: TimeStepping,
+    excitation: Excitation,
     recording: Recording | None = None,
     initial: InitialState | None = None,
     progress: Progress | None = None,
@@ -66,7 +64,7 @@ def observe(
     ----------
     model : FullModel
         M positive definite.
-    path, loads, stepping, initial, progress
+    excitation, initial, progress
         As for `pmr.simulate.Simulator`; the initial state is whole, (n,), on every rank.
     recording : Recording, optional
         By default all outputs at all steps.
@@ -84,13 +82,13 @@ def observe(
         energies are recorded at every step, also if the motion grows without bound.
     """
     begin = time.perf_counter()
-    s = path_at(path, model.rows.domain if model.rows.rows else (-np.inf, np.inf), stepping.times)
-    f = loads_at(one_for_each(loads, model.input_names), stepping.times)
+    s = excitation.along(model.rows.domain if model.rows.rows else (-np.inf, np.inf))
+    f, stepping = excitation.forces(model.input_names), excitation.stepping
     refuse_pushing_rows(model.rows.names, model.rows.clearance, "the full order")
     rigid = model.rows.compliance == 0.0
     refuse_undamped([model.rows.names[k] for k in model.rows.moving if rigid[k]], s, stepping.rho_inf)
     recorder = Recorder(model, stepping, recording or Recording())
-    s_rate = np.broadcast_to(np.asarray(path.rate(stepping.times), float), s.shape)
+    s_rate = excitation.path_rate
     keeper = Keeper(checkpoint, model, identity(model, s, f, stepping, recorder, initial)) if checkpoint else None
     found = keeper.load(recorder) if keeper else None
     first, earlier, state = found or (0, 0.0, starting_state(model, s[0], float(s_rate[0]), f[0], initial))

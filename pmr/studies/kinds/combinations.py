@@ -18,6 +18,7 @@ from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.errors import SimulationError
 from pmr.files import records
+from pmr.simulate import Excitation
 from pmr.studies import marching, nested, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, number
 from pmr.studies.results import RunRecord, StudyResults
@@ -93,7 +94,7 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     None where the model can't be simulated (noted), or where the pool spans fewer dimensions: what further vectors
     there are is round-off.
     """
-    drive = marching.Drive.of(shared.scene_of(arguments))
+    excitation = Excitation.of(shared.scene_of(arguments))
     full, arrays = marching.full_motion(needs["full"]), needs["basis"].arrays
     record: dict[str, Scalar] = {}
     for treatment in nested.TREATMENTS:
@@ -103,7 +104,7 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
             continue
         try:
             model = models.of(arguments["coordinates"])
-            found = marching.still(full) if model is None else marching.motion(model, drive)
+            found = marching.still(full) if model is None else marching.motion(model, excitation)
         except SimulationError as error:
             nested.note(treatment, error)
             continue

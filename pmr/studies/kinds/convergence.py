@@ -16,6 +16,7 @@ from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.compare.responses import simulate_cable
 from pmr.errors import InputError
+from pmr.simulate import Excitation
 from pmr.simulate.exudyn import ancf
 from pmr.studies import marching, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
@@ -79,8 +80,8 @@ def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     scene = shared.scene_of(arguments)
     body = shared.model_of(scene).gather()
     assert body is not None
-    drive = marching.Drive.of(scene)
-    tip = marching.displacement(body, drive)[:, -1]
+    excitation = Excitation.of(scene)
+    tip = marching.displacement(body, excitation)[:, -1]
     return _compared(tip, body.size, needs)
 
 

@@ -17,6 +17,7 @@ from pydantic import Field
 from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.errors import InputError, SimulationError
+from pmr.simulate import Excitation
 from pmr.studies import marching, nested, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults
@@ -92,7 +93,7 @@ def tile(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskR
     treatment the errors (c,).
     """
     scene = shared.scene_of(arguments)
-    drive, full = marching.Drive.of(scene), marching.full_motion(needs["full"])
+    excitation, full = Excitation.of(scene), marching.full_motion(needs["full"])
     basis = nested.global_basis(scene, needs["library"], arguments["snapshots"], arguments["modes"])
     known: dict[tuple[int, int], float] = {}
 
@@ -101,7 +102,7 @@ def tile(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskR
         key = (0, 0) if model is None else (model.size, len(model.row_names))
         if key not in known:  # of 20 coordinates, two of them held, 18 are left, as of 18 without the rows
             try:
-                y = full.displacement * 0.0 if model is None else marching.displacement(model, drive)
+                y = full.displacement * 0.0 if model is None else marching.displacement(model, excitation)
                 known[key] = compare.nrms(y, full.displacement)
             except SimulationError as failure:
                 nested.note(treatment, failure)

@@ -21,7 +21,7 @@ from pmr.errors import InputError
 from pmr.files import records
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.simulate.stepping import loads_at
+from pmr.simulate import Excitation
 from pmr.studies import marching, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
@@ -123,12 +123,11 @@ def _errors(responses: Mapping[str, Response]) -> Iterator[tuple[str, Scalar]]:
 
 
 def _arrays(scene: Scene, reduction: Reduction) -> dict[str, Any]:
-    drive = marching.Drive.of(scene)
-    t = drive.stepping.times
+    excitation = Excitation.of(scene)
     return {
-        "path": drive.path.value(t),
-        "path_rate": drive.path.rate(t),
-        "loads": loads_at(drive.loads, t),
+        "path": excitation.s[:, 0],
+        "path_rate": excitation.path_rate,
+        "loads": excitation.f,
         "singular_values": reduction.basis.sigma,
         "x": reduction.reduced.output_positions,
         "shapes": reduction.reduced.outputs,

@@ -34,12 +34,11 @@ from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated, with_kept_inertia
 from pmr.scene import Reduction, Scene
+from pmr.simulate import Excitation
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
-from pmr.simulate.stepping import loads_at
 from pmr.studies import shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
-from pmr.studies.marching import Drive
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
 from pmr.system.body import Trajectory, displacement
@@ -118,8 +117,7 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
         record[names[0]] = compare.nrms(y, case.displacement)
         record[names[1]] = compare.nrms(run.multipliers, case.run.multipliers)
         if estimate.no_estimate(one) is None:
-            drive = case.drive
-            record[names[2]] = estimate.estimate(one, drive.path, drive.loads, drive.stepping).beam
+            record[names[2]] = estimate.estimate(one, case.excitation).beam
     return TaskResult(record, seconds=seconds)
 
 
@@ -128,7 +126,7 @@ class _Case:
     """A scene, its full model in modal coordinates, and the motion of that."""
 
     scene: Scene
-    drive: Drive
+    excitation: Excitation
     band: float
     full: ReducedModel
     run: Trajectory
@@ -136,17 +134,17 @@ class _Case:
 
     @classmethod
     def of(cls, scene: Scene, band: float) -> _Case:
-        body, drive = shared.model_of(scene).gather(), Drive.of(scene)
+        body, excitation = shared.model_of(scene).gather(), Excitation.of(scene)
         assert body is not None
         form = modal_form(body)
-        run = march.simulate_modal(form, drive.path, drive.loads, drive.stepping)
-        return cls(scene, drive, band, form.body, run, _outputs(form.body, run, drive))
+        run = march.simulate_modal(form, excitation)
+        return cls(scene, excitation, band, form.body, run, _outputs(form.body, run, excitation))
 
     def simulated(self, model: ReducedModel) -> tuple[Trajectory, Array]:
         """Trajectory in modal coordinates, and outputs (T, o)."""
-        form, drive = modal_form(model), self.drive
-        run = march.simulate_modal(form, drive.path, drive.loads, drive.stepping)
-        return run, _outputs(form.body, run, drive)
+        form = modal_form(model)
+        run = march.simulate_modal(form, self.excitation)
+        return run, _outputs(form.body, run, self.excitation)
 
 
 @dataclass(frozen=True)
@@ -157,8 +155,8 @@ class _Models:
     largest: int
 
 
-def _outputs(body: ReducedModel, run: Trajectory, drive: Drive) -> Array:
-    return displacement(body, run.q, run.s, run.deforming, loads_at(drive.loads, run.t))
+def _outputs(body: ReducedModel, run: Trajectory, excitation: Excitation) -> Array:
+    return displacement(body, run.q, run.s, run.deforming, excitation.forces(body.input_names))
 
 
 def _reduction(scene: Scene, basis: str, largest: int) -> Reduction:

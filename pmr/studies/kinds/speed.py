@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,7 +21,7 @@ from pmr.compare.responses import cable_of
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.signals import SignalBase
-from pmr.simulate import Simulator, TimeStepping
+from pmr.simulate import Excitation, Simulator
 from pmr.simulate.exudyn import ancf
 from pmr.simulate.exudyn import simulator as exudyn
 from pmr.simulate.native import simulator as march
@@ -176,20 +176,21 @@ def _solver(
     """What simulates a stretch from rest and returns the solver's seconds, and the number of coordinates."""
     from pmr.run import reduce_with
 
-    def during(stretch: Stretch) -> tuple[SignalBase, list[SignalBase], TimeStepping]:
-        path, *loads = (
-            Later(signal=signal, begin=stretch.begin)
-            for signal in (scene.slider.path, *(load.signal for load in scene.loads))
+    whole = Excitation.of(scene)
+
+    def during(stretch: Stretch) -> Excitation:
+        paths, loads = (
+            {name: Later(signal=signal, begin=stretch.begin) for name, signal in signals.items()}
+            for signals in (whole.paths, whole.loads)
         )
-        return path, list(loads), TimeStepping(stretch.steps * scene.time.step, scene.time.step, scene.time.rho_inf)
+        return Excitation(paths, loads, replace(whole.stepping, end=stretch.steps * scene.time.step))
 
     if approach.simulate is None:
         cable = cable_of(scene)
 
         def of_cable(stretch: Stretch) -> float:
-            path, loads, stepping = during(stretch)
-            points = [ancf.PointLoad(load.at, signal) for load, signal in zip(scene.loads, loads, strict=True)]
-            return ancf.simulate(cable, path, points, stepping, np.array([cable.length])).seconds
+            places = {load.name: load.at for load in scene.loads}
+            return ancf.simulate(cable, places, during(stretch), np.array([cable.length])).seconds
 
         return of_cable, ancf.COORDINATES_PER_NODE * (cable.elements + 1)
     simulate, model = approach.simulate, shared.model_of(scene)
@@ -199,7 +200,7 @@ def _solver(
         gathered = model.gather()
         assert gathered is not None
         body = _dense(gathered) if approach.model == "dense" else gathered
-    return lambda stretch: simulate(body, *during(stretch)).seconds, body.size
+    return lambda stretch: simulate(body, during(stretch)).seconds, body.size
 
 
 def _dense(full: FullBody) -> SlidingBody:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from driving import driven
 from oracle import flexible, project
 
 from pmr.errors import InputError
@@ -84,7 +85,7 @@ def test_the_script_moves_as_pmr_does(model: ReducedModel, script: Path) -> None
     t, w = names["simulate"](
         read, names["slider_position"], names["LOADS"], names["END"], names["STEP"], names["RHO_INF"]
     )
-    expected = exudyn.simulate(model, PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8))
+    expected = exudyn.simulate(model, driven(PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8), model.input_names))
     np.testing.assert_allclose(t, expected.t, atol=1e-12)
     assert np.abs(w).max() > 1e-5
     np.testing.assert_allclose(w, expected.q @ model.outputs.T, rtol=0.0, atol=1e-9 * np.abs(w).max())
@@ -115,7 +116,7 @@ def test_a_flexible_model_moves_as_pmr_has_it(rich: FullBody, tmp_path: Path, pa
     t, w = names["simulate"](
         read, names["slider_position"], names["LOADS"], names["END"], names["STEP"], names["RHO_INF"]
     )
-    expected = exudyn.simulate(model, PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8))
+    expected = exudyn.simulate(model, driven(PATH, LOADS, TimeStepping(0.2, 1e-3, 0.8), model.input_names))
     loads = np.stack([load.value(t) for load in LOADS], axis=1)
     motion = displacement(model, expected.q, expected.s, expected.multipliers, loads)
     assert np.abs(w).max() > 1e-5

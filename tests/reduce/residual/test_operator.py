@@ -10,8 +10,7 @@ import scipy.linalg
 from textbook import beam_matrices
 
 from pmr.fem.distributed import inner, times
-from pmr.fullmodel.build import full_model
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, full_model
 from pmr.reduce.basis import with_rigid_modes
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.snapshots.eigenmodes import eigenmode_snapshots

@@ -78,7 +78,7 @@ def make_space() -> MakeSpace:
             responses={name: _response(name, t, 1 if planar else 2, forces) for name in responses},
             path=scene.slider.path.value(t),
             path_rate=scene.slider.path.rate(t),
-            loads=np.stack([signal.value(t) for signal in scene.signals], axis=1),
+            loads=np.stack([signal.value(t) for signal in scene.signals.values()], axis=1),
             shapes=Shapes(np.ones(3), np.linspace(0.2, 5.8, STATIONS), np.ones((STATIONS, 3))),
             frequencies=FrequencyCurves(s, none, omega, none),
             fields=fields,

@@ -7,6 +7,7 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 import pytest
+from driving import driven
 from numpy.typing import NDArray
 from oracle import nrms_error
 from textbook import EA, EI, LENGTH, RHO_A, TIP_DEFLECTION
@@ -21,6 +22,7 @@ from pmr.simulate.exudyn.cable import curvature, values
 from pmr.system.body import FullBody
 
 Array = NDArray[np.float64]
+AT_THE_TIP = {"F": LENGTH}
 CABLE = ancf.Cable(LENGTH, EA, EI, RHO_A, elements=10)
 X = np.linspace(0.0, LENGTH, 51)
 
@@ -89,8 +91,8 @@ def test_the_joint_starts_on_the_element_below_the_slider() -> None:
 
 def test_oscillates_about_the_static_deflection() -> None:
     """Under a sudden load the undamped cable swings from zero to about twice the static tip deflection."""
-    load = ancf.PointLoad(LENGTH, Constant(amount=-50.0))
-    motion = ancf.simulate(CABLE, Constant(amount=2.5), [load], TimeStepping(0.7, 1e-3), X)
+    excitation = driven(Constant(amount=2.5), Constant(amount=-50.0), TimeStepping(0.7, 1e-3))
+    motion = ancf.simulate(CABLE, AT_THE_TIP, excitation, X)
     assert motion.displacement[:, -1].min() == pytest.approx(2.0 * TIP_DEFLECTION[2.5], rel=0.1)
     np.testing.assert_allclose(motion.load_displacement[:, 0], motion.displacement[:, -1], rtol=1e-12)
 
@@ -100,8 +102,9 @@ def test_moves_as_the_linear_beam_does(full: FullBody, at: float) -> None:
     """A load anywhere on the beam, and a slider that passes from element to element."""
     stepping, path = TimeStepping(0.6, 1e-3), Ramp(times=(0.0, 0.6), values=(2.0, 3.3))
     load = SmoothRamp(times=(0.0, 0.2), values=(0.0, 20.0))
-    motion = ancf.simulate(replace(CABLE, elements=20), path, [ancf.PointLoad(at, load)], stepping, X)
-    beam = exudyn.simulate(replace(full, B=full.rows.rows[2].at(at).T.toarray()), path, [load], stepping)
+    excitation = driven(path, load, stepping)
+    motion = ancf.simulate(replace(CABLE, elements=20), {"F": at}, excitation, X)
+    beam = exudyn.simulate(replace(full, B=full.rows.rows[2].at(at).T.toarray()), excitation)
     assert nrms_error(motion.displacement, beam.q @ full.outputs.T) < 0.005
     assert nrms_error(motion.velocity[:, :, 1], beam.v @ full.outputs.T) < 0.02
     assert nrms_error(motion.slider_force[:, None], beam.multipliers[:, 2:]) < 0.05
@@ -109,17 +112,15 @@ def test_moves_as_the_linear_beam_does(full: FullBody, at: float) -> None:
 
 def test_an_unloaded_cable_stays_still_while_the_slider_moves() -> None:
     path = Ramp(times=(0.0, 0.1), values=(1.9, 2.4))
-    motion = ancf.simulate(CABLE, path, [], TimeStepping(0.1, 1e-3), X)
+    motion = ancf.simulate(CABLE, {}, driven(path, [], TimeStepping(0.1, 1e-3)), X)
     assert np.abs(motion.velocity).max() < 1e-6  # round-off of EA / h
     np.testing.assert_allclose(motion.s[[0, -1]], [1.9, 2.4])
 
 
 def test_the_cable_passes_through_the_slider() -> None:
-    path, load = (
-        SmoothRamp(times=(0.0, 0.2), values=(1.5, 2.5)),
-        ancf.PointLoad(LENGTH, Constant(amount=-50.0)),
-    )
-    motion = ancf.simulate(CABLE, path, [load], TimeStepping(0.2, 1e-3), np.array([1.5, 2.5]))
+    path = SmoothRamp(times=(0.0, 0.2), values=(1.5, 2.5))
+    excitation = driven(path, Constant(amount=-50.0), TimeStepping(0.2, 1e-3))
+    motion = ancf.simulate(CABLE, AT_THE_TIP, excitation, np.array([1.5, 2.5]))
     assert abs(motion.displacement[0, 0]) < 1e-12
     assert abs(motion.displacement[-1, 1]) < 1e-6 < abs(motion.displacement[-1, 0])
 
@@ -129,22 +130,22 @@ def test_the_cable_passes_through_the_slider() -> None:
     [(6.0, 5.0, 5.0, "slider.path"), (2.0, 5.1, 5.0, "loads.at"), (2.0, 5.0, -0.1, "x")],
 )
 def test_what_leaves_the_cable_is_refused(path: float, at: float, x: float, key: str) -> None:
-    load = ancf.PointLoad(at, Constant(amount=1.0))
+    excitation = driven(Constant(amount=path), Constant(amount=1.0), TimeStepping(0.1, 1e-3))
     with pytest.raises(InputError) as error:
-        ancf.simulate(CABLE, Constant(amount=path), [load], TimeStepping(0.1, 1e-3), np.array([x]))
+        ancf.simulate(CABLE, {"F": at}, excitation, np.array([x]))
     assert error.value.key == key
 
 
 def test_failures_name_time_and_place() -> None:
-    load = ancf.PointLoad(LENGTH, Step(time=0.05, after=1e300))
+    excitation = driven(Constant(amount=2.0), Step(time=0.05, after=1e300), TimeStepping(0.1, 1e-3))
     with pytest.raises(SimulationError, match=r"t = 0\.05 s, slider at 2 m"):
-        ancf.simulate(CABLE, Constant(amount=2.0), [load], TimeStepping(0.1, 1e-3), X)
+        ancf.simulate(CABLE, AT_THE_TIP, excitation, X)
 
 
 def test_nothing_is_printed_or_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    ancf.simulate(CABLE, Constant(amount=2.0), [], TimeStepping(0.01, 1e-3), X)
+    ancf.simulate(CABLE, {}, driven(Constant(amount=2.0), [], TimeStepping(0.01, 1e-3)), X)
     assert list(tmp_path.iterdir()) == []
     assert capfd.readouterr() == ("", "")

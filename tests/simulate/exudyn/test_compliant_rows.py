@@ -9,6 +9,7 @@ from functools import partial
 import exudyn as exu
 import numpy as np
 import pytest
+from driving import driven, named
 from exudyn.itemInterface import SensorNode
 from numpy.typing import NDArray
 from oracle import CASES, flexible, full_body, generalized_alpha, project
@@ -66,7 +67,7 @@ def test_same_as_an_integrator_written_for_the_test(rich: FullBody, simulate: Si
     rate = float(PATH.rate(0.0))
     v = random[1] - np.linalg.pinv(C) @ (C @ random[1] + rate * C_s @ q) if firm else random[1]
     start = InitialState(q, v)
-    found = simulate(body, PATH, LOADS, STEPPING, start)
+    found = simulate(body, driven(PATH, LOADS, STEPPING), start)
     t = STEPPING.times
     f = np.stack([load.value(t) for load in LOADS], axis=1)
     expected = generalized_alpha(body, PATH.value(t), f, STEPPING, start)
@@ -84,7 +85,7 @@ def test_both_ways_agree_over_a_case_of_the_paper(full: FullBody) -> None:
     q, _, force = generalized_alpha(model, s, f, stepping, InitialState.at_rest(6))
     expected = displacement(model, q, s, force, f)
     for formulation in ("springs", "multipliers"):
-        found = simulator.simulate(model, case.path, case.load, stepping, formulation=formulation)
+        found = simulator.simulate(model, driven(case.path, case.load, stepping), formulation=formulation)
         assert np.abs(displacement(model, found.q, s, found.multipliers, f) - expected).max() < 1e-12
         assert np.abs(found.multipliers - force).max() < 1e-7 * np.abs(force).max()
     assert np.abs(expected).max() > 1e-2
@@ -96,7 +97,7 @@ def test_a_constant_load_acts_through_a_slider_that_moves(full: FullBody) -> Non
     f, s = np.full((201, 1), -50.0), np.asarray(PATH.value(stepping.times))
     q, _, force = generalized_alpha(model, s, f, stepping, InitialState.at_rest(6))
     for formulation in ("springs", "multipliers"):
-        found = simulator.simulate(model, PATH, Constant(amount=-50.0), stepping, formulation=formulation)
+        found = simulator.simulate(model, driven(PATH, Constant(amount=-50.0), stepping), formulation=formulation)
         assert np.abs(found.q - q).max() < 1e-10 * np.abs(q).max()
         assert np.abs(found.multipliers - force).max() < 1e-8 * np.abs(force).max()
 
@@ -104,10 +105,10 @@ def test_a_constant_load_acts_through_a_slider_that_moves(full: FullBody) -> Non
 def test_a_free_body_without_constraint_has_no_connector(rich: FullBody) -> None:
     container = exu.SystemContainer()
     mbs = container.AddSystem()
-    items = simulator.add_sliding_body(mbs, flexible(rich, 8), PATH, LOADS)
+    items = simulator.add_sliding_body(mbs, flexible(rich, 8), PATH, named(LOADS))
     assert items.oSlider is None and items.rows == () and items.oSupports == ()
     assert mbs.systemData.NumberOfObjects() == 1
-    kept = simulator.add_sliding_body(mbs, flexible(rich, 8), PATH, LOADS, formulation="multipliers")
+    kept = simulator.add_sliding_body(mbs, flexible(rich, 8), PATH, named(LOADS), formulation="multipliers")
     assert kept.rows == (0, 1) and mbs.GetObject(kept.oSlider)["objectType"] == "ConnectorCoordinateVector"
 
 
@@ -117,7 +118,7 @@ def test_two_flexible_bodies_share_a_users_system(rich: FullBody, formulation: F
     model, other = flexible(rich, 8), flexible(full_body(elements=4), 5)
     container = exu.SystemContainer()
     mbs = container.AddSystem()
-    items = add(mbs, model, PATH, LOADS), add(mbs, other, Constant(amount=1.1), [Constant(amount=20.0)])
+    items = add(mbs, model, PATH, named(LOADS)), add(mbs, other, Constant(amount=1.1), {"F": Constant(amount=20.0)})
     sensors = [
         mbs.AddSensor(
             SensorNode(nodeNumber=i.nBody, outputVariableType=exu.OutputVariableType.Coordinates, storeInternal=True)
@@ -134,8 +135,8 @@ def test_two_flexible_bodies_share_a_users_system(rich: FullBody, formulation: F
     settings.timeIntegration.newton.useModifiedNewton = False
     mbs.SolveDynamic(settings)
     q, q_other = (mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors)
-    alone = simulator.simulate(model, PATH, LOADS, STEPPING).q
-    alone_other = simulator.simulate(other, Constant(amount=1.1), [Constant(amount=20.0)], STEPPING).q
+    alone = simulator.simulate(model, driven(PATH, LOADS, STEPPING)).q
+    alone_other = simulator.simulate(other, driven(Constant(amount=1.1), [Constant(amount=20.0)], STEPPING)).q
     np.testing.assert_allclose(q, alone, rtol=0.0, atol=1e-7 * np.abs(alone).max())
     np.testing.assert_allclose(q_other, alone_other, rtol=0.0, atol=1e-7 * np.abs(alone_other).max())
     assert np.abs(alone_other).max() > 0.0
@@ -144,10 +145,10 @@ def test_two_flexible_bodies_share_a_users_system(rich: FullBody, formulation: F
 def test_callbacks_refuse_rows_that_give_way(rich: FullBody) -> None:
     for body in (flexible(rich, 8), with_pads(rich, 0.0, 0.0, 0.0, 3e-6)):
         with pytest.raises(InputError, match="give way; rows that hold firm are allowed with callbacks"):
-            simulator.simulate(body, PATH, LOADS, STEPPING, formulation="callbacks")
+            simulator.simulate(body, driven(PATH, LOADS, STEPPING), formulation="callbacks")
 
 
 def test_a_slider_on_a_support_fails_with_its_place(simulate: Simulator, full: FullBody) -> None:
     model: ReducedModel = flexible(full, 6)
     with pytest.raises(SimulationError, match="slider at 0 m: the rows slider 0 can't tell"):
-        simulate(model, Constant(amount=0.0), Constant(amount=1.0), TimeStepping(0.01, 1e-3))
+        simulate(model, driven(Constant(amount=0.0), Constant(amount=1.0), TimeStepping(0.01, 1e-3)))

@@ -8,6 +8,7 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 import pytest
+from driving import driven, named
 from exudyn.itemInterface import SensorNode
 from numpy.typing import NDArray
 from oracle import full_body, generalized_alpha, project
@@ -59,7 +60,7 @@ def assert_same(found: Trajectory, q: Array, v: Array, multipliers: Array, toler
 def test_same_as_an_integrator_written_for_the_test(body: SlidingBody, simulate: Simulator) -> None:
     """Two sliders, two inputs, damping, a start that must be corrected, and rows that move from the start."""
     initial = some_state(body)
-    found = simulate(body, PATH, LOADS, STEPPING, initial)
+    found = simulate(body, driven(PATH, LOADS, STEPPING), initial)
     t = STEPPING.times
     f = np.stack([load.value(t) for load in LOADS], axis=1)
     start = consistent_start(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), initial)
@@ -72,14 +73,14 @@ def test_same_as_an_integrator_written_for_the_test(body: SlidingBody, simulate:
 
 def test_a_single_load_needs_no_list(case: Any, reduced: ReducedModel, simulate: Simulator) -> None:
     alone, listed = (
-        simulate(reduced, case.path, loads, TimeStepping(0.02, 1e-3)) for loads in (case.load, [case.load])
+        simulate(reduced, driven(case.path, loads, TimeStepping(0.02, 1e-3))) for loads in (case.load, [case.load])
     )
     np.testing.assert_array_equal(alone.q, listed.q)
     assert np.abs(alone.q).max() > 0.0
 
 
 def test_rows_hold_at_every_step(body: SlidingBody) -> None:
-    found = simulator.simulate(body, PATH, LOADS, STEPPING)
+    found = simulator.simulate(body, driven(PATH, LOADS, STEPPING))
     assert np.abs(body.apply_rows(found.s, found.q)).max() < 1e-14
     assert np.abs(found.q).max() > 1e-4
 
@@ -88,7 +89,8 @@ def test_rows_hold_at_every_step(body: SlidingBody) -> None:
 def test_callbacks_find_the_same_beam(case: Any, reduced: ReducedModel, formulation: Formulation) -> None:
     stepping, path = TimeStepping(0.3, 1e-3), Ramp(times=(0.0, 0.3), values=(1.25, 2.0))
     once, called = (
-        simulator.simulate(reduced, path, [case.load], stepping, formulation=way) for way in ("springs", formulation)
+        simulator.simulate(reduced, driven(path, [case.load], stepping), formulation=way)
+        for way in ("springs", formulation)
     )
     w = once.q @ reduced.outputs.T
     assert np.abs(w - called.q @ reduced.outputs.T).max() < 1e-9
@@ -99,7 +101,7 @@ def test_second_order_from_a_moving_start(rich: FullBody) -> None:
     """Although the initial acceleration leaves out the rows' own motion."""
     body = project(rich, np.linalg.qr(np.vander(rich.output_positions.repeat(3), 8)[:, ::-1])[0])
     fine, *coarse = (
-        simulator.simulate(body, PATH, LOADS[:1] * 2, TimeStepping(0.2, h), some_state(body))
+        simulator.simulate(body, driven(PATH, LOADS[:1] * 2, TimeStepping(0.2, h)), some_state(body))
         for h in (1e-5, 1e-3, 5e-4)
     )
     errors = [np.abs(c.q - fine.q[:: round(c.t[1] / 1e-5)]).max() for c in coarse]
@@ -107,7 +109,7 @@ def test_second_order_from_a_moving_start(rich: FullBody) -> None:
 
 
 def test_many_rows_come_in_blocks(rich: FullBody, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = simulator.simulate(rich, PATH, LOADS, STEPPING)
+    whole = simulator.simulate(rich, driven(PATH, LOADS, STEPPING))
     blocks, dense_rows = [], FullBody.dense_rows
 
     def recorded(body: FullBody, s: Array) -> Array:
@@ -116,24 +118,24 @@ def test_many_rows_come_in_blocks(rich: FullBody, monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(inputs, "ENTRIES_AHEAD", 7 * 2 * rich.size)  # two of its four rows move
     monkeypatch.setattr(FullBody, "dense_rows", recorded)
-    np.testing.assert_array_equal(simulator.simulate(rich, PATH, LOADS, STEPPING).q, whole.q)
+    np.testing.assert_array_equal(simulator.simulate(rich, driven(PATH, LOADS, STEPPING)).q, whole.q)
     assert max(blocks) == 7
 
 
 def test_progress_is_told_about_a_hundred_times_and_ends_at_one(rich: FullBody) -> None:
     told: list[float] = []
     stepping = TimeStepping(0.4, 1e-3)
-    simulator.simulate(rich, PATH, LOADS, stepping, progress=told.append)
+    simulator.simulate(rich, driven(PATH, LOADS, stepping), progress=told.append)
     assert told == pytest.approx(np.arange(1, 101) / 100)
 
 
 def test_wrong_input_is_refused_before_anything_runs(rich: FullBody, simulate: Simulator) -> None:
     with pytest.raises(InputError, match="0 to 4.2 m is allowed; left at t = 0.05 s"):
-        simulate(rich, Ramp(times=(0.0, 0.1), values=(4.0, 4.4 + 1e-6)), LOADS, STEPPING)
-    with pytest.raises(InputError, match="1 given, one for each input is allowed: F, T"):
-        simulate(rich, PATH, LOADS[:1], STEPPING)
+        simulate(rich, driven(Ramp(times=(0.0, 0.1), values=(4.0, 4.4 + 1e-6)), LOADS, STEPPING))
+    with pytest.raises(InputError, match="loads: F given, one for each input is allowed: F, T"):
+        simulate(rich, driven(PATH, LOADS[:1], STEPPING))
     with pytest.raises(InputError, match="row 'pin x' is violated"):
-        simulate(rich, PATH, LOADS, STEPPING, InitialState(np.eye(21)[0], np.zeros(21)))
+        simulate(rich, driven(PATH, LOADS, STEPPING), InitialState(np.eye(21)[0], np.zeros(21)))
 
 
 def test_dependent_rows_fail_with_time_and_place(
@@ -145,7 +147,7 @@ def test_dependent_rows_fail_with_time_and_place(
         rows = type(body.rows)(np.concatenate([body.rows.c, body.rows.c[:, :, :1]], axis=2), body.rows.x)
         twice = replace(body, rows=rows, row_names=("slider 0", "slider 0.8", "slider again"))
     with pytest.raises(SimulationError, match=r"step 1, t = 0\.001 s, slider at 2\.00352 m: .*rows that depend"):
-        simulator.simulate(twice, PATH, LOADS, STEPPING)
+        simulator.simulate(twice, driven(PATH, LOADS, STEPPING))
     assert capfd.readouterr() == ("", "")
     if isinstance(body, FullBody):  # the sparse solver sees it before the first step
         assert "System Jacobian seems to be singular" in caplog.text
@@ -153,7 +155,7 @@ def test_dependent_rows_fail_with_time_and_place(
 
 def test_an_overflow_fails_with_time_and_place(rich: FullBody) -> None:
     with pytest.raises(SimulationError, match=r"step 100, t = 0\.1 s, slider at 2\.337\d* m"):
-        simulator.simulate(rich, PATH, [LOADS[0], Step(time=0.1, after=1e308)], STEPPING)
+        simulator.simulate(rich, driven(PATH, [LOADS[0], Step(time=0.1, after=1e308)], STEPPING))
 
 
 class StoredData:
@@ -177,7 +179,7 @@ def test_nothing_is_printed_or_written(
     rich: FullBody, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    simulator.simulate(rich, PATH, LOADS, STEPPING)
+    simulator.simulate(rich, driven(PATH, LOADS, STEPPING))
     assert list(tmp_path.iterdir()) == []
     assert capfd.readouterr() == ("", "")
 
@@ -220,14 +222,14 @@ def test_several_bodies_share_a_users_system(body: SlidingBody, formulation: For
     before, after = [], []
     own = OwnSystem()
     own.mbs.SetPreStepUserFunction(lambda mbs, t: not before.append(t))
-    first = add(own.mbs, body, PATH, LOADS)
-    second = add(own.mbs, other, other_path, [other_load])
+    first = add(own.mbs, body, PATH, named(LOADS, body.input_names))
+    second = add(own.mbs, other, other_path, {"F": other_load})
     simulator.add_pre_step_function(own.mbs, lambda mbs, t: not after.append(t))
     q, q_other = own.solve(first, second)
     np.testing.assert_allclose(before, STEPPING.times[1:])
     assert after == before
-    alone = simulator.simulate(body, PATH, LOADS, STEPPING).q
-    alone_other = simulator.simulate(other, other_path, [other_load], STEPPING).q
+    alone = simulator.simulate(body, driven(PATH, LOADS, STEPPING)).q
+    alone_other = simulator.simulate(other, driven(other_path, [other_load], STEPPING)).q
     np.testing.assert_allclose(q, alone, rtol=0.0, atol=1e-7 * np.abs(alone).max())
     np.testing.assert_allclose(q_other, alone_other, rtol=0.0, atol=1e-7 * np.abs(alone_other).max())
 
@@ -235,13 +237,13 @@ def test_several_bodies_share_a_users_system(body: SlidingBody, formulation: For
 def test_any_pre_step_function_stops_the_simulation(rich: FullBody) -> None:
     own = OwnSystem()
     own.mbs.SetPreStepUserFunction(lambda mbs, t: t < 0.05)
-    (q,) = own.solve(simulator.add_sliding_body(own.mbs, rich, PATH, LOADS))
+    (q,) = own.solve(simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS)))
     assert len(q) == 51
 
 
 def test_update_rewinds_for_a_second_solve(rich: FullBody) -> None:
     own = OwnSystem()
-    items = simulator.add_sliding_body(own.mbs, rich, PATH, LOADS)
+    items = simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS))
     (once,) = own.solve(items)
     items.update(own.mbs, 0.0)
     (again,) = own.solve_again([0])
@@ -250,7 +252,7 @@ def test_update_rewinds_for_a_second_solve(rich: FullBody) -> None:
 
 def test_items_are_what_their_names_say(rich: FullBody) -> None:
     own = OwnSystem()
-    items = simulator.add_sliding_body(own.mbs, rich, PATH, LOADS)
+    items = simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS))
     assert own.mbs.GetNode(items.nBody)["nodeType"] == "GenericODE2"
     assert own.mbs.GetObject(items.oBody)["objectType"] == "GenericODE2"
     assert int(own.mbs.GetMarker(items.mBody)["nodeNumber"]) == int(items.nBody)

@@ -6,6 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from driving import driven
 from oracle import Case, full_body, paper_basis, project
 
 from pmr.errors import InputError, SimulationError
@@ -25,7 +26,7 @@ def small() -> ReducedModel:
 
 
 def test_steps_are_those_of_the_simulation(reduced: ReducedModel, case: Case) -> None:
-    expected = march.simulate(reduced, case.path, case.load, STEPPING)
+    expected = march.simulate(reduced, driven(case.path, case.load, STEPPING))
     s, f = case.path.value(STEPPING.times), case.load.value(STEPPING.times)
     stepper = Stepper(reduced, step=1e-3, s=float(s[0]), F=f[0], rho_inf=0.7)
     y = np.array([stepper.step(*now).copy() for now in zip(s[1:], f[1:], strict=True)])

@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
 from distributed import distributed
+from driving import driven
 from oracle import rich_body
 
 from pmr.fem.compat import MPI
@@ -34,7 +35,7 @@ def main(checkpoint: str, result: str, pause: str) -> None:
         taken.append(share)
         time.sleep(float(pause))
 
-    found = observe(distributed(rich_body()), PATH, LOADS, STEPPING, WATCH, progress=progress, checkpoint=asked)
+    found = observe(distributed(rich_body()), driven(PATH, LOADS, STEPPING), WATCH, progress=progress, checkpoint=asked)
     states = {name: np.concatenate(MPI.COMM_WORLD.allgather(getattr(found.states, name)), axis=1) for name in "qv"}
     if MPI.COMM_WORLD.rank == 0:
         np.savez(

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from distributed import distributed
+from driving import driven
 from oracle import rich_body
 from processes import python
 
@@ -84,11 +85,13 @@ def test_as_many_ranks_as_one_likes_go_on(tmp_path: Path, ranks: tuple[MPI.Comm,
     file = Path(world.bcast(str(tmp_path / "checkpoint.npz")))
     own = Checkpoint(file if world.rank == 0 or cut_off.comm.size > 1 else tmp_path / "unused.npz", seconds=0.0)
     with pytest.raises(InterruptionError):
-        observe(cut_off, PATH, LOADS, STEPPING, recording, None, interrupt_at(0.5), own)
+        observe(cut_off, driven(PATH, LOADS, STEPPING), recording, None, interrupt_at(0.5), own)
     world.barrier()
     steps: list[float] = []
-    found = observe(resumed, PATH, LOADS, STEPPING, recording, None, steps.append, Checkpoint(file, seconds=60.0))
-    expected = observe(resumed, PATH, LOADS, STEPPING, recording)
+    found = observe(
+        resumed, driven(PATH, LOADS, STEPPING), recording, None, steps.append, Checkpoint(file, seconds=60.0)
+    )
+    expected = observe(resumed, driven(PATH, LOADS, STEPPING), recording)
     assert len(steps) == 5
     parts = [(found.y, expected.y), (found.multipliers, expected.multipliers), (found.states.q, expected.states.q),
              (found.states.v, expected.states.v), (found.energy.total, expected.energy.total)]  # fmt: skip
@@ -99,8 +102,8 @@ def test_as_many_ranks_as_one_likes_go_on(tmp_path: Path, ranks: tuple[MPI.Comm,
 
 def test_a_finished_simulation_is_not_repeated(model: FullModel, tmp_path: Path) -> None:
     checkpoint, steps = Checkpoint(tmp_path / "c.npz"), []
-    first = observe(model, PATH, LOADS, STEPPING, checkpoint=checkpoint)
-    second = observe(model, PATH, LOADS, STEPPING, progress=steps.append, checkpoint=checkpoint)
+    first = observe(model, driven(PATH, LOADS, STEPPING), checkpoint=checkpoint)
+    second = observe(model, driven(PATH, LOADS, STEPPING), progress=steps.append, checkpoint=checkpoint)
     assert steps == [] and 0.0 < second.seconds <= first.seconds
     np.testing.assert_array_equal(second.y, first.y)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["c.npz"]
@@ -108,16 +111,16 @@ def test_a_finished_simulation_is_not_repeated(model: FullModel, tmp_path: Path)
 
 def test_another_simulation_does_not_go_on_from_it(model: FullModel, tmp_path: Path) -> None:
     checkpoint = Checkpoint(tmp_path / "c.npz")
-    observe(model, PATH, LOADS, STEPPING, checkpoint=checkpoint)
+    observe(model, driven(PATH, LOADS, STEPPING), checkpoint=checkpoint)
     stiffer = replace(model, K=model.K.copy())
     stiffer.K.scale(1.01)
     slower, longer = Sine(amplitude=0.7, frequency=3.0, offset=2.0), TimeStepping(0.02, 1e-3, 0.8)
     for arguments, what in [
-        ((stiffer, PATH, LOADS, STEPPING), "matrices"),
-        ((model, slower, LOADS, STEPPING), "path"),
-        ((model, PATH, LOADS[::-1], STEPPING), "loads"),
-        ((model, PATH, LOADS, longer), "path, loads, time grid"),
-        ((model, PATH, LOADS, STEPPING, Recording(every=2)), "recording"),
+        ((stiffer, driven(PATH, LOADS, STEPPING)), "matrices"),
+        ((model, driven(slower, LOADS, STEPPING)), "path"),
+        ((model, driven(PATH, LOADS[::-1], STEPPING)), "loads"),
+        ((model, driven(PATH, LOADS, longer)), "path, loads, time grid"),
+        ((model, driven(PATH, LOADS, STEPPING), Recording(every=2)), "recording"),
     ]:
         with pytest.raises(InputError, match=f"c.npz: another simulation's checkpoint: {what} differ"):
             observe(*arguments, checkpoint=checkpoint)

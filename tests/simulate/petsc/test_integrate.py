@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from distributed import distributed
+from driving import driven, loads_at
 from numpy.typing import NDArray
 from oracle import CASES, full_body, generalized_alpha, rich_body
 
@@ -21,7 +22,6 @@ from pmr.simulate import InitialState, TimeStepping
 from pmr.simulate.native import simulator as march
 from pmr.simulate.petsc import Recording, constraint, observe, respond
 from pmr.simulate.start import consistent_start
-from pmr.simulate.stepping import loads_at
 from pmr.system.body import FullBody
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ def test_same_as_an_integrator_written_for_the_test(
     """Two sliders, two inputs that act from the start, Rayleigh damping, a velocity that must be corrected."""
     monkeypatch.setattr(constraint, "KEPT_BYTES", memory)
     body = with_pads(rich, *PADS[pads])
-    found = observe(distributed(body), PATH, LOADS, STEPPING, EVERYTHING, some_state(body))
+    found = observe(distributed(body), driven(PATH, LOADS, STEPPING), EVERYTHING, some_state(body))
     t = STEPPING.times
     start = consistent_start(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), some_state(body))
     q, _, multipliers = generalized_alpha(body, PATH.value(t), loads_at(LOADS, t), STEPPING, start)
@@ -86,7 +86,7 @@ def test_any_damping(rich: FullBody, kind: str) -> None:
     D = {"none": 0.0 * rich.M, "stiffness": 3e-4 * rich.K, "mass": 0.7 * rich.M, "damper": rich.D + damper}[kind]
     body, t = replace(rich, D=D.tocsr()), STEPPING.times
     start = consistent_start(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), some_state(body))
-    found = observe(distributed(body), PATH, LOADS, STEPPING, None, start)
+    found = observe(distributed(body), driven(PATH, LOADS, STEPPING), None, start)
     q, _, multipliers = generalized_alpha(body, PATH.value(t), loads_at(LOADS, t), STEPPING, start)
     assert_close(found.y, q @ body.outputs.T, 1e-11)
     assert_close(found.multipliers, multipliers, 1e-10)
@@ -98,8 +98,8 @@ def test_the_response_is_that_of_the_whole_trajectory(rich: FullBody, pads: str)
     """Energies and residuals too, which march makes of all coordinates."""
     body, t = with_pads(rich, *PADS[pads]), STEPPING.times
     model = distributed(body)
-    found = respond(model, observe(model, PATH, LOADS, STEPPING, EVERYTHING, some_state(body)))
-    trajectory = march.simulate(body, PATH, LOADS, STEPPING, some_state(body))
+    found = respond(model, observe(model, driven(PATH, LOADS, STEPPING), EVERYTHING, some_state(body)))
+    trajectory = march.simulate(body, driven(PATH, LOADS, STEPPING), some_state(body))
     expected = responded(body, trajectory, PATH.rate(t), loads_at(LOADS, t))
     for name in ("displacement", "slider_force"):
         assert_close(getattr(found, name), getattr(expected, name), 1e-10)
@@ -119,7 +119,10 @@ def test_ranks_agree_with_one(rich: FullBody, memory: int, monkeypatch: pytest.M
     monkeypatch.setattr(constraint, "KEPT_BYTES", memory)
     alone, together = (
         observe(
-            distributed(rich, comm), PATH, LOADS, STEPPING, Recording(energies=True, states=[0.03]), some_state(rich)
+            distributed(rich, comm),
+            driven(PATH, LOADS, STEPPING),
+            Recording(energies=True, states=[0.03]),
+            some_state(rich),
         )
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
     )
@@ -133,16 +136,16 @@ def test_ranks_agree_with_one(rich: FullBody, memory: int, monkeypatch: pytest.M
 @pytest.mark.slow
 def test_the_papers_evolved_case_as_march_has_it() -> None:
     body, case, stepping = full_body(50), CASES["evolved"], TimeStepping(15.0, 1e-3, 0.9)
-    found = observe(distributed(body, MPI.COMM_SELF), case.path, case.load, stepping)
-    expected = march.simulate(body, case.path, case.load, stepping)
+    found = observe(distributed(body, MPI.COMM_SELF), driven(case.path, case.load, stepping))
+    expected = march.simulate(body, driven(case.path, case.load, stepping))
     assert np.abs(found.y - expected.q @ body.outputs.T).max() < 1e-9 < 4e-2 < np.abs(found.y).max()
     assert_close(found.multipliers, expected.multipliers, 1e-6)
 
 
 def test_only_what_is_watched_is_kept(rich: FullBody) -> None:
     model = distributed(rich, MPI.COMM_SELF)
-    everything = observe(model, PATH, LOADS, STEPPING)
-    few = observe(model, PATH, LOADS, STEPPING, Recording(outputs=[6, 3], every=7, states=[0.0123, 0.0]))
+    everything = observe(model, driven(PATH, LOADS, STEPPING))
+    few = observe(model, driven(PATH, LOADS, STEPPING), Recording(outputs=[6, 3], every=7, states=[0.0123, 0.0]))
     np.testing.assert_array_equal(few.t, STEPPING.times[::7])
     np.testing.assert_array_equal(few.y, everything.y[::7, [6, 3]])
     np.testing.assert_array_equal(few.multipliers, everything.multipliers[::7])
@@ -151,7 +154,7 @@ def test_only_what_is_watched_is_kept(rich: FullBody) -> None:
     np.testing.assert_allclose(few.states.t, [0.0, 0.012])
     np.testing.assert_array_equal(few.states.s, PATH.value(few.states.t))
     assert_close(rich.outputs @ few.states.q[1], everything.y[12], 1e-14)
-    trajectory = march.simulate(rich, PATH, LOADS, STEPPING)
+    trajectory = march.simulate(rich, driven(PATH, LOADS, STEPPING))
     assert_close(few.states.v, trajectory.v[[0, 12]], 1e-10)
 
 
@@ -160,11 +163,11 @@ def test_second_order_in_positions_and_multipliers(rich: FullBody, pads: str, rh
     """When h is halved; against march with h / 20."""
     body, end, h = with_pads(rich, *PADS[pads]), 0.2, 4e-4
     path, loads = SmoothRamp(times=(0.0, end), values=(1.7, 2.3)), [Sine(amplitude=100.0, frequency=2.0)] * 2
-    exact = march.simulate(body, path, loads, TimeStepping(end, h / 20, rho_inf))
+    exact = march.simulate(body, driven(path, loads, TimeStepping(end, h / 20, rho_inf)))
     model = distributed(body, MPI.COMM_SELF)
     errors = []
     for step, every in ((h, 20), (h / 2, 10)):
-        found = observe(model, path, loads, TimeStepping(end, step, rho_inf))
+        found = observe(model, driven(path, loads, TimeStepping(end, step, rho_inf)))
         y, multipliers = exact.q[::every] @ body.outputs.T, exact.multipliers[::every]
         errors.append([np.abs(found.y - y).max(), np.abs(found.multipliers - multipliers).max()])
     assert np.divide(*errors) == pytest.approx([4.0, 4.0], abs=0.15)
@@ -177,14 +180,16 @@ def test_no_damping_no_loads_no_rows(rich: FullBody) -> None:
     rigid[1::3] = 1.0
     mass = rigid @ (body.M @ rigid)
     loads = [Constant(amount=7.0), Constant(amount=0.0)]
-    found = observe(distributed(body, MPI.COMM_SELF), Constant(amount=0.0), loads, STEPPING, Recording(states=[0.06]))
+    found = observe(
+        distributed(body, MPI.COMM_SELF), driven(Constant(amount=0.0), loads, STEPPING), Recording(states=[0.06])
+    )
     assert rigid @ (body.M @ found.states.q[-1]) / mass == pytest.approx(7.0 / mass * 0.06**2 / 2.0, rel=1e-9)
     assert found.multipliers.shape == (61, 0) and np.all(found.residual_position == 0.0)
 
 
 def test_progress_ends_with_everything(rich: FullBody) -> None:
     shares: list[float] = []
-    observe(distributed(rich, MPI.COMM_SELF), PATH, LOADS, STEPPING, progress=shares.append)
+    observe(distributed(rich, MPI.COMM_SELF), driven(PATH, LOADS, STEPPING), progress=shares.append)
     assert shares == sorted(shares) and shares[-1] == 1.0 and len(shares) == 60
 
 
@@ -192,7 +197,7 @@ def test_a_step_that_fails_is_named(rich: FullBody) -> None:
     model = distributed(rich, MPI.COMM_SELF)
     onto_the_pin = Ramp(times=(0.0, 0.02), values=(0.02, 0.0))
     with pytest.raises(SimulationError, match=r"step 20, t = 0.02 s, slider at 0 m: .* pin y, slider 0 depend") as told:
-        observe(model, onto_the_pin, LOADS, STEPPING)
+        observe(model, driven(onto_the_pin, LOADS, STEPPING))
     assert "0.8" not in str(told.value)
 
 
@@ -204,31 +209,31 @@ def test_a_result_that_is_not_finite_is_named(rich: FullBody) -> None:
         np.errstate(over="ignore", invalid="ignore"),
         pytest.raises(SimulationError, match=r"step 11, t = 0.011 s.*not fin"),
     ):
-        observe(distributed(stiff), PATH, huge, STEPPING)
+        observe(distributed(stiff), driven(PATH, huge, STEPPING))
 
 
 @pytest.mark.mpi
 def test_what_cannot_be_is_refused(rich: FullBody) -> None:
     model = distributed(rich)
     for arguments, key in [
-        ((Constant(amount=9.0), LOADS, STEPPING), "slider.path"),
-        ((PATH, LOADS[:1], STEPPING), "loads"),
-        ((PATH, LOADS, TimeStepping(0.06, 1e-3, 1.0)), "time.rho_inf"),
-        ((PATH, LOADS, STEPPING, Recording(outputs=[7])), "outputs"),
-        ((PATH, LOADS, STEPPING, Recording(every=0)), "every"),
-        ((PATH, LOADS, STEPPING, Recording(states=[0.07])), "states"),
-        ((PATH, LOADS, STEPPING, None, InitialState(np.ones(rich.size), np.ones(rich.size))), "q"),
-        ((PATH, LOADS, STEPPING, None, InitialState(np.ones(3), np.ones(3))), "q"),
+        ((driven(Constant(amount=9.0), LOADS, STEPPING),), "slider.path"),
+        ((driven(PATH, LOADS[:1], STEPPING),), "loads"),
+        ((driven(PATH, LOADS, TimeStepping(0.06, 1e-3, 1.0)),), "time.rho_inf"),
+        ((driven(PATH, LOADS, STEPPING), Recording(outputs=[7])), "outputs"),
+        ((driven(PATH, LOADS, STEPPING), Recording(every=0)), "every"),
+        ((driven(PATH, LOADS, STEPPING), Recording(states=[0.07])), "states"),
+        ((driven(PATH, LOADS, STEPPING), None, InitialState(np.ones(rich.size), np.ones(rich.size))), "q"),
+        ((driven(PATH, LOADS, STEPPING), None, InitialState(np.ones(3), np.ones(3))), "q"),
     ]:
         with pytest.raises(InputError) as told:
             observe(model, *arguments)
         assert told.value.key == key
     pushing = tuple(replace(row, compliance=1e-6, clearance=0.0) for row in rich.rows.rows[2:])
     with pytest.raises(InputError, match="rows: slider 0, slider 0.8 only push; .* allowed in the full order, march"):
-        observe(distributed(replace(rich, rows=Rows(pushing, rich.size))), PATH, LOADS, STEPPING)
+        observe(distributed(replace(rich, rows=Rows(pushing, rich.size))), driven(PATH, LOADS, STEPPING))
     massless = distributed(replace(rich, M=0.0 * rich.M))
     with pytest.raises(InputError, match="positive definite"):
-        observe(massless, PATH, LOADS, STEPPING)
+        observe(massless, driven(PATH, LOADS, STEPPING))
 
 
 @pytest.mark.slow
@@ -238,7 +243,9 @@ def test_memory_does_not_grow_with_the_steps() -> None:
     for _ in range(2):
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         observe(
-            model, Constant(amount=2.0), LOADS[:1], TimeStepping(end=1.0, step=1e-3), Recording((0,), energies=True)
+            model,
+            driven(Constant(amount=2.0), LOADS[:1], TimeStepping(end=1.0, step=1e-3)),
+            Recording((0,), energies=True),
         )
         grown.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
     assert grown[1] < 16e3  # kB; the first run also loads what all need

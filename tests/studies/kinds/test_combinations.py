@@ -11,6 +11,7 @@ from pmr import scene
 from pmr.compare import errors as compare
 from pmr.files import records
 from pmr.reduce.galerkin import with_held_coordinates
+from pmr.simulate import Excitation
 from pmr.studies import files, marching, nested, shared
 from pmr.studies.engine.task import number
 from pmr.studies.results import StudyResults
@@ -49,7 +50,7 @@ def test_held_coordinates_are_as_good_as_left_out(small: StudyResults) -> None:
     held = with_held_coordinates(replace(eight, left_out=("x", "y")))
     six = nested.NestedModels(models.longest, spent=2).of(8)
     assert six is not None and six.size == 6
-    drive = marching.Drive.of(short)
+    drive = Excitation.of(short)
     found, expected = marching.displacement(held, drive), marching.displacement(six, drive)
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
@@ -62,8 +63,8 @@ def test_errors_are_those_of_the_motions(small: StudyResults) -> None:
     assert model is not None
     from pmr.simulate.native import simulator as march
 
-    drive = marching.Drive.of(short)
-    trajectory = march.simulate(model, drive.path, drive.loads, drive.stepping)
+    drive = Excitation.of(short)
+    trajectory = march.simulate(model, drive)
     strain = np.einsum("tr,rk,tk->", trajectory.q, model.K, trajectory.q) / 2.0
     y = trajectory.q @ model.outputs.T
     found = next(run.figures for run in small.runs if run.key == "9x1-7")

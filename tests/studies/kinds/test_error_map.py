@@ -15,7 +15,7 @@ from pmr.compare.errors import nrms
 from pmr.errors import InputError
 from pmr.reduce.galerkin import without_rows
 from pmr.scene import load
-from pmr.simulate import InitialState, TimeStepping
+from pmr.simulate import Excitation, InitialState, TimeStepping
 from pmr.studies import files, marching, nested
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import StudyResults
@@ -83,7 +83,7 @@ def test_kept_rows_hold_what_their_entries_say(tmp_path: Path, snapshots: int, m
     scene = marching.driven(load(short_scene(tmp_path)))
     task = nested.library_task(scene, (snapshots,), modes)
     basis = nested.global_basis(scene, task.function(task.arguments, {}), snapshots, modes)
-    model, drive = basis.models["kept"].of(coordinates), marching.Drive.of(scene)
+    model, drive = basis.models["kept"].of(coordinates), Excitation.of(scene)
     pin = [row for row in range(len(model.row_names)) if row not in model.moving]
     entries = model.C(1.3)[pin]
     assert len(pin) == 2 and 0.0 < np.abs(entries).max() < 1e-8

@@ -1,0 +1,167 @@
+"""What drives a simulation: paths, loads and the time grid on which they are sampled, once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.constraints.polynomials import DOMAIN_TOLERANCE
+from pmr.errors import InputError
+from pmr.scene import SceneBase
+from pmr.scene.signals import SignalBase
+from pmr.simulate.stepping import TimeStepping
+
+Array = NDArray[np.float64]
+#: What the path of a scene's one slider is called.
+SLIDER = "slider"
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Paths s(t), loads f(t) and a time grid t_k, k = 0 ... T - 1.
+
+    Attributes
+    ----------
+    paths : mapping of str to signal, m
+        P paths by their names.
+    loads : mapping of str to signal, N (or N m)
+        By the names of the inputs that they drive.
+    stepping : TimeStepping
+    """
+
+    paths: Mapping[str, SignalBase]
+    loads: Mapping[str, SignalBase]
+    stepping: TimeStepping
+
+    @classmethod
+    def of(cls, scene: SceneBase) -> Excitation:
+        """Path, loads and time grid of a scene."""
+        stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
+        return cls({SLIDER: scene.slider.path}, scene.signals, stepping)
+
+    @property
+    def path(self) -> SignalBase:
+        """The only path.
+
+        Raises
+        ------
+        InputError
+            If there are several.
+        """
+        if len(self.paths) != 1:
+            allowed = f"{len(self.paths)} given ({', '.join(self.paths)}), one path for all sliders is allowed"
+            raise InputError("scene", "slider.path", None, allowed)
+        return next(iter(self.paths.values()))
+
+    @cached_property
+    def times(self) -> Array:
+        """T (T,) in s, 0 included."""
+        return self.stepping.times
+
+    @cached_property
+    def s(self) -> Array:
+        """Path coordinates (T, P) in m at the steps, one column a path in the order of `paths`."""
+        return self._columns([path.value(self.times) for path in self.paths.values()])
+
+    @cached_property
+    def rates(self) -> Array:
+        """S' (T, P) in m/s; at a kink that of what begins there."""
+        return self._columns([path.rate(self.times) for path in self.paths.values()])
+
+    @cached_property
+    def accelerations(self) -> Array:
+        """(s_{k+1} - 2 s_k + s_{k-1}) / h^2, (T, P) in m/s^2: a kink is an impulse spread over a step."""
+        h = self.stepping.step
+        around = np.concatenate([[-h], self.times, [self.stepping.steps * h + h]])
+        return self._columns([np.diff(path.value(around), 2) / h**2 for path in self.paths.values()])
+
+    @cached_property
+    def path_rate(self) -> Array:
+        """Rate (T,) in m/s of the only path.
+
+        Raises
+        ------
+        InputError
+            If there are several.
+        """
+        return np.asarray(self.path.rate(self.times))
+
+    def along(self, domain: tuple[float, float]) -> Array:
+        """The only path's coordinates (T,) in m at the steps, round-off beyond `domain` cut off.
+
+        Raises
+        ------
+        InputError
+            If there are several paths, or it leaves the domain at a step or between two of them.
+        """
+        return path_at(self.path, domain, self.times)
+
+    @cached_property
+    def f(self) -> Array:
+        """Loads (T, i) in N at the steps, one column a load in the order of `loads`."""
+        return self._columns([load.value(self.times) for load in self.loads.values()])
+
+    def forces(self, names: Sequence[str]) -> Array:
+        """Loads (T, i) in N at the steps, one column for each input of a body, by its `names`.
+
+        Raises
+        ------
+        InputError
+            If an input has no load, or a load no input.
+        """
+        chosen = in_order(self.loads, names)
+        return self.f if tuple(names) == tuple(self.loads) else self._columns([one.value(self.times) for one in chosen])
+
+    @property
+    def signals(self) -> list[tuple[str, SignalBase]]:
+        """Paths and loads, each as it is called in messages."""
+        paths = [("the slider's path" if len(self.paths) == 1 else f"path {n}", path) for n, path in self.paths.items()]
+        return [*paths, *((f"load {name}", load) for name, load in self.loads.items())]
+
+    def with_stepping(self, stepping: TimeStepping) -> Excitation:
+        """The same on another time grid."""
+        return self if stepping == self.stepping else replace(self, stepping=stepping)
+
+    def _columns(self, values: Sequence[Array]) -> Array:
+        return np.column_stack([np.empty((self.stepping.steps + 1, 0)), *values])
+
+
+def in_order(loads: Mapping[str, SignalBase], names: Sequence[str]) -> tuple[SignalBase, ...]:
+    """The loads of a body whose inputs have these names.
+
+    Raises
+    ------
+    InputError
+        If an input has no load, or a load no input.
+    """
+    if set(loads) != set(names):
+        allowed = f"{', '.join(loads) or 'none'} given, one for each input is allowed: {', '.join(names)}"
+        raise InputError("scene", "loads", None, allowed)
+    return tuple(loads[name] for name in names)
+
+
+def path_at(path: SignalBase, domain: tuple[float, float], t: Array) -> Array:
+    """Path coordinates (T,) in m at the ascending times t (T,) in s.
+
+    Raises
+    ------
+    InputError
+        If the path leaves `domain`, at one of these times or between two of them.
+    """
+    low, high = domain
+    s = np.asarray(path.value(t), dtype=float)
+    slack = DOMAIN_TOLERANCE * (high - low)
+    outside = ~((s >= low - slack) & (s <= high + slack))
+    if outside.any():
+        k = int(np.argmax(outside))
+        allowed = f"{low:g} to {high:g} m is allowed; left at t = {t[k]:g} s"
+        raise InputError("scene", "slider.path", float(s[k]), allowed)
+    for at in path.bounds(float(t[0]), float(t[-1])):
+        if not low - slack <= at <= high + slack:
+            allowed = f"{low:g} to {high:g} m is allowed; left between two steps"
+            raise InputError("scene", "slider.path", at, allowed)
+    return np.clip(s, low, high)
