@@ -7,9 +7,8 @@ from typing import Any
 
 from benchmarks import figures
 from benchmarks.scale import own_memory
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.numbers import SPACE, plain, quantity, significant
-from pmr.report.sentences import KeyNumber
-from pmr.report.studies.content import Block, Content, Grid, drawing
 
 STAGES = {
     "mesh": "mesh",
@@ -32,17 +31,21 @@ COMPARED = {
 }
 
 
-def scale(found: Mapping[str, Any], prefix: str) -> Content:
+def scale(found: Mapping[str, Any], prefix: str) -> Chapter:
     """The reference boom as a shell, finer and finer."""
     done = [record for record in found["records"] if record["seconds"]]
     if not done:
-        return Content(headline="No size was finished.", paragraphs=_unfinished(found["records"]))
+        return Chapter(
+            anchor=prefix, title="", headline="No size was finished.", paragraphs=_unfinished(found["records"])
+        )
     largest = max(done, key=lambda record: (record["size"], -record["ranks"]))
     caption = (
         "Seconds of each stage, and memory above that of a process which has loaded the libraries only, against the "
         "full model's coordinates; filled: one rank, open: two."
     )
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title="",
         headline=f"{_memory(sum(largest['peak_MB']))} and {_took(largest['seconds']['total'])} from the mesh to the "
         f"reduced model for {plain(largest['size'])} coordinates.",
         key_numbers=[

@@ -7,9 +7,8 @@ from typing import Any
 
 from benchmarks import figures
 from benchmarks.page_of_scale import scale
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.numbers import SPACE, percent, plain, quantity, significant
-from pmr.report.sentences import KeyNumber
-from pmr.report.studies.content import Block, Content, Grid, drawing
 
 WAYS = {
     "callbacks": "Exudyn, callbacks (the paper's way)",
@@ -21,7 +20,7 @@ WAYS = {
 STAGES = {"assemble": "assembly", "snapshots": "snapshots", "pod": "POD", "project": "projection"}
 
 
-def approaches(found: Mapping[str, Any], prefix: str) -> Content:
+def approaches(found: Mapping[str, Any], prefix: str) -> Chapter:
     """Both cases in every way, six coordinates apart."""
     numbers, grids = [], []
     for name, case in found["cases"].items():
@@ -41,7 +40,9 @@ def approaches(found: Mapping[str, Any], prefix: str) -> Content:
     )
     grids.append(Grid(caption, ("basis and outputs", "least", "median", "a step"), rows))
     grids.append(_in_exudyn(found["in_exudyn"]))
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title="",
         headline=f"{numbers[-1].value} faster than the paper's way with 20 coordinates, on the same trajectory.",
         key_numbers=numbers,
         paragraphs=[
@@ -94,7 +95,7 @@ def _ways(name: str, size: str, case: Mapping[str, Any]) -> Grid:
     return Grid(caption, ("way", "least", "median", "over march", "difference"), tuple(rows))
 
 
-def latency(found: Mapping[str, Any], prefix: str) -> Content:
+def latency(found: Mapping[str, Any], prefix: str) -> Chapter:
     """One step."""
     grids = []
     for kind, title, count in (
@@ -108,7 +109,9 @@ def latency(found: Mapping[str, Any], prefix: str) -> Content:
         caption = f"{title}, {plain(count)} steps, the clock's own time taken off."
         grids.append(Grid(caption, ("model and outputs", "median", "99 %", "99.9 %", "worst"), rows))
     first = found["ns"]["r = 20, tip"]
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title="",
         headline=f"{quantity(1e-9 * first['compiled']['median'], 's', 2)} a step with 20 coordinates.",
         key_numbers=[
             KeyNumber(quantity(1e-9 * first["compiled"]["median"], "s"), "one step, 20 coordinates, median"),
@@ -126,7 +129,7 @@ def latency(found: Mapping[str, Any], prefix: str) -> Content:
     )
 
 
-def growth(found: Mapping[str, Any], prefix: str) -> Content:
+def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
     """Cost against size."""
     modes, full = found["modes"], found["full"]
     caption = (
@@ -144,7 +147,9 @@ def growth(found: Mapping[str, Any], prefix: str) -> Content:
                           (f"outputs, {found['outputs']['coordinates']} modes", "outputs"))
         for size, ns in zip(found[key]["size"], found[key]["ns"], strict=True)
     )  # fmt: skip
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title="",
         headline=f"A step costs r to the power of {significant(modes['exponent'], 2)} and n to that of "
         f"{significant(full['exponent'], 2)}.",
         key_numbers=[
@@ -164,7 +169,7 @@ def growth(found: Mapping[str, Any], prefix: str) -> Content:
     )
 
 
-def limit(found: Mapping[str, Any], prefix: str) -> Content:
+def limit(found: Mapping[str, Any], prefix: str) -> Chapter:
     """Distance to what the core can do."""
     counted = found["a_mode"]
     rows = tuple(
@@ -180,7 +185,9 @@ def limit(found: Mapping[str, Any], prefix: str) -> Content:
     best_rate = 1.0 / found["flop_ns"]
     rate = 1.0 / min(size["byte_ns"] for size in found["sizes"])
     caption = "Time of a step, and the least that arithmetic, memory and the chain of dependent operations allow."
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title="",
         headline=f"At most {_times(worst['factor'])} the least time that the core allows.",
         key_numbers=[
             KeyNumber(_times(worst["factor"]), f"the least possible time, at worst (r = {worst['r']})"),
@@ -210,11 +217,11 @@ def limit(found: Mapping[str, Any], prefix: str) -> Content:
     )
 
 
-def peer(found: list[Mapping[str, Any]], prefix: str) -> Content:
+def peer(found: list[Mapping[str, Any]], prefix: str) -> Chapter:
     """Beside pyMOR."""
     known = [one for one in found if one["installed"]]
     if not known:
-        return Content(headline="pyMOR is not installed, so nothing was compared.")
+        return Chapter(anchor=prefix, title="", headline="pyMOR is not installed, so nothing was compared.")
     blocks = []
     for one in known:
         rows = tuple(
@@ -243,7 +250,9 @@ def peer(found: list[Mapping[str, Any]], prefix: str) -> Content:
         )
         heading = f"{one['snapshots']} snapshots of {plain(one['size'])} coordinates"
         blocks.append(Block(heading, grids=(times, apart)))
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title="",
         headline="The same basis and matrices as pyMOR's QR; its default, the method of snapshots, loses the tail.",
         paragraphs=[
             "The pool is the evolved case's, truncated to 20 vectors. pmr's projection gives all of a reduced model: "
@@ -253,13 +262,15 @@ def peer(found: list[Mapping[str, Any]], prefix: str) -> Content:
     )
 
 
-def compiling(found: Mapping[str, Mapping[str, float]], prefix: str) -> Content:
+def compiling(found: Mapping[str, Mapping[str, float]], prefix: str) -> Chapter:
     """Compile times."""
     rows = tuple(
         (loop, *(quantity(times[loop], "s") for times in found.values())) for loop in next(iter(found.values()))
     )
     total = sum(found["empty cache"].values())
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title="",
         headline=f"{quantity(total, 's', 2)} once on a machine, then nothing to speak of.",
         blocks=[
             Block(
@@ -272,7 +283,7 @@ def compiling(found: Mapping[str, Mapping[str, float]], prefix: str) -> Content:
     )
 
 
-def offline(found: Mapping[str, Any], prefix: str) -> Content:
+def offline(found: Mapping[str, Any], prefix: str) -> Chapter:
     """Everything before a simulation."""
     caption = "Seconds of each stage against the full model's coordinates; filled: one rank, open: two."
     rows = []
@@ -295,7 +306,9 @@ def offline(found: Mapping[str, Any], prefix: str) -> Content:
     notes = sorted(
         {note for record in found["records"] for note in record["notes"] if note.startswith(("snap", "fail"))}
     )
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title="",
         headline="From a hundred coordinates on, and where double precision ends.",
         paragraphs=[
             "Five positions with six eigenmodes each (SLEPc, shift and invert with MUMPS), POD by TSQR, 20 "
@@ -328,7 +341,7 @@ def _times(ratio: float) -> str:
 
 
 #: Title and content of each section, in the order of the page.
-PAGES: Mapping[str, tuple[str, Callable[[Any, str], Content]]] = {
+PAGES: Mapping[str, tuple[str, Callable[[Any, str], Chapter]]] = {
     "approaches": ("The paper's cases in every way", approaches),
     "latency": ("One step", latency),
     "growth": ("Cost against size", growth),

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
 from benchmarks import pages
-from pmr.report.figures.vector import FONT, words
-from pmr.report.fonts import embedded
+from pmr.report.blocks import Block, Chapter, Grid, Table
+from pmr.report.document import render
 from pmr.report.numbers import SPACE, plain, quantity, significant
-from pmr.report.provenance import Table
-from pmr.report.studies.content import Grid
-from pmr.report.studies.page import Plate, Section
 
 #: Load of the machine, in processes that want to run, from which on times are called disturbed.
 BUSY = 0.5
@@ -22,40 +18,28 @@ BUSY = 0.5
 
 def write(results: Mapping[str, Any], folder: Path) -> Path:
     """Write benchmarks.html into `folder`."""
-    sections = [
-        _section(name, title, content(results["sections"][name], f"bench-{name}"))
+    chapters = [
+        replace(content(results["sections"][name], f"bench-{name}"), title=title)
         for name, (title, content) in pages.PAGES.items()
         if name in results["sections"]
     ]
-    packages = [jinja2.PackageLoader("pmr.report.studies"), jinja2.PackageLoader("pmr.report")]
-    own = jinja2.FileSystemLoader(Path(__file__).with_name("templates"))
-    environment = jinja2.Environment(
-        loader=jinja2.ChoiceLoader([own, *packages]),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    drawn = (plate for s in sections for block in s.content.blocks for row in block.rows for plate in row)
-    text = "".join(words(plate.svg) for plate in drawn)
-    page = environment.get_template("benchmarks.html").render(
-        title="How fast, and how far from what is possible",
-        circumstances=_circumstances(results),
-        sections=sections,
-        requirements=_requirements(results["requirements"]),
-        font=embedded(FONT, "".join(sorted(set(text)))),
-        provenance=_provenance(results),
-        software=[f"{name}{SPACE}{version}" for name, version in results["versions"].items()],
+    asked = Block("Requirements", grids=(_requirements(results["requirements"]),))
+    software = [f"{name}{SPACE}{version}" for name, version in results["versions"].items()]
+    origin = Block("Machine and software", columns=_provenance(results), software=software)
+    page = render(
+        "study_report.html",
+        "How fast, and how far from what is possible",
+        [
+            Chapter(anchor="requirements", title="What is asked for", blocks=(asked,)),
+            *chapters,
+            Chapter(anchor="provenance", title="Provenance", blocks=(origin,)),
+        ],
+        kind="Benchmarks",
+        introduction=_circumstances(results),
     )
     file = folder / "benchmarks.html"
     file.write_text(page, encoding="utf-8")
     return file
-
-
-def _section(name: str, title: str, content: Any) -> Section:
-    anchor = f"bench-{name}"
-    plates = [Plate(f"{anchor}-{i}", block.heading) for i, block in enumerate(content.blocks, start=1)]
-    return Section(anchor, title, "", content, [], [], plates, [])
 
 
 def _circumstances(results: Mapping[str, Any]) -> list[str]:

@@ -12,12 +12,11 @@ import jinja2
 
 from pmr.environment import needed
 from pmr.files.swap import fresh
-from pmr.report import planar, space
-from pmr.report.case import Case
+from pmr.report.blocks import Chapter
 from pmr.report.figures.vector import FONT, words
 from pmr.report.fonts import embedded
+from pmr.report.sections import chapter
 from pmr.results import RunResult
-from pmr.scene import StructureScene
 from pmr.text import visible
 
 #: Names of all that a report consists of.
@@ -50,32 +49,27 @@ def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     for result in results:
         if "reduced" not in result.responses:
             raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
-    return write([case(result, f"case-{number}") for number, result in enumerate(results, start=1)], folder)
+    return write(page([chapter(result, f"case-{number}") for number, result in enumerate(results, start=1)]), folder)
 
 
-def write(cases: Sequence[Case], folder: Path) -> ReportFiles:
-    """Write both files from what the templates need."""
-    page = render(cases)
+def write(text: str, folder: Path) -> ReportFiles:
+    """Write a page as both files."""
     with fresh(folder, REPORT_FILES) as new:
-        (new / "report.html").write_text(page, encoding="utf-8")
-        needed("weasyprint").HTML(string=page).write_pdf(new / "report.pdf")  # takes a second to load
-    _log.info("report of %d case(s) written to %s", len(cases), folder)
+        (new / "report.html").write_text(text, encoding="utf-8")
+        needed("weasyprint").HTML(string=text).write_pdf(new / "report.pdf")  # takes a second to load
+    _log.info("report written to %s", folder)
     return ReportFiles(folder / "report.html", folder / "report.pdf")
 
 
-def case(result: RunResult, anchor: str) -> Case:
-    """Everything that the report says about one run."""
-    kind = space if isinstance(result.scene, StructureScene) else planar
-    return kind.case(result, anchor)
+def page(chapters: Sequence[Chapter]) -> str:
+    """The report of runs as HTML."""
+    title = chapters[0].title if len(chapters) == 1 else "Reduced sliding structures"
+    headings = list(dict.fromkeys(number.label for one in chapters for number in one.key_numbers))
+    return render("report.html", title, chapters, kind="Model reduction report", headings=headings)
 
 
-def readable(value: Any) -> Any:
-    """Text that is no markup of our own, with characters that would steer the page spelled out."""
-    return visible(value) if type(value) is str else value
-
-
-def render(cases: Sequence[Case]) -> str:
-    """The page as HTML."""
+def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) -> str:
+    """A page as HTML from one of the templates, which get what else is named."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("pmr.report"),
         autoescape=True,
@@ -84,8 +78,17 @@ def render(cases: Sequence[Case]) -> str:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    text = "".join(words(drawing.svg) for one in cases for drawing in one.drawings.values())
-    title = cases[0].title if len(cases) == 1 else "Reduced sliding structures"
-    font = embedded(FONT, "".join(sorted(set(text))))
-    headings = list(dict.fromkeys(number.label for one in cases for number in one.key_numbers))
-    return environment.get_template("report.html").render(title=title, cases=cases, headings=headings, font=font)
+    blocks = [block for one in chapters for block in one.blocks]
+    text = "".join(words(drawing.svg) for block in blocks for drawing in block.drawings)
+    return environment.get_template(template).render(
+        title=title,
+        chapters=chapters,
+        font=embedded(FONT, "".join(sorted(set(text)))),
+        players=sorted({block.player.kind for block in blocks if block.player}),
+        **more,
+    )
+
+
+def readable(value: Any) -> Any:
+    """Text that is no markup of our own, with characters that would steer the page spelled out."""
+    return visible(value) if type(value) is str else value

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from typing import Any
@@ -24,13 +24,15 @@ class Mark:
     kind: str
     symbol: str
     text: str
+    explained: str
 
 
-WITHIN = Mark("within", "≈", f"within 5{SPACE}%")
-BETTER = Mark("better", "▲", "better")
-WORSE = Mark("worse", "▼", "worse")
-SAME = Mark("within", "=", "same when rounded")
-DIFFERENT = Mark("different", "≠", "different")
+BETTER = Mark("better", "▲", "better", "better, the error is smaller")
+SAME = Mark("within", "=", "same when rounded", "same when rounded as published")
+WITHIN = Mark("within", "≈", f"within 5{SPACE}%", f"within 5{SPACE}% of the published figure")
+DIFFERENT = Mark("different", "≠", "different", "different, neither better nor worse")
+WORSE = Mark("worse", "▼", "worse", "worse, the error is larger")
+RANKED = (BETTER, SAME, WITHIN, DIFFERENT, WORSE)  # from the best to the worst
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,35 @@ class Row:
     deviation: str | None = None
     mark: Mark | None = None
     absolute: str | None = None
+
+
+@dataclass(frozen=True)
+class ErrorTable:
+    """Lines, what they are of, and what has to be said about them; columns that all of them leave empty don't show."""
+
+    caption: str
+    rows: Sequence[Row]
+    reasons: Sequence[str] = ()
+
+    @property
+    def published(self) -> bool:
+        """Whether any figure is published."""
+        return any(row.published for row in self.rows)
+
+    @property
+    def norms(self) -> bool:
+        """Whether any line has the norm of its difference."""
+        return any(row.absolute for row in self.rows)
+
+    @property
+    def marks(self) -> list[Mark]:
+        """Marks that occur, the best first."""
+        return [mark for mark in RANKED if any(row.mark is mark for row in self.rows)]
+
+    @property
+    def apart(self) -> bool:
+        """Whether any figure differs from the published one by more than 5 %."""
+        return bool(apart(self.rows))
 
 
 def mark_for(here: float, published: float, is_error: bool = True) -> Mark:
@@ -60,23 +91,35 @@ def mark_for(here: float, published: float, is_error: bool = True) -> Mark:
     return BETTER if deviation < 0.0 else WORSE
 
 
+def error_table(result: RunResult) -> ErrorTable:
+    """The error table of a run, with notes on it."""
+    found, published = rows(result), result.scene.published
+    forces = " and pad forces" if any(row.place == PLACES["pad_force"] for row in found) else ""
+    source = f"; published: {published.source}" if published else ""
+    return ErrorTable(
+        f"Normalised RMS errors of transverse displacements{forces}, and largest values{source}.",
+        found,
+        reasons(result, found),
+    )
+
+
 def rows(result: RunResult) -> list[Row]:
-    """The error table of a case: normalised errors, then the largest displacement, difference and stress."""
+    """Lines of the error table: normalised errors, then the largest displacement, difference and stress."""
     return [*_errors(result), *_missing(result), *_lengths(result), *_stresses(result)]
 
 
-def verdicts(table: list[Row]) -> dict[str, int]:
-    """How many rows carry which mark, without those that none was published for."""
+def verdicts(table: Sequence[Row]) -> dict[str, int]:
+    """How many rows carry which mark, the best first, without those that none was published for."""
     marks = [row.mark for row in table if row.mark]
-    return {mark.text: marks.count(mark) for mark in (WITHIN, SAME, BETTER, WORSE, DIFFERENT) if mark in marks}
+    return {mark.text: marks.count(mark) for mark in RANKED if mark in marks}
 
 
-def apart(table: list[Row]) -> list[Row]:
+def apart(table: Sequence[Row]) -> list[Row]:
     """Rows that differ from the published figure by more than 5 %."""
     return [row for row in table if row.mark not in (None, WITHIN)]
 
 
-def reasons(result: RunResult, table: list[Row]) -> list[str]:
+def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
     """Why figures differ from the published ones by more than 5 %, and other notes of the run."""
     found = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "

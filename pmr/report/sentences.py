@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 
+from pmr.report.blocks import KeyNumber
 from pmr.report.marks import Row, verdicts
-from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant, unit_for
+from pmr.report.numbers import MINUS, SPACE, length, percent, plain, quantity, significant, unit_for
+from pmr.report.subject import length as reach
+from pmr.report.subject import moving, offsets, represented
 from pmr.results import RunResult
-from pmr.scene import StructureScene
 
+#: Places beside the first one that are named, if they share the largest stress; more are counted.
+MOST_PLACES = 2
 _PLACES = {"tip": "error at the tip", "beam": "error along the beam", "pad_force": "error of the pad forces"}
-
-
-@dataclass(frozen=True)
-class KeyNumber:
-    """A key number and what it is."""
-
-    value: str
-    label: str
 
 
 def key_numbers(result: RunResult) -> list[KeyNumber]:
@@ -26,14 +21,24 @@ def key_numbers(result: RunResult) -> list[KeyNumber]:
     return list(_numbers(result))
 
 
-def paragraph(result: RunResult, table: list[Row]) -> str:
-    """What the case says, in a few sentences."""
-    return " ".join(_sentences(result, table))
+def paragraph(result: RunResult, table: Sequence[Row] = ()) -> str:
+    """What the run says, in a few sentences: how small, how accurate, what it bears, how fast."""
+    return " ".join(filter(None, _sentences(result, table)))
 
 
-def noun(result: RunResult) -> str:
-    """What is reduced, in a word: a planar scene is a beam."""
-    return "model" if isinstance(result.scene, StructureScene) else "beam"
+def opening(result: RunResult) -> str:
+    """What it is about, in a sentence or two."""
+    low, high = result.scene.path_bounds
+    end, model = reach(result), represented(result)
+    if moving(result) == "mouth":
+        out = f"{end - high:g}{SPACE}m to {end - low:g}{SPACE}m" if high > low else f"{end - low:g}{SPACE}m"
+        what = f"A section of {end:g}{SPACE}m slides through a mouth, beyond which {out} of it reach."
+    else:
+        count = len(offsets(result))
+        where = f"between {low:g}{SPACE}m and {high:g}{SPACE}m" if high > low else f"at {low:g}{SPACE}m"
+        sliders = f"{count} sliders support" if count > 1 else "a slider supports"
+        what = f"A beam of {end:g}{SPACE}m, which {sliders} {where}."
+    return f"{what} It is represented by {model.name}, {model.because}."
 
 
 def estimate(result: RunResult) -> str:
@@ -43,9 +48,9 @@ def estimate(result: RunResult) -> str:
     if found is None or (found["beam"] is None and true is not None):
         return ""
     if found["beam"] is None:
-        return f"The error can't be estimated without the full {noun(result)}: {found['reason']}."
+        return f"The error can't be estimated without the full model: {found['reason']}."
     tip, beam = percent(found["tip"]), percent(found["beam"])
-    said = f"The estimate, which needs no full {noun(result)}, is {tip} at the tip and {beam} along the beam"
+    said = f"The estimate, which needs no full model, is {tip} at the tip and {beam} along the beam"
     if found.get("pad_force") is not None:
         said = f"{said.replace(' and ', ', ')} and {percent(found['pad_force'])} in the forces of sliders and pads"
     known = (
@@ -101,13 +106,12 @@ def _numbers(result: RunResult) -> Iterator[KeyNumber]:
         yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "speed against full")
 
 
-def _sentences(result: RunResult, table: list[Row]) -> Iterator[str]:
+def _sentences(result: RunResult, table: Sequence[Row]) -> Iterator[str]:
     yield size(result)
     yield from accuracy(result)
-    if said := estimate(result):
-        yield said
-    if said := step(result):
-        yield said
+    yield from stress(result)
+    yield estimate(result)
+    yield step(result)
     yield from speed(result)
     count = sum(verdicts(table).values())
     if count:
@@ -121,10 +125,10 @@ def size(result: RunResult) -> str:
     reduced = coordinates.get("reduced", result.shapes.shapes.shape[1])
     motion = f"{plain(result.scene.time.end)}{SPACE}s of motion are simulated."
     if "full" not in coordinates:
-        return f"The reduced {noun(result)} has {reduced} coordinates; {motion}"
+        return f"The reduced model has {reduced} coordinates; {motion}"
     full = coordinates["full"]
     less = percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)  # no reduction is by 100 %
-    return f"The reduced {noun(result)} has {reduced} coordinates instead of {full}, a reduction by {less}; {motion}"
+    return f"The reduced model has {reduced} coordinates instead of {full}, a reduction by {less}; {motion}"
 
 
 def accuracy(result: RunResult) -> Iterator[str]:
@@ -133,7 +137,9 @@ def accuracy(result: RunResult) -> Iterator[str]:
     if against := _tip_and_beam(errors.get("reduced_vs_full")):
         tip, beam = against
         error = f"a normalised RMS error of {tip} at the tip and {beam} along the beam"
-        yield f"It follows the full {noun(result)} with {error}."
+        yield f"It follows the full model with {error}."
+    if (force := errors.get("reduced_vs_full", {}).get("pad_force")) is not None:
+        yield f"The forces of all pads are within {percent(force)}."
     largest, most = result.summary.get("max_displacement"), result.summary.get("max_error")
     if largest is not None and most is not None:
         yield f"The largest difference is {length(most)} where displacements reach {length(largest)}."
@@ -160,4 +166,40 @@ def speed(result: RunResult) -> Iterator[str]:
         yield f"{took}, {paced}."
         return
     full = quantity(result.responses["full"].seconds, "s")
-    yield f"{took}, {paced}; that of the full {noun(result)} took {full}, {significant(ratio, 2)} times as long."
+    yield f"{took}, {paced}; that of the full model took {full}, {significant(ratio, 2)} times as long."
+
+
+def stress(result: RunResult) -> Iterator[str]:
+    """The largest von Mises stress, where and when, beside that of the full model."""
+    largest = result.summary.get("max_von_mises", {})
+    if "reduced" not in largest:
+        return
+    where = where_the_peak_is(result, "reduced")
+    said = f"The largest von Mises stress is {quantity(largest['reduced'], 'Pa')}{f', {where}' if where else ''}"
+    if largest.get("full"):
+        apart = percent(abs(largest["reduced"] / largest["full"] - 1.0), 2)
+        said += f"; the full model has {quantity(largest['full'], 'Pa')}, {apart} apart"
+    yield f"{said}."
+
+
+def where_the_peak_is(result: RunResult, simulator: str) -> str:
+    """Time and place of the largest von Mises stress; empty where they are not known."""
+    peak = result.summary.get("stress_peak", {}).get(simulator)
+    if peak is None:
+        return ""
+    face = peak.get("face", "")
+    on = f", {face} {'corner' if ' ' in face else 'face'}" if face else ""
+    of = f" of {peak['region']}" if peak.get("region") else ""
+    return f"at {peak['t']:.2f}{SPACE}s and {_place(peak['position'])}{on}{of}{_others(peak.get('shared', ()))}"
+
+
+def _others(places: Sequence[Sequence[float]]) -> str:
+    """Where the same stress is found too."""
+    if len(places) > MOST_PLACES:
+        return f", and as large at {len(places)} other places"
+    return f", and as large at {' and '.join(map(_place, places))}" if places else ""
+
+
+def _place(position: Sequence[float]) -> str:
+    x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in position)  # zero has no sign
+    return f"({x}, {y}, {z}){SPACE}m"

@@ -19,8 +19,8 @@ from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.report import sentences
-from pmr.report.case import Case
-from pmr.report.document import case
+from pmr.report.blocks import Chapter
+from pmr.report.sections import chapter
 from pmr.run import run
 from pmr.scene.signals import Chirp, Constant, SignalBase, Sine, SmoothRamp, Sum
 from pmr.simulate import TimeStepping, exudyn
@@ -201,18 +201,18 @@ COARSE = ["time.end=1.0", "mesh.elements=20", "slider.path={kind='ramp',times=[0
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["evolved_residual", "paper_evolved"])
 def test_a_run_whose_step_is_too_coarse_by_ten_says_so(load_scene, name: str) -> None:
-    def told(step: float) -> tuple[dict, Case]:
+    def told(step: float) -> tuple[dict, Chapter]:
         scene = load_scene(name, [*COARSE, f"time.step={step}", "compare.against=['full']"])
         outcome = run(scene)
         assert outcome is not None
-        return outcome.result.summary, case(outcome.result, "case-1")
+        return outcome.result.summary, chapter(outcome.result, "case-1")
 
     fine, coarse = told(2e-3), told(2e-2)
     assert fine[0]["step"]["beam"] < LIMIT < coarse[0]["step"]["beam"] and fine[0]["warnings"] == []
     assert ["too coarse" in line for line in coarse[0]["warnings"]] == [True]
     assert coarse[0]["errors"]["reduced_vs_full"]["beam"] < 0.02  # both models miss the same
     for summary_, shown in (fine, coarse):
-        assert "The error of the time step itself is" in shown.paragraph
+        assert "The error of the time step itself is" in shown.paragraphs[0]
         assert [line.lower() for line in shown.warnings] == [line.lower() for line in summary_["warnings"]]
 
 

@@ -14,7 +14,7 @@ from pmr.fem.compat import MPI
 from pmr.files import records
 from pmr.fullmodel.model import full_model
 from pmr.report import marks
-from pmr.report.document import case
+from pmr.report.sections import chapter
 from pmr.results import Energy, Response
 from pmr.run import run
 from pmr.studies import marching, shared
@@ -80,9 +80,9 @@ def test_a_run_without_reference_says_so(load_scene) -> None:
     assert "rho_inf" in told
     table = marks.rows(result)
     assert [row.comparison for row in table if row.here == "no reference"] == ["reduced against full"]
-    shown = case(result, "case-1")
+    shown = chapter(result, "case-1")
     assert [told[:1].upper() + told[1:]] == [line for line in shown.warnings if "no reference" in line.lower()]
-    assert "times the true error" not in shown.paragraph
+    assert "times the true error" not in shown.paragraphs[0]
 
 
 @pytest.mark.slow

@@ -35,8 +35,8 @@ def case(number: int, rng: Random, folder: Path) -> str:
     """Run a scene full of a name, draw its report, export its model."""
     from pmr.export.exudyn.script import write_exudyn_script
     from pmr.fem.compat import MPI
-    from pmr.report.document import case as report_case
-    from pmr.report.document import render
+    from pmr.report.document import page as render
+    from pmr.report.sections import chapter as report_case
     from pmr.run import run
 
     name, other = _name(rng), _name(rng)

@@ -72,8 +72,8 @@ def ran(scene: SceneBase, folder: Path, drawn: bool) -> str:
     """Run it the whole way; the results are finite, plausible and valid files."""
     from pmr.fem.compat import MPI
     from pmr.reduced.model import ReducedModel
-    from pmr.report.document import case as report_case
-    from pmr.report.document import render
+    from pmr.report.document import page as render
+    from pmr.report.sections import chapter as report_case
     from pmr.run import run
 
     outcome = run(scene, MPI.COMM_SELF)

@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 
-from pmr.report.figures import Drawing, captions, histories
-from pmr.report.figures.canvas import PENS, SHADE, log_axis, octave_axis, sheet, style
-from pmr.report.figures.timeline import Span, Timeline, sliding
-from pmr.report.figures.vector import svg
+from pmr.report.blocks import Drawing, drawing
+from pmr.report.figures import captions, histories
+from pmr.report.figures.canvas import PENS, SHADE, log_axis, octave_axis, sheet
+from pmr.report.figures.timeline import Span, Timeline, sliding, tip_of
 from pmr.results import RunResult
 
 LABELS = {
     "position": ["Slider position in m", "Time in s"],
     "loads": ["Force in N", "Time in s"],
     "snapshots": ["x in m", "Transverse displacement in mm"],
-    "tip": ["Displacement in mm", "Difference in µm", "Time in s"],
+    "tip-z": ["Displacement z in mm", "Difference in µm", "Time in s"],
     "energy": ["Total energy in J", "Difference in mJ", "Time in s"],
     "energy-parts": ["Strain energy in J", "Kinetic energy in J", "External energy in J", "Difference in mJ"],
-    "slider-force": ["Slider force in N", "Time in s"],
+    "forces-1": ["Force in N", "Time in s"],
     "residual-position": ["Residual of position in m", "Time in s"],
     "residual-velocity": ["Residual of velocity in m/s", "Time in s"],
     "basis": ["x in m", "Relative shape (–)"],
@@ -31,9 +31,8 @@ LABELS = {
 
 def tip_history(result: RunResult) -> Drawing:
     """The tip's history alone."""
-    with style():
-        figure = histories.history(result, lambda response: response.tip, "Displacement", "m")
-        return Drawing("a", svg(figure, "a", ""), captions.tip(result))
+    caption = captions.tip(result, "vertical, z", tip_of)
+    return drawing("a", histories.history, caption, result, tip_of, "Displacement", "m")
 
 
 WHOLE, BARE = "case-1", "case-2"
@@ -50,7 +49,7 @@ def test_axes_are_labelled_with_units(written, name: str) -> None:
 
 
 def test_curves_stand_in_the_page_and_are_named(written) -> None:
-    for name in ("tip", "energy", "energy-parts", "slider-force", "snapshots"):
+    for name in ("tip-z", "energy", "energy-parts", "forces-1", "snapshots"):
         assert {"full", "ANCF", "reduced"} <= set(written.texts(WHOLE, name)), name
         for pen in PENS.values():
             assert written.svg(WHOLE, name).count(f'stroke="{pen.colour}"') >= 2, name  # legend and curve
@@ -62,9 +61,9 @@ def test_long_signals_stay_small(make_result) -> None:
 
 def test_sliding_phase_is_shaded_and_named(written, make_result) -> None:
     assert (
-        written.svg(WHOLE, "tip").count(f'fill="{SHADE}"') == 3
+        written.svg(WHOLE, "tip-z").count(f'fill="{SHADE}"') == 3
     )  # both panels and the legend; the detail lies elsewhere
-    assert "slider moves" in written.texts(WHOLE, "tip")
+    assert "slider moves" in written.texts(WHOLE, "tip-z")
     still = tip_history(make_result(slider={"path": 2.0}))
     assert SHADE not in still.svg and "slider moves" not in still.svg
 
@@ -106,7 +105,7 @@ def test_unknown_residual_is_left_out_and_said(written) -> None:
 
 def test_reduced_beam_alone_is_compared_with_nothing(written) -> None:
     assert not any("Difference" in text for name in LABELS for text in written.texts(BARE, name))
-    assert "difference" not in written.caption(BARE, "tip")
+    assert "difference" not in written.caption(BARE, "tip-z")
 
 
 def test_closed_form_is_shown_where_there_is_one(written) -> None:
@@ -115,7 +114,7 @@ def test_closed_form_is_shown_where_there_is_one(written) -> None:
 
 
 def test_each_slider_has_its_force_and_each_load_its_unit(written) -> None:
-    assert {"Slider 1: force in N", "Slider 2: force in N"} <= set(written.texts(BARE, "slider-force"))
+    assert {"slider 1", "slider 2", "Force in N"} <= set(written.texts(BARE, "forces-1"))
     assert {"Force in kN", "Moment in N m", "F", "G", "M"} <= set(written.texts(BARE, "loads"))
     assert {"s", "s − 0.5 m"} <= set(written.texts(BARE, "position"))
 
@@ -140,8 +139,8 @@ def test_snapshots_show_the_beam_where_it_is_far_out(written, whole: RunResult) 
 
 
 def test_identifiers_carry_the_prefix(written) -> None:
-    assert all(name.startswith("case-1-tip-") for name in re.findall(r' id="([^"]+)"', written.svg(WHOLE, "tip")))
-    assert written.svg(WHOLE, "tip").count(' id="') > 0
+    assert all(name.startswith("case-1-tip-z-") for name in re.findall(r' id="([^"]+)"', written.svg(WHOLE, "tip-z")))
+    assert written.svg(WHOLE, "tip-z").count(' id="') > 0
 
 
 def test_style_leaves_no_trace(bare: RunResult) -> None:

@@ -10,7 +10,8 @@ from xml.etree import ElementTree
 import pytest
 
 from pmr.report import write_report
-from pmr.report.document import case, render
+from pmr.report.document import page as render
+from pmr.report.sections import chapter as case
 from pmr.text import visible
 
 TEXTS = {

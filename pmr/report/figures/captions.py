@@ -2,40 +2,50 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS
-from pmr.report.figures.timeline import Quantity, Timeline, drawn, reference, tip_of
+from pmr.report.figures.timeline import Quantity, Timeline, drawn, reference
 from pmr.report.numbers import SPACE
-from pmr.report.sentences import noun
+from pmr.report.subject import moving
 from pmr.results import RunResult
 
+LEVEL = 1e-6  # relative difference of neighbouring frequencies that are one
 
-def called(simulator: str, result: RunResult) -> str:
+
+def called(simulator: str) -> str:
     """A simulator's model in a sentence."""
-    return "ANCF" if simulator == "ancf" else f"the {simulator} {noun(result)}"
+    return "ANCF" if simulator == "ancf" else f"the {simulator} model"
 
 
-def tip(result: RunResult) -> str:
-    """Below the tip's history."""
+def history(result: RunResult, what: str, focus: Quantity, where: str = "") -> str:
+    """Below a quantity's history, whose detail is about `focus` and lies `where`."""
+    base, window = reference(result), Timeline(result).detail(focus)
+    below = f"; below, the difference to {called(base)}" if base else ""
+    framed = ""
+    if window:
+        span = f"{window.start:.2f}{SPACE}s to {window.end:.2f}{SPACE}s"
+        framed = f" The frame, {span}{where}, is enlarged on the right."
+    return f"{what}{below}.{framed}"
+
+
+def tip(result: RunResult, direction: str, what: Quantity) -> str:
+    """Below the tip's history along a direction."""
     about = "deviates most" if reference(result) else "moves most"
-    return history(result, "Transverse displacement of the tip", f", where the tip of the reduced beam {about}")
+    return history(result, f"Displacement of the tip, {direction}", what, f", where it {about}")
 
 
 def snapshots(result: RunResult) -> str:
     """Below the strip of deflected beams."""
     moments = f"at the largest tip displacement in each of {shapes.SNAPSHOTS} equal parts of the time"
-    return f"The deflected beam {moments}. The transverse scale is exaggerated."
-
-
-def energy(result: RunResult) -> str:
-    """Below the total energy's history."""
-    return history(result, "Total energy: kinetic and strain energy less the work of the loads")
+    return f"The deflected body {moments}. The transverse scale is exaggerated."
 
 
 def energy_parts(result: RunResult) -> str:
     """Below the parts of the energy."""
     base = reference(result)
-    beside = f"; on the right, the differences to {called(base, result)}" if base else ""
+    beside = f"; on the right, the differences to {called(base)}" if base else ""
     return f"Strain, kinetic and external energy, which is minus the work of the loads{beside}."
 
 
@@ -50,23 +60,14 @@ def basis(result: RunResult) -> str:
     """Below the shapes of the basis."""
     count = result.shapes.shapes.shape[1]
     first = f"the first {shapes.MOST_SHAPES} of {count}" if count > shapes.MOST_SHAPES else f"all {count}"
-    flat = " A flat line belongs to a vector that moves the beam along its axis only."
+    flat = " A flat line belongs to a vector that moves the body along its axis only."
     scaled = f"Transverse shapes of the basis vectors, {first}, each over its largest value."
     return f"{scaled}{flat if shapes.has_flat(result) else ''}"
 
 
 def frequencies(result: RunResult) -> str:
     """Below the eigenfrequencies."""
-    level = " Level lines belong to vibration along the axis."
-    return f"Lowest eigenfrequencies for a resting slider at s.{level if result.beam.body.axial else ''}"
-
-
-def history(result: RunResult, what: str, where: str = "", focus: Quantity = tip_of) -> str:
-    """Below a quantity's history, whose detail is about `focus` and lies `where`."""
-    base, window = reference(result), Timeline(result).detail(focus)
-    below = f"; below, the difference to {called(base, result)}" if base else ""
-    framed = ""
-    if window:
-        span = f"{window.start:.2f}{SPACE}s to {window.end:.2f}{SPACE}s"
-        framed = f" The frame, {span}{where}, is enlarged on the right."
-    return f"{what}{below}.{framed}"
+    omega = result.frequencies.reduced
+    level = np.abs(np.diff(omega, axis=0)) < LEVEL * omega[1:]
+    along = " Level stretches belong to vibration along the axis." if level.any() else ""
+    return f"Lowest eigenfrequencies while the {moving(result)} rests.{along}"

@@ -12,8 +12,6 @@ from pmr.report.figures.canvas import HALF, PENS, WIDE, bins_of, key, log_axis, 
 from pmr.report.figures.timeline import Array, Quantity, Span, Timeline, reference, tip_of
 from pmr.results import RunResult
 
-MOST_SLIDERS = 4  # panels of one figure
-
 
 def history(result: RunResult, what: Quantity, label: str, base: str, focus: Quantity = tip_of) -> Figure:
     """A quantity over time for every simulator; below it the difference to the reference; beside it a detail.
@@ -70,19 +68,6 @@ def energy_parts(result: RunResult) -> Figure:
         time.draw(axes[row, :1], signals, f"{part} energy", "J", last=last, weight=0.6)
         if compared:
             time.draw(axes[row, 1:], time.differences(signals), "Difference", "J", last=last, weight=0.6)
-    key(figure, time.legend(list(signals)))
-    return figure
-
-
-def slider_force(result: RunResult) -> Figure:
-    """Multipliers of the sliders in N, one panel a slider."""
-    time = Timeline(result)
-    count = min(MOST_SLIDERS, len(result.scene.slider.offsets))
-    figure, axes = sheet(WIDE, 0.7 + 1.25 * count, rows=count, sharex=True, gridspec_kw={"hspace": 0.15})
-    for slider in range(count):
-        signals = time.signals(lambda response, column=slider: response.slider_force[:, column])  # type: ignore[misc]
-        label = "Slider force" if count == 1 else f"Slider {slider + 1}: force"
-        time.draw(axes[slider], signals, label, "N", last=slider == count - 1)
     key(figure, time.legend(list(signals)))
     return figure
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,48 +11,40 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from pmr.report import subject
 from pmr.report.decimation import extremes
 from pmr.report.figures.canvas import HALF, bins_of, key, sheet
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import signed, unit_for
+from pmr.report.subject import length, moving, offsets
 from pmr.results import RunResult
 
 Array = NDArray[np.float64]
-LOAD_UNITS = {"x": "N", "y": "N", "z": "N", "rotation": "N m", "rx": "N m", "ry": "N m", "rz": "N m"}
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
 
 
-class Acting(Protocol):
-    """What a load of a scene of any kind has."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def direction(self) -> str: ...
-
-
-def position(result: RunResult, offsets: Sequence[float], length: float, what: str = "Slider position") -> Figure:
-    """Positions over time of what slides at s plus `offsets` (m), on a scale as long as the body, `length` in m."""
-    time = Timeline(result)
+def position(result: RunResult) -> Figure:
+    """Positions over time of what moves along the body, on a scale as long as that."""
+    time, ahead = Timeline(result), offsets(result)
     figure, axes = sheet(HALF, 1.7)
     ax = axes[0, 0]
-    _plot(ax, time.t, [result.path + offset for offset in offsets])
-    time.frame(ax, f"{what} in m")
-    ax.set_ylim(0.0, length)
-    names = [f"s {signed(offset)} m" if offset else "s" for offset in offsets]
+    _plot(ax, time.t, [result.path + offset for offset in ahead])
+    time.frame(ax, f"{moving(result).capitalize()} position in m")
+    ax.set_ylim(0.0, length(result))
+    names = [f"s {signed(offset)} m" if offset else "s" for offset in ahead]
     key(figure, [*_legend(names), *time.shade()])
     return figure
 
 
-def loads(result: RunResult, acting: Sequence[Acting]) -> Figure:
-    """Loads over time: forces in N and, in a panel of their own, moments in N m; `acting` come first of the inputs."""
-    time = Timeline(result)
-    units = sorted({LOAD_UNITS[load.direction] for load in acting})
+def loads(result: RunResult) -> Figure:
+    """Loads over time: forces in N and, in a panel of their own, moments in N m."""
+    time, acting = Timeline(result), subject.loads(result)
+    units = sorted({load.unit for load in acting})
     figure, axes = sheet(HALF, 0.8 + 0.9 * len(units), rows=len(units), sharex=True)
     names: list[str] = []
     for row, base in enumerate(units):
         ax = axes[row, 0]
-        chosen = [i for i, load in enumerate(acting) if LOAD_UNITS[load.direction] == base]
+        chosen = [i for i, load in enumerate(acting) if load.unit == base]
         unit = unit_for(float(np.abs(result.loads[:, chosen]).max()), base)
         _plot(ax, time.t, [result.loads[:, i] / unit.size for i in chosen], first=len(names))
         quantity = "Force" if base == "N" else "Moment"

@@ -12,6 +12,7 @@ from pmr.report.decimation import onto
 from pmr.report.figures.canvas import INK, MUTED, PENS, WIDE, key, sheet
 from pmr.report.figures.timeline import drawn
 from pmr.report.numbers import unit_for
+from pmr.report.subject import fixtures, length, line, moving, offsets
 from pmr.results import RunResult
 
 MOST_SHAPES = 25
@@ -37,20 +38,20 @@ def basis(result: RunResult) -> Figure:
     rows = -(-count // columns)
     figure, axes = sheet(WIDE, 0.45 + max(0.5 * rows, 1.2), margins={"top": 0.08})
     ax = axes[0, 0]
-    length = result.beam.body.length
+    end = length(result)
     amplitude, flat = np.abs(shapes).max(axis=0), _flat(result)
     for k in range(count):
-        left, middle = (k % columns) * GAP * length, -CELL * (k // columns)
-        ax.plot([left, left + length], [middle, middle], color="#c9d1d9", linewidth=0.5, zorder=1.0)
+        left, middle = (k % columns) * GAP * end, -CELL * (k // columns)
+        ax.plot([left, left + end], [middle, middle], color="#c9d1d9", linewidth=0.5, zorder=1.0)
         shape = np.zeros_like(x) if flat[k] else shapes[:, k] / amplitude[k]
         ax.plot(x + left, middle + shape, color=PENS["reduced"].colour)
         ax.text(left, middle + 1.3, str(k + 1), color=MUTED, va="center")
-    starts = np.arange(columns) * GAP * length
-    ax.set_xticks(np.ravel([starts, starts + length], order="F"), ["0", f"{length:g}"] * columns)
+    starts = np.arange(columns) * GAP * end
+    ax.set_xticks(np.ravel([starts, starts + end], order="F"), ["0", f"{end:g}"] * columns)
     ax.set_yticks([side - CELL * row for row in range(rows) for side in (1.0, -1.0)], ["1", "−1"] * rows)
     ax.grid(False)
     ax.spines[["left", "bottom"]].set_visible(False)
-    ax.set_xlim(0.0, starts[-1] + length)
+    ax.set_xlim(0.0, starts[-1] + end)
     ax.set_ylim(-CELL * (rows - 1) - 1.1, 1.6)
     ax.set_xlabel("x in m")
     ax.set_ylabel("Relative shape (–)")
@@ -62,7 +63,10 @@ def snapshots(result: RunResult) -> Figure:
     reduced, beams = result.responses["reduced"], drawn(result)
     parts = np.array_split(np.arange(len(reduced.t)), SNAPSHOTS)
     chosen = [int(part[np.argmax(np.abs(reduced.tip[part]))]) for part in parts if len(part)]
-    deflected = {name: onto(reduced.t, one.t, one.displacement)[chosen] for name, one in beams.items()}
+    lines = {name: line(result, one) for name, one in beams.items()}
+    deflected = {
+        name: onto(reduced.t, one.t, one.displacement[:, lines[name].columns])[chosen] for name, one in beams.items()
+    }
     unit = unit_for(max(float(np.abs(w).max()) for w in deflected.values()), "m")
     gaps = {"wspace": 0.05, "hspace": 0.4}
     figure, axes = sheet(
@@ -70,15 +74,15 @@ def snapshots(result: RunResult) -> Figure:
     )
     for i, ax in enumerate(axes.flat[: len(chosen)]):
         for order, (name, w) in enumerate(deflected.items()):
-            ax.plot(beams[name].x, w[i] / unit.size, zorder=2.0 + order / 10.0, **PENS[name].line())
+            ax.plot(lines[name].x, w[i] / unit.size, zorder=2.0 + order / 10.0, **PENS[name].line())
         _fixtures(ax, result, float(result.path[chosen[i]]))
         ax.set_title(f"t = {float(reduced.t[chosen[i]]):.4g} s", loc="left", pad=2.0)
-    length = result.beam.body.length
-    axes[0, 0].set_xlim(-0.03 * length, 1.02 * length)
+    end = length(result)
+    axes[0, 0].set_xlim(-0.03 * end, 1.02 * end)
     axes[0, 0].margins(y=0.15)
     figure.supxlabel("x in m", fontsize=7.5, y=0.02)
     figure.supylabel(f"Transverse displacement in {unit.name}", fontsize=7.5, x=0.02)
-    markers = {"slider": ("s", MUTED), "support": ("^", INK)}
+    markers = {moving(result): ("s", MUTED), "support": ("^", INK)}
     key(
         figure,
         [Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in beams]
@@ -92,9 +96,9 @@ def snapshots(result: RunResult) -> Figure:
 
 def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
     """Sliders and supports, where they hold the beam."""
-    for offset in result.scene.slider.offsets:
+    for offset in offsets(result):
         ax.plot([s + offset], [0.0], marker="s", markersize=5.0, color=MUTED, zorder=1.9)
-    for support in result.beam.supports:
+    for support in fixtures(result):
         ax.plot([support.at], [0.0], marker="^", markersize=5.0, color=INK, zorder=1.9)
 
 

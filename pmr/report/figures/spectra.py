@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from pmr.report.decimation import spread
 from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, key, log_axis, octave_axis, sheet
 from pmr.report.numbers import share_kept
+from pmr.report.subject import length, moving
 from pmr.results import RunResult
 
 CLOSED_FORM_POINTS = 11
@@ -44,16 +45,17 @@ def singular_values(result: RunResult) -> Figure:
     return figure
 
 
-def frequencies(result: RunResult, length: float | None = None) -> Figure:
+def frequencies(result: RunResult) -> Figure:
     """Lowest eigenfrequencies in Hz against the slider position; closed forms as far up as the models.
 
-    With the `length` of a body in m, against what of it reaches beyond the slider.
+    Where a body slides out of a mouth, against what of it reaches beyond that.
     """
     curves = result.frequencies
     shown = [family for family in (curves.full, curves.reduced) if np.isfinite(family).any()]
     top = np.max([np.nanmax(family, axis=1) for family in shown], axis=0)[:, None]
     closed = np.where(curves.closed_form <= 1.01 * top, curves.closed_form, np.nan)
-    x = curves.s if length is None else length - curves.s
+    telescopic = moving(result) == "mouth"
+    x = length(result) - curves.s if telescopic else curves.s
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
     handles = []
@@ -66,7 +68,7 @@ def frequencies(result: RunResult, length: float | None = None) -> Figure:
             ax.plot(x[where], omega[where] / TURN, **look)
             handles.append(Line2D([], [], label=label, **look))
     octave_axis(ax, min(float(np.nanmin(family)) for family in shown) / TURN, float(top.max()) / TURN)
-    ax.set_xlabel("Slider position s in m" if length is None else "Length beyond the mouth in m")
+    ax.set_xlabel("Length beyond the mouth in m" if telescopic else "Slider position s in m")
     ax.set_ylabel("Eigenfrequency in Hz")
     key(figure, handles)
     return figure

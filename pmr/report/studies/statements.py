@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from decimal import Decimal
 
-from pmr.report.marks import DIFFERENT, SAME, Mark, Row, mark_for, signed_deviation
+from pmr.report.marks import DIFFERENT, SAME, ErrorTable, Mark, Row, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.study import Statement
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """The table of a study, and why its figures differ from the published ones, as far as is known."""
-
-    rows: list[Row]
-    reasons: list[str]
-
-
-def comparison(study: FinishedStudy) -> Comparison:
+def comparison(study: FinishedStudy) -> ErrorTable:
     """The statements on a study's figures; those whose figure it does not have are left out."""
     rows, reasons = [], list[str]()
     for statement in study.published:
@@ -30,7 +21,8 @@ def comparison(study: FinishedStudy) -> Comparison:
         rows.append(_row(statement, here))
         if statement.why and statement.why not in reasons:
             reasons.append(statement.why)
-    return Comparison(rows, [*reasons, *study.summary["remarks"]])
+    source = str(study.summary["source"]) or "publication"
+    return ErrorTable(f"Published: {source}.", rows, [*reasons, *study.summary["remarks"]])
 
 
 def formatted(value: Scalar, kind: str) -> str:

@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.canvas import SHADE, WIDE, key, log_axis, sheet
 from pmr.report.numbers import percent, plain
-from pmr.report.sentences import KeyNumber
 from pmr.report.studies.axes import dots
-from pmr.report.studies.content import Block, Content, Grid, drawing, listed
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.statements import combination
 from pmr.report.studies.treatments import EXPLAINED, NAMES
+from pmr.report.studies.words import listed
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 
@@ -24,7 +24,7 @@ ROWS = {"beam": "e_NRMS of the beam (–)", "strain": "Strain energy error in J"
 STATED = 20
 
 
-def content(study: FinishedStudy, prefix: str) -> Content:
+def content(study: FinishedStudy, prefix: str) -> Chapter:
     """Errors over the number of coordinates, and singular values."""
     names = combinations(study)
     errors_caption = (
@@ -47,7 +47,9 @@ def content(study: FinishedStudy, prefix: str) -> Content:
         head=("combination", *NAMES.values()),
         rows=tuple((combination(name), *(_first(study, name, treatment) for treatment in NAMES)) for name in names),
     )
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title=study.title,
         headline=_headline(at_budget),
         key_numbers=[
             KeyNumber(percent(study.figure(f"{name}.kept.beam")), f"{combination(name)}, all coordinates, rows kept")

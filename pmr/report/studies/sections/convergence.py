@@ -5,11 +5,10 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pmr.report.blocks import Block, Chapter, KeyNumber, drawing
 from pmr.report.figures.canvas import WIDE, key, log_axis, sheet
 from pmr.report.numbers import length
-from pmr.report.sentences import KeyNumber
 from pmr.report.studies.axes import dots, log_x
-from pmr.report.studies.content import Block, Content, drawing
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.engine.task import number
 
@@ -17,7 +16,7 @@ APPROACHES = {"ancf": "ANCF cable", "full": "full beam"}
 _NUMBERS = {"full": 0, "ancf": 2}  # of the colours
 
 
-def content(study: FinishedStudy, prefix: str) -> Content:
+def content(study: FinishedStudy, prefix: str) -> Chapter:
     """The errors over the number of coordinates."""
     chosen = {name: study.figures.get(f"chosen.{name}") for name in APPROACHES}
     caption = (
@@ -27,7 +26,9 @@ def content(study: FinishedStudy, prefix: str) -> Content:
     figure = drawing(f"{prefix}-errors", errors, caption, study)
     counts = {name: len(study.runs(approach=name)) for name in APPROACHES}
     finest = {name: max(number(run.parameters["elements"]) for run in study.runs(approach=name)) for name in APPROACHES}
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title=study.title,
         headline=f"Both beams converge, the full one to {length(study.figure('least.full'))}, the ANCF cable to "
         f"{length(study.figure('least.ancf'))}.",
         key_numbers=[

@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.canvas import HALF, INK, MUTED, WIDE, sheet
 from pmr.report.numbers import percent, plain
-from pmr.report.sentences import KeyNumber
-from pmr.report.studies.content import Block, Content, Grid, drawing
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.statements import combination
 from pmr.report.studies.treatments import EXPLAINED, NAMES
@@ -28,7 +27,7 @@ MOST = 1.0  # the largest error possible
 LABELLED = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
 
-def content(study: FinishedStudy, prefix: str) -> Content:
+def content(study: FinishedStudy, prefix: str) -> Chapter:
     """The maps, and the combinations that are marked in them."""
     figures, asked = study.figures, study.asked
     curve = f", the curve is {plain(asked['curve'])} snapshots in all" if asked["curve"] else ""
@@ -48,7 +47,9 @@ def content(study: FinishedStudy, prefix: str) -> Content:
     )
     best, kept = str(figures["drop.best"]), str(figures["kept.best"])
     singular = number(figures["kept.singular"])
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title=study.title,
         headline=f"{combination(kept)} is best with the pin's rows kept, at {percent(study.figure('kept.error'))}; "
         f"with them dropped it is {combination(best)}, at {percent(study.figure('drop.error'))}.",
         key_numbers=[

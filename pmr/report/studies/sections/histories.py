@@ -10,14 +10,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pmr.files import records
-from pmr.report import marks, provenance
-from pmr.report.figures import Drawing, inputs
+from pmr.report import marks, parameters
+from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber, Table, drawing
+from pmr.report.figures import inputs
 from pmr.report.figures.canvas import WIDE, key, sheet
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import length, percent
-from pmr.report.sentences import KeyNumber
-from pmr.report.studies.content import Block, Content, Grid, case_name, drawing
 from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.words import case_name
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Published, Scene
 from pmr.studies.results import RunRecord
@@ -26,16 +26,20 @@ SIMULATORS = ("full", "ancf", "reduced")
 PANELS = {"Displacement": "m", "Total energy": "J"}
 
 
-def content(study: FinishedStudy, prefix: str) -> Content:
+def content(study: FinishedStudy, prefix: str) -> Chapter:
     """Figures and errors of every scene."""
     results = {run.key: run_result(study, run) for run in study.results.runs if run.status == "done"}
     rows, reasons = [], list[str]()
     for name, result in results.items():
         rows += [replace(row, comparison=f"{case_name(name)}: {row.comparison}") for row in marks.rows(result)]
         reasons += [why for why in result.summary["notes"] if why not in reasons]
+    source = str(study.summary["source"]) or "publication"
+    published = marks.ErrorTable(f"Published: {source}.", rows, reasons)
     worst = max(study.figure(f"{name}.errors.reduced_vs_full.beam") for name in results)
     dropped = max(study.figure(f"{name}.dropped.beam") for name in results)
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title=study.title,
         headline=f"The reduced beam is within {percent(worst)} of the full one; without the pin's rows within "
         f"{percent(dropped)}.",
         key_numbers=[
@@ -55,10 +59,9 @@ def content(study: FinishedStudy, prefix: str) -> Content:
                 for name, result in results.items()
             ),
             Block("Without the pin's rows", grids=(_dropped(study, results),)),
+            Block("Beside the publication", errors=published),
+            Block("Parameters", columns=_parameters(results)),
         ],
-        rows=rows,
-        reasons=reasons,
-        parameters=_parameters(results),
     )
 
 
@@ -97,11 +100,10 @@ def tip_and_energy(result: RunResult) -> Figure:
 
 def _figures(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
     caption = "Transverse displacement of the tip (top) and total energy (bottom) over time. Grey: the slider moves."
-    where = (result.scene.slider.offsets, result.beam.body.length)
     return (
         (
-            drawing(f"{prefix}-position", inputs.position, "Slider position over time.", result, *where),
-            drawing(f"{prefix}-loads", inputs.loads, "Load over time.", result, result.beam.loads),
+            drawing(f"{prefix}-position", inputs.position, "Slider position over time.", result),
+            drawing(f"{prefix}-loads", inputs.loads, "Load over time.", result),
         ),
         (drawing(f"{prefix}-history", tip_and_energy, caption, result),),
     )
@@ -137,16 +139,12 @@ def _nested(flat: Mapping[str, Any]) -> dict[str, Any]:
     return nested
 
 
-def _parameters(results: Mapping[str, RunResult]) -> list[list[provenance.Table]]:
+def _parameters(results: Mapping[str, RunResult]) -> list[list[Table]]:
     """Beam and method, which the cases share, and what moves it in each."""
     first = next(iter(results.values()))
-    of_first = [table for column in provenance.tables(first) for table in column]
-    chosen = [table for table in of_first if table.title in ("Beam and mesh", "Time stepping and reduction")]
     moving = [
-        provenance.Table(f"Slider and loads, {case_name(name)}", table.rows)
+        replace(table, title=f"{table.title}, {case_name(name)}")
         for name, result in results.items()
-        for column in provenance.tables(result)
-        for table in column
-        if table.title == "Slider and loads"
+        for table in [parameters.motion(result)]
     ]
-    return [[chosen[0]], moving, chosen[1:]]
+    return [[parameters.body(first)], moving, [parameters.method(first)]]

@@ -9,11 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.canvas import WIDE, log_axis, sheet
 from pmr.report.numbers import percent, significant
-from pmr.report.sentences import KeyNumber
 from pmr.report.studies.axes import SERIES, dots, log_x
-from pmr.report.studies.content import Block, Content, Grid, drawing
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
@@ -30,7 +29,7 @@ ESTIMATED = ("flexibility", "inertia")
 COLUMNS = 2
 
 
-def content(study: FinishedStudy, prefix: str) -> Content:
+def content(study: FinishedStudy, prefix: str) -> Chapter:
     """Errors over the number of coordinates and over seconds, and what the estimate says of them."""
     scenes, sizes = _scenes(study), [int(r) for r in study.asked["coordinates"]]
     few = 6 if 6 in sizes else sizes[len(sizes) // 2]
@@ -44,7 +43,9 @@ def content(study: FinishedStudy, prefix: str) -> Content:
         "The same errors over the time that the compiled simulator takes, in the second scene: the fastest of five "
         "simulations, measured while other runs were under way."
     )
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title=study.title,
         headline=_gain(study, few),
         key_numbers=[
             KeyNumber(percent(number(value)), f"{scene.replace('_', ' ')}, {few} coordinates")

@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.canvas import INK, MUTED, WIDE, key, sheet
 from pmr.report.numbers import SPACE, percent, plain, quantity, significant
-from pmr.report.sentences import KeyNumber
 from pmr.report.studies.axes import log_x
-from pmr.report.studies.content import Block, Content, Grid, case_name, drawing
 from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.words import case_name
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 
@@ -36,7 +36,7 @@ PUBLISHED = (
 PAPER, OURS = "#d55e00", "#0072b2"
 
 
-def content(study: FinishedStudy, prefix: str) -> Content:
+def content(study: FinishedStudy, prefix: str) -> Chapter:
     """Times of every approach, and their ratios."""
     span = _span(study)
     shares = {str(run.parameters["approach"]): number(run.figures["share"]) for run in study.results.runs}
@@ -49,7 +49,9 @@ def content(study: FinishedStudy, prefix: str) -> Content:
     )
     scenes = _scenes(study)
     fastest = max(study.figure(f"{name}.seconds.reduced-march") for name in scenes)
-    return Content(
+    return Chapter(
+        anchor=prefix,
+        title=study.title,
         headline=f"The compiled simulator needs {quantity(fastest, 's', 2)} for {plain(span)}{SPACE}s of the reduced "
         "beam.",
         key_numbers=[

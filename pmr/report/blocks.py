@@ -1,0 +1,126 @@
+"""What a page consists of: everything in it is text, markup or plain data, ready for the templates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from pmr.report.figures.canvas import HALF, style
+from pmr.report.figures.vector import svg
+from pmr.report.marks import ErrorTable
+
+
+@dataclass(frozen=True)
+class KeyNumber:
+    """A key number and what it is."""
+
+    value: str
+    label: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of two columns with a title."""
+
+    title: str
+    rows: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table with a head; its first column says what a row is about."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure as it stands in the page: its identifier, an ``<svg>`` element and the sentence below it."""
+
+    name: str
+    svg: str
+    caption: str
+    half: bool = False  # of the width of a page
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture as it stands in the page: identifier, size in px, PNG in base64 and the sentence below it."""
+
+    name: str
+    width: int
+    height: int
+    data: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Player:
+    """A motion to be played: its `kind` names the script, `data` is what that needs, ready for JSON."""
+
+    kind: str
+    data: dict[str, Any]
+    caption: str
+
+
+@dataclass(frozen=True)
+class Block:
+    """What stands below a heading: text, errors, a player, pictures, drawings, tables, in this order.
+
+    Each of `rows` holds one drawing or two; `without_scripts` are those of pages on which nothing can be played.
+    """
+
+    heading: str
+    rows: tuple[tuple[Drawing, ...], ...] = ()
+    text: str = ""
+    grids: tuple[Grid, ...] = ()
+    errors: ErrorTable | None = None
+    player: Player | None = None
+    without_scripts: tuple[Drawing, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    columns: Sequence[Sequence[Table]] = ()
+    software: Sequence[str] = ()
+
+    @property
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Every drawing."""
+        return (*self.without_scripts, *(one for row in self.rows for one in row))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chapter:
+    """A run or a study.
+
+    Attributes
+    ----------
+    headline : str
+        One sentence, for the index and above the rest.
+    opening : str
+        What it is about, above the key numbers.
+    warnings : sequence of str
+        What whoever sizes a machine by these results has to know.
+    unfinished : sequence of str
+        Runs without a result.
+    """
+
+    anchor: str
+    title: str
+    headline: str = ""
+    opening: str = ""
+    key_numbers: Sequence[KeyNumber] = ()
+    paragraphs: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+    unfinished: Sequence[str] = ()
+    blocks: Sequence[Block] = field(default=())
+
+
+def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: Any) -> Drawing:
+    """Draw a figure in the report's style; `name` is unique in the page."""
+    with style():
+        figure = draw(*arguments)
+        return Drawing(name, svg(figure, name, caption), caption, half=figure.get_figwidth() <= HALF)

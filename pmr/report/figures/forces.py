@@ -1,0 +1,56 @@
+"""Figures over time of what the body bears: forces of pads and sliders, the largest stress."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pmr.report.decimation import onto
+from pmr.report.figures.canvas import INK, WIDE, key, sheet
+from pmr.report.figures.histories import curves
+from pmr.report.figures.timeline import Timeline
+from pmr.report.numbers import unit_for
+from pmr.report.subject import Force, stress_times
+from pmr.results import RunResult
+
+MOST_FORCES = 12  # panels of one figure
+
+
+def forces(result: RunResult, group: Sequence[Force]) -> Figure:
+    """Forces, one panel each on one scale: what presses on one face is seen against the other."""
+    time, shown = Timeline(result), group[:MOST_FORCES]
+    signals = [time.signals(force.of) for force in shown]
+    largest = max((float(np.abs(s).max()) for panel in signals for s in panel.values()), default=0.0)
+    unit, columns = unit_for(largest, "N"), min(len(shown), 2)
+    rows = -(-len(shown) // columns)
+    gaps = {"hspace": 0.3, "wspace": 0.06}
+    tall, margins = (0.85, {"top": 0.42}) if columns > 1 else (1.25, {})
+    figure, axes = sheet(
+        WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
+    )
+    for k, (force, panel) in enumerate(zip(shown, signals, strict=True)):
+        ax, last = axes.flat[k], k >= len(shown) - columns
+        time.trace(ax, panel, unit.size, weight=0.6 if columns > 1 else 1.0)
+        time.frame(ax, "" if k % columns else f"Force in {unit.name}", last=last)
+        ax.tick_params(labelbottom=last)
+        ax.set_title(force.name, loc="left", pad=2.0)
+    for ax in axes.flat[len(shown) :]:
+        ax.set_visible(False)
+    key(figure, time.legend(list(signals[0])))
+    return figure
+
+
+def stress(result: RunResult) -> Figure:
+    """Largest von Mises stress over time; below it the difference, beside it the time about the largest of all."""
+    time, t = Timeline(result), stress_times(result)
+    known = [name for name in ("full", "reduced") if name in result.peak_stress]  # in the order in which they are drawn
+    signals = {name: onto(time.t, t, result.peak_stress[name]) for name in known}
+    peak = int(np.argmax(signals["reduced"]))
+    figure = curves(time, signals, "Stress", "Pa", time.window(peak))
+    unit = unit_for(max(float(s.max()) for s in signals.values()), "Pa")
+    for ax in figure.axes[: 2 if time.window(peak) else 1]:
+        ax.plot(time.t[peak], signals["reduced"][peak] / unit.size, "o", markersize=4.0, color=INK, zorder=5.0)
+        ax.set_ylim(bottom=0.0)
+    return figure

@@ -1,0 +1,1 @@
+"""How a motion is shown: pictures, and players for the page."""

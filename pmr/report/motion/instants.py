@@ -1,0 +1,114 @@
+"""Which moments of a motion are shown, how much they are exaggerated and what their colours mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.report.decimation import onto
+from pmr.report.numbers import round_number
+from pmr.report.subject import length
+from pmr.results import Fields, RunResult
+
+Array = NDArray[np.float64]
+
+REACH = 0.08  # largest displacement as drawn, over the length of the body
+EXTENSIONS = 3
+#: Relative difference of two stresses that are one: they are kept in single precision.
+SINGLE = 1e-5
+ALMOST_ALL = 0.98  # of the cells: a few peaks must not leave the rest in one colour
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A time (s) of the fields, the mouth's position and the length beyond it (m), the largest stress (Pa)."""
+
+    frame: int
+    t: float
+    s: float
+    extension: float
+    peak: float
+
+
+def instants(result: RunResult, fields: Fields) -> list[Moment]:
+    """In each third of the stretch that the mouth visits, farthest out first, the time of the largest stress.
+
+    Without stresses that of the largest displacement; one moment alone where the mouth rests.
+    """
+    s, weight = positions(result, fields), stress_of(fields).max(axis=1) if fields.von_mises else _size(fields)
+    parts = np.clip(((s - s.min()) / max(np.ptp(s), 1e-12) * EXTENSIONS).astype(int), 0, EXTENSIONS - 1)
+    named = _named_frame(result, fields)
+    frames = [
+        _largest(weight, inside, named) for part in np.unique(parts) if len(inside := np.flatnonzero(parts == part))
+    ]
+    largest = weight if fields.von_mises else np.zeros_like(weight)
+    return [Moment(k, float(fields.t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k])) for k in frames]
+
+
+def of_the_peak(result: RunResult, fields: Fields, among: Sequence[Moment]) -> Moment:
+    """The moment with the largest stress; of several that share it the one that the summary names."""
+    peaks = np.array([moment.peak for moment in among])
+    named = [k for k, moment in enumerate(among) if moment.frame == _named_frame(result, fields)]
+    return among[_largest(peaks, np.arange(len(among)), named[0] if named else None)]
+
+
+def cell_of_the_peak(result: RunResult, fields: Fields, moment: Moment) -> int:
+    """The cell with the largest stress at a moment; of several that share it the one that the summary names."""
+    stresses = stress_of(fields)[moment.frame]
+    return _largest(stresses, np.arange(len(stresses)), _named_peak(result).get("cell"))
+
+
+def _largest(values: Array, among: NDArray[np.int64], preferred: int | None) -> int:
+    """Number of the largest of the values `among` some; the preferred one if it is as large, as far as is kept."""
+    largest = int(among[np.argmax(values[among])])
+    if preferred is not None and preferred in among and values[preferred] >= (1.0 - SINGLE) * values[largest]:
+        return int(preferred)
+    return largest
+
+
+def _named_peak(result: RunResult) -> Mapping[str, Any]:
+    peak: Mapping[str, Any] = result.summary.get("stress_peak", {}).get("reduced") or {}
+    return peak
+
+
+def _named_frame(result: RunResult, fields: Fields) -> int | None:
+    """The frame at the time of the largest stress that the summary names, if it was kept."""
+    t = _named_peak(result).get("t")
+    if t is None:
+        return None
+    near = int(np.argmin(np.abs(fields.t - t)))
+    return near if abs(fields.t[near] - t) <= 1e-9 * max(1.0, abs(t)) else None
+
+
+def positions(result: RunResult, fields: Fields) -> Array:
+    """Where the mouth is at the times of the fields, (F,) m."""
+    return onto(fields.t, result.responses["reduced"].t, result.path)
+
+
+def stress_of(fields: Fields) -> NDArray[np.float32]:
+    """The larger of the stresses on a cell's faces, (F, C) Pa."""
+    return np.maximum.reduce(list(fields.von_mises.values()))
+
+
+def scale(result: RunResult, fields: Fields) -> float:
+    """How many times its size a displacement is drawn: a round number."""
+    largest = float(_size(fields).max())
+    return round_number(REACH * length(result) / largest) if largest > 0.0 else 1.0
+
+
+def top(fields: Fields) -> float:
+    """The stress in Pa that the last colour stands for, whose quarters are short numbers; few cells ever exceed it."""
+    most = float(np.quantile(stress_of(fields).max(axis=0), ALMOST_ALL))
+    if most <= 0.0:
+        return 1.0
+    decade = 10.0 ** np.floor(np.log10(most))
+    step = (0.4 if most < 4.0 * decade else 0.8) * decade
+    return float(f"{step * np.ceil(most / step - 1e-9):.2g}")
+
+
+def _size(fields: Fields) -> Array:
+    return np.linalg.norm(fields.displacement, axis=2).max(axis=1)

@@ -1,0 +1,102 @@
+r"""The motion of a body as data for the page.
+
+.. math:: X \approx A\,(A^T X)
+
+X holds a frame a row, A the leading eigenvectors of X X^T: the page adds a few shapes A^T X up as often as it draws,
+which takes a fraction of the room of all frames.
+"""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.report.figures.canvas import RAMP
+from pmr.report.motion.instants import instants, of_the_peak, positions, scale, stress_of, top
+from pmr.report.motion.packing import packed, speeds
+from pmr.report.motion.surface import surface
+from pmr.report.motion.surroundings import Block, stage
+from pmr.report.numbers import percent, plain
+from pmr.report.subject import box, fields_of, length
+from pmr.results import RunResult
+
+Array = NDArray[np.float64]
+
+EXACT = 1e-4  # of the largest shape, which is left out
+MOST_SHAPES = 32
+MOST_FACES = 60_000  # of a page that stays below 5 MB; larger ones have pictures alone
+MOST_VALUES = 400_000  # of all shapes of a quantity: two bytes each, and a third more in base64
+
+
+def player(result: RunResult) -> dict[str, Any]:
+    """What the page's player needs, ready for JSON; empty without fields of two times or with too many faces.
+
+    Points in m, coefficients (frames, k) with shapes (k, 3 P) of the displacement in m and (k, S) of the faces' stress
+    over that of the last colour; the first face of each pair of triangles has the same number as the second.
+    """
+    fields = fields_of(result)
+    if fields is None or len(fields.t) < 2:
+        return {}
+    body = surface(fields, box(result))
+    if len(body.faces) > MOST_FACES:
+        return {}
+    moved = body.moved(fields, fields.displacement).reshape(len(fields.t), -1)
+    around = stage(result, body)
+    motion, lost = compressed(moved)
+    stress = stress_of(fields)[:, body.cell] / top(fields) if fields.von_mises else None
+    return {
+        "frames": len(fields.t),
+        "times": [float(fields.t[0]), float(fields.t[-1])],
+        "speeds": speeds(float(fields.t[-1] - fields.t[0])),
+        "first": of_the_peak(result, fields, instants(result, fields)).frame,
+        "length": length(result),
+        "path": packed(positions(result, fields)),
+        "scale": scale(result, fields),
+        "points": packed(body.points.ravel()),
+        "triangles": _indices(body.triangles),
+        "edges": _indices(body.edges),
+        "faces": len(body.faces),
+        "motion": motion,
+        "stress": None if stress is None else compressed(stress)[0],
+        "ramp": RAMP,
+        "section": _block(around.section),
+        "near": [_block(block) for block in around.near],
+        "tail": [_block(block) for block in around.tail],
+        "lost": lost,
+    }
+
+
+def said(data: dict[str, Any]) -> str:
+    """How the motion is drawn, in a sentence; empty without a player."""
+    if not data:
+        return ""
+    count, lost = data["motion"]["count"], percent(data["lost"], 1)
+    shapes = "one shape that leaves" if count == 1 else f"{count} shapes that leave"
+    return f"Displacements are drawn {plain(data['scale'])} times their size, from {shapes} out {lost} of the motion."
+
+
+def compressed(frames: NDArray[np.float32]) -> tuple[dict[str, Any], float]:
+    """Coefficients and shapes of frames (F, n), and the share of them (RMS) that is left out."""
+    X = frames.astype(float)
+    squares, vectors = np.linalg.eigh(X @ X.T)
+    squares, vectors = np.maximum(squares[::-1], 0.0), vectors[:, ::-1]
+    most = max(1, min(MOST_SHAPES, MOST_VALUES // X.shape[1]))
+    kept = max(1, int(np.count_nonzero(squares[:most] > EXACT**2 * squares[0])))
+    A = vectors[:, :kept]
+    A = A * np.sign(A[np.abs(A).argmax(axis=0), np.arange(kept)])  # of two directions the same one everywhere
+    shapes = A.T @ X
+    lost = float(np.sqrt(squares[kept:].sum() / squares.sum())) if squares[0] > 0.0 else 0.0
+    each = [packed(shape) for shape in shapes]
+    return {"count": kept, "coefficients": [packed(column) for column in A.T], "shapes": each}, lost
+
+
+def _indices(values: NDArray[np.int64]) -> str:
+    """Little-endian 32-bit integers in base64."""
+    return base64.b64encode(np.ascontiguousarray(values, "<u4").tobytes()).decode()
+
+
+def _block(block: Block) -> dict[str, Any]:
+    return {"corners": block.corners.round(4).ravel().tolist(), "sides": block.sides.tolist()}

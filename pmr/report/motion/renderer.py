@@ -1,0 +1,103 @@
+"""Pictures by pyvista, off-screen, in a process of their own.
+
+A graphics driver that is missing or broken may end the process that calls it.  A run is worth more than its pictures:
+whatever happens there, here it is a sentence.  Nothing of VTK is imported by those who only ask.
+"""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+LONGEST = 120.0  # s that pictures may take
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A surface in a picture.
+
+    Attributes
+    ----------
+    points : (P, 3) array, m
+    faces : (S, 3 or 4) integer array
+    values : (S,) array or None
+        Coloured by these, else in one `colour`.
+    """
+
+    points: Array
+    faces: NDArray[np.int64]
+    values: Array | None = None
+    colour: str = "#c3ccd4"
+    opacity: float = 1.0
+    edges: float = 0.0  # width of the faces' edges, px
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture: what is in it, from where it is seen, in which size (px), and the values that `RAMP` spans.
+
+    The camera looks from `direction` at `centre` and sees `height` m from bottom to top, without perspective.
+    """
+
+    pieces: tuple[Piece, ...]
+    direction: Vector
+    limits: tuple[float, float] = (0.0, 1.0)
+    centre: Vector = (0.0, 0.0, 0.0)
+    height: float = 1.0
+    size: tuple[int, int] = (400, 300)
+
+
+def framed(shots: Sequence[Shot], width: int, margin: float = 0.12) -> list[Shot]:
+    """The shots from the same side on the same scale, so wide that each sees `margin` m around everything in any.
+
+    From bottom to top each sees what is in itself.
+    """
+    towards = np.array(shots[0].direction) / np.linalg.norm(shots[0].direction)
+    right = np.cross((0.0, 0.0, 1.0), towards)
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(towards, right), towards])
+    seen = [np.concatenate([piece.points for piece in shot.pieces]) @ axes.T for shot in shots]
+    low, high = (
+        np.min([s.min(axis=0) for s in seen], axis=0) - margin,
+        np.max([s.max(axis=0) for s in seen], axis=0) + margin,
+    )
+    metre = width / float(high[0] - low[0])  # px
+    found = []
+    for shot, points in zip(shots, seen, strict=True):
+        bottom, height = float(points[:, 1].min()) - margin, float(np.ptp(points[:, 1])) + 2.0 * margin
+        x, y, z = (float(c) for c in np.array([(low[0] + high[0]) / 2.0, bottom + height / 2.0, 0.0]) @ axes)
+        found.append(replace(shot, centre=(x, y, z), height=height, size=(width, max(round(metre * height), 1))))
+    return found
+
+
+class NoPictureError(Exception):
+    """Pictures can't be had; says why in a clause."""
+
+
+def develop(shots: Sequence[Shot]) -> list[bytes]:
+    """Each picture as PNG.
+
+    Raises
+    ------
+    NoPictureError
+        If pyvista is not there or can't render.
+    """
+    command = [sys.executable, "-m", "pmr.report.motion.render_process"]
+    try:
+        done = subprocess.run(command, input=pickle.dumps(list(shots)), capture_output=True, timeout=LONGEST)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise NoPictureError(f"{type(error).__name__} while pictures were made") from None
+    if done.returncode != 0:
+        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        raise NoPictureError(last if done.returncode == 1 and last else "the graphics library ended unexpectedly")
+    pictures: list[bytes] = pickle.loads(done.stdout)
+    return pictures

@@ -1,0 +1,71 @@
+"""What stands around a body in a picture: its pads, and the next section that it slides in.
+
+Pictures are in the next section's frame: the mouth stays at x = 0 and the body moves by -s along x.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.report.motion.surface import Surface
+from pmr.report.subject import rings
+from pmr.results import RunResult
+from pmr.scene.space import Face, PadRing
+
+Array = NDArray[np.float64]
+
+THICK = 0.025  # of a pad as drawn, m: the gap between both sections
+_CUBE = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+_SIDES = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
+
+
+@dataclass(frozen=True)
+class Block:
+    """A box as drawn: its corners (8, 3) in m, and its sides (k, 4) as quadrilaterals."""
+
+    corners: Array
+    sides: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The next section, pads at its mouth (`near`), which stay in the picture, and those that move with the body."""
+
+    section: Block
+    near: tuple[Block, ...]
+    tail: tuple[Block, ...]
+
+
+def stage(result: RunResult, body: Surface) -> Stage:
+    """The surroundings of a body, at s = 0."""
+    low, high = body.points.min(axis=0), body.points.max(axis=0)
+    found = {moving: [ring for ring in rings(result) if ring.moving is moving] for moving in (False, True)}
+    near, tail = (
+        tuple(block for ring in found[moving] for block in _pads(ring, low, high)) for moving in (True, False)
+    )
+    ahead = max((ring.at + ring.length / 2.0 for ring in found[True]), default=0.1)
+    start = np.array([low[0] - float(result.path.max()) - 0.1, *(low[1:] - 1.2 * THICK)])
+    end = np.array([ahead, *(high[1:] + 1.2 * THICK)])
+    return Stage(_block(start, end, _SIDES[2:]), near, tail)
+
+
+def _pads(ring: PadRing, low: Array, high: Array) -> list[Block]:
+    return [_pad(ring, face, across, low, high) for _, face, across in ring.places]
+
+
+def _pad(ring: PadRing, face: Face, across: float, low: Array, high: Array) -> Block:
+    """A plate on a face of the box between `low` and `high`; faces are bottom and top (z), right and left (y)."""
+    normal, along = (2, 1) if face in ("bottom", "top") else (1, 2)
+    middle, size = (low + high) / 2.0, np.zeros(3)
+    outwards = -1.0 if face in ("bottom", "right") else 1.0
+    middle[0], middle[along] = ring.at, middle[along] + across
+    middle[normal] = (low if outwards < 0.0 else high)[normal] + outwards * THICK / 2.0
+    size[0], size[along], size[normal] = ring.length, ring.width, THICK
+    return _block(middle - size / 2.0, middle + size / 2.0, _SIDES)
+
+
+def _block(start: Array, end: Array, sides: NDArray[np.int64]) -> Block:
+    return Block((start + end) / 2.0 + _CUBE * (end - start), sides)

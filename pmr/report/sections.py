@@ -1,0 +1,182 @@
+"""What a report says of a run, block by block: each shows itself if the result holds what it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pmr.report import marks, parameters, provenance, sentences
+from pmr.report.blocks import Block, Chapter, Drawing, Player, drawing
+from pmr.report.figures import captions, forces, histories, inputs, shapes, spectra
+from pmr.report.figures.colours import ramp
+from pmr.report.figures.timeline import Array
+from pmr.report.motion import line, player
+from pmr.report.motion.album import album
+from pmr.report.motion.instants import top
+from pmr.report.numbers import SPACE, plain
+from pmr.report.subject import ACROSS, directions, fields_of, loads, moving, rings, tips, weight
+from pmr.report.subject import forces as forces_of
+from pmr.report.subject import line as line_of
+from pmr.results import Response, RunResult
+
+Show = Callable[[RunResult, str], Block | None]
+
+
+def chapter(result: RunResult, anchor: str) -> Chapter:
+    """Everything that the report says of one run; `anchor` is put before every identifier."""
+    found = marks.rows(result)
+    return Chapter(
+        anchor=anchor,
+        title=result.scene.title,
+        opening=sentences.opening(result),
+        key_numbers=sentences.key_numbers(result),
+        paragraphs=[sentences.paragraph(result, found)],
+        warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
+        blocks=[block for show in SECTIONS if (block := show(result, anchor))],
+    )
+
+
+def errors(result: RunResult, prefix: str) -> Block | None:
+    """Errors against what the run was compared with, beside published ones."""
+    table = marks.error_table(result)
+    return Block(heading="Errors", errors=table) if table.rows else None
+
+
+def inputs_over_time(result: RunResult, prefix: str) -> Block:
+    """What moves along the body, and what acts on it."""
+    caption = f"{moving(result).capitalize()} position along the body over time."
+    row = [drawing(f"{prefix}-position", inputs.position, caption, result)]
+    if loads(result):
+        row.append(drawing(f"{prefix}-loads", inputs.loads, f"Loads over time.{_weight(result)}", result))
+    return Block(heading=f"{moving(result).capitalize()} and loads", rows=(tuple(row),))
+
+
+def motion(result: RunResult, prefix: str) -> Block | None:
+    """The motion: that of the fields, where these were recovered, else that of the axis."""
+    fields, data, found = fields_of(result), player.player(result), album(result, prefix)
+    if fields is None:
+        if not len(line_of(result, result.responses["reduced"]).x):
+            return None
+        data = line.motion(result)
+        strip = drawing(f"{prefix}-snapshots", shapes.snapshots, captions.snapshots(result), result)
+        return Block(heading="Motion", player=Player("line", data, line.said(data)), without_scripts=(strip,))
+    absent = f"There are no pictures: {found.absent}." if found.absent else ""
+    scale: tuple[tuple[Drawing, ...], ...] = ()
+    if fields.von_mises and (data or found.pictures):
+        caption = "Colours of the pictures: the largest von Mises stress of each cell."
+        scale = ((drawing(f"{prefix}-ramp", ramp, caption, top(fields) / 1e6),),)
+    shown = Player("body", data, player.said(data)) if data else None
+    return Block(heading="Motion", text=absent, player=shown, pictures=found.pictures, rows=scale)
+
+
+def tip(result: RunResult, prefix: str) -> Block:
+    """Displacement of the tip along every direction across the axis."""
+    rows = []
+    for direction, what in tips(result).items():
+        caption, label = captions.tip(result, ACROSS[direction], what), f"Displacement {direction}"
+        rows.append((drawing(f"{prefix}-tip-{direction}", histories.history, caption, result, what, label, "m", what),))
+    return Block(heading="Motion of the tip", rows=tuple(rows))
+
+
+def stress(result: RunResult, prefix: str) -> Block | None:
+    """The largest von Mises stress."""
+    if "reduced" not in result.peak_stress:
+        return None
+    below = "; below, the difference to the full model" if "full" in result.peak_stress else ""
+    where = sentences.where_the_peak_is(result, "reduced")
+    dot = f" The dot is the largest of all, {where}." if where else ""
+    caption = f"Largest von Mises stress over the whole body{below}.{dot}"
+    return Block(heading="Stress", rows=((drawing(f"{prefix}-stress", forces.stress, caption, result),),))
+
+
+def contact(result: RunResult, prefix: str) -> Block | None:
+    """Forces of pads or sliders, group by group."""
+    groups = forces_of(result)
+    rows = tuple(
+        (drawing(f"{prefix}-forces-{number}", forces.forces, _of_forces(result, name, len(group)), result, group),)
+        for number, (name, group) in enumerate(groups.items(), start=1)
+    )
+    return Block(heading="Pad forces" if rings(result) else "Slider force", rows=rows) if rows else None
+
+
+def energy(result: RunResult, prefix: str) -> Block:
+    """Total energy and its parts."""
+    total = "Total energy: kinetic and strain energy less the work of the loads"
+    caption = captions.history(result, total, _energy)
+    first = drawing(f"{prefix}-energy", histories.history, caption, result, _energy, "Total energy", "J", _energy)
+    parts = drawing(f"{prefix}-energy-parts", histories.energy_parts, captions.energy_parts(result), result)
+    return Block(heading="Energy", rows=((first,), (parts,)))
+
+
+def constraint(result: RunResult, prefix: str) -> Block | None:
+    """How well the rows that move are kept, where simulators know it."""
+    row = []
+    for name, unit in (("position", "m"), ("velocity", "m/s")):
+        what = _residual(name)
+        if np.isfinite(what(result.responses["reduced"])).all():
+            caption = captions.residual(result, what, name)
+            arguments = (result, what, f"Residual of {name} in {unit}")
+            row.append(drawing(f"{prefix}-residual-{name}", histories.residual, caption, *arguments))
+    return Block(heading="Constraint", rows=(tuple(row),)) if row else None
+
+
+def basis(result: RunResult, prefix: str) -> Block | None:
+    """Shapes of the basis, singular values of what it was made from, frequencies."""
+    rows: list[tuple[Drawing, ...]] = []
+    if len(directions(result)) == 1:
+        rows.append((drawing(f"{prefix}-basis", shapes.basis, captions.basis(result), result),))
+    row = []
+    if result.scene.reduction.basis != "free_modes":  # M-orthonormal modes have singular values of 1, all of them
+        caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
+        row.append(drawing(f"{prefix}-singular-values", spectra.singular_values, caption, result))
+    if result.frequencies.reduced.size:
+        row.append(drawing(f"{prefix}-frequencies", spectra.frequencies, captions.frequencies(result), result))
+    rows += [tuple(row)] if row else []
+    return Block(heading="Basis and eigenfrequencies", rows=tuple(rows)) if rows else None
+
+
+def origin(result: RunResult, prefix: str) -> Block:
+    """What was asked for, how large it became, how long it took, where it ran."""
+    columns = (
+        (parameters.body(result), provenance.run(result)),
+        (parameters.motion(result), provenance.times(result)),
+        (parameters.method(result), provenance.sizes(result)),
+    )
+    shown = [[table for table in column if table.rows] for column in columns]
+    return Block(heading="Provenance", columns=shown, software=provenance.software(result))
+
+
+#: In the order in which they stand in the page.
+SECTIONS: tuple[Show, ...] = (
+    errors, motion, inputs_over_time, tip, stress, contact, energy, constraint, basis, origin,
+)  # fmt: skip
+
+
+def _energy(response: Response) -> Array:
+    return response.energy.total
+
+
+def _residual(name: str) -> Callable[[Response], Array]:
+    def residual(response: Response) -> Array:
+        found: Array = getattr(response, f"residual_{name}")
+        return found
+
+    return residual
+
+
+def _weight(result: RunResult) -> str:
+    gravity = weight(result)
+    if gravity is None:
+        return ""
+    rise = f", which comes up within the first {plain(gravity.rise)}{SPACE}s" if gravity.rise else ""
+    return f" The weight acts too{rise}."
+
+
+def _of_forces(result: RunResult, group: str, count: int) -> str:
+    if not rings(result):
+        return "Slider force: the multiplier λ of the constraint. The slider pushes with −λ on the body."
+    most = f" The first {forces.MOST_FORCES} of {count}." if count > forces.MOST_FORCES else ""
+    in_parts = result.responses["reduced"].force_peaks is not None  # a step was made in parts, for pads that only push
+    within = " Of those that only push the largest within each step." if in_parts else ""
+    return f"Forces of the pads at the {group}, positive where they push the body inwards.{within}{most}"

@@ -1,0 +1,234 @@
+"""What a report asks of a result, whatever was simulated: names, places, lengths, which column is what.
+
+Nothing else in the report asks how a scene says them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.report.figures.timeline import Quantity
+from pmr.report.numbers import SPACE, plain
+from pmr.results import Fields, Response, RunResult
+from pmr.scene import StructureScene
+from pmr.scene.choice import choose, model_of, transverse
+from pmr.scene.signals import SignalBase
+from pmr.scene.space import Box, Gravity, PadRing
+from pmr.system.body import force_of
+
+Array = NDArray[np.float64]
+
+MODELS = {"beam2d": "a planar beam", "beam3d": "a beam in space", "shell": "a shell", "solid": "a solid"}
+#: Directions across the axis, as they are called.
+ACROSS = {"y": "lateral, y", "z": "vertical, z"}
+
+
+@dataclass(frozen=True)
+class Force:
+    """A force on the body: what a response calls it, and what it is called within its group.
+
+    `column` is where it stands in a response without names.
+    """
+
+    column: int
+    name: str
+    called: str
+
+    def of(self, response: Response) -> Array:
+        """The force over time, (T,) N."""
+        return response.force(self.called, self.column)
+
+
+@dataclass(frozen=True)
+class Line:
+    """Places along the axis, (o,) m, and the columns of a response that hold their displacement along the vertical."""
+
+    x: Array
+    columns: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Acting:
+    """A load: `at` is its distance along the axis in m; `direction` is ``along``, ``up``, ``aside`` or ``turn``."""
+
+    name: str
+    direction: str
+    at: float
+    where: str
+    signal: SignalBase
+
+    @property
+    def unit(self) -> str:
+        return "N m" if self.direction == "turn" else "N"
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """What holds the body across its axis at a place that does not move, `at` in m: ``clamped`` or a point."""
+
+    at: float
+    kind: str
+
+
+@dataclass(frozen=True)
+class Model:
+    """What a body is represented by, and why, in clauses."""
+
+    name: str
+    because: str
+
+
+def represented(result: RunResult) -> Model:
+    """What the body is represented by."""
+    scene = result.scene
+    if not isinstance(scene, StructureScene) or scene.body.model != "auto":
+        model = scene.body.model if isinstance(scene, StructureScene) else result.beam.body.model
+        return Model(MODELS[model], "as the scene names it")
+    chosen = choose(scene)
+    return Model(MODELS[chosen.model], f"since {'; '.join(chosen.reasons)}")
+
+
+def directions(result: RunResult) -> tuple[str, ...]:
+    """Directions in which the body moves across its axis; the vertical is the last one."""
+    return transverse(result.scene) if isinstance(result.scene, StructureScene) else ("z",)
+
+
+def tips(result: RunResult) -> Mapping[str, Quantity]:
+    """The tip's displacement, (T,) m, along each of these directions: the last columns, where none has a name."""
+    across = directions(result)
+    return {d: _column(_tip(result, d), k - len(across)) for k, d in enumerate(across)}
+
+
+def line(result: RunResult, response: Response) -> Line:
+    """Where a response has the body's displacement along the vertical; nowhere, if it says nothing of columns."""
+    across, names = directions(result), response.output_names
+    if len(across) == 1:
+        return Line(response.x, np.arange(len(response.x)))
+    tip = [_tip(result, across[-1])]
+    columns = np.array([k for k, name in enumerate(names) if name in tip or name.startswith(f"{across[-1]} at ")], int)
+    return Line(response.x[columns], columns)
+
+
+def forces(result: RunResult) -> dict[str, list[Force]]:
+    """Forces by what they come from, that which stays first: all that the reduced model's response holds."""
+    scene, response = result.scene, result.responses["reduced"]
+    if not isinstance(scene, StructureScene):
+        count = response.slider_force.shape[1]
+        called = response.force_names or ("",) * count
+        return {"": [Force(k, f"slider {k + 1}" if count > 1 else "", name) for k, name in enumerate(called)]}
+    columns = {name: column for column, name in enumerate(response.force_names or _unnamed(scene))}
+    found: dict[str, list[Force]] = {}
+    for ring in sorted(scene.pads, key=lambda ring: ring.moving):
+        for name, _, _ in ring.places:
+            if (called_so := force_of(name)) in columns:
+                pad = Force(columns[called_so], name.removeprefix(f"{ring.name} "), called_so)
+                found.setdefault(ring.name, []).append(pad)
+    return found
+
+
+def rings(result: RunResult) -> tuple[PadRing, ...]:
+    """Pads, ring by ring."""
+    return result.scene.pads if isinstance(result.scene, StructureScene) else ()
+
+
+def moving(result: RunResult) -> str:
+    """What moves along the body, in a word."""
+    return "mouth" if rings(result) else "slider"
+
+
+def offsets(result: RunResult) -> tuple[float, ...]:
+    """Distances in m ahead of s at which something moves along the body."""
+    ahead = tuple(dict.fromkeys(ring.at for ring in rings(result) if ring.moving))
+    return ahead or result.scene.slider.offsets
+
+
+def length(result: RunResult) -> float:
+    """Where the body ends along its axis, m."""
+    scene = result.scene
+    if not isinstance(scene, StructureScene):
+        return result.beam.body.length
+    if scene.body.box is not None:
+        return scene.body.box.length
+    return float(result.fields.points[:, 0].max()) if result.fields is not None else scene.observe.end
+
+
+def box(result: RunResult) -> Box | None:
+    """The box section, where the scene has one."""
+    return result.scene.body.box if isinstance(result.scene, StructureScene) else None
+
+
+def loads(result: RunResult) -> list[Acting]:
+    """Loads in the order of the model's inputs; the weight, which may follow them, is none of these."""
+    end, found = length(result), []
+    if not isinstance(result.scene, StructureScene):
+        kinds = {"x": "along", "y": "up", "rotation": "turn"}
+        return [
+            Acting(
+                load.name,
+                kinds[load.direction],
+                load.at,
+                f"at {plain(load.at)}{SPACE}m, direction {load.direction}",
+                load.signal,
+            )
+            for load in result.beam.loads
+        ]
+    for one in result.scene.loads:
+        kind = {"x": "along", "y": "aside", "z": "up"}.get(one.direction, "turn")
+        where = one.on if isinstance(one.on, str) else f"{plain(one.on)}{SPACE}m"
+        at = end if isinstance(one.on, str) else one.on
+        found.append(Acting(one.name, kind, at, f"on {where} along {one.direction}", one.signal))
+    return found
+
+
+def weight(result: RunResult) -> Gravity | None:
+    """The weight, if it acts."""
+    return result.scene.gravity if isinstance(result.scene, StructureScene) else None
+
+
+def fixtures(result: RunResult) -> list[Fixture]:
+    """What holds the body across its axis without moving along it."""
+    if not isinstance(result.scene, StructureScene):
+        return [Fixture(support.at, support.kind) for support in result.beam.supports]
+    return [Fixture(ring.at, "roller") for ring in rings(result) if not ring.moving]
+
+
+def fields_of(result: RunResult) -> Fields | None:
+    """The fields with the vertical along z, as pictures have it: the planar beam's own vertical is y."""
+    fields = result.fields
+    if fields is None or len(directions(result)) > 1 or np.any(fields.displacement[..., 2]):
+        return fields
+    return replace(fields, displacement=fields.displacement[..., [0, 2, 1]])
+
+
+def stress_times(result: RunResult) -> Array:
+    """Times (F,) in s of the largest stresses."""
+    count = max(map(len, result.peak_stress.values()), default=0)
+    if result.fields is not None and len(result.fields.t) == count:
+        return result.fields.t
+    recovery = result.scene.recovery if isinstance(result.scene, StructureScene) else None
+    return np.arange(count) * (recovery.every if recovery else 0.0)
+
+
+def _unnamed(scene: StructureScene) -> list[str]:
+    """Forces in the order of results that don't say it: outputs before rows, those of rows that move last."""
+    faces = ("bottom", "top") if model_of(scene) == "beam2d" else ("bottom", "top", "left", "right")
+    staying = [ring for ring in scene.pads if not ring.moving and ring.stiffness != "rigid"]
+    ordered = [*sorted(staying, key=lambda ring: ring.unilateral), *(ring for ring in scene.pads if ring.moving)]
+    return [force_of(name) for ring in ordered for name, face, _ in ring.places if face in faces]
+
+
+def _tip(result: RunResult, direction: str) -> str:
+    """What the displacement of the tip along a direction is called."""
+    return result.scene.observe.tip_along(direction) if isinstance(result.scene, StructureScene) else ""
+
+
+def _column(name: str, unnamed: int) -> Quantity:
+    def displacement(response: Response) -> Array:
+        column = response.output_names.index(name) if name in response.output_names else unnamed
+        return response.displacement[:, column]
+
+    return displacement

@@ -1,0 +1,238 @@
+// The player of a body: WebGL 2, seen without perspective, in the next section's frame.
+const SHADERS = [
+  `#version 300 es
+  uniform vec3 right, above, towards, centre;
+  uniform vec2 size;
+  uniform float nearer, deep;
+  in vec3 place;
+  in float value;
+  out vec3 seen;
+  out float level;
+  void main() {
+    vec3 p = place - centre;
+    seen = vec3(dot(p, right), dot(p, above), dot(p, towards));
+    level = value;
+    gl_Position = vec4(seen.xy / size, -(seen.z + nearer) / deep, 1.0);
+  }`,
+  `#version 300 es
+  precision highp float;
+  uniform vec3 ramp[5];
+  uniform vec4 plain;
+  uniform bool coloured, lit;
+  in vec3 seen;
+  in float level;
+  out vec4 colour;
+  void main() {
+    float at = clamp(level, 0.0, 1.0) * 4.0;
+    int k = min(int(at), 3);
+    vec3 base = coloured ? mix(ramp[k], ramp[k + 1], at - float(k)) : plain.rgb;
+    vec3 normal = normalize(cross(dFdx(seen), dFdy(seen)));
+    float light = lit ? 0.68 + 0.32 * abs(dot(normal, normalize(vec3(-0.4, 0.6, 0.8)))) : 1.0;
+    colour = vec4(base * light, plain.a);
+  }`,
+];
+const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
+const indices = (text) => new Uint32Array(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
+const series = (packed) => ({ coefficients: packed.coefficients.map(unpack), shapes: packed.shapes.map(unpack) });
+const HOME = { azimuth: -1.2, elevation: 0.31, zoom: 1 };
+
+class BodyPlayer extends Playback {
+  constructor(figure) {
+    super(figure);
+    this.pen = this.canvas.getContext("webgl2", { alpha: false, preserveDrawingBuffer: true });
+    if (!this.pen) {
+      for (const part of figure.querySelectorAll("canvas, .controls, figcaption")) part.hidden = true;
+      figure.querySelector(".absent").hidden = false;
+      return;
+    }
+    this.magnify = figure.querySelector("select.scale");
+    this.lines = figure.querySelector("input[type=checkbox]");
+    this.rest = unpack(this.data.points);
+    this.path = unpack(this.data.path);
+    this.triangles = indices(this.data.triangles);
+    this.edges = indices(this.data.edges);
+    this.motion = series(this.data.motion);
+    this.stress = this.data.stress && series(this.data.stress);
+    this.view = { ...HOME };
+    this.frame = this.slider.value = this.data.first;
+    this.prepare();
+    this.listen();
+    new ResizeObserver(() => this.draw()).observe(this.canvas);
+  }
+
+  prepare() {
+    const gl = this.pen, program = gl.createProgram();
+    [gl.VERTEX_SHADER, gl.FRAGMENT_SHADER].forEach((kind, i) => {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, SHADERS[i]);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    });
+    gl.linkProgram(program);
+    gl.useProgram(program);
+    this.at = (name) => gl.getUniformLocation(program, name);
+    this.places = gl.createBuffer();
+    this.values = gl.createBuffer();
+    [["place", this.places, 3], ["value", this.values, 1]].forEach(([name, buffer, size]) => {
+      const where = gl.getAttribLocation(program, name);
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.enableVertexAttribArray(where);
+      gl.vertexAttribPointer(where, size, gl.FLOAT, false, 0, 0);
+    });
+    gl.uniform3fv(this.at("ramp"), this.data.ramp.flatMap(rgb));
+    gl.clearColor(1, 1, 1, 1);
+    gl.enable(gl.DEPTH_TEST);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+  }
+
+  listen() {
+    const held = new Map(), canvas = this.canvas;
+    const apart = () => { const [a, b] = [...held.values()]; return Math.hypot(a.x - b.x, a.y - b.y); };
+    canvas.addEventListener("pointerdown", (event) => {
+      held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const before = held.get(event.pointerId);
+      if (!before) return;
+      const between = held.size === 2 ? apart() : 0;
+      held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      if (held.size === 2) this.closer(apart() / Math.max(between, 1));
+      else this.turn((before.x - event.clientX) / 200, (event.clientY - before.y) / 200);
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (e) => held.delete(e.pointerId));
+    canvas.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey) return; // the page scrolls
+      event.preventDefault();
+      this.closer(Math.exp(-event.deltaY / 300));
+    }, { passive: false });
+    canvas.addEventListener("dblclick", () => { this.view = { ...HOME }; this.draw(); });
+    canvas.addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key];
+      const nearer = { "+": 1.2, "-": 1 / 1.2 }[event.key];
+      if (step) this.turn(...step);
+      if (nearer) this.closer(nearer);
+      if (step || nearer) event.preventDefault();
+    });
+    this.magnify.addEventListener("change", () => this.draw());
+    this.lines.addEventListener("change", () => this.draw());
+  }
+
+  turn(azimuth, elevation) {
+    this.view.azimuth += azimuth;
+    this.view.elevation = Math.max(-1.5, Math.min(1.5, this.view.elevation + elevation));
+    this.draw();
+  }
+
+  closer(factor) {
+    this.view.zoom = Math.max(0.5, Math.min(12, this.view.zoom * factor));
+    this.draw();
+  }
+
+  // A quantity between two frames, from its shapes.
+  sum({ coefficients, shapes }, length) {
+    const k = Math.min(Math.floor(this.frame), this.last - 1), part = this.frame - k, total = new Float32Array(length);
+    shapes.forEach((shape, i) => {
+      const a = coefficients[i][k] * (1 - part) + coefficients[i][k + 1] * part;
+      for (let j = 0; j < length; j++) total[j] += a * shape[j];
+    });
+    return total;
+  }
+
+  get back() {
+    const k = Math.min(Math.floor(this.frame), this.last - 1), part = this.frame - k;
+    return this.path[k] * (1 - part) + this.path[k + 1] * part;
+  }
+
+  draw() {
+    const gl = this.pen, width = this.canvas.clientWidth, height = this.canvas.clientHeight;
+    if (!gl || !width) return;
+    const ratio = window.devicePixelRatio || 1;
+    [this.canvas.width, this.canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
+    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    this.look(height / width);
+    const places = this.bent();
+    this.body(places);
+    for (const block of this.data.near) this.block(block, 0);
+    for (const block of this.data.tail) this.block(block, this.back);
+    this.section(this.data.section);
+    const out = this.data.length - this.back;
+    this.say(`${this.clock}, ${out.toFixed(2)} m out`);
+  }
+
+  look(aspect) {
+    const gl = this.pen, { azimuth, elevation, zoom } = this.view;
+    const [c, s, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
+    const corners = this.data.section.corners, back = Math.min(...corners.filter((_, i) => i % 3 === 0));
+    const front = this.data.length - this.path.reduce((a, b) => Math.min(a, b));
+    const half = Math.max((front - back) / 2 + 0.25, 0.5) / zoom;
+    gl.uniform3f(this.at("towards"), ce * c, ce * s, se);
+    gl.uniform3f(this.at("right"), -s, c, 0);
+    gl.uniform3f(this.at("above"), -se * c, -se * s, ce);
+    const away = 1 / Math.max(zoom, 1); // who comes closer comes closer to the mouth
+    gl.uniform3f(this.at("centre"), away * (front + back) / 2, 0, -0.2 * away);
+    gl.uniform1f(this.at("deep"), front - back);
+    gl.uniform2f(this.at("size"), half, half * aspect);
+  }
+
+  bent() {
+    const moved = this.sum(this.motion, this.rest.length), scale = Number(this.magnify.value), back = this.back;
+    return this.rest.map((x, i) => x + scale * moved[i] - (i % 3 ? 0 : back));
+  }
+
+  body(places) {
+    const gl = this.pen, faces = this.data.faces, corners = this.triangles, count = corners.length;
+    const stress = this.stress && this.sum(this.stress, faces);
+    const spread = new Float32Array(3 * count), values = new Float32Array(count);
+    for (let i = 0; i < count; i++) {
+      for (let j = 0; j < 3; j++) spread[3 * i + j] = places[3 * corners[i] + j];
+      if (stress) values[i] = stress[Math.floor(i / 3) % faces];
+    }
+    this.show(gl.TRIANGLES, spread, values, [...rgb("#b9c4cd"), 1], Boolean(stress), true);
+    if (!this.lines.checked) return;
+    const ends = new Float32Array(3 * this.edges.length);
+    this.edges.forEach((point, i) => { for (let j = 0; j < 3; j++) ends[3 * i + j] = places[3 * point + j]; });
+    this.over(() => this.show(gl.LINES, ends, null, [...rgb("#1c2733"), 0.3], false, false));
+  }
+
+  block({ corners, sides }, back, colour = [...rgb("#3b4a57"), 1]) {
+    const order = sides.flatMap(([a, b, c, d]) => [a, b, c, a, c, d]);
+    const places = order.flatMap((k) => [corners[3 * k] - back, corners[3 * k + 1], corners[3 * k + 2]]);
+    this.show(this.pen.TRIANGLES, new Float32Array(places), null, colour, false, true);
+  }
+
+  section({ corners, sides }) {
+    const gl = this.pen, point = (k) => corners.slice(3 * k, 3 * k + 3);
+    const outline = sides.flatMap((side) => side.flatMap((k, i) => [...point(k), ...point(side[(i + 1) % 4])]));
+    this.over(() => {
+      this.block({ corners, sides }, 0, [...rgb("#9fb0bd"), 0.16]);
+      this.show(gl.LINES, new Float32Array(outline), null, [...rgb("#5b6875"), 0.5], false, false);
+    });
+  }
+
+  // What is seen through and hides nothing.
+  over(draw) {
+    const gl = this.pen;
+    gl.enable(gl.BLEND);
+    gl.depthMask(false);
+    draw();
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
+  }
+
+  show(kind, places, values, colour, coloured, lit) {
+    const gl = this.pen, count = places.length / 3;
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.places);
+    gl.bufferData(gl.ARRAY_BUFFER, places, gl.DYNAMIC_DRAW);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.values);
+    gl.bufferData(gl.ARRAY_BUFFER, values || new Float32Array(count), gl.DYNAMIC_DRAW);
+    gl.uniform4f(this.at("plain"), ...colour);
+    gl.uniform1i(this.at("coloured"), coloured);
+    gl.uniform1i(this.at("lit"), lit);
+    gl.uniform1f(this.at("nearer"), kind === gl.LINES ? 0.02 : 0); // m: lines lie on surfaces
+    gl.drawArrays(kind, 0, count);
+  }
+}
+
+document.querySelectorAll("figure.animation.body").forEach((figure) => new BodyPlayer(figure));

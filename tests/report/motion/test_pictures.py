@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+import io
+import re
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pmr.report.document import page as render
+from pmr.report.motion import album as pictures
+from pmr.report.motion import renderer as studio
+from pmr.report.motion.album import album
+from pmr.report.motion.renderer import NoPictureError, Piece, Shot, develop, framed
+from pmr.report.sections import chapter as case
+
+SQUARE = Piece(np.array([(0.0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]), np.array([(0, 1, 2, 3)]), np.array([1.0]))
+SHOT = Shot((SQUARE,), (0.0, -1.0, 0.0), (0.0, 1.0), centre=(0.5, 0.0, 0.5), height=2.0, size=(80, 40))
+
+
+def test_all_shots_of_a_side_have_one_scale_and_hold_what_they_show() -> None:
+    high = Piece(SQUARE.points * (1.0, 1.0, 3.0), SQUARE.faces)
+    one, two = framed([SHOT, Shot((high,), SHOT.direction)], width=100, margin=0.5)
+    assert one.size == (100, 100) and two.size == (100, 200)
+    assert (one.height, two.height) == pytest.approx((2.0, 4.0))
+    assert one.centre == pytest.approx((0.5, 0.0, 0.5)) and two.centre == pytest.approx((0.5, 0.0, 1.5))
+
+
+@pytest.mark.slow
+def test_a_picture_shows_what_it_is_told_to_and_is_the_same_again() -> None:
+    first, second = develop([SHOT, SHOT])
+    assert first == second == develop([SHOT])[0]
+    seen = np.asarray(Image.open(io.BytesIO(first)).convert("RGB")).astype(int)
+    assert seen.shape == (40, 80, 3)
+    assert np.all(seen[:8] == 255) and np.all(seen[:, :28] == 255)  # white around it
+    red, green, blue = seen[20, 40]
+    assert red > 80 and red > 2 * green and red > 2 * blue  # the last colour
+
+
+def test_without_pyvista_the_report_says_so(monkeypatch, make_space, make_fields) -> None:
+    hidden = (
+        "import sys; sys.modules['pyvista'] = None; import runpy; runpy.run_module(sys.argv[1], run_name='__main__')"
+    )
+    run = studio.subprocess.run
+    monkeypatch.setattr(studio.subprocess, "run", lambda c, **k: run([sys.executable, "-c", hidden, c[-1]], **k))
+    found = album(make_space(fields=make_fields("line")), "case-1")
+    assert found.pictures == () and "pyvista" in found.absent
+
+
+def test_a_driver_that_ends_its_process_ends_no_report(monkeypatch) -> None:
+    run = studio.subprocess.run
+    crash = "import os; os.abort()"
+    monkeypatch.setattr(studio.subprocess, "run", lambda c, **k: run([sys.executable, "-c", crash], **k))
+    with pytest.raises(NoPictureError, match="the graphics library ended unexpectedly"):
+        develop([SHOT])
+
+
+def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> None:
+    monkeypatch.setattr(pictures, "develop", lambda shots: [b"picture"] * len(shots))
+    page = render([case(make_space(fields=make_fields("triangle")), "case-1")])
+    images = re.findall(
+        r'<figure id="case-1-([^"]+)" class="picture">\s*<img src="data:image/png;base64,cGljdHVyZQ=="', page
+    )
+    assert images == ["view-1", "view-2", "view-3", "close", "mesh"]
+    assert 'id="case-1-ramp"' in page
+    assert "displacements 50 times their size" in page
+    assert "largest von Mises stress 47.2\u00a0MPa" in page
+
+
+def test_a_page_without_pictures_says_why(monkeypatch, make_space, make_fields) -> None:
+    def refuse(shots: object) -> None:
+        raise NoPictureError("nothing to draw with")
+
+    monkeypatch.setattr(pictures, "develop", refuse)
+    page = render([case(make_space(fields=make_fields("line")), "case-1")])
+    assert "There are no pictures: nothing to draw with." in page and 'class="picture"' not in page

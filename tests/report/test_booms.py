@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from pmr.report import marks, write_report
+from pmr.report.document import page as render
+from pmr.report.sections import chapter as case
+from pmr.report.sentences import where_the_peak_is
+from pmr.results import RunResult
+
+BOX = {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008}
+
+
+@pytest.fixture(scope="module")
+def page(boom: RunResult) -> str:
+    return render([case(boom, "case-1")])
+
+
+def figures(page: str) -> list[str]:
+    return re.findall(r'<figure id="case-1-([^"]+)"', page)
+
+
+def text(page: str) -> str:
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page.replace("\u00a0", " ")))
+
+
+def test_every_figure_is_there_once(page: str) -> None:
+    assert figures(page) == [
+        *("snapshots", "position", "loads", "tip-y", "tip-z", "stress", "forces-1", "forces-2"),
+        *("energy", "energy-parts", "residual-position", "frequencies"),
+    ]
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "A section of 6 m slides through a mouth, beyond which 2 m to 4.5 m of it reach.",
+        "It is represented by a shell, as the scene names it.",
+        "The reduced model has 3 coordinates instead of 17766, a reduction by 99.98 %",
+        "The forces of all pads are within 0.300 %.",
+        "The largest von Mises stress is 49.0 MPa, at 0.50 s and (1.50, 0.10, −0.20) m, outer face of bottom; "
+        "the full model has 50.0 MPa, 2.0 % apart.",
+        "error of the pad forces",
+        "50.0 → 49.0 MPa largest von Mises stress",
+        "pads at the mouth at s m, 2 bottom, 1 top, 1 right; 0.3 × 0.08 m",
+        "load gust constant, 500 N; on tip along y",
+        "The weight acts too, which comes up within the first 1 s.",
+        "rows left out cylinder",
+    ],
+)
+def test_page_says(page: str, said: str) -> None:
+    assert said in text(page)
+
+
+def test_the_error_table_has_pad_forces_in_newtons_and_stresses(boom: RunResult) -> None:
+    table = {(row.comparison, row.place): (row.here, row.absolute) for row in marks.rows(boom)}
+    assert table["reduced against full", "pad forces"] == ("0.300\u00a0%", "450\u00a0N")
+    assert table["largest von Mises stress", "reduced to full"] == ("−2.0\u00a0%", None)
+
+
+def test_what_a_run_lacks_is_left_out(make_space) -> None:
+    alone = make_space(responses=("reduced",), summary={}, stress=())
+    page = render([case(alone, "case-1")])
+    assert "stress" not in figures(page) and "von Mises" not in page and "Errors" not in page
+
+
+def test_a_planar_model_moves_up_and_down_only(boom: RunResult, make_space) -> None:
+    planar = make_space(body={"model": "beam2d", "box": boom.scene.body.box})
+    assert "tip-y" not in figures(render([case(planar, "case-1")]))
+
+
+@pytest.mark.slow
+def test_kinds_of_cases_mix_in_one_report(boom: RunResult, whole: RunResult, tmp_path) -> None:
+    boom.save(tmp_path / "saved")
+    files = write_report([whole, RunResult.load(tmp_path / "saved")], tmp_path)
+    html = files.html.read_text()
+    assert 'id="case-1-snapshots"' in html and 'id="case-2-forces-1"' in html
+    assert files.pdf.read_bytes().startswith(b"%PDF-")
+
+
+def test_a_zero_has_no_sign(make_space) -> None:
+    peak = {"t": 0.5, "position": [1.0, -1e-13, 0.0], "face": "bottom left", "region": ""}
+    beam = make_space(summary={"stress_peak": {"reduced": peak}}, body={"model": "beam3d", "box": BOX})
+    assert where_the_peak_is(beam, "reduced") == "at 0.50\u00a0s and (1.00, 0.00, 0.00)\u00a0m, bottom left corner"
+    assert where_the_peak_is(beam, "full") == ""
+
+
+def test_places_that_share_the_peak_are_named_too(make_space) -> None:
+    peak = {"t": 0.5, "position": [1.0, 0.1, 0.2], "face": "outer", "region": ""}
+    for shared, said in (
+        ([[1.0, -0.1, 0.2]], ", and as large at (1.00, \u22120.10, 0.20)\u00a0m"),
+        ([[1.0, -0.1, 0.2], [1.0, 0.1, -0.2], [1.0, -0.1, -0.2]], ", and as large at 3 other places"),
+    ):
+        found = where_the_peak_is(
+            make_space(summary={"stress_peak": {"reduced": peak | {"shared": shared}}}), "reduced"
+        )
+        assert found == "at 0.50\u00a0s and (1.00, 0.10, 0.20)\u00a0m, outer face" + said

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pmr.report.subject import fields_of, forces, length, offsets, stress_times, tips
+
+
+def test_the_tips_directions_are_the_last_columns(boom, make_space) -> None:
+    response = boom.responses["full"]
+    found = {d: what(response) for d, what in tips(boom).items()}
+    assert list(found) == ["y", "z"]
+    assert np.array_equal(found["y"], response.displacement[:, -2]) and np.ptp(found["y"]) < 0.0061
+    assert np.array_equal(found["z"], response.tip)
+    assert list(tips(make_space(body={"model": "beam2d", "box": boom.scene.body.box}))) == ["z"]
+
+
+def test_forces_are_named_ring_by_ring_those_that_stay_first(boom) -> None:
+    named = {ring: [(f.column, f.name) for f in pads] for ring, pads in forces(boom).items()}
+    assert named == {
+        "tail": [(0, "bottom right"), (1, "bottom left"), (2, "left")],
+        "mouth": [(3, "bottom right"), (4, "bottom left"), (5, "top"), (6, "right")],
+    }
+
+
+def test_a_planar_beam_feels_no_pads_on_its_sides_and_rigid_pads_that_stay_have_no_force(boom, make_space) -> None:
+    planar = forces(make_space(body={"model": "beam2d", "box": boom.scene.body.box}))
+    assert [f.name for pads in planar.values() for f in pads] == ["bottom right", "bottom left"] * 2 + ["top"]
+    rigid = [dict(ring, stiffness="rigid") for ring in boom.scene.model_dump()["pads"]]
+    assert list(forces(make_space(pads=rigid))) == ["mouth"]
+
+
+def test_places_and_times(boom) -> None:
+    assert (offsets(boom), length(boom)) == ((0.0,), 6.0)
+    assert np.allclose(stress_times(boom), np.linspace(0.0, 1.0, 21))  # the scene's recovery
+
+
+def test_a_planar_beams_vertical_is_z_in_pictures(boom, make_space, make_fields) -> None:
+    fields = make_fields("line")
+    own = replace(fields, displacement=fields.displacement[..., [0, 2, 1]])  # along the model's y
+    body = {"model": "beam2d", "box": boom.scene.body.box}
+    for given in (fields, own):
+        assert np.array_equal(fields_of(make_space(fields=given, body=body)).displacement, fields.displacement)
+    sideways = make_space(fields=own)  # a shell that moves along y does so
+    assert fields_of(sideways) is own and fields_of(boom) is None
