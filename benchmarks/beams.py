@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pmr import scene as scenes
-from pmr.fullmodel.model import full_model
+from pmr.fullmodel.build import full_model
 from pmr.reduced.model import ReducedModel
 from pmr.run import reduce
 from pmr.scene import Scene

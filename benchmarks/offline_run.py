@@ -21,7 +21,8 @@ from pmr.compare.frequencies import closed_form_frequencies
 from pmr.errors import ConvergenceError, InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import tall
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import pod
 from pmr.reduce.galerkin import reduced_model
 from pmr.snapshots import Snapshots

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks import beams
 from benchmarks.timing import side_by_side
-from pmr.fullmodel.model import full_model
+from pmr.fullmodel.build import full_model
 from pmr.reduce.basis import pod
 from pmr.reduce.galerkin import reduced_model
 from pmr.snapshots.eigenmodes import eigenmode_snapshots

@@ -96,7 +96,7 @@ def run(
     summary |= _estimated(scene, reduction.reduced, curves.reduced, clock)
     summary |= pad_forces.summary(scene, simulations.responses["reduced"])
     summary["warnings"] += memory.warnings(scene, size, outputs)
-    summary["warnings"] += free_motions.warnings(scene, built.structure)
+    summary["warnings"] += free_motions.warnings(built.structure, scene.path_bounds)
     summary["warnings"] += pad_forces.warnings(scene, simulations.responses["reduced"])
     excitation = Excitation.of(scene)
     summary |= contact_step.summary(reduction.reduced, excitation)

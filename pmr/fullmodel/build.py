@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 from pmr.fem.compat import MPI
-from pmr.fullmodel.from_scene import structure_of
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.from_scene import planar_structure, structure_of
+from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import Structure, structural_model
+from pmr.models.beam2d import Beam2D
 from pmr.scene import Scene, SceneBase, StructureScene
+
+logger = logging.getLogger(__name__)
+
+#: Relative error of the lowest frequency from which on a mesh is called too fine.
+NOTICED_ROUND_OFF = 1e-4
 
 
 @dataclass(frozen=True)
 class Built:
-    """A scene's full model, and in space the structure that it is assembled from."""
+    """A scene's full model, and the structure that it is assembled from."""
 
     model: FullModel
-    structure: Structure | None = None
+    structure: Structure
 
 
 def build(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
@@ -29,6 +36,24 @@ def build(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     """
     if isinstance(scene, StructureScene):
         structure = structure_of(scene, comm)
-        return Built(structural_model(structure, comm), structure)
-    assert isinstance(scene, Scene)
-    return Built(full_model(scene, comm))
+    else:
+        assert isinstance(scene, Scene)
+        structure = planar_structure(scene)
+    if comm.rank == 0:
+        _say_round_off(structure)
+    return Built(structural_model(structure, comm), structure)
+
+
+def full_model(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
+    """The full model alone; as `build`."""
+    return build(scene, comm).model
+
+
+def _say_round_off(structure: Structure) -> None:
+    model = structure.model
+    if isinstance(model, Beam2D) and model.round_off > NOTICED_ROUND_OFF:
+        logger.warning(
+            "round-off in the stiffness of so short elements changes the lowest frequency by about %.0e of its value; "
+            "fewer elements are more accurate",
+            model.round_off,
+        )

@@ -14,9 +14,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
-from pmr.fullmodel.pads import fixed_pad, hold
+from pmr.fullmodel.pads import Pads, fixed_pad, hold
 from pmr.fullmodel.structure import Structure
-from pmr.scene import SUPPORT_ROWS, Scene, SceneBase
+from pmr.models import DIRECTIONS
 
 Array = NDArray[np.float64]
 
@@ -36,13 +36,9 @@ class Freedom:
     s: float
 
 
-def warnings(scene: SceneBase, structure: Structure | None) -> list[str]:
-    """What to say of motions that are free somewhere on the path; nothing if there are none."""
-    if isinstance(scene, Scene):
-        rolls = scene.body.axial and all("x" not in SUPPORT_ROWS[support.kind] for support in scene.supports)
-        return [_SAID.format("move along x", "")] if rolls else []
-    assert structure is not None
-    found = [(freedom.s, described(freedom.motions)) for freedom in freedoms(structure)]
+def warnings(structure: Structure, path: tuple[float, float]) -> list[str]:
+    """What to say of motions that are free somewhere on the path, from s to s in m; nothing if there are none."""
+    found = [(freedom.s, described(freedom.motions)) for freedom in freedoms(structure, path)]
     s, most = max(found, key=lambda pair: len(pair[1]))  # the first of several
     if not most:
         return []
@@ -50,28 +46,30 @@ def warnings(scene: SceneBase, structure: Structure | None) -> list[str]:
     return [_SAID.format(", ".join(most), "" if always else f" with s at {s:.4g} m")]
 
 
-def freedoms(structure: Structure) -> list[Freedom]:
-    """What is free at places along the path, from its one end to the other."""
+def freedoms(structure: Structure, path: tuple[float, float]) -> list[Freedom]:
+    """What is free at places along the path, from its one end to the other, m."""
     model, pads = structure.model, structure.pads
     R, whole = model.rigid_motions(), sp.eye(structure.model.size, format="csr")
-    still = hold(replace(pads, moving=()), model, whole)
+    still = hold(replace(pads, moving=(), sliders=()), model, whole)
+    points = hold(Pads(sliders=pads.sliders), model, whole).rows
     held = [_measured((*still.rows, *still.springs), R)]
     held += [R[model.coordinates_on(clamp.on, clamp.directions)] for clamp in structure.clamps]
     first, last = (
         _measured([fixed_pad(replace(pad, at=pad.at + s), model, whole, pads.travel) for pad in pads.moving], R)
-        for s in pads.travel
+        for s in path
     )
     found = []
     for share in np.linspace(0.0, 1.0, PLACES):
         moving = first + share * (last - first)  # lines in s: pads measure rigid motions as such
-        free = _null_space(np.vstack([*held, moving]), R)
-        found.append(Freedom(_in_space(free, model.directions), float(pads.travel @ np.array([1.0 - share, share]))))
+        s = (1.0 - share) * path[0] + share * path[1]
+        free = _null_space(np.vstack([*held, moving, _measured(points, R, s)]), R)
+        found.append(Freedom(_in_space(free, model.directions), s))
     return found
 
 
-def _measured(rows: Sequence[Row], R: Array) -> Array:
-    """What rows that stay measure of each rigid motion, (m, k)."""
-    measured = [row.at(row.breaks[0]) @ R for row in rows]
+def _measured(rows: Sequence[Row], R: Array, s: float | None = None) -> Array:
+    """What rows measure of each rigid motion at s, (m, k); for those that stay s plays no role."""
+    measured = [row.at(row.breaks[0] if s is None else s) @ R for row in rows]
     return np.array(measured).reshape(-1, R.shape[1])
 
 
@@ -88,13 +86,9 @@ def _null_space(C: Array, R: Array) -> Array:
 
 
 def _in_space(motions: Array, directions: Sequence[str]) -> Array:
-    """As displacements along and rotations about x, y, z with z up, (6, f); a planar beam's y is the vertical."""
-    if len(directions) == 6:
-        return motions
+    """As displacements along and rotations about x, y, z, (6, f)."""
     space = np.zeros((6, motions.shape[1]))
-    for row, direction in zip(motions, directions, strict=True):
-        axis, sign = {"x": (0, 1.0), "y": (2, 1.0), "rotation": (4, -1.0)}[direction]
-        space[axis] = sign * row
+    space[[DIRECTIONS.index(direction) for direction in directions]] = motions
     return space
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -10,8 +11,9 @@ import numpy as np
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.fullmodel.pads import Hold, Pad, Pads
+from pmr.fullmodel.pads import Hold, Pad, Pads, Slider
 from pmr.fullmodel.structure import Action, Clamp, PadForce, Structure, Weight
+from pmr.mesh.beam import beam_nodes
 from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.mesh.drawing import NotDrawnError
 from pmr.mesh.named import NamedMesh, read_mesh
@@ -23,13 +25,10 @@ from pmr.models.shell import KINDS as SHELL_KINDS
 from pmr.models.shell import Shell
 from pmr.models.solid import KINDS as SOLID_KINDS
 from pmr.models.solid import Solid
-from pmr.scene import Body, StructureScene
+from pmr.scene import SUPPORT_ROWS, Scene, StructureScene
 from pmr.scene.choice import model_of, transverse
-from pmr.scene.space import Box, PadRing, SpaceLoad
-from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, PointMass, ShellBody, SolidBody
-
-#: What the planar beam calls by another name: its y is the vertical.
-PLANAR = {"x": "x", "z": "y", "ry": "rotation"}
+from pmr.scene.space import Box, PadRing
+from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, Profile, ShellBody, SolidBody
 
 
 def structure_of(scene: StructureScene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
@@ -43,22 +42,48 @@ def structure_of(scene: StructureScene, comm: MPI.Comm = MPI.COMM_WORLD) -> Stru
     InputError
         If the mesh can't be had, or lacks a group.
     """
-    kind = model_of(scene)
-    model, pads = _MODELS[kind](scene, comm), _pads(scene)
-    named = PLANAR if kind == "beam2d" else {d: d for d in model.directions}
-    across = {d: named[d] for d in transverse(scene)}
-    line = [Action(f"{d} at {x:g} m", x, own) for d, own in across.items() for x in scene.observe.stations]
-    tip = [Action(scene.observe.tip_along(d), scene.observe.tip, own) for d, own in across.items()]
+    model, pads = _MODELS[model_of(scene)](scene, comm), _pads(scene)
+    across = transverse(scene)
+    line = [Action(f"{d} at {x:g} m", x, d) for d in across for x in scene.observe.stations]
+    tip = [Action(scene.observe.tip_along(d), scene.observe.tip, d) for d in across]
     forces = [PadForce(pad.name) for pad in pads.fixed if np.isfinite(pad.stiffness) and not pad.unilateral]
-    weight = [Weight(_down(scene, kind))] if scene.gravity else []
+    weight = [Weight(scene.gravity.direction)] if scene.gravity else []
     return Structure(
         model,
-        clamps=tuple(Clamp(c.on, tuple(named[d] for d in c.directions if d in named)) for c in scene.clamps),
-        masses=tuple(_mass(mass, kind) for mass in scene.masses),
-        loads=(*(_load(load, named) for load in scene.loads), *weight),
+        clamps=tuple(Clamp(clamp.on, clamp.directions) for clamp in scene.clamps),
+        masses=scene.masses,
+        loads=(*(Action(load.name, load.on, load.direction) for load in scene.loads), *weight),
         outputs=(*line, *tip, *forces),
         damping=scene.damping,
-        pads=Pads(pads.fixed, pads.moving, _holds(scene, named), pads.travel),
+        pads=replace(pads, holds=_holds(scene)),
+    )
+
+
+#: What a planar scene calls by another name: there y is the vertical.
+_UPRIGHT = {"x": ("x", 1.0), "y": ("z", 1.0), "rotation": ("ry", -1.0)}
+
+
+def planar_structure(scene: Scene) -> Structure:
+    """What a planar scene describes."""
+    body, offsets = scene.body, scene.slider.offsets
+    nodes = beam_nodes(scene)
+    names = [f"slider at s{offset:+g} m" if offset else "slider at s" for offset in offsets]
+    pads = Pads(
+        holds=tuple(
+            Hold(f"support {_UPRIGHT[d][0]} at {support.at:g} m", support.at, _UPRIGHT[d][0])
+            for support in scene.supports
+            for d in SUPPORT_ROWS[support.kind]
+            if d in body.directions
+        ),
+        sliders=tuple(map(Slider, names, offsets)) if offsets != (0.0,) else (Slider(),),
+        travel=(0.0 - min(offsets), body.length - max(offsets)),
+    )
+    return Structure(
+        Beam2D(Profile.model_validate(body.model_dump(exclude={"model"})), nodes),
+        loads=tuple(Action(load.name, load.at, *_UPRIGHT[load.direction]) for load in scene.loads),
+        outputs=tuple(Action(f"z at {x:g} m", float(x), "z") for x in nodes),
+        damping=scene.damping,
+        pads=pads,
     )
 
 
@@ -81,42 +106,24 @@ def _ring(ring: PadRing, faces: tuple[str, ...]) -> list[Pad]:
     ]
 
 
-def _holds(scene: StructureScene, named: dict[str, str]) -> tuple[Hold, ...]:
+def _holds(scene: StructureScene) -> tuple[Hold, ...]:
     return tuple(
-        Hold(hold.name, hold.on, named[hold.direction], np.inf if hold.stiffness == "rigid" else hold.stiffness)
+        Hold(hold.name, hold.on, hold.direction, np.inf if hold.stiffness == "rigid" else hold.stiffness)
         for hold in scene.holds
     )
-
-
-def _load(load: SpaceLoad, named: dict[str, str]) -> Action:
-    """On a planar beam a moment about y, which points to the left, turns against its rotation."""
-    direction = named[load.direction]
-    return Action(load.name, load.on, direction, -1.0 if direction == "rotation" else 1.0)
-
-
-def _mass(mass: PointMass, kind: str) -> PointMass:
-    if kind != "beam2d":
-        return mass
-    return mass.model_copy(update={"inertia": (0.0, 0.0, mass.inertia[1])})
-
-
-def _down(scene: StructureScene, kind: str) -> tuple[float, float, float]:
-    assert scene.gravity is not None
-    x, y, z = scene.gravity.direction
-    return (x, z, 0.0) if kind == "beam2d" else (x, y, z)
 
 
 def _planar_beam(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
     box, material = _box(scene), scene.body.material
     section = box_section(BoxProfile(width=box.width, height=box.height, wall=box.wall), material.poisson)
-    body = Body(
+    profile = Profile(
         length=box.length,
         bending_stiffness=material.young * section.second_moment_y,
         mass_per_length=material.density * section.area,
         axial_stiffness=material.young * section.area,
         axial=True,
     )
-    return Beam2D(body, np.linspace(0.0, box.length, scene.mesh.elements + 1))
+    return Beam2D(profile, np.linspace(0.0, box.length, scene.mesh.elements + 1))
 
 
 def _beam(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:

@@ -38,6 +38,7 @@ from pmr.constraints.rows import Row, fixed_row
 from pmr.errors import InputError
 from pmr.mesh.strip import Extent, Window
 from pmr.models import StructuralModel
+from pmr.models.beam2d import Beam2D
 
 Array = NDArray[np.float64]
 
@@ -106,9 +107,17 @@ class Hold:
     """What holds the mean displacement of a group along a direction: a cylinder; infinitely stiff by default, N/m."""
 
     name: str
-    on: str
+    on: str | float
     direction: str = "x"
     stiffness: float = np.inf
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A point that slides along a planar beam and holds its transverse displacement at s + `offset` m."""
+
+    name: str = "slider"
+    offset: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -120,6 +129,7 @@ class Pads:
     fixed, moving : tuples of Pad
         Moving ones are centred at s + `at`.
     holds : tuple of Hold
+    sliders : tuple of Slider
     travel : tuple of float, m
         Smallest and largest s.
     """
@@ -127,13 +137,15 @@ class Pads:
     fixed: tuple[Pad, ...] = ()
     moving: tuple[Pad, ...] = ()
     holds: tuple[Hold, ...] = ()
+    sliders: tuple[Slider, ...] = ()
     travel: tuple[float, float] = (0.0, 1.0)
 
     def __post_init__(self) -> None:
         low, high = self.travel
         if not low < high:
             raise InputError("scene", "pads.travel", self.travel, "two places in m, the first one less, are allowed")
-        names = [*(pad.name for pad in (*self.fixed, *self.moving)), *(hold.name for hold in self.holds)]
+        pads = [pad.name for pad in (*self.fixed, *self.moving)]
+        names = [*pads, *(hold.name for hold in self.holds), *(slider.name for slider in self.sliders)]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError("scene", "pads", twice[0], "names that differ are allowed")
@@ -193,7 +205,10 @@ def hold(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Holding:
         *(fixed_pad(pad, model, T, pads.travel) for pad in pads.fixed),
         *(_hold(hold, model, T, pads.travel) for hold in pads.holds),
     ]
-    moving = [moving_pad(pad, model, T, pads.travel) for pad in pads.moving]
+    moving = [
+        *(_point(slider, model, T) for slider in pads.sliders),
+        *(moving_pad(pad, model, T, pads.travel) for pad in pads.moving),
+    ]
     springs = [row.compliance > 0.0 and row.clearance is None for row in staying]
     rows = [row for row, spring in zip(staying, springs, strict=True) if not spring]
     return Holding((*rows, *moving), tuple(row for row, spring in zip(staying, springs, strict=True) if spring))
@@ -237,6 +252,13 @@ def _hold(hold: Hold, model: StructuralModel, T: sp.csr_matrix, travel: tuple[fl
         allowed = f"a clamp holds {hold.on} along it already; one of the two is allowed"
         raise InputError("scene", f"holds.{hold.name}.direction", hold.direction, allowed)
     return replace(fixed_row(hold.name, left, travel), compliance=1.0 / hold.stiffness)
+
+
+def _point(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
+    if not isinstance(model, Beam2D):
+        raise InputError("scene", "slider", slider.name, "a point slides on beam2d only; pads slide on any body")
+    row = model.slider(slider.offset, slider.name)
+    return replace(row, carriers=sp.csr_matrix(row.carriers @ T))
 
 
 def _lattice(pad: Pad) -> tuple[float, int]:

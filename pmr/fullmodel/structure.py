@@ -249,8 +249,8 @@ def _centre(mass: PointMass) -> Array | None:
 
 
 def _inertia(mass: PointMass, directions: Sequence[str]) -> Array:
-    """Mass or inertia along each direction; the planar rotation is one about z."""
-    about = dict(zip(("rx", "ry", "rz"), mass.inertia, strict=True)) | {"rotation": mass.inertia[2]}
+    """Mass or inertia along each direction."""
+    about = dict(zip(("rx", "ry", "rz"), mass.inertia, strict=True))
     return np.array([about.get(direction, mass.mass) for direction in directions])
 
 

@@ -3,43 +3,30 @@
 from __future__ import annotations
 
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fem.compat import MPI, interval_mesh
 from pmr.scene import Scene
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class BeamMesh:
-    """Nodes of a straight beam in increasing order (N,) m, the same on every rank, and the distributed mesh."""
-
-    nodes: Array
-    domain: Any
-
-
-def beam_mesh(scene: Scene, comm: MPI.Comm) -> BeamMesh:
-    """Mesh of the scene's beam.
+def beam_nodes(scene: Scene) -> Array:
+    """Nodes (N,) m of the scene's beam, in increasing order, the same on every rank.
 
     Raises
     ------
     InputError
         If a mesh file holds anything but a chain of line cells on the x axis from 0 to the beam's length.
     """
-    if scene.mesh.file is None:
-        assert scene.mesh.elements is not None
-        nodes = graded_nodes(scene.body.length, scene.mesh.elements, scene.mesh.grading)
-    else:
-        nodes = read_nodes(scene.mesh.file, scene.body.length)
-    return BeamMesh(nodes, interval_mesh(comm, nodes))
+    if scene.mesh.file is not None:
+        return read_nodes(scene.mesh.file, scene.body.length)
+    assert scene.mesh.elements is not None
+    return graded_nodes(scene.body.length, scene.mesh.elements, scene.mesh.grading)
 
 
 def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:

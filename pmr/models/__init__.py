@@ -74,7 +74,7 @@ class StructuralModel(Protocol):
 
     @property
     def directions(self) -> tuple[str, ...]:
-        """What a place can do: `DIRECTIONS` in space, some of ``x``, ``y``, ``rotation`` in the plane."""
+        """What a place can do: some of `DIRECTIONS`, in their order."""
         ...
 
     def displacement(self, place: str | float) -> sp.csr_matrix:

@@ -6,7 +6,8 @@ r"""Planar Euler-Bernoulli beam with C1 cubic Hermite elements.
 
 Shear deformation and rotary inertia are neglected.  Cook, Malkus, Plesha: Concepts and Applications of Finite Element
 Analysis, 3rd ed., 1989, sections 4.2 and 13.3; H. P. Gavin: Structural Element Stiffness, Mass, and Damping
-Matrices, 2020.  Coordinates are ordered node by node: [u,] w, theta.
+Matrices, 2020.  Coordinates are ordered node by node: [u,] w, w'.  z is up: w is the displacement along z, and the
+rotation about y is -w'.
 """
 
 from __future__ import annotations
@@ -26,26 +27,26 @@ from pmr.fem.compat import MPI, constant, hermite_space, interval_mesh
 from pmr.fields.grid import Grid
 from pmr.mesh.strip import Extent, Strip, Window, line_points
 from pmr.models import Forms
-from pmr.scene import Body
+from pmr.scene.structures import Profile
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 #: Named places, as shares of the length.
 ENDS = {"tail": 0.0, "tip": 1.0}
-FACES = {"bottom": -1.0, "top": 1.0}  # outward normals along y
+FACES = {"bottom": -1.0, "top": 1.0}  # outward normals along z
 
 
 @dataclass(frozen=True)
 class Beam2D:
     """The model on given nodes (N,) m."""
 
-    body: Body
+    body: Profile
     nodes: Array
 
     @property
     def per_node(self) -> int:
-        return len(self.body.directions)
+        return len(self.directions)
 
     @property
     def size(self) -> int:
@@ -68,7 +69,7 @@ class Beam2D:
 
     @property
     def directions(self) -> tuple[str, ...]:
-        return self.body.directions
+        return ("x", "z", "ry") if self.body.axial else ("z", "ry")
 
     @property
     def transformation(self) -> None:
@@ -87,7 +88,7 @@ class Beam2D:
         trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
         J = ufl.JacobianDeterminant(mesh)
         EI, rhoA = constant(mesh, body.bending_stiffness), constant(mesh, body.mass_per_length)
-        i = self.body.directions.index("y")
+        i = self.directions.index("z")
         w, dw = trial[i] + J * trial[i + 1], test[i] + J * test[i + 1]
         dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})
         mass = rhoA * w * dw * dx
@@ -99,7 +100,7 @@ class Beam2D:
         return Forms(mass, stiffness)
 
     def point(self, x: float, direction: str) -> tuple[NDArray[np.int64], Array]:
-        """Coordinates (d,) and weights (d,) of the displacement (or slope) at x: exact interpolation.
+        """Coordinates (d,) and weights (d,) of the displacement along x or z, or rotation ry: exact interpolation.
 
         The same row applies a point force (or moment) there and measures a point displacement.
         """
@@ -110,11 +111,11 @@ class Beam2D:
             dofs, values = [self._dof(e, "x"), self._dof(e + 1, "x")], np.array([1.0 - xi, xi])
         else:
             dofs = self._bending_dofs(e)
-            slope = direction == "rotation"
+            slope = direction == "ry"
             values = np.array([np.polyval(np.polyder(p) if slope else p, xi) for p in HERMITE])
             values[[1, 3]] *= h
             if slope:
-                values /= h
+                values /= -h
         used = np.abs(values) > 1e-14
         return np.array(dofs, np.int64)[used], values[used]
 
@@ -131,11 +132,10 @@ class Beam2D:
                 "scene", "place", place, "the place itself is allowed: a planar beam has no points beside it"
             )
         x = station(place, self.body.length)
-        rows = np.zeros((self.per_node, self.size))
-        for i, direction in enumerate(self.directions):
-            dofs, weights = self.point(x, direction)
-            rows[i, dofs] = weights
-        return sp.csr_matrix(rows)
+        parts = [self.point(x, direction) for direction in self.directions]
+        ends = np.cumsum([0, *(len(dofs) for dofs, _ in parts)])
+        columns, weights = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        return sp.csr_matrix((weights, columns, ends), shape=(self.per_node, self.size))
 
     def centroid(self, place: str | float) -> Array:
         return np.array([station(place, self.body.length), 0.0, 0.0])
@@ -148,7 +148,7 @@ class Beam2D:
         across = np.full(len(points), sum(window.across) / 2.0)
         rows = sp.lil_matrix((len(points), self.size))
         for i, x in enumerate(points):
-            dofs, values = self.point(float(x), "y")
+            dofs, values = self.point(float(x), "z")
             rows[i, dofs] = FACES[face] * values
         return Strip(points, across, weights, rows.tocsr(), Extent((0.0, self.body.length)), line=True)
 
@@ -161,8 +161,8 @@ class Beam2D:
     def rigid_motions(self) -> Array:
         motions = np.zeros((self.size, self.per_node))
         for i, direction in enumerate(self.directions):
-            motions[self.directions.index(direction) :: self.per_node, i] = 1.0
-        motions[self.directions.index("y") :: self.per_node, -1] = self.nodes
+            motions[i :: self.per_node, i] = -1.0 if direction == "ry" else 1.0
+        motions[self.directions.index("z") :: self.per_node, -1] = -self.nodes
         return motions
 
     @property
@@ -192,10 +192,10 @@ class Beam2D:
         return row_on_coordinates(name, self.nodes - offset, dofs, c, self.size)
 
     def _dof(self, node: int, direction: str) -> int:
-        return self.per_node * node + self.body.directions.index(direction)
+        return self.per_node * node + self.directions.index(direction)
 
     def _bending_dofs(self, e: int) -> list[int]:
-        return [self._dof(n, d) for n in (e, e + 1) for d in ("y", "rotation")]
+        return [self._dof(n, d) for n in (e, e + 1) for d in ("z", "ry")]
 
 
 def station(place: str | float, length: float) -> float:

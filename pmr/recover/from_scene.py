@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from pmr.recover.coordinates import Recovery, chosen_states
 from pmr.recover.fields import Seen, View, in_blocks, look
 from pmr.reduced.model import ReducedModel
 from pmr.scene import SceneBase, StructureScene
-from pmr.scene.choice import model_of
 from pmr.simulate import Excitation
 from pmr.simulate.native import simulator as march
 
@@ -67,7 +66,7 @@ def recover(
     full_states : (S, n_local) array, optional
         This rank's rows of the full model's coordinates at the same times.
     """
-    assert built.structure is not None and scene.recovery is not None
+    assert scene.recovery is not None
     model, comm, steps = built.model, built.model.comm, recovered_steps(scene)
     states = None
     if comm.rank == 0:
@@ -85,10 +84,4 @@ def recover(
 
     whole = None if full_states is None else seen(in_blocks(full_states), pictures[:0])
     few = seen(Recovery(model, V, reduced, scene.reduction.solver).blocks(states), pictures)
-    return Recovered(_upright(few) if model_of(scene) == "beam2d" else few, whole)
-
-
-def _upright(seen: Seen) -> Seen:
-    """The planar beam's y is the vertical."""
-    turned = np.ascontiguousarray(seen.fields.displacement[..., [0, 2, 1]])
-    return replace(seen, fields=replace(seen.fields, displacement=turned))
+    return Recovered(few, whole)

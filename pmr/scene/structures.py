@@ -81,6 +81,22 @@ class BoxProfile(_Section):
         return self
 
 
+class Profile(_Section):
+    """A straight planar beam by its stiffnesses, along x from 0 to `length`."""
+
+    length: Positive = Field(description="m")
+    bending_stiffness: Positive = Field(description="EI, N m^2")
+    mass_per_length: Positive = Field(description="rho A, kg/m")
+    axial_stiffness: Positive | None = Field(default=None, description="EA, N")
+    axial: bool = Field(default=False, description="whether there are axial coordinates")
+
+    @model_validator(mode="after")
+    def _axial_needs_stiffness(self) -> Profile:
+        if self.axial and self.axial_stiffness is None:
+            raise ValueError("axial = true needs axial_stiffness in N")
+        return self
+
+
 class ShellBody(_Section):
     """A shell: its plate, and other ones in named regions of the mesh."""
 

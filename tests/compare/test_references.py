@@ -8,7 +8,7 @@ import pytest
 from pmr.compare.references import reference, references
 from pmr.compare.responses import MARCHED_UP_TO, full_simulator
 from pmr.fem.compat import MPI
-from pmr.fullmodel.model import full_model
+from pmr.fullmodel.build import full_model
 
 SHORT = ("time.end=0.04", "mesh.elements=20", "slider.path={kind='ramp',times=[0.01,0.03],values=[1.25,1.3]}")
 

@@ -12,7 +12,7 @@ from pmr.compare.trust import ALTERNATING, alternating, distrust, warnings
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.files import records
-from pmr.fullmodel.model import full_model
+from pmr.fullmodel.build import full_model
 from pmr.report import marks
 from pmr.report.sections import chapter
 from pmr.results import Energy, Response

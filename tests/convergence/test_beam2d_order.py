@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from textbook import CLOSED_FORM
 
+from pmr.fullmodel.build import full_model
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver
-from pmr.fullmodel.model import full_model
 from pmr.models.beam2d import Beam2D
 
 DECLARED_ORDER = 4

@@ -10,9 +10,10 @@ from textbook import CLOSED_FORM, beam_matrices, subspace_distance
 from pmr.errors import ConvergenceError
 from pmr.fem.compat import MPI
 from pmr.fullmodel import modes
+from pmr.fullmodel.build import full_model
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver, eigensolver
 from pmr.fullmodel.elimination import DependentRowsError
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes
 
 pytestmark = pytest.mark.mpi

@@ -6,8 +6,8 @@ import scipy.sparse as sp
 
 from pmr.fem.compat import MPI
 from pmr.fem.matrices import gather
+from pmr.fullmodel.build import full_model
 from pmr.fullmodel.elimination import DependentRowsError, eliminate
-from pmr.fullmodel.model import full_model
 
 RNG = np.random.default_rng(3)
 

@@ -9,6 +9,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.fullmodel import free_motions
+from pmr.fullmodel.build import build
 from pmr.fullmodel.from_scene import structure_of
 from pmr.run import run
 from pmr.scene import StructureScene
@@ -47,7 +48,7 @@ AT = " with s at 1.5 m"
 def test_what_is_free_is_found_and_named(model: str, changes: tuple[str, ...], free: list[str], where: str) -> None:
     file = WORKFLOWS / f"boom_{model.removesuffix('3d')}.toml"
     scene = scenes.load(file, ["mesh.size=0.2", "mesh.along=0.5", *changes])
-    said = free_motions.warnings(scene, structure_of(scene))  # type: ignore[arg-type]
+    said = free_motions.warnings(structure_of(scene), scene.path_bounds)  # type: ignore[arg-type]
     assert len(said) == (1 if free else 0)
     for line in said:
         assert all(words in line for words in free) and f"{where}: loads along that" in line
@@ -58,18 +59,19 @@ def test_what_holds_in_one_place_only_is_named_with_the_place() -> None:
     """The mouth begins where the tail's pads are: both hold the same place, and the boom can turn about it."""
     rings = "{name='tail',at=1.5,faces={bottom=[0.0,0.1],left=[0.0]}},{name='mouth',moving=true,faces={bottom=[0.0]}}"
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"pads=[{rings}]"])
-    (said,) = free_motions.warnings(scene, structure_of(scene))  # type: ignore[arg-type]
+    (said,) = free_motions.warnings(structure_of(scene), scene.path_bounds)  # type: ignore[arg-type]
     assert "turn about y through (1.5, 0, 0) m, turn about z through (1.5, 0, 0) m with s at 1.5 m" in said
 
 
 def test_a_planar_beam_is_told_in_the_words_of_the_scene() -> None:
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", ["body.model=beam2d", VERTICAL, pads("", "bottom=[0.0]")])
-    (said,) = free_motions.warnings(scene, structure_of(scene))  # type: ignore[arg-type]
+    (said,) = free_motions.warnings(structure_of(scene), scene.path_bounds)  # type: ignore[arg-type]
     assert "free to turn about y through (1.5, 0, 0) m with s at 1.5 m" in said
     rolling = ["body.axial=true", "supports=[{at=0.0,kind='roller'}]"]
     planar = scenes.load(WORKFLOWS / "paper_simple.toml", rolling + ["compare.against=['full']"])
-    assert "free to move along x:" in free_motions.warnings(planar, None)[0]
-    assert free_motions.warnings(scenes.load(WORKFLOWS / "paper_simple.toml"), None) == []
+    assert "free to move along x:" in free_motions.warnings(build(planar).structure, planar.path_bounds)[0]
+    pinned = scenes.load(WORKFLOWS / "paper_simple.toml")
+    assert free_motions.warnings(build(pinned).structure, pinned.path_bounds) == []
 
 
 def test_free_motions_do_not_depend_on_where_the_origin_is() -> None:

@@ -9,7 +9,8 @@ from textbook import beam_matrices, relative
 
 from pmr.fem.compat import MPI
 from pmr.fem.matrices import gather
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
 
 pytestmark = pytest.mark.mpi
 BENDING = np.array([1, 2])
@@ -37,7 +38,7 @@ def test_without_axial_coordinates_the_bending_part_is_left(load_scene) -> None:
     kept = np.flatnonzero(np.isin(np.arange(len(M)) % 3, BENDING))
     assert relative(gathered(model.M), M[np.ix_(kept, kept)]) < 1e-12
     assert relative(gathered(model.K), K[np.ix_(kept, kept)]) < 1e-12
-    assert model.rows.names == ("support y at 0 m", "slider")
+    assert model.rows.names == ("support z at 0 m", "slider")
 
 
 def test_other_stiffness_and_mass_reach_the_matrices(load_scene) -> None:
@@ -78,7 +79,7 @@ def test_rows_hold_the_supports_and_the_sliders(load_scene) -> None:
     extra = "supports=[{at=0.0,kind='clamped'}]"
     model = full_model(load_scene("paper_simple", [extra, "slider.offsets=[0.0,0.3]", "compare.against=[]"]))
     assert model.rows.names == (
-        "support x at 0 m", "support y at 0 m", "support rotation at 0 m", "slider at s", "slider at s+0.3 m"
+        "support x at 0 m", "support z at 0 m", "support ry at 0 m", "slider at s", "slider at s+0.3 m"
     )  # fmt: skip
     assert model.rows.domain == (0.0, 4.7)
     C = model.rows.at(1.0)

@@ -20,8 +20,7 @@ from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
-from pmr.scene import Body
-from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody, SolidBody
+from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, Profile, ShellBody, SolidBody
 
 TRAVEL = (0.4, 1.5)
 FACES = {"bottom": (2, -1.0, 0.1), "top": (2, 1.0, -0.1), "left": (1, 1.0, 0.0), "right": (1, -1.0, 0.05)}
@@ -102,7 +101,7 @@ def test_a_fixed_pad_is_a_moving_one_that_stays(model: StructuralModel) -> None:
 
 
 def planar() -> Beam2D:
-    body = Body(length=2.0, bending_stiffness=1e7, mass_per_length=80.0, axial_stiffness=1e9, axial=True)
+    body = Profile(length=2.0, bending_stiffness=1e7, mass_per_length=80.0, axial_stiffness=1e9, axial=True)
     return Beam2D(body, np.linspace(0.0, 2.0, 10))
 
 

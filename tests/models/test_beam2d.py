@@ -5,13 +5,13 @@ import pytest
 from textbook import EI, RHO_A, beam_matrices
 
 from pmr.models.beam2d import Beam2D
-from pmr.scene import Body
+from pmr.scene.structures import Profile
 
 NODES = np.array([0.0, 0.5, 0.8, 2.0, 3.1])
 
 
 def beam(axial: bool = True, nodes: np.ndarray = NODES) -> Beam2D:
-    body = Body(length=nodes[-1], bending_stiffness=EI, mass_per_length=RHO_A, axial_stiffness=2e7, axial=axial)
+    body = Profile(length=nodes[-1], bending_stiffness=EI, mass_per_length=RHO_A, axial_stiffness=2e7, axial=axial)
     return Beam2D(body, nodes)
 
 
@@ -30,13 +30,13 @@ def test_a_point_row_is_exact_for_cubics(axial: bool, x: float) -> None:
     model = beam(axial)
     cubic = np.array([0.3, -1.0, 0.7, 2.0])
     q = interpolated(model, lambda z: np.polyval(cubic, z), lambda z: np.polyval(np.polyder(cubic), z))
-    for direction, expected in (("y", np.polyval(cubic, x)), ("rotation", np.polyval(np.polyder(cubic), x))):
+    for direction, expected in (("z", np.polyval(cubic, x)), ("ry", -np.polyval(np.polyder(cubic), x))):
         dofs, weights = model.point(x, direction)
         assert q[dofs] @ weights == pytest.approx(expected, abs=1e-13)
 
 
 def test_a_point_row_at_a_node_is_that_nodes_coordinate() -> None:
-    dofs, weights = beam().point(0.8, "y")
+    dofs, weights = beam().point(0.8, "z")
     assert dofs.tolist() == [7] and weights.tolist() == [1.0]
 
 
@@ -52,7 +52,7 @@ def test_the_slider_row_is_the_point_row_at_every_s(offset: float) -> None:
     assert row.breaks == pytest.approx(NODES - offset)
     for s in np.linspace(-offset, NODES[-1] - offset, 57):
         expected = np.zeros(model.size)
-        dofs, weights = model.point(min(s + offset, NODES[-1]), "y")
+        dofs, weights = model.point(min(s + offset, NODES[-1]), "z")
         expected[dofs] = weights
         assert np.abs(row.at(s).toarray()[0] - expected).max() < 1e-14
 
@@ -64,8 +64,8 @@ def test_the_slider_row_has_a_continuous_slope_across_nodes() -> None:
     for node in NODES[1:-1]:
         left, right = (row.apply(np.array([node + side]), q[None], derivative=1)[0] for side in (-1e-9, 1e-9))
         assert left == pytest.approx(right, abs=1e-6)
-        dofs, weights = model.point(node, "rotation")
-        assert right == pytest.approx(q[dofs] @ weights, abs=1e-6)
+        dofs, weights = model.point(node, "ry")
+        assert right == pytest.approx(-q[dofs] @ weights, abs=1e-6)
 
 
 def test_the_textbook_oracle_bends_like_a_beam() -> None:

@@ -25,8 +25,7 @@ from pmr.models.shell import Shell
 from pmr.models.shell_stress import plane_stiffness, surface_strains
 from pmr.models.solid import Solid
 from pmr.models.solid_stress import cell_gradients, isotropic_stiffness, strain_entries
-from pmr.scene import Body
-from pmr.scene.structures import Beam3DBody, BeamSection, BoxProfile, Material, Plate, ShellBody, SolidBody
+from pmr.scene.structures import Beam3DBody, BeamSection, BoxProfile, Material, Plate, Profile, ShellBody, SolidBody
 
 pytestmark = pytest.mark.mpi
 MATERIAL = Material(young=210e9, poisson=0.3)
@@ -257,7 +256,7 @@ def test_corners_of_a_beam_lie_on_its_outside() -> None:
 def test_a_beam_without_a_profile_has_no_stresses() -> None:
     section = BeamSection(area=1e-2, second_moment_y=1e-5, second_moment_z=2e-5, torsion_constant=1e-5)
     assert Beam3D(Beam3DBody(points=((0, 0, 0), (2, 0, 0)), section=section)).stresses() is None
-    body = Body(length=2.0, bending_stiffness=1.0, mass_per_length=1.0)
+    body = Profile(length=2.0, bending_stiffness=1.0, mass_per_length=1.0)
     assert Beam2D(body, np.linspace(0.0, 2.0, 4)).stresses() is None
 
 

@@ -12,7 +12,8 @@ from boxes import box
 from pmr.constraints.polynomials import evaluate
 from pmr.fem.distributed import inner, times
 from pmr.fem.matrices import local_csr
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import structural_model
 from pmr.models.shell import Shell
 from pmr.recover.coordinates import Recovery, ReducedStates, chosen_states

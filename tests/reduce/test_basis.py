@@ -7,7 +7,8 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import tall
 from pmr.fem.matrices import gather
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis, kappa, pod
 from pmr.scene import Scene
 from pmr.snapshots import Snapshots

@@ -10,7 +10,7 @@ from pmr.compare.closed_form import static_tip_deflection
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import tall
-from pmr.fullmodel.model import full_model
+from pmr.fullmodel.build import full_model
 from pmr.reduce.basis import pod
 from pmr.reduce.galerkin import reduced_model, with_held_coordinates
 from pmr.reduced.model import ReducedModel
@@ -43,7 +43,7 @@ def test_the_reduced_row_is_the_full_row_times_the_basis(load_scene) -> None:
     reduced, V = reduce(load_scene, "mesh.grading=3.0")
     scene = load_scene("paper_simple", ["mesh.grading=3.0"])
     row = full_model(scene).rows.rows[-1]
-    assert reduced.row_names == ("slider",) and reduced.left_out == ("support x at 0 m", "support y at 0 m")
+    assert reduced.row_names == ("slider",) and reduced.left_out == ("support x at 0 m", "support z at 0 m")
     for s in np.concatenate([np.linspace(0.0, 5.0, 83), row.breaks]):
         for derivative in (0, 1, 2):
             found = reduced.C(s, derivative)[0]
@@ -67,7 +67,7 @@ def test_held_rows_freeze_the_last_coordinates_and_keep_the_slider(load_scene) -
     held = with_held_coordinates(reduced)
     assert held.size == 20 and held.left_out == ()
     assert held.row_names == (
-        "support x at 0 m (holds coordinate 20)", "support y at 0 m (holds coordinate 19)", "slider"
+        "support x at 0 m (holds coordinate 20)", "support z at 0 m (holds coordinate 19)", "slider"
     )  # fmt: skip
     for s in (0.0, 1.37, 5.0):
         assert np.array_equal(held.C(s)[:2], np.eye(20)[[19, 18]])
@@ -83,7 +83,7 @@ def test_a_sliders_row_is_never_taken_for_round_off(load_scene) -> None:
     noisy = replace(basis, sigma=np.append(np.ones(19), np.full(11, 1e-17)))
     assert noisy.accuracy > 1.0
     reduced = reduced_model(model, noisy, {})
-    assert reduced.row_names == ("slider",) and reduced.left_out == ("support x at 0 m", "support y at 0 m")
+    assert reduced.row_names == ("slider",) and reduced.left_out == ("support x at 0 m", "support z at 0 m")
     assert reduced.moving == [0]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.fullmodel.model import full_model
+from pmr.fullmodel.build import full_model
 from pmr.snapshots.eigenmodes import eigenmode_snapshots, node_set, positions
 
 
@@ -75,7 +75,7 @@ import hashlib, sys
 import numpy as np
 from pmr import scene
 from pmr.reduce.basis import pod
-from pmr.fullmodel.model import full_model
+from pmr.fullmodel.build import full_model
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
 s = scene.load(sys.argv[1], ["reduction.solver=dense"])
 model = full_model(s)

@@ -10,7 +10,8 @@ from pmr.constraints.rows import Rows
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import inner, times
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
 from pmr.snapshots import Snapshots
 from pmr.snapshots.free_modes import free_modes
 from pmr.snapshots.rigid import rigid_bodies, rigid_modes

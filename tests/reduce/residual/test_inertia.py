@@ -7,7 +7,8 @@ import pytest
 import scipy.linalg
 
 from pmr.errors import InputError
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import modal_basis
 from pmr.reduce.from_scene import build_basis, project, take_snapshots
 from pmr.reduce.residual.model import flexible_model, modal_model

@@ -11,7 +11,8 @@ from pmr.compare.closed_form import static_tip_deflection
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError
 from pmr.fem.distributed import tall
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis, modal_basis
 from pmr.reduce.from_scene import build_basis, project, take_snapshots
 from pmr.reduce.residual.model import FLOOR, flexible_model, modal_model, section_model
@@ -79,7 +80,7 @@ def test_dense_and_slepc_give_the_same_tables(load_scene) -> None:
 
 def test_rigid_bodies_have_no_stiffness_and_supports_no_rows(load_scene) -> None:
     model = reduced(load_scene)
-    assert model.left_out == ("support x at 0 m", "support y at 0 m") and model.row_names == ("slider",)
+    assert model.left_out == ("support x at 0 m", "support z at 0 m") and model.row_names == ("slider",)
     assert not model.K[0].any() and not model.K[:, 0].any() and model.K[1, 1] > 200.0
     assert model.pads is None and model.row_compliance.tolist() == [0.0]
 
@@ -127,7 +128,7 @@ def test_pads_come_along_and_a_support_that_gives_way_stays_a_row(load_scene) ->
     scene = load_scene("simple_residual", [NO_ANCF, "mesh.elements=40"])
     model = with_pads(full_model(scene), 0.0, 2e-6, 1e-6)
     found = flexible_model(model, modal_basis(free_modes(model, 6)), {})
-    assert found.row_names == ("support y at 0 m", "slider") and found.left_out == ("support x at 0 m",)
+    assert found.row_names == ("support z at 0 m", "slider") and found.left_out == ("support x at 0 m",)
     assert found.row_compliance.tolist() == [2e-6, 1e-6]
     # free in y and in rotation: statics are those of the rigid pads, and a rigid motion on top of them
     a, s, F = 5.0 - 2.5, 2.5, -50.0
@@ -142,7 +143,7 @@ def test_clearances_come_along_and_a_rigid_support_that_only_pushes_stays_a_row(
     modes = free_modes(model, 6)
     assert np.sum(modes.omega == 0.0) == 2  # free in y and in rotation
     found = flexible_model(model, modal_basis(modes), {})
-    assert found.row_names == ("support y at 0 m", "slider")
+    assert found.row_names == ("support z at 0 m", "slider")
     for smaller in (found, truncated(found, 4)):
         assert np.array_equal(smaller.row_clearance, [1e-3, np.nan], equal_nan=True)
 
@@ -156,7 +157,7 @@ def test_a_basis_that_violates_a_support_is_refused(load_scene) -> None:
     model = full_model(load_scene("simple_residual", [NO_ANCF]))
     first, last = model.M.getOwnershipRange()
     V = np.random.default_rng(1).standard_normal((model.size, 4))[first:last]
-    with pytest.raises(ValueError, match="violates support x at 0 m, support y at 0 m"):
+    with pytest.raises(ValueError, match="violates support x at 0 m, support z at 0 m"):
         flexible_model(model, Basis(tall(np.ascontiguousarray(V), model.M), np.ones(4), "euclidean"), {})
 
 

@@ -10,7 +10,8 @@ import scipy.linalg
 from textbook import beam_matrices
 
 from pmr.fem.distributed import inner, times
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import with_rigid_modes
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.snapshots.eigenmodes import eigenmode_snapshots

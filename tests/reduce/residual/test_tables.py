@@ -9,7 +9,8 @@ import pytest
 
 from pmr.constraints.polynomials import common_breaks
 from pmr.constraints.rows import Rows
-from pmr.fullmodel.model import FullModel, full_model
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduce.residual.tables import BLOCK, carrier_flexibility, paired, stacked, tables
 from pmr.run import reduce
