@@ -135,6 +135,10 @@ test-peers: setup ## compare with CalculiX (apt-get install calculix-ccx)
 test-mpi: setup ## the tests marked mpi, on two ranks
 	$(call ranks,.venv,$(KERNEL),/usr/bin/mpirun,mpi)
 
+.PHONY: graph
+graph: setup ## rooms of pmr, what each imports, circles
+	@PYTHONPATH=. .venv/bin/python tests/rooms.py
+
 .PHONY: lint
 lint: setup ## ruff, mypy and the layers
 	@.venv/bin/ruff check

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pmr.studies import files
-from pmr.studies.engine.call import Outcome, save
+from pmr.studies.call import Outcome, save
 from pmr.studies.engine.graph import digests
 from pmr.studies.engine.store import Store, Stored
 from pmr.studies.files import Project

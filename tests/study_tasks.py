@@ -16,8 +16,8 @@ from typing import Any, Literal
 import numpy as np
 
 from pmr.errors import SimulationError
+from pmr.studies.call import Outcome, compute, save
 from pmr.studies.engine import pools
-from pmr.studies.engine.call import Outcome, compute, save
 from pmr.studies.engine.task import Plan, Task, TaskResult
 from pmr.studies.files import Part, Project
 from pmr.studies.study import StudyBase

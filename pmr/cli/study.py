@@ -15,8 +15,8 @@ from rich.progress import Progress as Bars
 from pmr.cli.console import ensure_writable, err, no_report, out, say
 from pmr.errors import InputError
 from pmr.studies import files
+from pmr.studies.call import Outcome, compute, save
 from pmr.studies.engine import pools
-from pmr.studies.engine.call import Outcome, compute, save
 from pmr.studies.engine.runner import Progress, Watch
 
 LOGGED_EVERY = 30.0  # s, where there is no terminal

@@ -5,13 +5,12 @@ Nothing else in the report asks how a scene says them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.figures.timeline import Quantity
 from pmr.report.numbers import SPACE, plain
 from pmr.results import Fields, Response, RunResult
 from pmr.scene import StructureScene
@@ -21,6 +20,7 @@ from pmr.scene.space import Box, Gravity, PadRing
 from pmr.system.body import force_of
 
 Array = NDArray[np.float64]
+Quantity = Callable[[Response], Array]
 
 MODELS = {"beam2d": "a planar beam", "beam3d": "a beam in space", "shell": "a shell", "solid": "a solid"}
 #: Directions across the axis, as they are called.

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
 
 from pmr.studies.engine.task import Plan, Task
 
@@ -32,7 +34,7 @@ def digests(plan: Plan, code: str) -> dict[str, str]:
         If tasks need each other in a circle.
     """
     tasks, found = {task.key: task for task in plan}, dict[str, str]()
-    for key in _in_order({key: list(task.needs.values()) for key, task in tasks.items()}):
+    for key in _in_order({key: task.needs.values() for key, task in tasks.items()}):
         task = tasks[key]
         found[key] = task.digest(code, {name: found[need] for name, need in task.needs.items()})
     return found
@@ -52,20 +54,14 @@ def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool])
             tasks.setdefault(digest[task.key], task)
             needs[digest[task.key]] = {name: digest[key] for name, key in task.needs.items()}
         wanted += [digest[run.key] for run in plan.runs]
-    missing: dict[str, list[str]] = {}
-    done: set[str] = set()
+    is_done, missing = cache(is_done), set[str]()
     while wanted:
         digest_ = wanted.pop()
-        if digest_ in missing or digest_ in done:
-            continue
-        if is_done(digest_):
-            done.add(digest_)
-        else:
-            missing[digest_] = list(needs[digest_].values())
-            wanted += missing[digest_]
-    open_needs = {digest_: [n for n in found if n in missing] for digest_, found in missing.items()}
-    position = {digest_: i for i, digest_ in enumerate(tasks)}
-    order = _in_order({digest_: open_needs[digest_] for digest_ in sorted(missing, key=position.__getitem__)})
+        if digest_ not in missing and not is_done(digest_):
+            missing.add(digest_)
+            wanted += needs[digest_].values()
+    open_needs = {d: [need for need in needs[d].values() if need in missing] for d in tasks if d in missing}
+    order = _in_order(open_needs)
     urgency: dict[str, float] = {}
     for digest_ in reversed(order):
         own = tasks[digest_].cost + urgency.get(digest_, 0.0)
@@ -81,13 +77,14 @@ class Ready:
     def __init__(self, nodes: Mapping[str, Node]) -> None:
         self._nodes = nodes
         self._rank = {digest: (-node.urgency, i) for i, (digest, node) in enumerate(nodes.items())}
-        self._waits_for = {d: {n for n in node.needs.values() if n in nodes} for d, node in nodes.items()}
+        waits_for = {d: [n for n in node.needs.values() if n in nodes] for d, node in nodes.items()}
         self._dependents: dict[str, list[str]] = {}
-        for digest, needs in self._waits_for.items():
+        for digest, needs in waits_for.items():
             for need in needs:
                 self._dependents.setdefault(need, []).append(digest)
-        self._heap = [(self._rank[digest], digest) for digest, needs in self._waits_for.items() if not needs]
-        heapq.heapify(self._heap)
+        self._sorter, self._heap = TopologicalSorter(waits_for), list[tuple[tuple[float, int], str]]()
+        self._sorter.prepare()
+        self._let_go()
 
     def __bool__(self) -> bool:
         return bool(self._heap)
@@ -98,10 +95,12 @@ class Ready:
 
     def done(self, digest: str) -> None:
         """Let those go on that waited for this one."""
-        for dependent in self._dependents.get(digest, ()):
-            self._waits_for[dependent].discard(digest)
-            if not self._waits_for[dependent]:
-                heapq.heappush(self._heap, (self._rank[dependent], dependent))
+        self._sorter.done(digest)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        for digest in self._sorter.get_ready():
+            heapq.heappush(self._heap, (self._rank[digest], digest))
 
     def dependents(self, digest: str) -> Iterator[str]:
         """All that need this one, directly or not, each once."""
@@ -114,21 +113,9 @@ class Ready:
                 yield dependent
 
 
-def _in_order(needs: Mapping[str, Sequence[str]]) -> list[str]:
-    """Keys such that each stands behind all it needs, otherwise as they came."""
-    order: list[str] = []
-    state: dict[str, bool] = {}  # False while its needs are looked at, True when it is placed
-    stack = [(key, False) for key in reversed(list(needs))]
-    while stack:
-        key, expanded = stack.pop()
-        if expanded:
-            state[key] = True
-            order.append(key)
-        elif key not in state:
-            state[key] = False
-            stack.append((key, True))
-            for need in reversed(needs[key]):
-                if state.get(need) is False:
-                    raise ValueError(f"{key} and {need} need each other")
-                stack.append((need, False))
-    return order
+def _in_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
+    """Keys such that each stands behind all it needs."""
+    try:
+        return list(TopologicalSorter(needs).static_order())
+    except CycleError as error:
+        raise ValueError(f"{' and '.join(sorted(set(error.args[1])))} need each other") from None

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+from pmr.studies.call import compute, save
 from pmr.studies.engine import pools
-from pmr.studies.engine.call import compute, save
 from pmr.studies.engine.runner import Progress
 from pmr.studies.engine.task import Plan, Task, TaskResult
 from pmr.studies.files import Part, Project

@@ -11,8 +11,8 @@ from pmr import scene
 from pmr.run import run
 from pmr.studies import files
 from pmr.studies import shared as common
+from pmr.studies.call import compute
 from pmr.studies.engine import pools
-from pmr.studies.engine.call import compute
 from pmr.studies.engine.task import Plan, key_of
 from pmr.studies.results import StudyResults
 
