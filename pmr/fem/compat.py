@@ -40,6 +40,7 @@ import dolfinx.fem.petsc
 import dolfinx.jit
 import ffcx
 import ffcx.codegeneration
+import ffcx.naming
 import numpy as np
 import slepc4py
 import ufl
@@ -55,9 +56,8 @@ from pmr.files.built import kept
 
 __all__ = [
     "MPI", "PETSc", "SLEPc", "assemble", "cell_coordinates", "cell_dofs", "cell_topology", "cellwise", "comm_of",
-    "constant",
-    "create_mesh", "hermite_space", "interval_mesh", "lagrange_rule", "lagrange_space", "original_cells", "shell_space",
-    "versions",
+    "constant", "create_mesh", "hermite_space", "interval_mesh", "lagrange_rule", "lagrange_space", "original_cells",
+    "rule_points", "shell_space", "tabulated", "tabulation_space", "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -161,6 +161,11 @@ def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[A
     return np.asarray(weights), table[0], table[1:]
 
 
+def rule_points(cell: str, degree: int) -> Array:
+    """Points (q, d) on the reference cell of the rule that `lagrange_rule` takes for this degree."""
+    return np.asarray(_quadrature(getattr(basix.CellType, cell), degree)[0])
+
+
 def _repeated(cell: str, parts: int, points: Array, weights: Array) -> tuple[Array, Array]:
     """A rule on each of the equal pieces of the reference cell; triangles: upright ones, and turned ones between."""
     d = points.shape[1]
@@ -256,6 +261,30 @@ def assemble(form: Any) -> PETSc.Mat:
     return matrix
 
 
+def tabulation_space(space: Any) -> Any:
+    """The space on which `tabulated` may be asked for what is linear in functions of `space`: the same, or as good.
+
+    In 0.5 an expression writes beyond its memory where components share their dofs' numbers, so there they don't.
+    """
+    if not _WRAPPED or space.dofmap.index_map_bs == 1:
+        return space
+    return _space(space.mesh, ufl.MixedElement(*space.ufl_element().sub_elements()))
+
+
+def tabulated(expression: Any, points: Array, space: Any) -> Array:
+    """Values (C, q, v, d) of a vector with v components that is linear in a trial function of `space`.
+
+    At points (q, tdim) of the reference cell, in each of the C cells that this rank knows, for each of a cell's d dofs
+    in the order of `unrolled_cell_dofs`; collective.
+    """
+    mesh = space.mesh
+    name = ffcx.naming.compute_signature([(expression, points)], "")
+    compiled = _compiled(mesh.comm, f"expression {name}", partial(dolfinx.fem.Expression, expression, points))
+    cells = np.arange(len(original_cells(mesh)), dtype=np.int32)
+    values = compiled.eval(cells) if VERSION < (0, 7) else compiled.eval(mesh, cells)
+    return np.asarray(values).reshape(len(cells), len(points), ufl.product(expression.ufl_shape), -1)
+
+
 def _space(mesh: Any, element: Any) -> Any:
     create = dolfinx.fem.FunctionSpace if VERSION < (0, 7) else dolfinx.fem.functionspace
     return _compiled(mesh.comm, f"element {element!r}", partial(create, mesh, element))
@@ -334,6 +363,12 @@ def cell_dofs(space: Any) -> list[NDArray[np.int64]]:
         ids = index_map.local_to_global((local // block).ravel().astype(np.int32)).astype(np.int64)
         tables.append(ids.reshape(local.shape) * block + local % block)
     return tables
+
+
+def unrolled_cell_dofs(space: Any) -> NDArray[np.int64]:
+    """Local dofs (cells, d) of the cells that this rank knows, in the order of element matrices."""
+    table, block = _table(space.dofmap), space.dofmap.index_map_bs
+    return (table[..., None] * block + np.arange(block)).reshape(len(table), -1)
 
 
 def _scalar_parts(space: Any) -> list[Any]:

@@ -44,6 +44,7 @@ from pmr.models.beam2d import ENDS, HERMITE, station
 from pmr.models.beam_stress import stress_rows
 from pmr.models.polyline import Polyline, divided
 from pmr.models.profile import box_section
+from pmr.models.tabulation import cell_values
 from pmr.scene.structures import Beam3DBody, BeamSection
 
 Array = NDArray[np.float64]
@@ -67,6 +68,20 @@ class Bending:
         if self.shear_stiffness is None:
             return np.zeros_like(h)
         return h**2 / 12.0 / (1.0 + self.shear_stiffness * h**2 / (12.0 * self.stiffness))
+
+
+@dataclass(frozen=True)
+class Deflection:
+    """Bending in one plane, in UFL: what nodal values interpolate, the shear strain (None: rigid in shear), and both.
+
+    `cubic` and `value` are in m, `rotation` of the section in rad, `curvature`, its derivative, in 1/m.
+    """
+
+    cubic: Any
+    shear: Any
+    value: Any
+    rotation: Any
+    curvature: Any
 
 
 @dataclass(frozen=True)
@@ -134,29 +149,37 @@ class Beam3D:
         EA = constant(mesh, material.young * section.area)
         GJ = constant(mesh, material.shear_modulus * section.torsion_constant)
         rhoA, rhoIp = (constant(mesh, material.density * value) for value in (section.area, section.polar_moment))
-        h = ufl.JacobianDeterminant(mesh)
-        middle = cellwise(mesh, (self.axis.stations[:-1] + self.axis.stations[1:]) / 2.0)
-        X = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5
         dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})
 
         u, du, phi, dphi = trial[0], test[0], trial[1], test[1]
         stiffness = EA * u.dx(0) * du.dx(0) + GJ * phi.dx(0) * dphi.dx(0)
         mass = rhoA * u * du + rhoIp * phi * dphi
-        for i, plane in enumerate(self.planes):
-            w, dw = (field[2 + 2 * i] + h * field[3 + 2 * i] for field in (trial, test))
-            EI = constant(mesh, plane.stiffness)
-            stiffness += EI * w.dx(0).dx(0) * dw.dx(0).dx(0)
-            if plane.shear_stiffness is None:
-                mass += rhoA * w * dw
-                continue
-            rhoI, kGA = constant(mesh, plane.rotary_inertia), constant(mesh, plane.shear_stiffness)
-            soft = h**2 / 12 / (1 + kGA * h**2 / (12 * EI))
-            gamma, dgamma = (-soft * field.dx(0).dx(0).dx(0) for field in (w, dw))
-            stiffness -= EI * soft * w.dx(0).dx(0).dx(0) * dw.dx(0).dx(0).dx(0)
-            bulge = h * (X - 3 * X**2 + 2 * X**3)
-            mass += rhoA * (w + gamma * bulge) * (dw + dgamma * bulge)
-            mass += rhoI * (w.dx(0) + gamma * (bulge.dx(0) - 1)) * (dw.dx(0) + dgamma * (bulge.dx(0) - 1))
+        for plane, of, by in zip(self.planes, *(self._deflections(mesh, f) for f in (trial, test)), strict=True):
+            EI, rhoI = constant(mesh, plane.stiffness), constant(mesh, plane.rotary_inertia)
+            stiffness += EI * of.cubic.dx(0).dx(0) * by.cubic.dx(0).dx(0)
+            mass += rhoA * of.value * by.value
+            if of.shear is not None:
+                stiffness += EI * of.shear * by.cubic.dx(0).dx(0).dx(0)
+                mass += rhoI * of.rotation * by.rotation
         return Forms(mass * dx, stiffness * dx)
+
+    def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
+        """Of a field (u, phi, w_A and theta_B of both planes), in both planes."""
+        h = ufl.JacobianDeterminant(mesh)
+        middle = cellwise(mesh, (self.axis.stations[:-1] + self.axis.stations[1:]) / 2.0)
+        X = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5
+        bulge = h * (X - 3 * X**2 + 2 * X**3)
+        found = []
+        for i, plane in enumerate(self.planes):
+            w = field[2 + 2 * i] + h * field[3 + 2 * i]
+            if plane.shear_stiffness is None:
+                found.append(Deflection(w, None, w, w.dx(0), w.dx(0).dx(0)))
+                continue
+            EI, kGA = constant(mesh, plane.stiffness), constant(mesh, plane.shear_stiffness)
+            gamma = -(h**2) / 12 / (1 + kGA * h**2 / (12 * EI)) * w.dx(0).dx(0).dx(0)
+            rotation, curvature = w.dx(0) + gamma * (bulge.dx(0) - 1), w.dx(0).dx(0) + gamma * bulge.dx(0).dx(0)
+            found.append(Deflection(w, gamma, w + gamma * bulge, rotation, curvature))
+        return found
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         return [6 * self.axis.local_cells[cells] + i for i in range(6)]
@@ -255,9 +278,14 @@ class Beam3D:
         profile = self.body.profile
         if profile is None:
             return None
-        h = np.diff(self.axis.stations)
-        softening = self.planes[0].softening(h), self.planes[1].softening(h)
-        return stress_rows(self.axis, profile, self.body.material, self.section.torsion_constant, softening)
+
+        def strains(space: Any) -> Any:
+            field = ufl.TrialFunction(space)
+            v, w = self._deflections(space.mesh, field)
+            return ufl.as_vector([field[0].dx(0), v.curvature, w.curvature, field[1].dx(0)])
+
+        at_ends = cell_values(self, strains, np.array([[0.0], [1.0]]))
+        return stress_rows(self.axis, profile, self.body.material, self.section.torsion_constant, at_ends)
 
 
 def _interpolated(plane: Bending, h: Array, X: Array) -> tuple[Array, Array]:

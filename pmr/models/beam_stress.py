@@ -17,8 +17,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fields.stress import FIBRE, StressRows
-from pmr.models.beam2d import HERMITE
 from pmr.models.polyline import Polyline
+from pmr.models.tabulation import CellValues, as_rows
 from pmr.scene.structures import BoxProfile, Material
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ CORNERS = {"bottom right": (-1, -1), "bottom left": (1, -1), "top left": (1, 1),
 
 
 def stress_rows(
-    axis: Polyline, profile: BoxProfile, material: Material, torsion_constant: float, softening: tuple[Array, Array]
+    axis: Polyline, profile: BoxProfile, material: Material, torsion_constant: float, strains: CellValues
 ) -> StressRows:
     """Axial stress and that of torsion.
 
@@ -36,29 +36,19 @@ def stress_rows(
     ----------
     axis, profile, material
     torsion_constant : float, m^4
-    softening : two (N - 1,) arrays, m^2
-        Of each element by shear, in the planes of y and z (`pmr.models.beam3d.Bending`).
+    strains : CellValues
+        u', psi_v', psi_w' and phi' at both ends of each element, in the frames of the segments.
     """
     elements = np.repeat(np.arange(len(axis.segment)), 2)
-    X, h = np.tile([0.0, 1.0], len(axis.segment)), np.diff(axis.stations)[elements]
-    stretch, twist = np.zeros((2, len(h), 12))
-    for part, component in ((stretch, 0), (twist, 1)):
-        part[:, component], part[:, 6 + component] = -1.0 / h, 1.0 / h
-    curvatures = []
-    for start, soft in zip((2, 4), softening, strict=True):
-        part = np.zeros((len(h), 12))
-        part[:, [start, start + 1, 6 + start, 7 + start]] = _curvature(h, X, soft[elements]).T
-        curvatures.append(part)
+    stretch, along_y, along_z, twist = strains.entries.reshape(len(elements), 4, -1).transpose(1, 0, 2)
     half = np.array([profile.width + profile.wall, profile.height + profile.wall]) / 2.0
     shear = material.shear_modulus * torsion_constant / (2.0 * profile.width * profile.height * profile.wall) * twist
     signs = np.array(list(CORNERS.values()))
-    axial = [material.young * (stretch - y * curvatures[0] - z * curvatures[1]) for y, z in signs * half]
-    entries = np.stack([np.stack([a, shear], axis=1) for a in axial])
-    columns = np.broadcast_to(6 * axis.local_cells[elements, 0, None, None] + np.arange(12), entries.shape)
-    ends = np.arange(0, entries.size + 1, 12)
-    shape = (entries.size // 12, 6 * len(axis.local_stations))
-    local = sp.csr_matrix((entries.ravel(), columns.ravel(), ends), shape)
-    nodes = axis.nodes[elements + X.astype(int)]
+    axial = [material.young * (stretch - y * along_y - z * along_z) for y, z in signs * half]
+    entries = np.concatenate([np.stack([a, shear], axis=1) for a in axial])
+    coordinates = np.tile(strains.coordinates[elements], (len(CORNERS), 1))
+    local = as_rows(entries, coordinates, 6 * len(axis.local_stations))
+    nodes = axis.nodes[elements + np.tile([0, 1], len(axis.segment))]
     places = [nodes + np.einsum("a,eai->ei", corner * half, axis.frames[elements, 1:]) for corner in signs]
     return StressRows(
         rows=sp.csr_matrix(local @ axis.transformation()),
@@ -69,10 +59,3 @@ def stress_rows(
         faces=tuple(CORNERS),
         face=np.repeat(np.arange(len(CORNERS)), len(elements)),
     )
-
-
-def _curvature(h: Array, X: Array, soft: Array) -> Array:
-    """Psi' at X h of elements, (4, e) on w_1, psi_1, w_2, psi_2: w'' + gamma (12 X - 6) / h, gamma = -soft w'''."""
-    scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
-    second, third = (np.array([np.polyval(np.polyder(p, k), X) for p in HERMITE]) * scale / h**k for k in (2, 3))
-    return np.asarray(second - soft * third * (12.0 * X - 6.0) / h)

@@ -24,7 +24,7 @@ stabilised drilling in UFL: Bleyer, Numerical Tours of Computational Mechanics w
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -32,13 +32,14 @@ from typing import Any
 import numpy as np
 import ufl
 
-from pmr.fem.compat import cellwise, constant, shell_space
+from pmr.fem.compat import cellwise, constant, rule_points, shell_space
 from pmr.fields.stress import StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.models import Forms
 from pmr.models.meshed import MeshedModel
 from pmr.models.regions import by_region, frequency_scale
-from pmr.models.shell_stress import stress_rows
+from pmr.models.shell_stress import frames, stress_rows
+from pmr.models.tabulation import cell_values
 from pmr.scene.structures import Plate, ShellBody
 
 KINDS = ("triangle",)
@@ -71,49 +72,71 @@ class Shell(MeshedModel):
 
     def forms(self, space: Any) -> Forms:
         mesh = space.mesh
-        E, nu, rho, t = (
-            cellwise(mesh, np.array(values))
-            for values in zip(
-                *((p.material.young, p.material.poisson, p.material.density, p.thickness) for p in self.plates),
-                strict=True,
-            )
-        )
-        e1, e2, e3 = _frame(mesh)
-        in_plane = ufl.as_matrix([[e[i] for i in range(3)] for e in (e1, e2)])
-
-        def surface_gradient(field: Any) -> Any:
-            return ufl.dot(ufl.grad(field), ufl.transpose(in_plane))
-
-        def strains(u: Any, theta: Any) -> tuple[Any, Any, Any, Any]:
-            H = ufl.dot(in_plane, surface_gradient(u))
-            director = ufl.cross(e3, theta)
-            return (
-                ufl.sym(H),
-                ufl.sym(ufl.dot(in_plane, surface_gradient(director))),
-                surface_gradient(ufl.dot(u, e3)) - ufl.dot(in_plane, director),
-                (H[1, 0] - H[0, 1]) / 2 - ufl.dot(theta, e3),
-            )
-
-        def plane_stress(strain: Any) -> Any:
-            return E / (1 - nu**2) * ((1 - nu) * strain + nu * ufl.tr(strain) * ufl.Identity(2))
-
+        E, nu, rho, t = self._cellwise(mesh)
         (u, theta), (du, dtheta) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
-        epsilon, kappa, gamma, drilling = strains(u, theta)
-        d_epsilon, d_kappa, d_gamma, d_drilling = strains(du, dtheta)
+        of, by = Strains(u, theta, _frame(mesh)), Strains(du, dtheta, _frame(mesh))
         G, h, correction = E / (2 * (1 + nu)), ufl.CellDiameter(mesh), constant(mesh, self.body.shear_correction)
         dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 2})
         stiffness = (
-            t * ufl.inner(plane_stress(epsilon), d_epsilon)
-            + t**3 / 12 * ufl.inner(plane_stress(kappa), d_kappa)
-            + correction * G * t * ufl.dot(gamma, d_gamma)
-            + E * t**3 / h**2 * drilling * d_drilling
+            t * ufl.inner(_plane_stress(E, nu, of.membrane), by.membrane)
+            + t**3 / 12 * ufl.inner(_plane_stress(E, nu, of.curvature), by.curvature)
+            + correction * G * t * ufl.dot(of.shear, by.shear)
+            + E * t**3 / h**2 * of.drilling * by.drilling
         ) * dx
         dm = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
         mass = (rho * t * ufl.dot(u, du) + rho * t**3 / 12 * ufl.dot(theta, dtheta)) * dm
         return Forms(mass, stiffness)
 
+    def _cellwise(self, mesh: Any) -> list[Any]:
+        """Young's modulus, Poisson's ratio, density and thickness."""
+        plates = ((p.material.young, p.material.poisson, p.material.density, p.thickness) for p in self.plates)
+        return [cellwise(mesh, np.array(values)) for values in zip(*plates, strict=True)]
+
     def stresses(self) -> StressRows:
-        return stress_rows(self.mesh, self.nodes, self.plates)
+        axes = frames(self.mesh)
+
+        def plane_stresses(space: Any) -> Any:
+            mesh = space.mesh
+            frame = [ufl.as_vector([cellwise(mesh, axes[:, k, i]) for i in range(3)]) for k in range(3)]
+            E, nu, *_ = self._cellwise(mesh)
+            u, theta = ufl.TrialFunctions(space)
+            found = Strains(u, theta, frame)
+            both = [_plane_stress(E, nu, strain) for strain in (found.membrane, found.curvature)]
+            return ufl.as_vector([sigma[i, j] for sigma in both for i, j in ((0, 0), (1, 1), (0, 1))])
+
+        at_centroid = cell_values(self, plane_stresses, rule_points("triangle", 1))
+        thickness = np.array([plate.thickness for plate in self.plates])
+        return stress_rows(self.mesh, axes, thickness, at_centroid, self.size)
+
+
+class Strains:
+    """Strains of a displacement u and a rotation theta in a frame of three unit vectors, the last one the normal.
+
+    Attributes
+    ----------
+    membrane, curvature : (2, 2) UFL tensors, 1 and 1/m
+    shear : UFL vector of 2
+    drilling : UFL scalar
+        The surface's rotation about its normal, without theta's.
+    """
+
+    def __init__(self, u: Any, theta: Any, frame: Sequence[Any]) -> None:
+        in_plane = ufl.as_matrix([[e[i] for i in range(3)] for e in frame[:2]])
+        normal = frame[2]
+
+        def surface_gradient(field: Any) -> Any:
+            return ufl.dot(ufl.grad(field), ufl.transpose(in_plane))
+
+        H = ufl.dot(in_plane, surface_gradient(u))
+        director = ufl.cross(normal, theta)
+        self.membrane = ufl.sym(H)
+        self.curvature = ufl.sym(ufl.dot(in_plane, surface_gradient(director)))
+        self.shear = surface_gradient(ufl.dot(u, normal)) - ufl.dot(in_plane, director)
+        self.drilling = (H[1, 0] - H[0, 1]) / 2 - ufl.dot(theta, normal)
+
+
+def _plane_stress(E: Any, nu: Any, strain: Any) -> Any:
+    return E / (1 - nu**2) * ((1 - nu) * strain + nu * ufl.tr(strain) * ufl.Identity(2))
 
 
 def _frame(mesh: Any) -> tuple[Any, Any, Any]:

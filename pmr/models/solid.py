@@ -22,13 +22,14 @@ from typing import Any
 import numpy as np
 import ufl
 
-from pmr.fem.compat import cellwise, lagrange_space
+from pmr.fem.compat import cellwise, lagrange_space, rule_points
 from pmr.fields.stress import StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.models import Forms
 from pmr.models.meshed import MeshedModel
 from pmr.models.regions import by_region, frequency_scale
-from pmr.models.solid_stress import stress_rows
+from pmr.models.solid_stress import DEGREE, stress_rows
+from pmr.models.tabulation import cell_values
 from pmr.scene.structures import Material, SolidBody
 
 KINDS = ("tetrahedron", "hexahedron")
@@ -59,19 +60,27 @@ class Solid(MeshedModel):
         return lagrange_space(domain, 2)
 
     def forms(self, space: Any) -> Forms:
-        mesh = space.mesh
-        E, nu, rho = (
-            cellwise(mesh, np.array(values))
-            for values in zip(*((m.young, m.poisson, m.density) for m in self.materials), strict=True)
-        )
-        lame, mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+        mesh, rho = space.mesh, cellwise(space.mesh, np.array([m.density for m in self.materials]))
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
-        epsilon, d_epsilon = ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(du))
         # Tetrahedra: exact.  Hexahedra: exact for boxes, three Gauss points in each direction.
         k, m = (4, 4) if self.mesh.cell == "hexahedron" else (2, 4)
         dk, dm = (ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree}) for degree in (k, m))
-        stiffness = (lame * ufl.tr(epsilon) * ufl.tr(d_epsilon) + 2 * mu * ufl.inner(epsilon, d_epsilon)) * dk
-        return Forms(rho * ufl.dot(u, du) * dm, stiffness)
+        return Forms(rho * ufl.dot(u, du) * dm, ufl.inner(self._stress(mesh, u), ufl.sym(ufl.grad(du))) * dk)
+
+    def _stress(self, mesh: Any, u: Any) -> Any:
+        """The stress tensor in Pa of a displacement."""
+        E, nu = (
+            cellwise(mesh, np.array(values))
+            for values in zip(*((m.young, m.poisson) for m in self.materials), strict=True)
+        )
+        lame, mu, epsilon = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)), ufl.sym(ufl.grad(u))
+        return lame * ufl.tr(epsilon) * ufl.Identity(3) + 2 * mu * epsilon
+
+    def stress_components(self, space: Any) -> Any:
+        """Stresses xx, yy, zz, yz, xz, xy in Pa of a trial function."""
+        sigma = self._stress(space.mesh, ufl.TrialFunction(space))
+        return ufl.as_vector([sigma[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))])
 
     def stresses(self) -> StressRows:
-        return stress_rows(self.mesh, self.nodes, self.materials)
+        at_points = cell_values(self, self.stress_components, rule_points(self.mesh.cell, DEGREE[self.mesh.cell]))
+        return stress_rows(self.mesh, at_points, self.size)

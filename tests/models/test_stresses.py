@@ -14,7 +14,7 @@ from boxes import box
 from gathering import gathered
 from surfaces import mapped
 
-from pmr.fem.compat import MPI
+from pmr.fem.compat import MPI, rule_points
 from pmr.fields.stress import StressRows
 from pmr.fullmodel.assembly import assemble_model
 from pmr.mesh.named import NamedMesh
@@ -22,9 +22,8 @@ from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
-from pmr.models.shell_stress import plane_stiffness, surface_strains
 from pmr.models.solid import Solid
-from pmr.models.solid_stress import cell_gradients, isotropic_stiffness, strain_entries
+from pmr.models.tabulation import cell_values
 from pmr.scene.structures import Beam3DBody, BeamSection, BoxProfile, Material, Plate, Profile, ShellBody, SolidBody
 
 pytestmark = pytest.mark.mpi
@@ -124,7 +123,8 @@ def test_a_hollow_solid_has_an_inside() -> None:
 def test_a_shell_under_tension_and_shear() -> None:
     """Wherever it lies in space: components along its length, across it and between."""
     H = np.array([[1.0, 0.4], [0.2, -0.5]]) * 1e-3  # u1,1 u1,2; u2,1 u2,2
-    expected = plane_stiffness(Plate(material=MATERIAL, thickness=THICKNESS)) @ [H[0, 0], H[1, 1], H[0, 1] + H[1, 0]]
+    e11, e22, e12 = H[0, 0], H[1, 1], (H[0, 1] + H[1, 0]) / 2
+    expected = E / (1 - NU**2) * np.array([e11 + NU * e22, e22 + NU * e11, (1 - NU) * e12])
     for mesh in (plate(), turned(plate())):
         model = shell(mesh)
         e1, e2 = mesh.points[mesh.groups["u1"].entities[0, 0]] / 2.0, np.array([0.0, 1.0, 0.0])
@@ -177,48 +177,16 @@ def stiffness(model: StructuralModel) -> np.ndarray:
     return gathered(assemble_model(model, model.domain(MPI.COMM_WORLD)).K)
 
 
-def surface_energy(model: Shell, q: np.ndarray) -> tuple[float, float]:
-    """Membrane and bending part of q^T K q."""
-    strains = surface_strains(model.mesh, model.nodes, degree=2)
-    A, t = plane_stiffness(model.body.plate), model.body.plate.thickness
-    parts = [(t, strains.membrane), (t**3 / 12, strains.curvature)]
-    found = [(factor, np.einsum("cqad,cd->cqa", entries, q[strains.coordinates])) for factor, entries in parts]
-    membrane, bending = (f * np.einsum("cq,cqa,ab,cqb->", strains.weights, e, A, e) for f, e in found)
-    return membrane, bending
-
-
-def without_shear(mesh: NamedMesh, thickness: float) -> Shell:
-    plate = Plate(material=MATERIAL, thickness=thickness)
-    return Shell(ShellBody(plate=plate, shear_correction=1e-15), mesh)
-
-
-def test_a_shells_membrane_strains_have_the_energy_of_its_weak_form() -> None:
-    """Bending and drilling grow with t^3, so that two thicknesses tell them from the membrane."""
-    thick, thin = (without_shear(turned(box(skew=0.3)), t) for t in (THICKNESS, THICKNESS / 2))
-    q = np.random.default_rng(1).normal(size=thick.size)
-    whole, half = (float(q @ stiffness(model) @ q) for model in (thick, thin))
-    assert 8 * half - whole == pytest.approx(3 * surface_energy(thick, q)[0], rel=1e-8)
-
-
-def test_a_shells_curvatures_have_the_energy_of_its_weak_form() -> None:
-    """Rotations within a flat plate leave its drilling term at rest."""
-    model = without_shear(turned(plate()), THICKNESS)
-    normal = surface_strains(model.mesh, model.nodes, degree=1).frames[0, 2]
-    at, component = model.nodes.at, model.nodes.component
-    turns = np.cross(normal, np.sin(3.0 * at + at[:, ::-1] ** 2))
-    q = np.where(component < 3, 0.0, turns[np.arange(model.size), component % 3])
-    membrane, bending = surface_energy(model, q)
-    assert membrane == 0.0 and q @ stiffness(model) @ q == pytest.approx(bending, rel=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
-def test_a_solids_strains_have_the_energy_of_its_weak_form(kind: str) -> None:
-    model = solid(kind)
-    gradients = cell_gradients(model.mesh, 4 if kind == "hexahedron" else 2)
-    coordinates = np.concatenate(model.nodes.per_component(np.arange(len(model.mesh.cells))), axis=1)
+def test_a_solids_stresses_have_the_energy_of_its_weak_form() -> None:
+    """At the points of the rule that both take in tetrahedra."""
+    model = solid("tetrahedron")
     q = np.random.default_rng(1).normal(size=model.size)
-    e = np.einsum("cqad,cd->cqa", strain_entries(gradients.values), q[coordinates])
-    energy = np.einsum("cq,cqa,ab,cqb->", gradients.weights, e, isotropic_stiffness(MATERIAL), e)
+    found = cell_values(model, model.stress_components, rule_points("tetrahedron", 2))
+    sigma = np.einsum("cqvd,cd->cqv", found.entries, q[found.coordinates])
+    compliance = np.diag(np.repeat([(1 + NU) / E, 1 / G], 3))
+    compliance[:3, :3] -= NU / E
+    volumes = np.abs(np.linalg.det(np.diff(model.mesh.points[model.mesh.cells], axis=1))) / 6
+    energy = np.einsum("c,cqv,vw,cqw->", volumes / 4, sigma, compliance, sigma)
     assert q @ stiffness(model) @ q == pytest.approx(energy, rel=1e-11)
 
 
