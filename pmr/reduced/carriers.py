@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -94,13 +95,14 @@ class CarriedRows:
         )
         return cls(np.asarray(values), breaks, touched, coefficients, np.zeros((len(values), 0)), flexibility)
 
-    def rows(self, names: Sequence[str]) -> tuple[Row, ...]:
-        """The rows by their names."""
-        U = sp.csr_matrix(self.values)
-        return tuple(
-            Row(name, self.breaks[str(k)], U, self.touched[str(k)], self.coefficients[str(k)])
-            for k, name in enumerate(names)
-        )
+    def row(self, number: int, name: str) -> Row:
+        """One of the rows, by a name."""
+        k = str(number)
+        return Row(name, self.breaks[k], self._sparse, self.touched[k], self.coefficients[k])
+
+    @cached_property
+    def _sparse(self) -> sp.csr_matrix:
+        return sp.csr_matrix(self.values)
 
     def on(self, X: Array) -> CarriedRows:
         """In other coordinates, q = X z with X (r, k)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.interpolate import PPoly
 from pmr.constraints.polynomials import stacked
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError
+from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.flexibility import Flexibility
 
@@ -84,6 +86,11 @@ class SlidingBody(Protocol):
     @property
     def flexibility(self) -> Flexibility | None:
         """What the coordinates leave out, quasi-static; None where nothing is added."""
+        ...
+
+    @property
+    def carriers(self) -> CarriedRows | None:
+        """The rows on their carriers, each with a path coordinate of its own; None where only tables in s are known."""
         ...
 
     @property
@@ -227,6 +234,11 @@ class FullBody:
     @property
     def flexibility(self) -> None:
         """None: a full model leaves nothing out."""
+
+    @cached_property
+    def carriers(self) -> CarriedRows:
+        """The rows on their carriers, dense: of bodies that are small enough to be diagonalised."""
+        return CarriedRows.of(self.rows.shared.rows, self.rows.shared.carriers.toarray())
 
     @property
     def row_names(self) -> tuple[str, ...]:

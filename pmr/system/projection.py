@@ -37,7 +37,6 @@ def projected(body: SlidingBody, V: Array) -> ReducedModel:
         flexibility=body.flexibility,
         clearance=None if np.isnan(clearance).all() else clearance,
         rayleigh=body.rayleigh,
-        carriers=body.carriers.on(V) if isinstance(body, ReducedModel) and body.carriers is not None else None,
     )
 
 

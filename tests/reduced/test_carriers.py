@@ -29,7 +29,7 @@ def carried(count: int) -> ReducedModel:
 
 def rows_at(carriers: CarriedRows, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
     """b(x) of the first row and b(y) of the second one."""
-    first, second = carriers.rows(["a", "b"])
+    first, second = carriers.row(0, "a"), carriers.row(1, "b")
     return first.weights(x).toarray()[0], second.weights(y).toarray()[0]
 
 
@@ -88,6 +88,6 @@ def test_fewer_rows_and_other_coordinates(model: ReducedModel) -> None:
     assert model.carriers is not None
     turned = model.carriers.on(X).with_rows([1])
     assert turned.contradiction(1, 4, 2, len(model.outputs)) is None
-    (only,), (_, second) = turned.rows(["b"]), model.carriers.rows(["a", "b"])
+    only, second = turned.row(0, "b"), model.carriers.row(1, "b")
     assert np.array_equal(only.weights(1.3).toarray(), second.weights(1.3).toarray())
     assert turned.values == pytest.approx(model.carriers.values @ X)

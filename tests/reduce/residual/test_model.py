@@ -184,8 +184,9 @@ def test_a_section_has_its_rows_on_carriers(load_scene) -> None:
     found = section_model(model, basis, {}, 6)
     assert found.carriers is not None and found.carriers.flexibility is not None and found.flexibility is not None
     assert modal_model(model, basis, {}, 6).carriers is None
+    rows = [found.carriers.row(k, name) for k, name in enumerate(found.row_names)]
     for s in (0.5, 1.7, 4.4):
-        b = np.vstack([row.weights(s).toarray() for row in found.carriers.rows(found.row_names)])
+        b = np.vstack([row.weights(s).toarray() for row in rows])
         assert b @ found.carriers.values == pytest.approx(found.C(s), abs=1e-9)
         G = found.flexibility.rows(s)
         assert b @ found.carriers.flexibility.rows @ b.T == pytest.approx(G, abs=1e-9 * np.abs(G).max())

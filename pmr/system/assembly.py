@@ -1,0 +1,114 @@
+"""A system of bodies as one set of equations: block matrices, and the contacts' rows at given places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContactRows:
+    """The m contacts of a system at given places, with n coordinates, i inputs and o outputs of all bodies.
+
+    Attributes
+    ----------
+    C : (m, n) sparse matrix
+    F : (m, m) array, m/N
+        Residual flexibility and compliance, G + 1/k.
+    H : (m, i) array, m/N
+        What inputs move by themselves.
+    X : (o, m) array, m/N
+        What forces of contacts take from the outputs by themselves.
+    """
+
+    C: sp.csr_matrix
+    F: Array
+    H: Array
+    X: Array
+
+
+class Assembly:
+    """All bodies' equations, on the coordinates that no support holds.
+
+    Attributes
+    ----------
+    M, D, K : (n, n) sparse matrices
+    B : (n, i) sparse matrix
+    outputs : (o, n) sparse matrix
+    direct : (o, i) array, m/N
+        W, the residual flexibility between inputs and outputs.
+    free : dict of str to (n_b,) array
+        Numbers of the coordinates of each body that its supports leave free.
+    coordinates, inputs, observed : dict of str to slice
+        Where those, its inputs and its outputs stand among all.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system, bodies = system, list(system.bodies.values())
+        free = [np.setdiff1d(np.arange(body.size), list(body.held.values())) for body in bodies]
+        self.free = dict(zip(system.bodies, free, strict=True))
+        self.M, self.D, self.K = (
+            sp.block_diag([getattr(body, A)[np.ix_(i, i)] for body, i in zip(bodies, free, strict=True)], format="csr")
+            for A in ("M", "D", "K")
+        )
+        self.B = sp.block_diag([sp.csr_matrix(body.B[i]) for body, i in zip(bodies, free, strict=True)], format="csr")
+        O = [sp.csr_matrix(body.outputs)[:, i] for body, i in zip(bodies, free, strict=True)]
+        self.outputs = sp.block_diag(O, format="csr")
+        self.coordinates = _slices(system, [len(i) for i in free])
+        self.inputs = _slices(system, [len(body.input_names) for body in bodies])
+        self.observed = _slices(system, [o.shape[0] for o in O])
+        self.direct = np.zeros((self.outputs.shape[0], self.B.shape[1]))
+        for name, body in system.bodies.items():
+            if body.carriers is not None and body.carriers.flexibility is not None:
+                self.direct[self.observed[name], self.inputs[name]] = body.carriers.flexibility.direct
+
+    @property
+    def size(self) -> int:
+        return int(self.M.shape[0])
+
+    def at(self, x: Array) -> ContactRows:
+        """The contacts with their places at x (sides,) m, as `System.coordinates` has them."""
+        system = self.system
+        m, F = len(system.contacts), np.diag(system.compliance)
+        C, H, X = np.zeros((m, self.size)), np.zeros((m, self.B.shape[1])), np.zeros((self.outputs.shape[0], m))
+        sides = system.sides
+        weights = [
+            side.sign * system.row(side.place).weights(at).toarray()[0] for side, at in zip(sides, x, strict=True)
+        ]
+        for side, b in zip(sides, weights, strict=True):
+            carriers = system.bodies[side.place.body].carriers
+            assert carriers is not None
+            C[side.contact, self.coordinates[side.place.body]] = b @ carriers.values[:, self.free[side.place.body]]
+            if carriers.flexibility is None:
+                continue
+            H[side.contact, self.inputs[side.place.body]] += b @ carriers.flexibility.inputs
+            X[self.observed[side.place.body], side.contact] += carriers.flexibility.outputs @ b
+            moved = b @ carriers.flexibility.rows
+            for other, c in zip(sides, weights, strict=True):
+                if other.place.body == side.place.body:
+                    F[side.contact, other.contact] += moved @ c
+        return ContactRows(sp.csr_matrix(C), (F + F.T) / 2.0, H, X)
+
+    def frequencies(self, x: Array, count: int) -> Array:
+        """The lowest natural frequencies in Hz, (count,), with every contact closed and its places at x (sides,) m."""
+        rows = self.at(x)
+        rigid = np.all(rows.F == 0.0, axis=1)
+        C, F = rows.C.toarray()[~rigid], rows.F[np.ix_(~rigid, ~rigid)]
+        K = self.K.toarray() + C.T @ np.linalg.solve(F, C)
+        Z = scipy.linalg.null_space(rows.C.toarray()[rigid]) if rigid.any() else np.eye(self.size)
+        omega2 = scipy.linalg.eigh(Z.T @ K @ Z, Z.T @ (self.M @ Z), eigvals_only=True)
+        return np.asarray(np.sqrt(np.maximum(omega2[:count], 0.0)) / (2.0 * np.pi))
+
+
+def _slices(system: System, sizes: Any) -> dict[str, slice]:
+    ends = np.cumsum([0, *sizes])
+    return {name: slice(int(a), int(b)) for name, a, b in zip(system.bodies, ends[:-1], ends[1:], strict=True)}

@@ -1,0 +1,129 @@
+r"""Equilibrium of a system of bodies under constant loads, at given places.
+
+.. math::
+    K q + C^T \lambda = B f, \qquad C q + H f - F \lambda = c \text{ where a contact is closed}, \quad
+    \lambda = 0 \text{ where it is open}
+
+Contacts that only push are closed where they push and open where a gap is left; the ones that are wrong change sides,
+all at once as long as that leaves fewer wrong ones, then the first one alone (docs/pads.md has the proof that this
+ends).  A body that open contacts leave free for the moment is held by its mass times a frequency far below all others;
+the last solve has none of that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.system.assembly import Assembly, ContactRows
+
+Array = NDArray[np.float64]
+
+#: Share of the lowest omega^2 that holds bodies which nothing else holds; what it may change of an equilibrium.
+ALMOST_FREE, UNCHANGED = 1e-8, 1e-3
+#: Solves in which all wrong contacts may change sides without leaving fewer wrong ones, and solves in all.
+CHANCES, LIMIT = 3, 1000
+#: Pull or overlap that is round-off, over the largest force or displacement.
+ROUND_OFF = 1e-9
+#: An equilibrium whose strain energy is a smaller share of what its entries cancel is held by round-off alone.
+ROUND_OFF_OF_K = 1e2 * float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Coordinates q (n,) as `Assembly` numbers them, contact forces (m,) in N, and which contacts are closed (m,)."""
+
+    q: Array
+    forces: Array
+    closed: NDArray[np.bool_]
+
+
+def equilibrium(assembly: Assembly, x: Array, f: Array) -> Equilibrium:
+    """At places x (sides,) m and under loads f (i,).
+
+    Raises
+    ------
+    InputError
+        If contacts do not hold the bodies against these loads, or can't tell their forces apart.
+    """
+    rows, clearance = assembly.at(x), assembly.system.clearance
+    pushes = ~np.isnan(clearance)
+    gap = np.where(pushes, clearance, 0.0)
+    closed = np.ones(len(gap), dtype=bool)
+    floor = ALMOST_FREE * _lowest(assembly, rows) * assembly.M
+    fewest, chances = len(gap) + 1, CHANCES
+    for _ in range(LIMIT):
+        q, forces = _solved(assembly, rows, closed, gap, f, floor)
+        wrong = _wrong(rows, closed & pushes, ~closed, gap, q, forces, f)
+        if not wrong.any():
+            break
+        if wrong.sum() < fewest:
+            fewest, chances = int(wrong.sum()), CHANCES
+        else:
+            chances -= 1
+        changing = wrong if chances >= 0 else np.arange(len(wrong)) == np.argmax(wrong)
+        closed = closed ^ changing
+    almost = q
+    q, forces = _solved(assembly, rows, closed, gap, f, 0.0 * floor)
+    unchanged = np.abs(q - almost).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
+    stored = q @ (assembly.K @ q) + forces @ rows.F @ forces
+    stiff = stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(assembly.K) @ np.abs(q))
+    if not (unchanged and stiff) or _wrong(rows, closed & pushes, ~closed, gap, q, forces, f).any():
+        allowed = "contacts that hold the bodies against the loads at the start, each in a way of its own, are allowed"
+        raise InputError("system", "contacts", None, allowed)
+    return Equilibrium(q, forces, closed)
+
+
+def _solved(
+    assembly: Assembly, rows: ContactRows, closed: NDArray[np.bool_], gap: Array, f: Array, floor: sp.csr_matrix
+) -> tuple[Array, Array]:
+    """Q and forces with the given contacts closed; not finite where these hold nothing or depend on each other."""
+    C, F = rows.C[closed], sp.csr_matrix(rows.F[np.ix_(closed, closed)])
+    forces = np.zeros(len(gap))
+    right = np.concatenate([assembly.B @ f, (gap - rows.H @ f)[closed]])
+    solution = _saddle_point(assembly.K + floor, C, F, right)
+    forces[closed] = solution[assembly.size :]
+    return solution[: assembly.size], forces
+
+
+def _saddle_point(K: sp.csr_matrix, C: sp.csr_matrix, F: sp.csr_matrix, right: Array) -> Array:
+    """Solution of ((K, C^T), (C, -F)); not finite where it is singular."""
+    n, scale = K.shape[0], abs(K).max()  # forces in the unit of stiffness: rows of both kinds are of one size then
+    matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
+    units = np.concatenate([np.ones(n), np.full(C.shape[0], scale)])
+    try:
+        factor = spla.splu(matrix)
+    except RuntimeError:
+        return np.full(len(right), np.nan)
+    solution = factor.solve(units * right)
+    solution += factor.solve(units * right - matrix @ solution)
+    return np.asarray(units * solution)
+
+
+def _lowest(assembly: Assembly, rows: ContactRows) -> float:
+    """About the lowest omega^2 in (rad/s)^2 with all contacts closed: Rayleigh's quotient of what inertia bends."""
+    g = assembly.M.diagonal()
+    q = _saddle_point(assembly.K, rows.C, sp.csr_matrix(rows.F), np.concatenate([g, np.zeros(len(rows.F))]))
+    q = q[: assembly.size]
+    return abs(float(g @ q / (q @ (assembly.M @ q))))
+
+
+def _wrong(
+    rows: ContactRows,
+    pushing: NDArray[np.bool_],
+    free: NDArray[np.bool_],
+    gap: Array,
+    q: Array,
+    forces: Array,
+    f: Array,
+) -> NDArray[np.bool_]:
+    """Contacts that pull, among those `pushing`, or would have to push, among those that are `free`."""
+    motion = rows.C @ q + rows.H @ f - rows.F @ forces
+    size = np.abs(rows.C) @ np.abs(q) + gap
+    pulls = pushing & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
+    return np.asarray(pulls | free & (motion - gap > ROUND_OFF * size))
