@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+import sys
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from rich.console import Console
 
@@ -50,3 +51,18 @@ def ensure_writable(folder: Path) -> None:
     except OSError as error:
         allowed = f"a folder that can be written to is allowed ({error.strerror})"
         raise InputError("command line", "--out", str(folder), allowed) from None
+
+
+def leave(message: str, code: int) -> NoReturn:
+    """Say why, and end this process and all other ranks."""
+    say(err, f"pmr: {message}")
+    err.file.flush()
+    if ranks() > 1:
+        sys.modules["mpi4py.MPI"].COMM_WORLD.Abort(code)
+    sys.exit(code)
+
+
+def ranks() -> int:
+    """Ranks of this run, without starting MPI for commands that do without it."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    return mpi.COMM_WORLD.size if mpi else 1

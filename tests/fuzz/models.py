@@ -26,7 +26,7 @@ prepare = warm
 
 def case(number: int, rng: Random, folder: Path) -> str:
     """Read a mutation of a model file and use it if it is accepted."""
-    from pmr.cli.app import _describe_model
+    from pmr.cli.info import described_model
     from pmr.export.exudyn.script import exudyn_script
     from pmr.reduced.model import ReducedModel
     from pmr.text import visible
@@ -34,7 +34,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
     file = folder / "model.npz"
     file.write_bytes(_changed(_whole()[int(rng.integers(len(_whole())))], rng))
     model = ReducedModel.load(file)
-    if any(not isinstance(text, str) for text in _describe_model(model).values()):
+    if any(not isinstance(text, str) for text in described_model(model).values()):
         raise NonsenseError("what info says is no text")
     moved = _simulated(model)
     try:

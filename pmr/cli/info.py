@@ -1,0 +1,119 @@
+"""``pmr info``: the stack in use, or what a file holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from pmr import environment
+from pmr import scene as scenes
+from pmr.cli.console import out
+from pmr.files.swap import finished
+from pmr.reduced.model import ReducedModel
+from pmr.scene.choice import choose
+from pmr.system.body import force_outputs
+from pmr.text import visible
+
+
+def info(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="reduced.npz or a scene; without it, the stack found.")
+    ] = None,
+) -> None:
+    """Say which stack is in use (versions, MPI, scalar type), or what a file holds.
+
+    Examples
+    --------
+        pmr info
+
+        pmr info reports/paper_simple/reduced.npz
+    """
+    if file is None:
+        rows = environment.versions()
+        try:
+            from pmr.fem.compat import versions
+        except ImportError as error:
+            rows["FEniCSx"] = f"not found ({error}); reduced models simulate without it"
+        else:
+            rows |= versions()
+        rows |= environment.machine()
+    elif file.suffix == ".toml":
+        rows = _describe_scene(scenes.load(file))
+    else:
+        finished(file.parent)
+        rows = described_model(ReducedModel.load(file))
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for key, value in rows.items():
+        table.add_row(key, visible(value))
+    out.print(table)
+
+
+def _describe_scene(scene: scenes.SceneBase) -> dict[str, str]:
+    described = _describe_structure if isinstance(scene, scenes.StructureScene) else _describe_beam
+    return {
+        "title": scene.title,
+        "hash": scene.hash,
+        **described(scene),
+        "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
+        "reduction": f"{scene.reduction.coordinates} coordinates: {_describe_reduction(scene.reduction)}",
+        "compared with": ", ".join(scene.compare.against) or "nothing",
+    }
+
+
+def _describe_beam(scene: scenes.SceneBase) -> dict[str, str]:
+    assert isinstance(scene, scenes.Scene)
+    low, high = scene.path_bounds
+    return {
+        "body": f"{scene.body.model}, {scene.body.length:g} m, coordinates {', '.join(scene.body.directions)}",
+        "slider": f"{len(scene.slider.offsets)} row(s), s from {low:g} to {high:g} m",
+        "loads": ", ".join(f"{load.name} at {load.at:g} m along {load.direction}" for load in scene.loads),
+    }
+
+
+def _describe_structure(scene: scenes.SceneBase) -> dict[str, str]:
+    assert isinstance(scene, scenes.StructureScene)
+    chosen, box, (low, high) = choose(scene), scene.body.box, scene.path_bounds
+    size = f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {box.wall:g} m" if box else "from a file"
+    pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in scene.pads]
+    loads = [f"{load.name} on {load.on} along {load.direction}" for load in scene.loads]
+    return {
+        "body": f"{chosen.model}, {size}",
+        "model": f"{scene.body.model}: {'; '.join(chosen.reasons)}",
+        "pads": f"{', '.join(pads)}; s from {low:g} to {high:g} m",
+        "loads": ", ".join([*loads, *(["gravity"] if scene.gravity else [])]),
+    }
+
+
+def _describe_reduction(reduction: scenes.Reduction) -> str:
+    pool = f"POD of {reduction.snapshots} x {reduction.modes} eigenmodes"
+    basis = "free modes" if reduction.basis == "free_modes" else pool
+    return f"{basis} and residual flexibility" if reduction.flexibility else basis
+
+
+def described_model(model: ReducedModel) -> dict[str, str]:
+    """What a reduced model is, line by line."""
+    low, high = model.domain
+    made_with = model.provenance.get("versions", {})
+    scene = model.provenance.get("scene", {})
+    return {
+        "reduced model": f"{model.size} coordinates",
+        "scene": f"{scene.get('title', 'unknown') if isinstance(scene, dict) else 'unknown'} "
+        f"({model.provenance.get('scene_hash', 'no hash')})",
+        "basis": str(model.provenance.get("basis", "unknown")),
+        "inputs": ", ".join(model.input_names),
+        "outputs": _describe_outputs(model),
+        "rows": f"{', '.join(model.row_names)}; s from {low:g} to {high:g} m",
+        "rows left out": ", ".join(model.left_out) or "none",
+        "made with": ", ".join(
+            f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
+        ),
+    }
+
+
+def _describe_outputs(model: ReducedModel) -> str:
+    forces = int(force_outputs(model).sum())
+    moved = f"{len(model.outputs) - forces} transverse displacements in m"
+    return f"{moved}, {forces} forces of pads in N" if forces else moved

@@ -1,0 +1,174 @@
+"""``pmr run``: scenes the whole way."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from pmr import environment
+from pmr import scene as scenes
+from pmr.cli.console import ensure_writable, err, leave, no_report, out, say
+from pmr.errors import InputError
+from pmr.files.swap import fresh, removed
+from pmr.text import visible
+
+if TYPE_CHECKING:
+    from pmr.clock import Progress as Report
+    from pmr.report.marks import Row
+    from pmr.run import Outcome
+
+
+def run(
+    scene_files: Annotated[list[Path], typer.Argument(metavar="SCENE.toml", help="One scene file or several.")],
+    out_dir: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/SCENE]")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; repeatable.")
+    ] = None,
+    simulators: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Simulate the reduced model by each: march, exudyn, exudyn-multiplier, exudyn-callback.",
+        ),
+    ] = None,
+) -> None:
+    """Run scenes the whole way: operators, snapshots, basis, reduced model, simulations, comparison, report.
+
+    DIR then holds report.html, report.pdf, summary.json, reduced.npz and trajectories.npz, for structures in space
+    fields.npz and fields.pvd, which ParaView opens; with several scenes the report is one and the rest stands in a
+    folder for each.  They take the place of old ones together: a run that is killed leaves those or its own.  A
+    full-order simulation that was cut off goes on where it was.
+
+    Examples
+    --------
+        pmr run workflows/paper_evolved.toml
+
+        pmr run workflows/paper_evolved.toml --set reduction.coordinates=10
+
+        pmr run workflows/paper_evolved.toml --simulators march,exudyn,exudyn-callback
+
+        mpirun -n 2 pmr run SCENE.toml --set reduction.solver=slepc
+    """
+    asked = [*(overrides or ()), *([_simulators(simulators)] if simulators is not None else ())]
+    loaded = [(file, scenes.load(file, asked)) for file in scene_files]
+    if len({file.stem for file in scene_files}) != len(scene_files):
+        raise InputError("command line", "SCENE", [file.stem for file in scene_files], "names must differ")
+    environment.check_installed("weasyprint")  # before the work, not after it
+    folder = out_dir or Path("reports", scene_files[0].stem)
+    ensure_writable(folder)
+    try:
+        from pmr.fem.compat import MPI
+    except ImportError as error:
+        leave(f"FEniCSx is not installed ({error}); reduced models simulate without it, new ones need it", 1)
+    from pmr.clock import Clock
+    from pmr.report.document import REPORT_FILES, write_report
+    from pmr.run import run as run_scene
+    from pmr.simulate.petsc import Checkpoint
+
+    first = MPI.COMM_WORLD.rank == 0
+    outcomes = []
+    for file, scene in loaded:
+        where = folder if len(loaded) == 1 else folder / file.stem
+        kept = Checkpoint(where / f"full-{scene.hash}.checkpoint")
+        with _progress(file.stem, shown=first) as progress:
+            try:
+                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), kept)
+            except InputError as error:
+                raise error.found_in(str(file)) from None
+            except (np.linalg.LinAlgError, ArithmeticError) as error:
+                allowed = f"sizes, stiffnesses and masses that double precision can carry are allowed ({error})"
+                raise InputError(str(file), "", None, allowed) from None
+        if outcome is not None:
+            if where != folder:
+                removed(folder, REPORT_FILES)  # the one of all scenes, which no longer belongs to what is there
+            _save(outcome, where)
+            kept.file.unlink(missing_ok=True)
+            outcomes.append(outcome)
+    if outcomes:
+        for outcome in outcomes:
+            _print_table(outcome)
+        with _progress("report", shown=first) as progress:
+            progress("write", 0.0)
+            try:
+                files = write_report([outcome.result for outcome in outcomes], folder)
+            except Exception as error:  # whatever it is: what was computed is there, and worth more
+                leave(no_report(error, folder), 1)
+        say(out, f"report  {files.html}")
+        say(out, f"        {files.pdf}")
+
+
+def _save(outcome: Outcome, folder: Path) -> None:
+    """Everything but the report, which comes later: the one that is there belongs to the old results and goes."""
+    from pmr.export.paraview import write_series
+    from pmr.report.document import REPORT_FILES
+    from pmr.results import RESULT_FILES
+
+    result = outcome.result
+    recovery = result.scene.recovery if isinstance(result.scene, scenes.StructureScene) else None
+    with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
+        result.save(new)
+        outcome.reduced.save(new / "reduced.npz")
+        if recovery is not None and recovery.series and result.fields is not None:
+            write_series(new, "fields", result.fields)
+
+
+def _simulators(names: str) -> str:
+    """The override that ``--simulators a,b`` stands for."""
+    return f"simulation.simulators={json.dumps([name.strip() for name in names.split(',')])}"
+
+
+def _print_table(outcome: Outcome) -> None:
+    """Errors, beside published ones where there are any, and solver seconds."""
+    from pmr.report import marks, sentences
+
+    summary, found = outcome.result.summary, marks.rows(outcome.result)
+    table = Table(title=visible(outcome.result.scene.title), title_justify="left", title_style="bold")
+    table.add_column("e_NRMS, or largest value")
+    table.add_column("")
+    table.add_column("here", justify="right")
+    if any(row.published for row in found):
+        table.add_column("published", justify="right")
+        table.add_column("")
+    for row in found:
+        verdict = [row.published or "", _verdict(row)] if len(table.columns) > 3 else []
+        table.add_row(*map(visible, (row.comparison, row.place, row.here, *verdict)))
+    out.print(table)
+    seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
+    coordinates = summary["coordinates"]
+    say(out, f"{coordinates['full']} -> {coordinates['reduced']} coordinates; simulated in: {seconds}")
+    for said in filter(None, (sentences.estimate(outcome.result), sentences.step(outcome.result))):
+        say(out, said)
+    for warning in summary["warnings"]:
+        say(out, f"warning: {warning}")
+    for pair, length in summary["agreement"].items():
+        say(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
+    out.print()
+
+
+def _verdict(row: Row) -> str:
+    return f"{row.mark.symbol} {row.mark.text}" if row.mark else ""
+
+
+@contextmanager
+def _progress(title: str, shown: bool) -> Iterator[Report]:
+    """A bar a stage on the terminal; nothing on other ranks or where the output is no terminal."""
+    columns = (TextColumn("{task.description:32}", markup=False), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=err, transient=True, disable=not (shown and err.is_terminal)) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def report(stage: str, share: float) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(f"{title}: {stage}", total=1.0)
+            bars.update(tasks[stage], completed=share)
+
+        yield report

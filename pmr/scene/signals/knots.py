@@ -1,0 +1,167 @@
+"""Signals through values given at times: ramps, and tables read from files."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, field_validator, model_validator
+from scipy.interpolate import Akima1DInterpolator, PPoly
+
+from pmr.scene.signals.base import Array, Floats, SignalBase
+from pmr.scene.tomlfiles import is_file
+
+#: s, between knots; the shortest step that is allowed.  Slopes between closer ones overflow.
+CLOSEST = 1e-12
+
+
+class _KeptKnots:
+    """Knots as arrays, and the curve through them: what a simulator that asks step by step would make anew each time.
+
+    Compared by identity, so that two signals that are equal stay so once one of them has been evaluated.
+    """
+
+    def __init__(self, times: Floats, values: Floats) -> None:
+        self.arrays = np.array(times), np.array(values)
+
+    @cached_property
+    def akima(self) -> Akima1DInterpolator:
+        return Akima1DInterpolator(*self.arrays)
+
+    @cached_property
+    def akima_rate(self) -> PPoly:
+        return self.akima.derivative()
+
+
+class _Knots(SignalBase):
+    """Values given at increasing times, held before the first and after the last."""
+
+    times: Floats = Field(min_length=2)
+    values: Floats = Field(min_length=2)
+
+    @field_validator("times")
+    @classmethod
+    def _increasing(cls, times: Floats) -> Floats:
+        if not np.all(np.diff(times) >= CLOSEST):
+            raise ValueError(f"times must increase, by at least {CLOSEST:g} s")
+        return times
+
+    @model_validator(mode="after")
+    def _same_length(self) -> _Knots:
+        if len(self.times) != len(self.values):
+            raise ValueError(f"{len(self.times)} times but {len(self.values)} values; give as many of each")
+        return self
+
+    @property
+    def breaks(self) -> Floats:
+        return self.times
+
+    @cached_property
+    def _kept(self) -> _KeptKnots:
+        return _KeptKnots(self.times, self.values)
+
+    def _interval(self, t: ArrayLike) -> tuple[Array, NDArray[np.intp], Array, Array, Array]:
+        """Local coordinate in [0, 1], interval, its duration and rise, and whether t lies within the knots."""
+        t = np.asarray(t, dtype=float)
+        knots, values = self._kept.arrays
+        i = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
+        duration = np.diff(knots)[i]
+        x = np.clip((t - knots[i]) / duration, 0.0, 1.0)
+        inside = (t >= knots[0]) & (t < knots[-1])
+        return x, i, duration, np.diff(values)[i], inside
+
+
+class Ramp(_Knots):
+    """Straight lines between the knots."""
+
+    kind: Literal["ramp"] = "ramp"
+
+    def value(self, t: ArrayLike) -> Array:
+        return np.interp(np.asarray(t, dtype=float), *self._kept.arrays)
+
+    def rate(self, t: ArrayLike) -> Array:
+        _, _, duration, rise, inside = self._interval(t)
+        return np.where(inside, rise / duration, 0.0)
+
+
+class SmoothRamp(_Knots):
+    """Quintic transitions 10 x^3 - 15 x^4 + 6 x^5 between the knots: rate and acceleration vanish at each knot."""
+
+    kind: Literal["smooth_ramp"] = "smooth_ramp"
+
+    def value(self, t: ArrayLike) -> Array:
+        x, i, _, rise, _ = self._interval(t)
+        return np.array(self.values)[i] + rise * x**3 * (10.0 + x * (-15.0 + 6.0 * x))
+
+    def rate(self, t: ArrayLike) -> Array:
+        x, _, duration, rise, inside = self._interval(t)
+        return np.where(inside, rise / duration * 30.0 * (x * (1.0 - x)) ** 2, 0.0)
+
+
+class Table(_Knots):
+    """Knots read from a CSV file with two columns (time in s, value), or given inline; Akima interpolation.
+
+    With ``interpolation = "linear"`` straight lines are drawn instead.  The file's content, not its name, counts for
+    the scene's hash.
+    """
+
+    kind: Literal["table"] = "table"
+    interpolation: Literal["akima", "linear"] = "akima"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, data: Any) -> Any:
+        if not (isinstance(data, dict) and "file" in data):
+            return data
+        given = dict(data)
+        if "times" in given or "values" in given:
+            raise ValueError("give either file or times and values")
+        path = Path(str(given.pop("file")))
+        if not is_file(path):
+            raise ValueError(f"no such file: {path}")
+        try:
+            text = path.read_text(encoding="utf-8")
+        except OSError as error:
+            raise ValueError(f"{path} can't be read: {error.strerror}") from None
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{path}: text is allowed ({error})") from None
+        lines = [line for line in text.splitlines() if line.partition("#")[0].strip()]
+        try:
+            columns = np.array([[float(cell) for cell in line.partition("#")[0].split(",")] for line in lines])
+        except ValueError as error:
+            raise ValueError(
+                f"{path}: two columns of numbers are allowed, other lines begin with # ({error})"
+            ) from None
+        if columns.ndim != 2 or columns.shape[1] != 2 or len(columns) < 2:
+            raise ValueError(f"{path}: at least two lines of two columns are allowed: time in s, value")
+        if not np.isfinite(columns).all():
+            raise ValueError(f"{path}: line {int(np.argmin(np.isfinite(columns).all(axis=1))) + 1} is not finite")
+        if not np.all(np.diff(columns[:, 0]) >= CLOSEST):
+            raise ValueError(f"{path}: times must increase, by at least {CLOSEST:g} s")
+        return {**given, "times": columns[:, 0].tolist(), "values": columns[:, 1].tolist()}
+
+    def _held(self, t: ArrayLike) -> Array:
+        return np.clip(np.asarray(t, dtype=float), self.times[0], self.times[-1])
+
+    def value(self, t: ArrayLike) -> Array:
+        if self.interpolation == "linear" or len(self.times) == 2:
+            return np.interp(np.asarray(t, dtype=float), *self._kept.arrays)
+        return np.asarray(self._kept.akima(self._held(t)), dtype=float)
+
+    def rate(self, t: ArrayLike) -> Array:
+        _, _, duration, rise, inside = self._interval(t)
+        if self.interpolation == "linear" or len(self.times) == 2:
+            return np.where(inside, rise / duration, 0.0)
+        slope = self._kept.akima_rate(self._held(t))
+        return np.where(inside, slope, 0.0)
+
+    def bounds(self, start: float, end: float) -> tuple[float, float]:
+        low, high = super().bounds(start, end)
+        if self.interpolation == "linear" or len(self.times) == 2:
+            return low, high
+        turns = Akima1DInterpolator(self.times, self.values).derivative().roots(extrapolate=False)
+        values = self.value(turns[np.isfinite(turns) & (turns >= start) & (turns <= end)])
+        return float(min(low, values.min(initial=low))), float(max(high, values.max(initial=high)))
