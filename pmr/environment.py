@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import hashlib
 import importlib
 import os
@@ -92,6 +93,11 @@ def _version(package: str) -> str:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
         return "not installed"
+
+
+def today() -> str:
+    """The date of this machine's clock, year first."""
+    return datetime.date.today().isoformat()
 
 
 def machine() -> dict[str, str]:

@@ -213,6 +213,7 @@ def _summary(
         "agreement": dict(simulations.agreement),
         "versions": environment.versions() | fenicsx_versions(),
         "commit": environment.commit(),
+        "date": environment.today(),
         "machine": environment.machine(),
         "notes": list(scene.published.remarks) if scene.published else [],
     }

@@ -15,10 +15,19 @@ from pmr.report.marks import ErrorTable
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """A key number and what it is."""
+    """A key number, what it is, and what it is to be seen beside."""
 
     value: str
     label: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Point:
+    """What is to be said about a topic, in a sentence or two."""
+
+    topic: str
+    text: str
 
 
 @dataclass(frozen=True)
@@ -101,7 +110,9 @@ class Chapter:
     headline : str
         One sentence, for the index and above the rest.
     opening : str
-        What it is about, above the key numbers.
+        What it is about, above the key numbers; `sketch` shows it.
+    points : sequence of Point
+        What there is to say, topic by topic.
     warnings : sequence of str
         What whoever sizes a machine by these results has to know.
     unfinished : sequence of str
@@ -113,6 +124,8 @@ class Chapter:
     headline: str = ""
     opening: str = ""
     key_numbers: Sequence[KeyNumber] = ()
+    sketch: Drawing | None = None
+    points: Sequence[Point] = ()
     paragraphs: Sequence[str] = ()
     warnings: Sequence[str] = ()
     unfinished: Sequence[str] = ()

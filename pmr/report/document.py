@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,8 @@ from pmr.text import visible
 
 #: Names of all that a report consists of.
 REPORT_FILES = ("report.html", "report.pdf")
+
+KIND = "Model reduction report"
 
 _log = logging.getLogger(__name__)
 
@@ -49,7 +51,8 @@ def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     for result in results:
         if "reduced" not in result.responses:
             raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
-    return write(page([chapter(result, f"case-{number}") for number, result in enumerate(results, start=1)]), folder)
+    chapters = [chapter(result, f"case-{number}") for number, result in enumerate(results, start=1)]
+    return write(page(chapters, dated(KIND, [result.summary for result in results])), folder)
 
 
 def write(text: str, folder: Path) -> ReportFiles:
@@ -61,11 +64,17 @@ def write(text: str, folder: Path) -> ReportFiles:
     return ReportFiles(folder / "report.html", folder / "report.pdf")
 
 
-def page(chapters: Sequence[Chapter]) -> str:
+def dated(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:
+    """A kind of report with the dates of what it is about, from the first to the last."""
+    dates = sorted({str(summary["date"]) for summary in summaries if summary.get("date")})
+    return f"{kind} · {' to '.join(dict.fromkeys([dates[0], dates[-1]]))}" if dates else kind
+
+
+def page(chapters: Sequence[Chapter], kind: str = KIND) -> str:
     """The report of runs as HTML."""
     title = chapters[0].title if len(chapters) == 1 else "Reduced sliding structures"
     headings = list(dict.fromkeys(number.label for one in chapters for number in one.key_numbers))
-    return render("report.html", title, chapters, kind="Model reduction report", headings=headings)
+    return render("report.html", title, chapters, kind=kind, headings=headings)
 
 
 def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) -> str:
@@ -79,7 +88,8 @@ def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) 
         undefined=jinja2.StrictUndefined,
     )
     blocks = [block for one in chapters for block in one.blocks]
-    text = "".join(words(drawing.svg) for block in blocks for drawing in block.drawings)
+    drawn = [drawing for block in blocks for drawing in block.drawings] + [one.sketch for one in chapters if one.sketch]
+    text = "".join(words(drawing.svg) for drawing in drawn)
     return environment.get_template(template).render(
         title=title,
         chapters=chapters,

@@ -62,6 +62,11 @@ class ErrorTable:
         return any(row.published for row in self.rows)
 
     @property
+    def deviations(self) -> bool:
+        """Whether any figure is so many per cent from a published one."""
+        return any(row.deviation for row in self.rows)
+
+    @property
     def norms(self) -> bool:
         """Whether any line has the norm of its difference."""
         return any(row.absolute for row in self.rows)

@@ -19,6 +19,9 @@ _STEPS = {
     "exudyn": "simulation, Exudyn",
     "estimate": "error estimate",
     "march": "simulation, compiled",
+    "exudyn-multiplier": "simulation, Exudyn, multipliers",
+    "exudyn-callback": "simulation, Exudyn, callbacks",
+    "recover": "fields and stresses",
     "reduced": "simulation, reduced",
     "full": "simulation, full",
     "ancf": "simulation, ANCF",
@@ -77,6 +80,8 @@ def _run(result: RunResult) -> Rows:
     yield "scene", str(summary.get("scene_hash") or result.scene.hash)
     if summary.get("commit"):
         yield "commit", str(summary["commit"])
+    if summary.get("date"):
+        yield "date", str(summary["date"])
     yield from _flat(summary.get("machine", {}))
 
 

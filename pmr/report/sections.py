@@ -8,7 +8,7 @@ import numpy as np
 
 from pmr.report import marks, parameters, provenance, sentences
 from pmr.report.blocks import Block, Chapter, Drawing, Player, drawing
-from pmr.report.figures import captions, forces, histories, inputs, shapes, spectra
+from pmr.report.figures import captions, forces, histories, inputs, shapes, sketch, spectra
 from pmr.report.figures.colours import ramp
 from pmr.report.figures.timeline import Array
 from pmr.report.motion import line, player
@@ -30,8 +30,9 @@ def chapter(result: RunResult, anchor: str) -> Chapter:
         anchor=anchor,
         title=result.scene.title,
         opening=sentences.opening(result),
+        sketch=drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result),
         key_numbers=sentences.key_numbers(result),
-        paragraphs=[sentences.paragraph(result, found)],
+        points=sentences.points(result, found),
         warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
         blocks=[block for show in SECTIONS if (block := show(result, anchor))],
     )
@@ -74,7 +75,7 @@ def tip(result: RunResult, prefix: str) -> Block:
     """Displacement of the tip along every direction across the axis."""
     rows = []
     for direction, what in tips(result).items():
-        caption, label = captions.tip(result, ACROSS[direction], what), f"Displacement {direction}"
+        caption, label = captions.tip(result, ACROSS[direction], what), f"Tip {direction}"
         rows.append((drawing(f"{prefix}-tip-{direction}", histories.history, caption, result, what, label, "m", what),))
     return Block(heading="Motion of the tip", rows=tuple(rows))
 

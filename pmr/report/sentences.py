@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from pmr.report.blocks import KeyNumber
+from pmr.report.blocks import KeyNumber, Point
 from pmr.report.marks import Row, verdicts
-from pmr.report.numbers import MINUS, SPACE, length, percent, plain, quantity, significant, unit_for
+from pmr.report.numbers import MINUS, SPACE, length, percent, plain, quantity, significant
 from pmr.report.subject import length as reach
 from pmr.report.subject import moving, offsets, represented
 from pmr.results import RunResult
 
 #: Places beside the first one that are named, if they share the largest stress; more are counted.
 MOST_PLACES = 2
+SIMULATORS = {"march": "compiled", "petsc": "by PETSc"} | dict.fromkeys(
+    ("exudyn", "exudyn-multiplier", "exudyn-callback"), "by Exudyn"
+)
 _PLACES = {"tip": "error at the tip", "beam": "error along the beam", "pad_force": "error of the pad forces"}
 
 
@@ -21,9 +24,18 @@ def key_numbers(result: RunResult) -> list[KeyNumber]:
     return list(_numbers(result))
 
 
-def paragraph(result: RunResult, table: Sequence[Row] = ()) -> str:
-    """What the run says, in a few sentences: how small, how accurate, what it bears, how fast."""
-    return " ".join(filter(None, _sentences(result, table)))
+def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
+    """What the run says: how small, how accurate, what it bears, how far the step is off, how fast."""
+    said = {
+        "Size": [size(result)],
+        "Accuracy": list(accuracy(result)),
+        "Stress": list(stress(result)),
+        "Estimate": [estimate(result)],
+        "Time step": [step(result)],
+        "Speed": list(speed(result)),
+        "Published": [published(table)],
+    }
+    return [Point(topic, text) for topic, texts in said.items() if (text := " ".join(filter(None, texts)))]
 
 
 def opening(result: RunResult) -> str:
@@ -82,41 +94,45 @@ def speed_ratio(result: RunResult) -> float | None:
     return full.seconds / reduced.seconds
 
 
+def simulators(result: RunResult) -> str:
+    """Who simulated the reduced and the full model, in a clause; empty where that is not known."""
+    found = result.summary.get("simulators", {})
+    reduced, full = (SIMULATORS.get(found.get(name, ""), found.get(name, "")) for name in ("reduced", "full"))
+    if not (reduced and full):
+        return ""
+    return f"both {reduced}" if reduced == full else f"reduced {reduced}, full {full}"
+
+
 def _numbers(result: RunResult) -> Iterator[KeyNumber]:
-    coordinates = result.summary.get("coordinates", {})
+    summary, coordinates = result.summary, result.summary.get("coordinates", {})
     reduced = coordinates.get("reduced", result.shapes.shapes.shape[1])
     arrow = f"{coordinates['full']}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
     yield KeyNumber(arrow, "coordinates")
-    errors = result.summary.get("errors", {}).get("reduced_vs_full", {})
+    if (most := summary.get("max_error")) is not None:
+        largest = summary.get("max_displacement")
+        share = f"{percent(most / largest, 2)} of {length(largest)}, the largest displacement" if largest else ""
+        yield KeyNumber(length(most), "largest difference to full", share)
+    errors = summary.get("errors", {}).get("reduced_vs_full", {})
     for place, label in _PLACES.items():
         if place in errors:
-            yield KeyNumber(percent(errors[place]), label)
-    estimated = result.summary.get("estimate", {}).get("beam")
+            yield KeyNumber(percent(errors[place]), label, "RMS over time" if place == "tip" else "")
+    estimated = summary.get("estimate", {}).get("beam")
     if estimated is not None:
-        yield KeyNumber(percent(estimated), "estimated, along the beam")
-    if result.summary.get("max_error") is not None:
-        yield KeyNumber(length(result.summary["max_error"]), "largest difference to full")
-    stress = result.summary.get("max_von_mises", {})
-    if "reduced" in stress:
-        unit = unit_for(stress["reduced"], "Pa")
-        values = [significant(stress[name] / unit.size) for name in ("full", "reduced") if name in stress]
-        yield KeyNumber(f"{f'{SPACE}→{SPACE}'.join(values)}{SPACE}{unit.name}", "largest von Mises stress")
+        yield KeyNumber(percent(estimated), "estimated, along the beam", "without the full model")
+    peak = summary.get("max_von_mises", {})
+    if "reduced" in peak:
+        full = f"full model {quantity(peak['full'], 'Pa')}" if "full" in peak else ""
+        yield KeyNumber(quantity(peak["reduced"], "Pa"), "largest von Mises stress", full)
     ratio = speed_ratio(result)
     if ratio is not None:
-        yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "speed against full")
+        yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "as fast as full", simulators(result))
 
 
-def _sentences(result: RunResult, table: Sequence[Row]) -> Iterator[str]:
-    yield size(result)
-    yield from accuracy(result)
-    yield from stress(result)
-    yield estimate(result)
-    yield step(result)
-    yield from speed(result)
-    count = sum(verdicts(table).values())
-    if count:
-        told = ", ".join(f"{number} {text}" for text, number in verdicts(table).items())
-        yield f"Beside {count} published figures: {told}."
+def published(table: Sequence[Row]) -> str:
+    """How many figures are better, the same or worse than published ones; empty where none are published."""
+    found = verdicts(table)
+    told = ", ".join(f"{number} {text}" for text, number in found.items())
+    return f"Beside {sum(found.values())} published figures: {told}." if found else ""
 
 
 def size(result: RunResult) -> str:
@@ -165,8 +181,9 @@ def speed(result: RunResult) -> Iterator[str]:
     if ratio is None:
         yield f"{took}, {paced}."
         return
-    full = quantity(result.responses["full"].seconds, "s")
-    yield f"{took}, {paced}; that of the full model took {full}, {significant(ratio, 2)} times as long."
+    full, who = quantity(result.responses["full"].seconds, "s"), simulators(result)
+    by = f" ({who})" if who else ""
+    yield f"{took}, {paced}; that of the full model took {full}, {significant(ratio, 2)} times as long{by}."
 
 
 def stress(result: RunResult) -> Iterator[str]:

@@ -17,6 +17,7 @@ from pmr.scene import StructureScene
 from pmr.scene.choice import choose, model_of, transverse
 from pmr.scene.signals import SignalBase
 from pmr.scene.space import Box, Gravity, PadRing
+from pmr.scene.structures import PointMass
 from pmr.system.body import force_of
 
 Array = NDArray[np.float64]
@@ -187,6 +188,17 @@ def loads(result: RunResult) -> list[Acting]:
 def weight(result: RunResult) -> Gravity | None:
     """The weight, if it acts."""
     return result.scene.gravity if isinstance(result.scene, StructureScene) else None
+
+
+def masses(result: RunResult) -> list[PointMass]:
+    """What is attached to the body."""
+    return list(result.scene.masses) if isinstance(result.scene, StructureScene) else []
+
+
+def held(result: RunResult) -> list[str]:
+    """Names of what holds the body along its axis."""
+    holds = result.scene.holds if isinstance(result.scene, StructureScene) else ()
+    return [hold.name for hold in holds if hold.direction == "x"]
 
 
 def fixtures(result: RunResult) -> list[Fixture]:

@@ -95,5 +95,6 @@ def _summary(title: str, kind: str) -> dict[str, Any]:
         "kind": kind,
         "versions": environment.versions(),
         "commit": environment.commit(),
+        "date": environment.today(),
         "machine": environment.machine(),
     }

@@ -98,7 +98,7 @@ TONE = "loads=[{name='F',at=5.0,signal={kind='sum',terms=[10.0,{kind='sine',ampl
 def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> None:
     outcome = run(load_scene("evolved_residual", [*SHORT, *load, "simulation.simulators=['march']"]))
     assert outcome is not None
-    summary, text = outcome.result.summary, sentences.paragraph(outcome.result, [])
+    summary, text = outcome.result.summary, " ".join(point.text for point in sentences.points(outcome.result))
     left_out = summary["estimate"]["not_covered"]
     assert left_out[-2:] == [NEVER, BLOWS] and NEVER in sentences.estimate(outcome.result) and NEVER in text
     assert (len(left_out) == 3) == bool(load) == any("larger than its estimate" in line for line in summary["warnings"])

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from pmr.report import sentences, write_report
+from pmr.report.document import dated
 from pmr.report.document import page as render
 from pmr.report.sections import chapter as case
 from pmr.results import RunResult
@@ -233,9 +234,10 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     estimated = {"beam": 0.0126, "tip": 0.012, "kappa": 0.98, "chi": 0.7, "largest": 1e-3, "seconds": 0.01}
     summary = make_result().summary | {"estimate": estimated}
     result = make_result(summary=summary)
-    said = sentences.paragraph(result, [])
+    said = " ".join(point.text for point in sentences.points(result))
     assert "1.26\u00a0% along the beam, 1.20 times the true error." in said
-    assert sentences.KeyNumber("1.26\u00a0%", "estimated, along the beam") in sentences.key_numbers(result)
+    numbers = {number.label: number for number in sentences.key_numbers(result)}
+    assert numbers["estimated, along the beam"].value == "1.26\u00a0%"
     alone = make_result(summary={"estimate": estimated})
     assert sentences.estimate(alone).endswith("along the beam; it includes a margin of a quarter.")
     none = make_result(summary={"estimate": {"beam": None, "reason": "the basis is no good"}})
@@ -244,3 +246,27 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     assert sentences.estimate(make_result(summary=known)) == ""  # nobody misses an estimate of what is known
     assert sentences.estimate(make_result(summary={})) == ""
     assert not any("estimated" in number.label for number in sentences.key_numbers(none))
+
+
+def test_the_largest_difference_is_seen_beside_the_motion(make_result) -> None:
+    (largest,) = [number for number in sentences.key_numbers(make_result()) if number.label.startswith("largest")]
+    assert (largest.value, largest.note) == ("1.20\u00a0mm", "2.4\u00a0% of 50.0\u00a0mm, the largest displacement")
+
+
+@pytest.mark.parametrize(
+    ("who", "said"),
+    [
+        ({"reduced": "march", "full": "march"}, "both compiled"),
+        ({"reduced": "march", "full": "petsc"}, "reduced compiled, full by PETSc"),
+        ({"reduced": "exudyn-callback"}, ""),
+    ],
+)
+def test_speed_says_who_simulated_what(make_result, who: dict[str, str], said: str) -> None:
+    result = make_result(summary=make_result().summary | {"simulators": who})
+    assert sentences.key_numbers(result)[-1] == sentences.KeyNumber("10\u00a0×", "as fast as full", said)
+
+
+def test_a_report_has_the_dates_of_its_results() -> None:
+    assert dated("Report", [{}, {"date": ""}]) == "Report"
+    assert dated("Report", [{"date": "2026-03-02"}]) == "Report · 2026-03-02"
+    assert dated("Report", [{"date": "2026-03-02"}, {"date": "2025-12-31"}]) == "Report · 2025-12-31 to 2026-03-02"

@@ -17,7 +17,7 @@ LABELS = {
     "position": ["Slider position in m", "Time in s"],
     "loads": ["Force in N", "Time in s"],
     "snapshots": ["x in m", "Transverse displacement in mm"],
-    "tip-z": ["Displacement z in mm", "Difference in µm", "Time in s"],
+    "tip-z": ["Tip z in mm", "Difference in µm", "Time in s"],
     "energy": ["Total energy in J", "Difference in mJ", "Time in s"],
     "energy-parts": ["Strain energy in J", "Kinetic energy in J", "External energy in J", "Difference in mJ"],
     "forces-1": ["Force in N", "Time in s"],

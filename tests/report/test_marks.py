@@ -1,10 +1,26 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from pmr.report.marks import BETTER, DIFFERENT, SAME, WITHIN, WORSE, Mark, apart, mark_for, reasons, rows, verdicts
+from pmr.report.marks import (
+    BETTER,
+    DIFFERENT,
+    RANKED,
+    SAME,
+    WITHIN,
+    WORSE,
+    ErrorTable,
+    Mark,
+    Row,
+    apart,
+    mark_for,
+    reasons,
+    rows,
+    verdicts,
+)
 from pmr.results import RunResult
 
 
@@ -79,3 +95,19 @@ def test_an_unexplained_difference_is_said_to_be_so(make_result) -> None:
 def test_a_run_without_reference_has_no_error_to_show(make_result) -> None:
     result = make_result(responses=("reduced",), summary={"errors": {}, "max_displacement": 0.05, "max_error": None})
     assert [row.comparison for row in rows(result)] == ["largest transverse displacement"]
+
+
+def test_columns_that_all_lines_leave_empty_are_left_out() -> None:
+    full = Row("a", "b", "1", "2", "+3", WITHIN, "4 m")
+    table = ErrorTable("", [replace(full, published=None, deviation=None, mark=None), full])
+    assert (table.published, table.deviations, table.norms, table.marks) == (True, True, True, [WITHIN])
+    words = ErrorTable("", [replace(full, deviation=None, mark=None, absolute=None)])
+    assert (words.published, words.deviations, words.norms, words.marks) == (True, False, False, [])
+
+
+def test_marks_stand_in_the_order_of_their_worth() -> None:
+    found = {mark: Row(mark.kind, "", "", "1", mark=mark) for mark in RANKED}
+    table = ErrorTable("", [found[mark] for mark in sorted(RANKED, key=lambda mark: mark.symbol)])
+    words = [mark.text for mark in table.marks]
+    assert words == ["better", "same when rounded", "within 5\u00a0%", "different", "worse"]
+    assert list(verdicts(table.rows)) == words

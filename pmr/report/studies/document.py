@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pmr.report.blocks import Block, Chapter, Grid, Table
-from pmr.report.document import ReportFiles, render, write
+from pmr.report.document import ReportFiles, dated, render, write
 from pmr.report.numbers import SPACE, quantity
 from pmr.report.studies.finished import FinishedStudy, studies_in
 from pmr.report.studies.page import chapter
@@ -26,11 +26,15 @@ def page(folder: Path) -> str:
     summary, studies = studies_in(folder)
     chapters = [chapter(study, f"study-{number}") for number, study in enumerate(studies, start=1)]
     chapters.append(_provenance(summary, studies))
-    return render("study_report.html", str(summary["title"]), chapters, kind="Study report", introduction=())
+    return render(
+        "study_report.html", str(summary["title"]), chapters, kind=dated("Study report", [summary]), introduction=()
+    )
 
 
 def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) -> Chapter:
     rows = [(name, str(value)) for name, value in summary["machine"].items()]
+    if summary.get("date"):
+        rows.append(("date", str(summary["date"])))
     if summary["commit"]:
         rows.append(("commit", str(summary["commit"])))
     effort = []

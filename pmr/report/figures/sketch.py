@@ -1,0 +1,229 @@
+"""A sketch of the system: the body, what holds it, what moves along it, what acts on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc, Circle, Polygon, Rectangle
+from numpy.typing import NDArray
+
+from pmr.report.figures.canvas import INK, MUTED, WIDE, sheet
+from pmr.report.numbers import SPACE, plain
+from pmr.report.subject import (
+    Acting,
+    box,
+    fixtures,
+    held,
+    length,
+    loads,
+    masses,
+    moving,
+    offsets,
+    rings,
+    weight,
+)
+from pmr.results import RunResult
+
+BODY, STEEL, LOAD, PAD = "#0b5c99", "#d5e3ee", "#7b2d8e", "#3b4a57"
+ARROW = 0.3  # in, length of a load's arrow
+THIN, THICK = 0.16, 0.5  # in, least and largest height of a section as drawn
+LABELS = 1.5  # in, for what is written beside the tip
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Where s begins and how far it goes, m."""
+
+    start: float
+    low: float
+    high: float
+
+    @property
+    def moves(self) -> bool:
+        return self.high > self.low
+
+    def words(self, low: float, high: float) -> str:
+        return f"{plain(round(low, 3))}{SPACE}m … {plain(round(high, 3))}{SPACE}m"
+
+
+class _Paper:
+    """Axes in m of the system whose inches are known: `inch` m each, in both directions."""
+
+    def __init__(self, left: float, right: float, height: float) -> None:
+        inches = WIDE - LABELS - 0.2
+        self.figure, axes = sheet(WIDE, height, margins={"left": 0.0, "right": 0.0, "top": 0.0, "bottom": 0.0})
+        self.ax: Axes = axes[0, 0]
+        self.inch = (right - left) / inches
+        self.ax.set_xlim(left - 0.2 * self.inch, right + LABELS * self.inch)
+        self.ax.set_ylim(-height / 2.0 * self.inch, height / 2.0 * self.inch)
+        self.ax.set_axis_off()
+
+    def box(self, x: float, y: float, width: float, height: float, **look: Any) -> None:
+        self.ax.add_patch(Rectangle((x, y), width, height, **look))
+
+    def disc(self, x: float, y: float, radius: float, **look: Any) -> None:
+        self.ax.add_patch(Circle((x, y), radius, linewidth=0.8, zorder=3.0, **look))
+
+    def arrow(self, x: float, y: float, dx: float, dy: float, colour: str = LOAD, both: bool = False) -> None:
+        """From (x, y) by (dx, dy), with a head at the end or at both."""
+        size = np.hypot(dx, dy)
+        if size == 0.0:
+            return
+        along, head = np.array([dx, dy]) / size, 0.07 * self.inch
+        ends = [(np.array([x + dx, y + dy]), along)] + ([(np.array([x, y]), -along)] if both else [])
+        self.ax.plot([x, x + dx], [y, y + dy], color=colour, linewidth=0.9)
+        for tip, way in ends:
+            side = np.array([-way[1], way[0]])
+            corners = [tip, tip - head * (way - 0.45 * side), tip - head * (way + 0.45 * side)]
+            self.ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
+
+    def write(self, x: float, y: float, text: str, colour: str = INK, **where: Any) -> None:
+        self.ax.text(x, y, text, color=colour, **{"ha": "center", "va": "center", **where})
+
+    def range(self, y: float, start: float, end: float, text: str) -> None:
+        """A stretch with arrows at both ends and a text below."""
+        self.arrow(start, y, end - start, 0.0, MUTED, both=True)
+        self.write((start + end) / 2.0, y - 0.11 * self.inch, text, MUTED)
+
+
+def sketch(result: RunResult) -> Figure:
+    """The system at the beginning, seen from the side, z up."""
+    low, high = result.scene.path_bounds
+    stretch = _Stretch(float(result.path[0]), low, high)
+    return _telescopic(result, stretch) if moving(result) == "mouth" else _on_supports(result, stretch)
+
+
+def caption(result: RunResult) -> str:
+    """What the sketch shows."""
+    low, high = result.scene.path_bounds
+    if moving(result) == "mouth":
+        return f"The system, farthest out{'; dashed: its tip farthest in' if high > low else ''}."
+    return f"The system at the beginning{'; hollow: the other end of the way' if high > low else ''}."
+
+
+def _on_supports(result: RunResult, stretch: _Stretch) -> Figure:
+    """A body at rest on its supports, with sliders that travel."""
+    end = length(result)
+    paper = _Paper(0.0, end, 1.35)
+    paper.ax.plot([0.0, end], [0.0, 0.0], color=BODY, linewidth=2.4, solid_capstyle="butt")
+    for fixture in fixtures(result):
+        _fixture(paper, fixture.at, fixture.kind)
+    for ahead in offsets(result):
+        _slider(paper, stretch.start + ahead, MUTED)
+        if stretch.moves:
+            _slider(paper, (stretch.high if stretch.start < stretch.high else stretch.low) + ahead, "none")
+    first = offsets(result)[0]
+    if stretch.moves:
+        said = f"s = {stretch.words(stretch.low, stretch.high)}"
+        paper.range(-0.28 * paper.inch, stretch.low + first, stretch.high + first, said)
+    paper.range(-0.52 * paper.inch, 0.0, end, f"{plain(end)}{SPACE}m")
+    _loads(paper, result, 0.0, end, 0.05 * paper.inch)
+    return paper.figure
+
+
+def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
+    """A body that slides out of a mouth at 0, as far out as it goes."""
+    end = length(result)
+    ahead = max((ring.at + ring.length / 2.0 for ring in rings(result) if ring.moving), default=0.0)
+    paper = _Paper(-stretch.high - 0.1, end - stretch.low, 1.5)
+    inch, shape = paper.inch, box(result)
+    tall = float(np.clip(shape.height if shape else 0.0, THIN * inch, THICK * inch))
+    gap = 0.06 * inch
+    tail, tip, outer = -stretch.low, end - stretch.low, tall / 2.0 + gap
+    for side in (-1.0, 1.0):
+        paper.ax.plot([-stretch.high - 0.1, ahead], [side * outer] * 2, color=MUTED, linewidth=1.6)
+    paper.box(tail, -tall / 2.0, end, tall, facecolor=STEEL, edgecolor=BODY, linewidth=0.9)
+    for ring in rings(result):
+        centre = ring.at if ring.moving else tail + ring.at
+        wide = max(ring.length, 0.05 * inch)
+        sides = [side for side, face in ((1.0, "top"), (-1.0, "bottom")) if face in ring.faces]
+        for side in sides or (-1.0, 1.0):
+            paper.box(centre - wide / 2.0, min(side * tall / 2.0, side * outer), wide, gap, facecolor=PAD)
+    for name in held(result):
+        paper.ax.plot([-stretch.high - 0.1, tail], [0.0, 0.0], color=MUTED, linewidth=1.2)
+        paper.write(
+            (tail - stretch.high) / 2.0, 0.03 * inch, name, MUTED, va="bottom"
+        ) if stretch.high - stretch.low > inch else None
+    if stretch.moves:
+        back = end - stretch.high
+        paper.ax.plot([back] * 2, [-tall / 2.0, tall / 2.0], color=BODY, linewidth=0.8, linestyle=(0, (3, 2)))
+        paper.ax.plot([0.0, 0.0], [-outer - 0.3 * inch, -outer], color=MUTED, linewidth=0.5)
+    out = stretch.words(end - stretch.high, tip) if stretch.moves else f"{plain(tip)}{SPACE}m"
+    paper.range(-outer - 0.24 * inch, 0.0, tip, f"{out} beyond the mouth")
+    if weight(result) is not None:
+        middle = tail + 0.62 * end
+        paper.arrow(middle, tall / 2.0 + ARROW * inch, 0.0, -ARROW * inch, MUTED)
+        paper.write(middle + 0.1 * inch, tall / 2.0 + 0.2 * inch, "g", MUTED)
+    _loads(paper, result, tail, tip, tall / 2.0)
+    return paper.figure
+
+
+def _fixture(paper: _Paper, at: float, kind: str) -> None:
+    inch = paper.inch
+    if kind == "clamped":
+        paper.box(at - 0.03 * inch, -0.16 * inch, 0.06 * inch, 0.32 * inch, facecolor=INK)
+        return
+    foot = np.array([(0.0, 0.0), (-0.08, -0.15), (0.08, -0.15)]) * inch
+    paper.ax.add_patch(Polygon(foot + (at, 0.0), facecolor=INK, edgecolor="none"))
+    if kind == "roller":
+        paper.box(at - 0.09 * inch, -0.19 * inch, 0.18 * inch, 0.015 * inch, facecolor=INK)
+
+
+def _slider(paper: _Paper, at: float, fill: str) -> None:
+    """A roller above and one below."""
+    for side in (-1.0, 1.0):
+        centre = (at, side * 0.08 * paper.inch)
+        paper.ax.add_patch(
+            Circle(centre, 0.05 * paper.inch, facecolor=fill, edgecolor=MUTED, linewidth=0.8, zorder=3.0)
+        )
+        paper.box(
+            at - 0.09 * paper.inch, side * 0.14 * paper.inch, 0.18 * paper.inch, 0.01 * paper.inch, facecolor=MUTED
+        )
+
+
+def _loads(paper: _Paper, result: RunResult, tail: float, tip: float, above: float) -> None:
+    """Loads and masses: those at the tip are listed beside it, the others named above."""
+    inch, listed = paper.inch, list(_masses(paper, result, tip))
+    for k, load in enumerate(loads(result)):
+        at = min(tail + load.at, tip)
+        _load(paper, load, result.loads[:, k], at, above)
+        if at > tip - 0.5 * inch:
+            listed.append((load.name, LOAD))
+        else:
+            paper.write(at, above + (ARROW + 0.12) * inch, load.name, LOAD)
+    for k, (name, colour) in enumerate(listed):
+        y = (0.075 * (len(listed) - 1) - 0.15 * k) * inch
+        paper.write(tip + 0.22 * inch, y, name if len(name) < 24 else f"{name[:22]}…", colour, ha="left")
+
+
+def _masses(paper: _Paper, result: RunResult, tip: float) -> Iterator[tuple[str, str]]:
+    for mass in masses(result):
+        paper.disc(tip, 0.0, 0.07 * paper.inch, facecolor=INK, edgecolor="none")
+        yield f"{mass.name}, {plain(mass.mass)}{SPACE}kg", INK
+
+
+def _load(paper: _Paper, load: Acting, values: NDArray[np.float64], at: float, above: float) -> None:
+    """An arrow the way the load acts, with two heads where it acts both ways."""
+    size, both = ARROW * paper.inch, bool(values.min(initial=0.0) < 0.0 < values.max(initial=0.0))
+    back = not both and values.min(initial=0.0) < 0.0
+    if load.direction == "turn":
+        paper.ax.add_patch(
+            Arc((at, 0.0), size, size, theta1=30.0, theta2=330.0, edgecolor=LOAD, facecolor="none", linewidth=0.9)
+        )
+    elif load.direction == "aside":
+        for radius, fill in ((0.05, "white"), (0.015, LOAD)):
+            patch = Circle(
+                (at - 0.14 * paper.inch, 0.0), radius * paper.inch, facecolor=fill, edgecolor=LOAD, zorder=3.0
+            )
+            paper.ax.add_patch(patch)
+    elif load.direction == "along":
+        start = at + (size if back else 0.0)
+        paper.arrow(start, 0.0, -size if back else size, 0.0, both=both)
+    else:
+        start = above + (size if back else 0.0)
+        paper.arrow(at, start, 0.0, -size if back else size, both=both)

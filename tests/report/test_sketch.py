@@ -1,0 +1,53 @@
+"""The sketch of the system: everything that holds it, moves along it or acts on it is named or drawn."""
+
+from __future__ import annotations
+
+import re
+from html import unescape
+
+import pytest
+
+from pmr.report.sections import chapter
+from pmr.results import RunResult
+
+LOAD, GREY, INK = "#7b2d8e", "#5b6875", "#1c2733"
+
+
+def texts(result: RunResult) -> list[str]:
+    drawn = chapter(result, "case-1").sketch
+    assert drawn is not None
+    return [unescape(text).replace("\u00a0", " ") for text in re.findall(r"<text[^>]*>([^<]+)</text>", drawn.svg)]
+
+
+def coloured(result: RunResult, colour: str) -> int:
+    """Filled shapes of a colour: heads of arrows, points, masses."""
+    drawn = chapter(result, "case-1").sketch
+    assert drawn is not None
+    return drawn.svg.count(f'fill="{colour}"') + drawn.svg.count(f"fill: {colour}")
+
+
+def test_a_beam_has_its_length_its_sliders_way_and_its_loads(whole: RunResult, make_result) -> None:
+    assert texts(whole) == ["s = 1.25 m … 3.75 m", "5 m", "F"]
+    still = make_result(slider={"path": 2.0})
+    assert texts(still) == ["5 m", "F"] and "hollow" not in chapter(still, "case-1").sketch.caption
+    assert "hollow" in chapter(whole, "case-1").sketch.caption
+
+
+def test_a_boom_has_what_is_attached_to_it(boom: RunResult, make_space) -> None:
+    assert texts(boom) == ["cylinder", "2 m … 4.5 m beyond the mouth", "g", "payload, 250 kg", "tip force", "gust"]
+    bare = make_space(loads=[], masses=[], holds=[])
+    assert texts(bare) == ["2 m … 4.5 m beyond the mouth", "g"] and coloured(bare, LOAD) == 0
+
+
+@pytest.mark.parametrize(
+    ("signal", "heads"),
+    [(-50.0, 1), (50.0, 1), ({"kind": "sine", "amplitude": 5.0, "frequency": 3.0}, 2), (0.0, 1)],
+)
+def test_a_load_that_acts_both_ways_has_two_heads(make_result, signal: object, heads: int) -> None:
+    result = make_result(loads=[{"name": "F", "at": 5.0, "signal": signal}])
+    assert coloured(result, LOAD) == heads + 1  # and the name
+
+
+def test_a_load_along_the_span_is_named_above_it(make_result) -> None:
+    loads = [{"name": "M", "at": 2.0, "direction": "rotation", "signal": 1.0}, {"name": "P", "at": 5.0, "signal": 1.0}]
+    assert texts(make_result(loads=loads)) == ["s = 1.25 m … 3.75 m", "5 m", "M", "P"]
