@@ -36,6 +36,7 @@ from pmr.scene.choice import transverse
 from pmr.simulate import Excitation, contact_step, resolution
 from pmr.simulate.petsc import Checkpoint
 from pmr.snapshots import Snapshots
+from pmr.snapshots.free_body import FreeBody
 
 Array = NDArray[np.float64]
 
@@ -120,12 +121,21 @@ def reduce(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | Non
     return _reduce(scene, model, clock)
 
 
-def reduce_with(scene: SceneBase, model: FullModel, snapshots: Snapshots, clock: Clock | None = None) -> Reduction:
-    """From a model and its snapshots to the scene's reduced model; collective."""
+def reduce_with(
+    scene: SceneBase,
+    model: FullModel,
+    snapshots: Snapshots,
+    clock: Clock | None = None,
+    body: FreeBody | None = None,
+) -> Reduction:
+    """From a model and its snapshots to the scene's reduced model; collective.
+
+    A `body` whose factor the snapshots were made with is taken over and dropped.
+    """
     clock = clock or Clock()
     with clock.stage("pod"):
         basis = build_basis(scene, model, snapshots)
-        reduced = project(scene, model, basis, _provenance(scene, basis))
+        reduced = project(scene, model, basis, _provenance(scene, basis), body)
     free_dropped(model.comm)
     return Reduction(model, snapshots, basis, reduced)
 
@@ -155,8 +165,9 @@ def _recovered(
 
 def _reduce(scene: SceneBase, model: FullModel, clock: Clock) -> Reduction:
     with clock.stage("snapshots"):
-        snapshots = take_snapshots(scene, model)
-    return reduce_with(scene, model, snapshots, clock)
+        body = FreeBody(model, scene.reduction.solver)
+        snapshots = take_snapshots(scene, model, body)
+    return reduce_with(scene, model, snapshots, clock, body)
 
 
 def _frequency_curves(scene: SceneBase, reduction: Reduction) -> FrequencyCurves:

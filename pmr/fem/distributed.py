@@ -6,6 +6,7 @@ import gc
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -31,6 +32,18 @@ def _tall(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
     return matrix
 
 
+def view(local: Array, like: PETSc.Mat) -> PETSc.Mat:
+    """The same without a copy, of an array in Fortran's order: who writes to one of the two writes to the other."""
+    return _view(local, like.getSizes()[0], like.comm)
+
+
+def _view(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
+    assert len(local) == sizes[0] and local.flags.f_contiguous
+    matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), array=local, comm=comm)
+    matrix.assemble()
+    return matrix
+
+
 def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> PETSc.Mat:
     """Sparse PETSc matrix from this rank's rows, distributed as the rows of `like`.
 
@@ -44,10 +57,13 @@ def sparse(rows: sp.csr_matrix, like: PETSc.Mat, columns: int | None = None) -> 
 
 
 def times(A: PETSc.Mat, local: Array) -> Array:
-    """This rank's rows of A X, X given by this rank's rows: spread as the columns of A."""
-    right = _tall(local, A.getSizes()[1], A.comm)
-    product = A.matMult(right)
-    result = np.array(product.getDenseArray())
+    """This rank's rows of A X, X given by this rank's rows: spread as the columns of A.
+
+    X in Fortran's order is not copied; the result is in that order.
+    """
+    (rows, columns), result = A.getSizes(), np.empty((A.getLocalSize()[0], local.shape[1]), order="F")
+    right, product = _view(np.asfortranarray(local), columns, A.comm), _view(result, rows, A.comm)
+    A.matMult(right, product)
     freed(right, product)
     return result
 
@@ -61,6 +77,13 @@ def freed(*objects: Any) -> None:
 def inner(X: Array, Y: Array, comm: Any) -> Array:
     """X^T Y of two tall matrices, given by their local rows; the same on every rank."""
     return np.asarray(comm.allreduce(X.T @ Y))
+
+
+def subtract(X: Array, A: Array, B: Array) -> None:
+    """X -= A B in place, without a temporary of full length; X and A in Fortran's order."""
+    if A.size and B.size:
+        assert X.flags.f_contiguous and A.flags.f_contiguous
+        scipy.linalg.blas.dgemm(-1.0, A, B, 1.0, X, overwrite_c=True)
 
 
 def fix_signs(local: Array, comm: Any) -> Array:

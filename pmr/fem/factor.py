@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import freed, sparse, tall
-from pmr.fem.matrices import local_csr
+from pmr.fem.distributed import freed, view
 
 Array = NDArray[np.float64]
 
@@ -44,26 +42,21 @@ class Factor:
         self._factor.solve(right, answer)
 
     def solve_columns(self, columns: Array) -> Array:
-        """Answers, this rank's rows (n_local, k), to a few right-hand sides given likewise."""
-        result = np.empty_like(columns)
+        """Answers, this rank's rows (n_local, k), to a few right-hand sides given likewise.
+
+        Right-hand sides in Fortran's order are not copied; the result is in that order.
+        """
+        result = np.empty(columns.shape, order="F")
         for k in range(0, columns.shape[1], BLOCK):
-            right = tall(columns[:, k : k + BLOCK], self._factor)
-            answer = right.duplicate()
+            right = view(np.asfortranarray(columns[:, k : k + BLOCK]), self._factor)
+            answer = view(result[:, k : k + BLOCK], self._factor)
             self._factor.matSolve(right, answer)
-            result[:, k : k + BLOCK] = answer.getDenseArray()
             freed(right, answer)
         return result
 
     def destroy(self) -> None:
         """Give the factor's memory back."""
         self._factor.destroy()
-
-
-def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
-    """The same matrix without the zeros that a pattern shared with the stiffness leaves in a mass matrix."""
-    rows: sp.csr_matrix = local_csr(A)
-    rows.eliminate_zeros()
-    return sparse(rows, A, columns=A.getLocalSize()[1])
 
 
 def product(A: PETSc.Mat, x: Array) -> Array:

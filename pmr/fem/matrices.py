@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import sparse
+from pmr.fem.distributed import freed, sparse
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,15 @@ def local_csr(A: PETSc.Mat) -> sp.csr_matrix:
     """This rank's rows of a sparse matrix."""
     indptr, columns, values = A.getValuesCSR()
     return sp.csr_matrix((values, columns, indptr), shape=(len(indptr) - 1, A.getSize()[1]))
+
+
+def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
+    """A without the zeros that a pattern shared with the stiffness leaves in a mass matrix; A is freed."""
+    rows: sp.csr_matrix = local_csr(A)
+    rows.eliminate_zeros()
+    result = sparse(rows, A, columns=A.getLocalSize()[1])
+    freed(A)
+    return result
 
 
 def gather(A: PETSc.Mat) -> sp.csr_matrix | None:

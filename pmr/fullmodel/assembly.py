@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.fem.compat import PETSc, assemble, cell_dofs, comm_of, original_cells
 from pmr.fem.distributed import free_dropped, freed, moved, sparse
+from pmr.fem.matrices import without_zeros
 from pmr.models import StructuralModel
 from pmr.reduced.damping import Rayleigh
 from pmr.scene import Damping
@@ -19,16 +20,19 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Operators:
-    """Mass and stiffness (n, n), distributed in consecutive shares of the model's coordinates."""
+    """Mass and stiffness (n, n), distributed in consecutive shares of the model's coordinates.
+
+    Each entry of M has its place in K, many a one of K (of a shell five of six) none in M.
+    """
 
     M: PETSc.Mat
     K: PETSc.Mat
 
     def damping(self, of: Damping) -> PETSc.Mat:
         """D = a M + b K."""
-        D = self.M.duplicate(copy=True)
-        D.scale(of.mass)
-        D.axpy(of.stiffness, self.K, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        D = self.K.duplicate(copy=True)
+        D.scale(of.stiffness)
+        D.axpy(of.mass, self.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         return D
 
 
@@ -46,7 +50,8 @@ def assemble_model(model: StructuralModel, domain: Any) -> Operators:
     space = model.space(domain)
     forms, order = model.forms(space), model_order(model, space)
     comm = comm_of(domain)
-    matrices = [moved(reordered(assemble(form), order), comm) for form in (forms.mass, forms.stiffness)]
+    assembled = without_zeros(assemble(forms.mass)), assemble(forms.stiffness)
+    matrices = [moved(reordered(A, order), comm) for A in assembled]
     T = model.transformation
     if T is not None:
         first, last = matrices[0].getOwnershipRange()

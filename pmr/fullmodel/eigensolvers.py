@@ -153,7 +153,7 @@ def _clustered(a: float, b: float) -> bool:
 def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
     """Number of eigenvalues omega^2 < `below`: the negative pivots of K - below M (Parlett 1998, section 3.3)."""
     shifted = K.copy()
-    shifted.axpy(-below, M, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    shifted.axpy(-below, M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     pc = PETSc.PC().create(comm=K.comm)
     pc.setOperators(shifted)

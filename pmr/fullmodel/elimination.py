@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import sparse
+from pmr.fem.distributed import freed, sparse
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -53,11 +53,67 @@ class Elimination:
         entries = np.concatenate([np.ones(len(free)), -self.factors[at, other]])
         return sp.csr_matrix((entries, (rows, columns)), shape=(self.size, len(free)))
 
+    def condensed(self, K: PETSc.Mat) -> PETSc.Mat:
+        """T^T K T (n, n) with the pivots left in as coordinates of their own, as stiff as the stiffest one; collective.
+
+        So vectors keep their size: `restricted` and `extended` apply T^T and T in place.
+        """
+        first, last = K.getOwnershipRange()
+        result = K.copy()
+        if np.any(self.factors):
+            freed(result)
+            T = sparse(self._square()[first:last], K, columns=last - first)
+            result = K.PtAP(T)
+            freed(T)
+        mine = self.pivots[(self.pivots >= first) & (self.pivots < last)]
+        result.zeroRowsColumns(mine.astype(PETSc.IntType), diag=float(K.getDiagonal().max()[1]))
+        return result
+
+    def _square(self) -> sp.csr_matrix:
+        """T with a column for each pivot too, whose zero keeps its place."""
+        at, other = np.nonzero(self.factors)
+        entries = np.ones(self.size)
+        entries[self.pivots] = 0.0
+        everything = np.arange(self.size)
+        return sp.csr_matrix(
+            (
+                np.concatenate([entries, -self.factors[at, other]]),
+                (np.concatenate([everything, self.pivots[at]]), np.concatenate([everything, self.others[other]])),
+            ),
+            shape=(self.size, self.size),
+        )
+
     def petsc(self, like: PETSc.Mat) -> PETSc.Mat:
         """T as a PETSc matrix; its rows are spread as those of `like`, its columns follow their rows."""
         first, last = like.getOwnershipRange()
         pivots = np.count_nonzero((self.pivots >= first) & (self.pivots < last))
         return sparse(self.matrix()[first:last], like, columns=last - first - pivots)
+
+
+class Condensed:
+    """T and T^T on columns given by one rank's rows, in place; collective."""
+
+    def __init__(self, elimination: Elimination, like: PETSc.Mat) -> None:
+        first, last = like.getOwnershipRange()
+        self._comm, self._count = like.comm.tompi4py(), len(elimination.pivots)
+        self._own = np.flatnonzero((elimination.pivots >= first) & (elimination.pivots < last))
+        near = (elimination.others >= first) & (elimination.others < last)
+        self._pivots, self._others = elimination.pivots[self._own] - first, elimination.others[near] - first
+        self._factors, self._coupled = elimination.factors[:, near], bool(np.any(elimination.factors))
+
+    def restricted(self, g: Array) -> None:
+        """G (n_local, k) becomes T^T g, nothing at the pivots."""
+        if self._coupled:
+            at_pivots = np.zeros((self._count, g.shape[1]))
+            at_pivots[self._own] = g[self._pivots]
+            g[self._others] -= self._factors.T @ np.asarray(self._comm.allreduce(at_pivots))
+        g[self._pivots] = 0.0
+
+    def extended(self, x: Array) -> None:
+        """X (n_local, k) at all but the pivots becomes T x."""
+        x[self._pivots] = 0.0
+        if self._coupled:
+            x[self._pivots] = -np.asarray(self._comm.allreduce(self._factors @ x[self._others]))[self._own]
 
 
 def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:

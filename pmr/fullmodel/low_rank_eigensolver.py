@@ -32,7 +32,7 @@ class OneFactorEigenSolver:
     def __init__(self, model: FullModel) -> None:
         self._model, self._sigma = model, model.reference_frequency**2
         F = model.K.copy()
-        F.axpy(self._sigma, model.M, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        F.axpy(self._sigma, model.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         self._factor = Factor(F, "K + sigma M")
         freed(F)
 

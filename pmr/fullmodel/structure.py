@@ -21,7 +21,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, sparse
 from pmr.fem.matrices import columns
-from pmr.fullmodel.assembly import Operators, assemble_model, projected, rayleigh, share
+from pmr.fullmodel.assembly import Operators, assemble_model, projected, rayleigh, reordered, share
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.pads import Holding, Pads, hold
 from pmr.models import StructuralModel
@@ -115,7 +115,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     springs = holding.stiffness(size)
     loads = [coupling.load(load, base.M) for load in structure.loads]
     operators = Operators(
-        _reduced(base.M, coupling.T, _padded(attached, springs)),
+        _reduced(base.M, coupling.T, attached),
         _reduced(base.K, coupling.T, _padded(springs, attached)),
     )
     measured = [
@@ -257,13 +257,18 @@ def _inertia(mass: PointMass, directions: Sequence[str]) -> Array:
 def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
     """T^T A T + added, distributed in consecutive shares; entries of `added` keep their place even if zero.
 
-    A is freed.
+    A is freed.  Where nothing is coupled there is no product: T only leaves coordinates out, or none.
     """
     first, last = A.getOwnershipRange()
     low, high = share(T.shape[1], A.comm.tompi4py())
-    P = sparse(T[first:last], A, columns=int(high - low))
-    result = projected(A, P)
-    freed(P)
+    if T.nnz > T.shape[1]:
+        P = sparse(T[first:last], A, columns=int(high - low))
+        result = projected(A, P)
+        freed(P)
+    elif T.shape[0] > T.shape[1]:
+        result = reordered(A, np.flatnonzero(np.diff(T.indptr)))
+    else:
+        result = A
     if added.nnz:
         more = sparse(added[low:high], result, columns=int(high - low))
         result.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)

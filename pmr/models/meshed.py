@@ -54,10 +54,17 @@ class MeshedModel(ABC):
         return self.nodes.per_component(cells)
 
     def trace(self, place: str | float) -> Trace:
-        """Displacements on a named group, or of a cross-section."""
-        if isinstance(place, str):
-            return trace(self.mesh, self.nodes, place, degree=2)
-        return section(self.mesh, self.nodes, place, degree=2)
+        """Displacements on a named group, or of a cross-section; looked for once."""
+        if place not in self._traces:
+            if isinstance(place, str):
+                self._traces[place] = trace(self.mesh, self.nodes, place, degree=2)
+            else:
+                self._traces[place] = section(self.mesh, self.nodes, place, degree=2)
+        return self._traces[place]
+
+    @cached_property
+    def _traces(self) -> dict[str | float, Trace]:
+        return {}
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
         return self.trace(place).mean()

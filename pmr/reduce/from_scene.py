@@ -13,6 +13,7 @@ from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene import SceneBase
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 from pmr.snapshots.rigid import rigid_modes
 
@@ -21,7 +22,7 @@ from pmr.snapshots.rigid import rigid_modes
 ENRICHMENT_MODES = 4
 
 
-def take_snapshots(scene: SceneBase, model: FullModel) -> Snapshots:
+def take_snapshots(scene: SceneBase, model: FullModel, body: FreeBody | None = None) -> Snapshots:
     """Eigenmodes with the slider held at several positions, or with the sliders released.
 
     Raises
@@ -32,7 +33,7 @@ def take_snapshots(scene: SceneBase, model: FullModel) -> Snapshots:
         If a solver fails.
     """
     if scene.reduction.basis == "free_modes":
-        return free_modes(model, scene.reduction.coordinates, scene.reduction.solver, _enrichment(scene))
+        return free_modes(model, scene.reduction.coordinates, scene.reduction.solver, _enrichment(scene), body)
     return eigenmode_snapshots(model, scene)
 
 
@@ -52,7 +53,9 @@ def build_basis(scene: SceneBase, model: FullModel, snapshots: Snapshots) -> Bas
     return pod(model, snapshots, choice.coordinates, choice.product, choice.solver)
 
 
-def project(scene: SceneBase, model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+def project(
+    scene: SceneBase, model: FullModel, basis: Basis, provenance: dict[str, Any], body: FreeBody | None = None
+) -> ReducedModel:
     """The reduced model, with tables of the flexibility that the basis leaves out where the scene asks for it.
 
     Raises
@@ -62,10 +65,10 @@ def project(scene: SceneBase, model: FullModel, basis: Basis, provenance: dict[s
     """
     choice = scene.reduction
     if choice.needs_inertia:
-        found = modal_model(model, basis, provenance, choice.coordinates, choice.solver)
+        found = modal_model(model, basis, provenance, choice.coordinates, choice.solver, body)
         return with_kept_inertia(found) if choice.residual_inertia else found
     if choice.flexibility:
-        return flexible_model(model, basis, provenance, choice.solver)
+        return flexible_model(model, basis, provenance, choice.solver, body)
     reduced = reduced_model(model, basis, provenance)
     return with_held_coordinates(reduced) if scene.reduction.support_rows == "hold" else reduced
 

@@ -65,10 +65,11 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
     for row in projected:
         row.c[:] = comm.allreduce(row.c)
     pads = np.array([row.compliance for row in model.rows.rows])
+    M, K = (symmetric(inner(V, times(A, V), comm)) for A in (model.M, model.K))
     return ReducedModel(
-        M=symmetric(inner(V, times(model.M, V), comm)),
-        D=symmetric(inner(V, times(model.D, V), comm)),
-        K=symmetric(inner(V, times(model.K, V), comm)),
+        M=M,
+        D=symmetric(inner(V, times(model.D, V), comm)) if model.rayleigh is None else model.rayleigh.of(M, K),
+        K=K,
         B=np.asarray(comm.allreduce(V.T @ local_csr(model.inputs))),
         outputs=np.asarray(comm.allreduce((V.T @ local_csr(model.outputs)).T)),
         rows=stacked(projected, model.rows.domain),

@@ -20,6 +20,10 @@ class Rayleigh:
     alpha: float
     beta: float
 
+    def of(self, M: Array, K: Array) -> Array:
+        """Alpha M + beta K of any matrices of one shape, with the units of damping."""
+        return self.alpha * M + self.beta * K
+
     def modal(self, omega2: Array) -> Array:
         """phi^T D phi = 2 zeta omega (k,) in 1/s of M-orthonormal modes with omega^2 (k,)."""
         return self.alpha + self.beta * omega2

@@ -20,11 +20,12 @@ from pmr.constraints.rows import Rows
 from pmr.errors import ConvergenceError, InputError
 from pmr.fem.distributed import inner, tall, times
 from pmr.fem.matrices import local_csr
-from pmr.fullmodel.eigensolvers import eigensolver
+from pmr.fullmodel.eigensolvers import DenseEigenSolver, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, finished
 from pmr.snapshots import Snapshots
-from pmr.snapshots.rigid import fixed_rows, rigid_modes
+from pmr.snapshots.free_body import FreeBody
+from pmr.snapshots.rigid import fixed_rows
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,9 @@ UNREACHED = 1e-8
 HELD_BY_MODES = 0.9
 
 
-def free_modes(model: FullModel, count: int, solver: str = "auto", enrichment: int = 0) -> Snapshots:
+def free_modes(
+    model: FullModel, count: int, solver: str = "auto", enrichment: int = 0, body: FreeBody | None = None
+) -> Snapshots:
     """The lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes first; collective.
 
     There are `count` of them, and up to `enrichment` more.  Rigid-body modes come from the geometry
@@ -52,6 +55,8 @@ def free_modes(model: FullModel, count: int, solver: str = "auto", enrichment: i
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
     enrichment : int
         Asked for beyond `count`; a coarse mesh may have fewer.
+    body : FreeBody, optional
+        Of this model and `solver`: its factor is what the modes leave to whoever needs it next.
 
     Raises
     ------
@@ -60,7 +65,9 @@ def free_modes(model: FullModel, count: int, solver: str = "auto", enrichment: i
     ConvergenceError
         If too few modes converge.
     """
-    lowest = _lowest(model, count + enrichment + 1, solver)  # one more tells whether flexibility is left
+    lowest = _lowest(
+        body or FreeBody(model, solver), count + enrichment + 1
+    )  # one more tells whether flexibility is left
     modes, found = lowest.modes, len(lowest.modes.omega)
     if lowest.rigid > count:
         allowed = f"the fixed supports leave {lowest.rigid} rigid-body modes free; at least as many are allowed"
@@ -86,15 +93,15 @@ class _Lowest:
     rigid: int
 
 
-def _lowest(model: FullModel, count: int, solver: str) -> _Lowest:
+def _lowest(body: FreeBody, count: int) -> _Lowest:
     """With `count` that are excited, fewer if there are no more."""
+    model, Z = body.model, body.Z
     held = replace(model, rows=Rows(fixed_rows(model), model.size))
-    s = float(held.rows.domain[0]) if held.rows.rows else 0.0  # any: none of these rows moves
-    Z, solve = rigid_modes(model), eigensolver(held, solver)
+    s = _anywhere(held)
     free, asked = model.size - len(held.rows.rows), count + Z.shape[1]
     while True:
         asked = min(asked, free)
-        elastic = _beside(held, Z, solve.lowest(s, asked))
+        elastic = _elastic(held, body, asked)
         work = _work(model, np.hstack([Z, elastic.phi]))
         reached = _reached(work[:, : Z.shape[1]])
         chosen = np.flatnonzero(np.any(np.abs(work[:, Z.shape[1] :]) > UNREACHED, axis=0))[: count - reached.shape[1]]
@@ -110,6 +117,19 @@ def _lowest(model: FullModel, count: int, solver: str) -> _Lowest:
         ),
         len(bodies.omega),
     )
+
+
+def _elastic(held: FullModel, body: FreeBody, asked: int) -> Modes:
+    """The `asked` lowest modes but for the rigid-body modes among them."""
+    if is_dense(held, body.choice):
+        return _beside(held, body.Z, DenseEigenSolver(held).lowest(_anywhere(held), asked))
+    found = body.elastic(asked - body.Z.shape[1])
+    return finished(held, _anywhere(held), 1.0 / found.theta, found.vectors, cut=False)
+
+
+def _anywhere(held: FullModel) -> float:
+    """A place, m: none of these rows moves."""
+    return float(held.rows.domain[0]) if held.rows.rows else 0.0
 
 
 def _beside(held: FullModel, Z: Array, modes: Modes) -> Modes:
@@ -137,8 +157,7 @@ def _beside(held: FullModel, Z: Array, modes: Modes) -> Modes:
     rest = Vt[count:].T
     omega2, turned = np.linalg.eigh(rest.T @ (modes.omega[:, None] ** 2 * rest))
     combined = rest @ turned
-    s = float(held.rows.domain[0]) if held.rows.rows else 0.0
-    return finished(held, s, omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
+    return finished(held, _anywhere(held), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
 
 
 def _work(model: FullModel, phi: Array) -> Array:

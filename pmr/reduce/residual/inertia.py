@@ -12,7 +12,7 @@ from pmr.constraints.rows import SharedCarriers
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import times
 from pmr.fullmodel.model import FullModel
-from pmr.reduce.residual.tables import paired, stacked
+from pmr.reduce.residual.tables import Measured, carrier_loads, paired, stacked
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.inertia import Inertia
 
@@ -29,8 +29,7 @@ def with_inertia(
     """
     breaks = flexibility.rows.x
     of_mass = _squared(model.M, answers)
-    damped = model.D.norm(PETSc.NormType.FROBENIUS) > 0.0
-    of_damping = _squared(model.D, answers) if damped else np.zeros_like(of_mass)
+    of_damping = _damped(model, answers, of_mass, shared)
     C, p = stacked(shared), shared.carriers.shape[0]
     C1 = C.derivative()
     C2 = C1.derivative()
@@ -50,6 +49,15 @@ def with_inertia(
         energy=of_mass[p:, p:],
     )
     return replace(flexibility, inertia=inertia)
+
+
+def _damped(model: FullModel, answers: list[Array], of_mass: Array, shared: SharedCarriers) -> Array:
+    """R D R; of Rayleigh damping alpha R M R + beta R, since R K R = R."""
+    if model.rayleigh is None:
+        return _squared(model.D, answers)
+    loads = Measured(carrier_loads(model, shared.carriers).T)
+    R = np.asarray(model.comm.allreduce(np.hstack([loads.of(x) for x in answers])))
+    return model.rayleigh.of(of_mass, (R + R.T) / 2.0)
 
 
 def _squared(A: PETSc.Mat, answers: list[Array]) -> Array:

@@ -25,6 +25,7 @@ from pmr.reduce.residual.tables import carrier_flexibility, tables
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncated
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.rigid import rigid_bodies
 
 Array = NDArray[np.float64]
@@ -40,7 +41,13 @@ ROUND_OFF = 100.0
 FLOOR = float(np.sqrt(np.finfo(float).eps))
 
 
-def flexible_model(model: FullModel, basis: Basis, provenance: dict[str, Any], solver: str = "auto") -> ReducedModel:
+def flexible_model(
+    model: FullModel,
+    basis: Basis,
+    provenance: dict[str, Any],
+    solver: str = "auto",
+    body: FreeBody | None = None,
+) -> ReducedModel:
     """Galerkin projection on `basis` with tables of the flexibility that it leaves out; the same on every rank.
 
     Parameters
@@ -52,6 +59,8 @@ def flexible_model(model: FullModel, basis: Basis, provenance: dict[str, Any], s
     provenance : dict
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
         LAPACK, or MUMPS on the distributed stiffness.
+    body : FreeBody, optional
+        Of this model, with the factor that the basis was made with; it is dropped at the end.
 
     Raises
     ------
@@ -66,13 +75,18 @@ def flexible_model(model: FullModel, basis: Basis, provenance: dict[str, Any], s
     that coupling is neglected, at a price while it lacks low modes: the paper's basis, evolved case, is off by 87 % of
     the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
-    flexible = _flexible(model, basis, provenance, solver)
+    flexible = _flexible(body or FreeBody(model, solver), basis, provenance)
     free_dropped(model.comm)
     return replace(flexible, carriers=None)
 
 
 def modal_model(
-    model: FullModel, basis: Basis, provenance: dict[str, Any], coordinates: int, solver: str = "auto"
+    model: FullModel,
+    basis: Basis,
+    provenance: dict[str, Any],
+    coordinates: int,
+    solver: str = "auto",
+    body: FreeBody | None = None,
 ) -> ReducedModel:
     """The same for eigenmodes, with tables of the residual part's inertia; modes beyond `coordinates` are enrichment
     modes.
@@ -82,7 +96,7 @@ def modal_model(
     InputError, ValueError
         As `flexible_model`, and if the basis holds anything but eigenmodes.
     """
-    return replace(_modal(model, basis, provenance, coordinates, solver), carriers=None)
+    return replace(_modal(body or FreeBody(model, solver), basis, provenance, coordinates), carriers=None)
 
 
 def section_model(
@@ -95,12 +109,13 @@ def section_model(
     InputError, ValueError
         As `modal_model`.
     """
-    return _modal(model, basis, provenance, coordinates, solver)
+    return _modal(FreeBody(model, solver), basis, provenance, coordinates)
 
 
-def _modal(model: FullModel, basis: Basis, provenance: dict[str, Any], coordinates: int, solver: str) -> ReducedModel:
+def _modal(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int) -> ReducedModel:
     answers: list[Array] = []
-    flexible = _flexible(model, basis, provenance, solver, answers)
+    model = body.model
+    flexible = _flexible(body, basis, provenance, answers)
     assert flexible.flexibility is not None and flexible.carriers is not None
     if not is_modal(flexible):
         raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
@@ -111,8 +126,9 @@ def _modal(model: FullModel, basis: Basis, provenance: dict[str, Any], coordinat
 
 
 def _flexible(
-    model: FullModel, basis: Basis, provenance: dict[str, Any], solver: str, answers: list[Array] | None = None
+    body: FreeBody, basis: Basis, provenance: dict[str, Any], answers: list[Array] | None = None
 ) -> ReducedModel:
+    model = body.model
     whole = galerkin(model, basis, provenance)
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
     violated = set(fixed) - set(satisfied_rows(whole.rows, SATISFIED))
@@ -120,10 +136,10 @@ def _flexible(
         raise ValueError(f"the basis violates {', '.join(model.rows.names[i] for i in sorted(violated))}")
     V = np.array(basis.V.getDenseArray())
     reduced = _without_round_off(without_rows(whole, fixed), model, V)
-    residual = ResidualFlexibility(model, V, solver)
+    residual = ResidualFlexibility(body, V)
     shared = _released(model).shared
     flexibility = carrier_flexibility(model, residual, shared.carriers, answers)
-    residual.destroy()
+    body.drop()
     measured = model.comm.allreduce(shared.carriers[:, slice(*model.M.getOwnershipRange())] @ V)
     flexible = replace(
         reduced,
@@ -152,13 +168,19 @@ def _without_round_off(reduced: ReducedModel, model: FullModel, V: Array) -> Red
     """
     rigid, bound = rigid_bodies(model, V), ROUND_OFF * np.finfo(float).eps
 
-    def cleaned(A: Array, whole: PETSc.Mat) -> Array:
-        size = sparse(abs(local_csr(whole)), whole, columns=whole.getLocalSize()[1])
-        lost = np.abs(A) <= bound * inner(np.abs(V), times(size, np.abs(V)), model.comm)
-        freed(size)
+    def size(whole: PETSc.Mat) -> Array:
+        of_entries = sparse(abs(local_csr(whole)), whole, columns=whole.getLocalSize()[1])
+        found = inner(np.abs(V), times(of_entries, np.abs(V)), model.comm)
+        freed(of_entries)
+        return found
+
+    def cleaned(A: Array, terms: Array) -> Array:
+        lost = np.abs(A) <= bound * terms
         return np.where(lost & ~np.eye(len(A), dtype=bool), 0.0, A)
 
-    K, D = cleaned(reduced.K, model.K), cleaned(reduced.D, model.D)
+    of_K = size(model.K)
+    of_D = size(model.D) if model.rayleigh is None else model.rayleigh.of(size(model.M), of_K)
+    K, D = cleaned(reduced.K, of_K), cleaned(reduced.D, of_D)
     K[rigid] = K[:, rigid] = 0.0
     return replace(reduced, K=K, D=D)
 

@@ -22,11 +22,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row, carrier, fixed_row
-from pmr.fem.distributed import inner, times
-from pmr.fullmodel.model import FullModel
-from pmr.reduce.residual.statics import static_solver
-from pmr.snapshots.rigid import fixed_rows, rigid_bodies, rigid_modes
+from pmr.fem.distributed import inner, subtract, times
+from pmr.snapshots.free_body import FreeBody
+from pmr.snapshots.rigid import rigid_bodies
 
 Array = NDArray[np.float64]
 
@@ -37,25 +35,22 @@ class ResidualFlexibility:
     V holds those rigid-body modes that loads or rows excite.
     """
 
-    def __init__(self, model: FullModel, V: Array, solver: str = "auto") -> None:
-        self._comm = model.comm
-        Z = rigid_modes(model)
-        MZ = times(model.M, Z)
+    def __init__(self, body: FreeBody, V: Array) -> None:
+        model, self._body, self._comm = body.model, body, body.model.comm
+        Z, MZ = body.Z, body.MZ
         W = V[:, ~rigid_bodies(model, V)]
         W = W - Z @ inner(MZ, W, self._comm)
         W = _orthonormal(W, times(model.K, W), self._comm)
-        self._basis, self._dual = np.hstack([Z, W]), np.hstack([MZ, times(model.K, W)])
-        self._solver = static_solver(model, [*fixed_rows(model), *_anchors(model, Z)], solver)
+        self._basis = np.asfortranarray(np.hstack([Z, W]))
+        self._dual = np.asfortranarray(np.hstack([MZ, times(model.K, W)]))
 
     def apply(self, g: Array) -> Array:
         """R g, this rank's rows (n_local, k) in m, of loads given likewise in N."""
-        x = self._solver.solve(g - self._dual @ inner(self._basis, g, self._comm))
-        x -= self._basis @ inner(self._dual, x, self._comm)
+        g = np.array(g, order="F")
+        subtract(g, self._dual, inner(self._basis, g, self._comm))
+        x = np.asfortranarray(self._body.solve(g))
+        subtract(x, self._basis, inner(self._dual, x, self._comm))
         return x
-
-    def destroy(self) -> None:
-        """Give the factor's memory back; collective."""
-        self._solver.destroy()
 
 
 def _orthonormal(X: Array, AX: Array, comm: object) -> Array:
@@ -64,16 +59,3 @@ def _orthonormal(X: Array, AX: Array, comm: object) -> Array:
         return X
     L = np.linalg.cholesky(inner(X, AX, comm))
     return np.ascontiguousarray(scipy.linalg.solve_triangular(L, X.T, lower=True).T)
-
-
-def _anchors(model: FullModel, Z: Array) -> list[Row]:
-    """Rows that hold as many coordinates as there are rigid-body modes Z, those that pin them down best.
-
-    Pivoted QR of the modes, each coordinate weighted by the square root of its mass.
-    """
-    if Z.shape[1] == 0:
-        return []
-    weighted = Z * np.sqrt(model.M.getDiagonal().getArray())[:, None]
-    everywhere = np.concatenate(model.comm.allgather(weighted))
-    pivots = scipy.linalg.qr(everywhere.T, mode="r", pivoting=True)[1][: Z.shape[1]]
-    return [fixed_row(f"coordinate {i}", carrier(i, 1.0, model.size), model.rows.domain) for i in pivots]

@@ -24,6 +24,19 @@ Indices = NDArray[np.int64]
 BLOCK = 32
 
 
+class Measured:
+    """What sparse rows (m, n_local), which touch a few coordinates, measure of tall columns."""
+
+    def __init__(self, rows: sp.spmatrix) -> None:
+        rows = sp.csr_matrix(rows)
+        self._touched = np.unique(rows.indices)
+        self._rows = rows[:, self._touched]
+
+    def of(self, x: Array) -> Array:
+        """This rank's part (m, k) of rows times x (n_local, k)."""
+        return np.asarray(self._rows @ x[self._touched])
+
+
 def carrier_flexibility(
     model: FullModel, residual: ResidualFlexibility, carriers: sp.csr_matrix, answers: list[Array] | None = None
 ) -> CarrierFlexibility:
@@ -33,11 +46,11 @@ def carrier_flexibility(
     order.
     """
     loads, K = carrier_loads(model, carriers), carriers.shape[0]
-    seen = sp.hstack([loads, local_csr(model.outputs)], format="csr").T
+    seen = Measured(sp.hstack([loads, local_csr(model.outputs)], format="csr").T)
     blocks = []
     for k in range(0, loads.shape[1], BLOCK):
-        x = residual.apply(loads[:, k : k + BLOCK].toarray())
-        blocks.append(seen @ x)
+        x = residual.apply(loads[:, k : k + BLOCK].toarray(order="F"))
+        blocks.append(seen.of(x))
         if answers is not None:
             answers.append(x)
     R = np.asarray(model.comm.allreduce(np.hstack(blocks)))

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.factor import Factor, without_zeros
+from pmr.fem.factor import Factor
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.simulate.balance import refuse_growth
@@ -126,7 +126,7 @@ class Integrator:
         S = effective_matrix(model, self._v_gain, self._q_gain)
         self._factor = Factor(S, "M + dv D + dq K")
         S.destroy()
-        self._M = without_zeros(model.M)
+        self._M = model.M
         self._D = model.D if model.D.norm(PETSc.NormType.NORM_INFINITY) > 0.0 else None
         self._B = local_csr(model.inputs)
         self._x, self._right = model.M.createVecs()

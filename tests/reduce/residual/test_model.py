@@ -18,6 +18,7 @@ from pmr.reduce.from_scene import build_basis, project, take_snapshots
 from pmr.reduce.residual.model import FLOOR, flexible_model, modal_model, section_model
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import truncated
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.compliant_rows import CompliantRows
 
@@ -113,7 +114,7 @@ def test_free_modes_need_no_floor(load_scene) -> None:
     found = flexible_model(model, modal_basis(modes), {})
     V = np.array(modes.S.getDenseArray())
     shared = Rows(model.rows.rows[2:], model.size).shared
-    on_carriers = carrier_flexibility(model, ResidualFlexibility(model, V), shared.carriers)
+    on_carriers = carrier_flexibility(model, ResidualFlexibility(FreeBody(model), V), shared.carriers)
     plain = tables(on_carriers, shared.refined(found.rows.x))
     assert found.flexibility and np.array_equal(found.flexibility.rows.c, plain.rows.c)
 

@@ -15,6 +15,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import with_rigid_modes
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 from pmr.snapshots.rigid import rigid_modes
 
@@ -34,7 +35,7 @@ def model(load_scene, kind: str, *overrides: str) -> FullModel:
 def applied(full: FullModel, V: np.ndarray, solver: str) -> np.ndarray:
     """R as a whole (n, n), on every rank."""
     first, last = full.M.getOwnershipRange()
-    R = ResidualFlexibility(full, V, solver).apply(np.eye(full.size)[first:last])
+    R = ResidualFlexibility(FreeBody(full, solver), V).apply(np.eye(full.size)[first:last])
     return np.concatenate(full.comm.allgather(R))
 
 

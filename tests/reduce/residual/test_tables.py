@@ -14,6 +14,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduce.residual.tables import BLOCK, carrier_flexibility, paired, stacked, tables
 from pmr.run import reduce
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 
 pytestmark = pytest.mark.mpi
@@ -31,7 +32,7 @@ RICH = [
 def case(load_scene, request: pytest.FixtureRequest) -> tuple[FullModel, ResidualFlexibility]:
     full = full_model(load_scene("paper_simple", RICH))
     V = np.array(free_modes(full, 6, request.param).S.getDenseArray())
-    return full, ResidualFlexibility(full, V, request.param)
+    return full, ResidualFlexibility(FreeBody(full, request.param), V)
 
 
 def whole(full: FullModel, local: np.ndarray) -> np.ndarray:

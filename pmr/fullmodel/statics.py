@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row, Rows
 from pmr.errors import ConvergenceError, InputError
-from pmr.fem.compat import PETSc
-from pmr.fem.distributed import freed, times
+from pmr.fem.distributed import freed
 from pmr.fem.factor import Factor
 from pmr.fem.matrices import gather
 from pmr.fullmodel.eigensolvers import is_dense
-from pmr.fullmodel.elimination import Elimination, eliminate
+from pmr.fullmodel.elimination import Condensed, Elimination, eliminate
 from pmr.fullmodel.model import FullModel
 
 Array = NDArray[np.float64]
@@ -28,7 +27,7 @@ class StaticSolver(Protocol):
     """x = T (T^T K T)^-1 T^T g, with T spanning the motions that the held rows allow."""
 
     def solve(self, g: Array) -> Array:
-        """This rank's rows (n_local, k) of the answers to loads given likewise; collective."""
+        """This rank's rows (n_local, k) of the answers to loads given likewise and maybe overwritten; collective."""
         ...
 
     def destroy(self) -> None:
@@ -78,19 +77,20 @@ class _Dense:
 
 class _Mumps:
     def __init__(self, model: FullModel, elimination: Elimination) -> None:
-        self._T = elimination.petsc(model.K)
-        K = model.K.PtAP(self._T)
+        self._condensed = Condensed(elimination, model.K)
+        K = elimination.condensed(model.K)
         try:
             self._factor = Factor(K, "stiffness")
         except InputError as error:
             raise ConvergenceError(_SINGULAR.format(error)) from None
         finally:
             freed(K)
-        self._transposed = self._T.transpose(PETSc.Mat())
 
     def solve(self, g: Array) -> Array:
-        return times(self._T, self._factor.solve_columns(times(self._transposed, g)))
+        self._condensed.restricted(g)
+        x = self._factor.solve_columns(g)
+        self._condensed.extended(x)
+        return x
 
     def destroy(self) -> None:
         self._factor.destroy()
-        freed(self._T, self._transposed)
