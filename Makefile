@@ -3,7 +3,7 @@
 .NOTPARALLEL:
 SHELL := /bin/bash
 
-PINS := $(filter-out requirements/snakemake.txt requirements/benchmarks.txt, $(wildcard requirements/*.txt)) pyproject.toml
+PINS := $(filter-out requirements/snakemake.txt requirements/benchmarks.txt requirements/docs.txt, $(wildcard requirements/*.txt)) pyproject.toml
 
 # The form compiler calls cc at run time, WeasyPrint loads Pango and HarfBuzz, gmsh (without a window) X libraries, VTK
 # (without an X server) EGL, and on Debian's default BLAS a MUMPS factor takes six times as long as on OpenBLAS.
@@ -95,6 +95,15 @@ bench: setup .venv/.bench ## ratios to the paper's way, peers, the machine's lim
 bench-full: setup .venv/.bench ## the same with the paper's way over its whole time span, and a million coordinates
 	@.venv/bin/python -m benchmarks --long
 
+# What builds the manual, and nothing else needs.
+.venv/.docs: requirements/docs.txt .venv/.ready
+	@.venv/bin/python -m pip install -q -r requirements/docs.txt
+	@touch $@
+
+.PHONY: docs
+docs: setup .venv/.docs ## the manual: docs/_build/html/index.html, which needs no network
+	@.venv/bin/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+
 .PHONY: test
 test: lint ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too, beside it
 	@if [ "$$CI" != true ]; then $(MAKE) --no-print-directory test-debian && echo "wheel stack not tested: make test-wheel does it"; \
@@ -172,5 +181,5 @@ test-wheel-kernel-%: .venv-wheel/.ready
 
 .PHONY: clean
 clean: ## remove what make and the tests made, the venvs too
-	rm -rf .venv .venv-wheel .venv-snakemake .snakemake build dist reports/paper reports/benchmarks .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf docs/_build .venv .venv-wheel .venv-snakemake .snakemake build dist reports/paper reports/benchmarks .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 	find pmr tests -name __pycache__ -prune -exec rm -rf {} +

@@ -1,7 +1,84 @@
 """Parametric model reduction of sliding and telescopic structures.
 
 A beam that slides through pads changes its boundary conditions all the time.  `pmr` reduces it with one global
-basis whose coordinates keep their meaning, and leaves the sliders as a few constraint rows that move.
+basis whose coordinates keep their meaning, and leaves the sliders as a few constraint rows that move::
+
+    import pmr
+
+    scene = pmr.load_scene("boom.toml", ["reduction.coordinates=8"])
+    outcome = pmr.run(scene)                      # the whole way, with comparison; needs FEniCSx
+    print(outcome.result.summary["errors"])
+
+    pmr.reduce(scene).reduced.save("reduced.npz")  # the reduced model alone; needs FEniCSx
+
+    model = pmr.ReducedModel.load("reduced.npz")  # from here on on any machine
+    response = pmr.simulate(scene, model)
+    response.t, response.displacement
+
+What is named here stays; everything else may change between versions.
 """
 
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pmr.errors import ConvergenceError, InputError, SimulationError
+    from pmr.reduced.model import ReducedModel
+    from pmr.results import RunResult
+    from pmr.scene import load as load_scene
+    from pmr.simulate.native.stepper import Stepper
+
 __version__ = "0.1.0"
+
+#: Where each public name stands: imported when it is asked for, since FEniCSx takes seconds and may be absent.
+_PLACES = {
+    "ConvergenceError": "pmr.errors:ConvergenceError",
+    "InputError": "pmr.errors:InputError",
+    "ReducedModel": "pmr.reduced.model:ReducedModel",
+    "RunResult": "pmr.results:RunResult",
+    "SimulationError": "pmr.errors:SimulationError",
+    "Stepper": "pmr.simulate.native.stepper:Stepper",
+    "load_scene": "pmr.scene:load",
+}
+#: Rooms that are called by what one does there: `pmr.reduce(scene)`, and `pmr.reduce.basis` as of any package.
+_VERBS = {
+    "reduce": "pmr.run:reduce",
+    "run": "pmr.run:run",
+    "simulate": "pmr.compare.responses:simulate_reduced",
+}
+
+__all__ = ["ConvergenceError", "InputError", "ReducedModel", "RunResult", "SimulationError", "Stepper", "load_scene"]
+
+
+def _found(place: str) -> Any:
+    module, _, attribute = place.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _VERBS:
+        return import_module(f"pmr.{name}")
+    if name in _PLACES:
+        return _found(_PLACES[name])
+    raise AttributeError(f"module 'pmr' has no public name {name!r}; there are {', '.join(__dir__())}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*_PLACES, *_VERBS, "__version__"])
+
+
+class _Verb(ModuleType):
+    def __call__(self, *args: Any, **keys: Any) -> Any:
+        return _found(_VERBS[self.__name__.rpartition(".")[2]])(*args, **keys)
+
+
+class _Package(ModuleType):
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in _VERBS and isinstance(value, ModuleType):  # the import system has just loaded this room
+            value.__class__ = _Verb
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -55,9 +55,9 @@ class Response:
     slider_force : (T, m) array, N
         Multipliers of the sliders; in space forces of all pads.  Which is which, `force_names` say.
     residual_position : (T,) array, m
-        Largest violation of a row, max |C(s) q|; NaN where a simulator has no such rows.
+        Largest violation of a row, the largest absolute entry of C(s) q; NaN where a simulator has no such rows.
     residual_velocity : (T,) array, m/s
-        Largest violation of its time derivative, max |C(s) q' + C'(s) s' q|; NaN likewise.
+        Largest violation of its time derivative, that of C(s) q' + C'(s) s' q; NaN likewise.
     seconds : float
         Wall time of the solver alone.
     output_names, output_units : tuples of str

@@ -3,28 +3,47 @@
 from __future__ import annotations
 
 import logging
+from typing import Annotated
 
 import typer
 from rich.logging import RichHandler
 
-from pmr.cli.console import VisibleText, err, leave, ranks
+from pmr import environment
+from pmr.cli.console import VisibleText, err, leave, out, ranks, say
 from pmr.cli.export import export
 from pmr.cli.info import info
+from pmr.cli.new import new
 from pmr.cli.run import run
+from pmr.cli.schema import schema
 from pmr.cli.study import study
 from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files.whole import FULL, NotWrittenError
 
 app = typer.Typer(
     help="Reduce beams that slide: from a scene file to a reduced model, checked against full references, in a report.",
-    epilog="Start with: pmr run workflows/paper_simple.toml",
+    epilog="Start with: pmr new boom mine && pmr run mine",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (run, study, export, info):
+for command in (new, run, study, export, info, schema):
     app.command()(command)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        say(out, f"pmr {environment.versions()['pmr']}")
+        raise typer.Exit
+
+
+@app.callback()
+def _before_any_command(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which version this is.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print errors alone.")] = False,
+) -> None:
+    out.quiet = quiet
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from rich.table import Table
 from pmr import environment
 from pmr import scene as scenes
 from pmr.cli.console import out
+from pmr.cli.files import scene_file
 from pmr.files.swap import finished
 from pmr.reduced.model import ReducedModel
 from pmr.scene.choice import choose
@@ -20,7 +21,8 @@ from pmr.text import visible
 
 def info(
     file: Annotated[
-        Path | None, typer.Argument(metavar="[FILE]", help="reduced.npz or a scene; without it, the stack found.")
+        Path | None,
+        typer.Argument(metavar="[FILE]", help="reduced.npz, a scene or its name; without it, the stack found."),
     ] = None,
 ) -> None:
     """Say which stack is in use (versions, MPI, scalar type), or what a file holds.
@@ -40,8 +42,8 @@ def info(
         else:
             rows |= versions()
         rows |= environment.machine()
-    elif file.suffix == ".toml":
-        rows = _describe_scene(scenes.load(file))
+    elif file.suffix != ".npz":
+        rows = _describe_scene(scenes.load(scene_file(file)))
     else:
         finished(file.parent)
         rows = described_model(ReducedModel.load(file))

@@ -16,6 +16,7 @@ from rich.table import Table
 from pmr import environment
 from pmr import scene as scenes
 from pmr.cli.console import ensure_writable, err, leave, no_report, out, say
+from pmr.cli.files import scene_file
 from pmr.errors import InputError
 from pmr.files.swap import fresh, removed
 from pmr.text import visible
@@ -27,7 +28,10 @@ if TYPE_CHECKING:
 
 
 def run(
-    scene_files: Annotated[list[Path], typer.Argument(metavar="SCENE.toml", help="One scene file or several.")],
+    scene_files: Annotated[
+        list[Path],
+        typer.Argument(metavar="SCENE", help="Scene files, folders with a scene.toml, or workflows by their names."),
+    ],
     out_dir: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/SCENE]")
     ] = None,
@@ -51,7 +55,7 @@ def run(
 
     Examples
     --------
-        pmr run workflows/paper_evolved.toml
+        pmr run paper_evolved
 
         pmr run workflows/paper_evolved.toml --set reduction.coordinates=10
 
@@ -60,11 +64,13 @@ def run(
         mpirun -n 2 pmr run SCENE.toml --set reduction.solver=slepc
     """
     asked = [*(overrides or ()), *([_simulators(simulators)] if simulators is not None else ())]
-    loaded = [(file, scenes.load(file, asked)) for file in scene_files]
-    if len({file.stem for file in scene_files}) != len(scene_files):
-        raise InputError("command line", "SCENE", [file.stem for file in scene_files], "names must differ")
+    names = [file.resolve().name if file.is_dir() else file.stem for file in scene_files]
+    files = [scene_file(file) for file in scene_files]
+    loaded = [(name, found, scenes.load(found, asked)) for name, found in zip(names, files, strict=True)]
+    if len(set(names)) != len(names):
+        raise InputError("command line", "SCENE", names, "names must differ")
     environment.check_installed("weasyprint")  # before the work, not after it
-    folder = out_dir or Path("reports", scene_files[0].stem)
+    folder = out_dir or Path("reports", names[0])
     ensure_writable(folder)
     try:
         from pmr.fem.compat import MPI
@@ -77,10 +83,10 @@ def run(
 
     first = MPI.COMM_WORLD.rank == 0
     outcomes = []
-    for file, scene in loaded:
-        where = folder if len(loaded) == 1 else folder / file.stem
+    for name, file, scene in loaded:
+        where = folder if len(loaded) == 1 else folder / name
         kept = Checkpoint(where / f"full-{scene.hash}.checkpoint")
-        with _progress(file.stem, shown=first) as progress:
+        with _progress(name, shown=first) as progress:
             try:
                 outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), kept)
             except InputError as error:
@@ -100,11 +106,11 @@ def run(
         with _progress("report", shown=first) as progress:
             progress("write", 0.0)
             try:
-                files = write_report([outcome.result for outcome in outcomes], folder)
+                written = write_report([outcome.result for outcome in outcomes], folder)
             except Exception as error:  # whatever it is: what was computed is there, and worth more
                 leave(no_report(error, folder), 1)
-        say(out, f"report  {files.html}")
-        say(out, f"        {files.pdf}")
+        say(out, f"report  {written.html}")
+        say(out, f"        {written.pdf}")
 
 
 def _save(outcome: Outcome, folder: Path) -> None:

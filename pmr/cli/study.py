@@ -12,6 +12,7 @@ import typer
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bars
 
+from pmr.cli import files as named
 from pmr.cli.console import ensure_writable, err, no_report, out, say
 from pmr.errors import InputError
 from pmr.studies import files
@@ -24,7 +25,12 @@ SHOWN_FAILURES = 10
 
 
 def study(
-    study_file: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="A study, or a collection of studies.")],
+    study_file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="STUDY", help="The file of a study or of a collection of studies, or a workflow's name."
+        ),
+    ],
     out_dir: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/STUDY]")
     ] = None,
@@ -59,8 +65,9 @@ def study(
 
         mpiexec -n 9 python -m mpi4py.futures -m pmr study workflows/studies/coordinates.toml    (8 workers)
     """
+    found = named.study_file(study_file)
     if listed:
-        for name in files.load(study_file, overrides or ()).runs:
+        for name in files.load(found, overrides or ()).runs:
             say(out, name)
         return
     folder = out_dir or Path("reports", study_file.stem)
@@ -68,7 +75,7 @@ def study(
         with _pool(jobs) as pool:
             if pool is None:
                 return  # a rank that has worked for the first one
-            project = files.load(study_file, overrides or ())
+            project = files.load(found, overrides or ())
             asked = project.only(only) if only else project
             ensure_writable(folder)
             with _watching() as watch:

@@ -81,12 +81,8 @@ class TomlFile:
         Raises
         ------
         InputError
-            If it is meant for a part of a list.
+            If it is meant for an entry of a list that isn't there.
         """
-        for key, value in change.tables.items():
-            if isinstance(self.data.get(key), list) and isinstance(value, Mapping):
-                allowed = "lists can't be changed in part; set the list as a whole"
-                raise InputError(change.source, *_leaf(key, value), allowed)
         self._forget_alternatives(self.data, change.tables)
         _merge(self.data, deepcopy(dict(change.tables)), change.source, self.origins)
 
@@ -262,16 +258,44 @@ def _merge(
     origins: Origins,
     prefix: tuple[str, ...] = (),
 ) -> None:
-    """Tables are merged key by key, except signals (anything with a kind), which replace each other whole."""
+    """Tables are merged key by key, except signals (anything with a kind), which replace each other whole.
+
+    A table over a list changes the list's entries: its keys are their names, or their numbers from 0 on.
+    """
     for key, value in update.items():
-        here = (*prefix, key)
-        if isinstance(value, Mapping) and isinstance(base.get(key), dict) and "kind" not in value:
-            _merge(base[key], value, source, origins, here)
+        here, old = (*prefix, key), base.get(key)
+        if isinstance(value, Mapping) and isinstance(old, dict) and "kind" not in value:
+            _merge(old, value, source, origins, here)
+        elif isinstance(value, Mapping) and isinstance(old, list):
+            for name, part in value.items():
+                number = _entry(old, name, (source, *_leaf(_dotted([*here, name]), part)))
+                if isinstance(part, Mapping):
+                    _merge(old[number], part, source, origins, (*here, str(number)))
+                else:
+                    old[number] = part  # what no entry can be, the model refuses
         else:
             base[key] = value
             for known in [known for known in origins if known[: len(here)] == here]:
                 del origins[known]
             origins[here] = source
+
+
+def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
+    """Number of the entry of a list that is called so; `place` is where it was asked for: source, key, value."""
+    source, key, value = place
+    names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
+    tables = [number for number, entry in enumerate(entries) if isinstance(entry, dict)]
+    if names.count(name) == 1:
+        return names.index(name)
+    if name.isdecimal() and int(name) in tables:
+        return int(name)
+    if not tables:
+        raise InputError(source, key, value, "this list can't be changed in part; set it as a whole")
+    known = ", ".join(str(found) for found in names if found is not None)
+    numbers = f"a number from 0 to {len(entries) - 1}"
+    raise InputError(
+        source, key, value, f"of the list's entries {f'{known}, or ' if known else ''}{numbers} is allowed"
+    )
 
 
 def _leaf(key: str, value: Any) -> tuple[str, Any]:

@@ -84,6 +84,18 @@ def kind_names() -> list[str]:
     return sorted([*(module.name for module in pkgutil.iter_modules(kinds.__path__)), COLLECTION])
 
 
+def schemas() -> dict[str, dict[str, Any]]:
+    """JSON schema of each kind of study file."""
+    return {kind: _model(kind).model_json_schema() for kind in kind_names()}
+
+
+def _model(kind: str) -> type[BaseModel]:
+    if kind == COLLECTION:
+        return Collection
+    model: type[StudyBase] = importlib.import_module(f"{kinds.__name__}.{kind}").Study
+    return model
+
+
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
     """Read a study file, and those it names, down to their plans.
 
@@ -132,8 +144,8 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
 
 
 def _part(name: str, file: TomlFile) -> Part:
-    model: type[StudyBase] = importlib.import_module(f"{kinds.__name__}.{file.data['kind']}").Study
-    study = file.validated(model)
+    study = file.validated(_model(file.data["kind"]))
+    assert isinstance(study, StudyBase)  # collections are no parts
     try:
         return Part(name, study, study.plan())
     except InputError as error:

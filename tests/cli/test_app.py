@@ -190,7 +190,7 @@ def test_no_room_for_a_drawn_mesh_is_one_line(tmp_path: Path) -> None:
 
 def test_help_teaches(monkeypatch, capsys) -> None:
     top, run = called(monkeypatch, capsys, "--help"), called(monkeypatch, capsys, "run", "--help")
-    assert "pmr run workflows/paper_simple.toml" in top.stdout
+    assert "pmr new boom mine" in top.stdout
     assert "--set reduction.coordinates=10" in run.stdout and "summary.json" in run.stdout
 
 

@@ -33,7 +33,7 @@ def test_an_option_is_a_change() -> None:
 
 
 def test_part_of_a_list_cannot_be_changed(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="here: x.y.z = 2: lists can't be changed in part"):
+    with pytest.raises(InputError, match="here: x.y.z = 2: this list can't be changed in part"):
         read(tmp_path, "x = [1]").apply(Change({"x": {"y": {"z": 2}}}, "here"))
 
 

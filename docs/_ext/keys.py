@@ -1,0 +1,116 @@
+"""The pages of keys, written from the schemas of scenes, signals and studies before Sphinx reads its sources."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from sphinx.application import Sphinx
+
+from pmr.scene import StructureScene as Scene
+from pmr.studies.files import schemas
+
+Schema = dict[str, Any]
+
+BOUNDS = {"minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most", "exclusiveMaximum": "below"}
+PLAIN = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false", "null": "nothing"}
+INTRODUCTION = """\
+# Keys of a {what}
+
+Every key with what it allows, its unit and its default. `pmr schema {what}` prints the same as a JSON schema, from
+which editors complete and check.
+"""
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write the pages when a build begins."""
+    app.connect("builder-inited", write_pages)
+    return {"parallel_read_safe": True}
+
+
+def write_pages(app: Sphinx) -> None:
+    """One page for scenes, one for each kind of study."""
+    folder = Path(app.srcdir, "reference")
+    write(folder / "scene_keys.md", INTRODUCTION.format(what="scene") + tables(Scene.model_json_schema()))
+    kinds = "".join(f'\n## `kind = "{kind}"`\n\n{tables(schema, 3)}' for kind, schema in schemas().items())
+    write(folder / "study_keys.md", INTRODUCTION.format(what="study") + kinds)
+
+
+def write(file: Path, text: str) -> None:
+    """Only what differs: Sphinx reads again what has a new time."""
+    if not file.exists() or file.read_text() != text:
+        file.write_text(text)
+
+
+def tables(schema: Schema, level: int = 2) -> str:
+    """A table for the file itself, then one for each part of it in the order in which it is met."""
+    parts, found, waiting = schema.get("$defs", {}), [], [("The file itself", schema)]
+    seen: set[str] = set()
+    while waiting:
+        title, part = waiting.pop(0)
+        found.append(section(title, part, level))
+        for name in references(part.get("properties", {})):
+            if name not in seen and "properties" in parts.get(name, {}):
+                seen.add(name)
+                waiting.append((parts[name].get("title", name), parts[name]))
+    return "\n".join(found)
+
+
+def section(title: str, part: Schema, level: int) -> str:
+    """What a part is, and its keys."""
+    lines = [
+        "",
+        f"{'#' * level} {title}",
+        "",
+        cell(part.get("description", "")),
+        "",
+    ]
+    lines += ["| key | allowed | unit | default | |", "|---|---|---|---|---|"]
+    needed = part.get("required", [])
+    for key, value in part.get("properties", {}).items():
+        default = "must be given" if key in needed else shown(value.get("default"), allowed(value))
+        cells = [f"`{key}`", allowed(value), value.get("unit", ""), default, cell(value.get("description", ""))]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join([*lines, ""])
+
+
+def allowed(value: Schema) -> str:
+    """What a key may be, in words."""
+    if "$ref" in value:
+        return title_of(value["$ref"])
+    for word in ("anyOf", "oneOf", "allOf"):
+        if word in value:
+            return " or ".join(dict.fromkeys(allowed(each) for each in value[word] if each.get("type") != "null"))
+    if "const" in value or "enum" in value:
+        return ", ".join(f"`{json.dumps(each)}`" for each in value.get("enum", [value.get("const")]))
+    if value.get("type") == "array":
+        items = value.get("items") or {}
+        return f"list of {allowed(items)}" if items else f"list of {len(value.get('prefixItems', []))}"
+    if value.get("type") == "object":
+        return "table"
+    bounds = [f"{words} {value[name]:g}" for name, words in BOUNDS.items() if name in value]
+    return ", ".join([PLAIN.get(value.get("type", ""), "anything"), *bounds])
+
+
+def title_of(reference: str) -> str:
+    """The name of a part that is spoken of."""
+    return "*" + reference.rpartition("/")[2] + "*"
+
+
+def references(data: Any) -> list[str]:
+    """Names of all parts that are spoken of, in order."""
+    if isinstance(data, dict):
+        own = [data["$ref"].rpartition("/")[2]] if isinstance(data.get("$ref"), str) else []
+        return own + [name for value in data.values() for name in references(value)]
+    return [name for value in data for name in references(value)] if isinstance(data, list) else []
+
+
+def shown(default: Any, of: str) -> str:
+    """A default as it would be written; that of a table stands in the table."""
+    return "" if default is None or (isinstance(default, dict) and "*" in of) else f"`{json.dumps(default)}`"
+
+
+def cell(text: str) -> str:
+    """A docstring on one line, as Markdown."""
+    return " ".join(text.split()).replace("``", "`").replace("|", "\\|")

@@ -1,0 +1,69 @@
+"""What a newcomer types first: a scene of one's own, workflows by their names, keys for an editor."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from pmr import __version__
+from pmr import scene as scenes
+from pmr.cli.app import app
+from pmr.cli.files import scene_file, study_file
+from pmr.cli.new import kinds
+from pmr.errors import InputError
+
+RUN = CliRunner()
+
+
+@pytest.mark.parametrize("kind", kinds())
+def test_a_new_scene_is_accepted_and_has_the_folders_name(kind: str, tmp_path: Path) -> None:
+    assert RUN.invoke(app, ["new", kind, str(tmp_path / "mine")]).exit_code == 0
+    assert scenes.load(scene_file(tmp_path / "mine")).title == "mine"
+
+
+def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text("mine")
+    with pytest.raises(InputError, match="not there yet"):
+        RUN.invoke(app, ["new", "boom", str(tmp_path)], catch_exceptions=False, standalone_mode=False)
+    assert (tmp_path / "scene.toml").read_text() == "mine"
+
+
+def test_an_unknown_kind_is_answered_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="boom, crane"):
+        RUN.invoke(app, ["new", "boat", str(tmp_path / "x")], catch_exceptions=False, standalone_mode=False)
+
+
+def test_workflows_are_found_by_their_names_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert scene_file(Path("paper_simple")).name == "paper_simple.toml"
+    assert study_file(Path("error_map")).parent.name == "studies"
+    Path("paper_simple.toml").write_text("title = 'mine'")
+    assert scene_file(Path("paper_simple.toml")) == Path("paper_simple.toml")
+
+
+def test_each_command_names_the_other_one_for_its_files() -> None:
+    with pytest.raises(InputError, match="pmr study error_map"):
+        scene_file(Path("error_map"))
+    with pytest.raises(InputError, match="pmr run paper_simple"):
+        study_file(Path("paper_simple"))
+
+
+def test_the_schema_knows_every_key_of_the_booms_scene() -> None:
+    schema = json.loads(RUN.invoke(app, ["schema"]).stdout)
+    written = tomllib.loads(Path("workflows/boom.toml").read_text())
+    assert set(written) <= set(schema["properties"])
+    assert set(written["body"]["box"]) == set(schema["$defs"]["Box"]["properties"]) - {
+        "radius",
+        "frames",
+        "frame_depth",
+    }
+
+
+def test_version_and_quiet() -> None:
+    assert RUN.invoke(app, ["--version"]).stdout.strip() == f"pmr {__version__}"
+    assert "beam" in RUN.invoke(app, ["info", "boom_beam"]).stdout
+    assert not RUN.invoke(app, ["--quiet", "info", "boom_beam"]).stdout

@@ -1,0 +1,43 @@
+"""The names of `import pmr`: each is there, and a room that is called does what its name says."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+
+import pytest
+
+import pmr
+from pmr import scene as scenes
+
+
+def test_every_public_name_is_there() -> None:
+    assert pmr.load_scene is scenes.load
+    assert {"ReducedModel", "Stepper", "load_scene", "reduce", "run", "simulate"} <= set(dir(pmr))
+    assert all(getattr(pmr, name) is not None for name in dir(pmr))
+
+
+def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
+    with pytest.raises(AttributeError, match="load_scene"):
+        _ = pmr.loadscene
+
+
+@pytest.mark.parametrize("before", ["", "import pmr.simulate.native.step; "])
+def test_a_room_is_called_and_stays_a_package(before: str) -> None:
+    """In a process of its own, once without and once after the package was imported by itself."""
+    code = f"{before}import pmr, pmr.simulate.stepping as room; assert callable(pmr.simulate), room"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_importing_pmr_imports_nothing_heavy() -> None:
+    code = "import sys, pmr; assert not {'numpy', 'numba', 'dolfinx', 'exudyn'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_reduce_and_simulate_from_a_scene() -> None:
+    scene = pmr.load_scene("workflows/evolved_residual.toml", ["mesh.elements=10", "time.end=0.01"])
+    response = pmr.simulate(scene, pmr.reduce(scene).reduced)
+    direct = importlib.import_module("pmr.run").run(scene)
+    assert response.displacement.shape == direct.result.responses["reduced"].displacement.shape
+    assert (response.displacement == direct.result.responses["reduced"].displacement).all()
