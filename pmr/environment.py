@@ -22,6 +22,10 @@ _NUMERICAL = ("numpy", "scipy", "numba", "exudyn", "fenics-dolfinx", "petsc4py",
 
 #: Packages that only a part of the work needs: what for, and how to get them.
 _NEEDED = {
+    "exudyn": (
+        "it simulates beside march and makes the ANCF reference; pip install exudyn installs it (or do without: "
+        'simulation.simulators = ["march"], and no "ancf" in compare.against)'
+    ),
     "gmsh": "it draws the meshes of shells and solids; pip install gmsh installs it (or give mesh.file)",
     "weasyprint": "it writes report.pdf; pip install weasyprint installs it, its system libraries are Pango's",
 }

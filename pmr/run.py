@@ -15,7 +15,7 @@ from pmr.compare import coverage, estimate, memory, pad_forces, step_advice, tru
 from pmr.compare import errors as compare
 from pmr.compare.frequencies import closed_form_frequencies, reduced_frequencies
 from pmr.compare.references import References, references
-from pmr.compare.responses import Simulations, full_simulator, quantities, simulate
+from pmr.compare.responses import Simulations, check_installed, full_simulator, quantities, simulate
 from pmr.compare.step_error import StepError, step_error
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
@@ -79,6 +79,7 @@ def run(
     ConvergenceError, SimulationError
         If a solver fails.
     """
+    check_installed(scene)
     clock = clock or Clock()
     with clock.stage("assemble"):
         built = build(scene, comm)

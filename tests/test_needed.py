@@ -9,10 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from pmr import scene
+from pmr.compare import responses
 from pmr.environment import check_installed, needed
 from pmr.errors import InputError
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
+MARCH_ALONE = ["simulation.simulators=['march']", "compare.against=['full']"]
 
 
 def run_without(folder: Path, package: str, content: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -34,6 +37,24 @@ def test_without_gmsh_a_shell_is_refused_in_one_line(tmp_path: Path) -> None:
     assert "pip install gmsh" in found.stderr
 
 
+def test_without_exudyn_a_scene_that_asks_for_it_is_refused_in_one_line(tmp_path: Path) -> None:
+    found = run_without(tmp_path, "exudyn", ABSENT.format("exudyn"), "export", str(tmp_path / "reduced.npz"))
+    assert found.returncode == 2 and "Traceback" not in found.stderr
+    assert "pmr: installation: exudyn: not found (No module named 'exudyn')" in found.stderr
+    assert "pip install exudyn" in found.stderr and 'simulation.simulators = ["march"]' in found.stderr
+
+
+@pytest.mark.slow
+def test_without_exudyn_march_does_the_work(tmp_path: Path) -> None:
+    """All but the report, which nothing hinders either."""
+    short = ["time.end=0.1", "mesh.elements=10", "compare.against=['full']", "slider.path=1.25"]
+    overrides = [part for override in [*short, "simulation.simulators=['march']"] for part in ("--set", override)]
+    scene = str(WORKFLOWS / "paper_simple.toml")
+    found = run_without(tmp_path, "exudyn", ABSENT.format("exudyn"), "run", scene, "--out", "results", *overrides)
+    assert found.returncode == 0, found.stderr
+    assert (tmp_path / "results" / "report.pdf").exists()
+
+
 @pytest.mark.slow
 def test_without_a_library_of_weasyprint_all_but_the_report_is_there(tmp_path: Path) -> None:
     content = "raise OSError('cannot load library libpango')"
@@ -52,8 +73,12 @@ def test_a_missing_package_is_named_before_the_work(monkeypatch: pytest.MonkeyPa
     check_installed("weasyprint")
     assert needed("weasyprint").HTML
     monkeypatch.setattr(sys, "path", [])
-    monkeypatch.delitem(sys.modules, "gmsh", raising=False)
+    for name in ("gmsh", "exudyn"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
     with pytest.raises(InputError, match="installation: gmsh: not found; it draws .* pip install gmsh"):
         check_installed("gmsh")
+    with pytest.raises(InputError, match="installation: exudyn: not found; .* pip install exudyn"):
+        responses.check_installed(scene.load(WORKFLOWS / "paper_simple.toml"))
+    responses.check_installed(scene.load(WORKFLOWS / "paper_simple.toml", MARCH_ALONE))
     with pytest.raises(InputError, match="installation: gmsh: not found .* pip install gmsh"):
         needed("gmsh")

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from pmr import environment
 from pmr.cli.console import ensure_writable, out, say
 from pmr.errors import InputError
 from pmr.files.swap import finished
@@ -27,6 +28,7 @@ def export(
     """
     if to != "exudyn":
         raise InputError("command line", "--to", to, "exudyn is allowed")
+    environment.needed("exudyn")  # the script's parts are tested code, which is loaded to be written
     from pmr.export.exudyn.script import write_exudyn_script
 
     target = out_file or model.with_name("sliding_body.py")

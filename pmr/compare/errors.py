@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.results import Response
-from pmr.simulate.exudyn import ancf
 from pmr.system.body import SlidingBody, force_outputs, released_rows
 
 Array = NDArray[np.float64]
@@ -229,18 +228,3 @@ def _norms(A: Array, rows: Array) -> Array:
 def _reach(A: Array, body: SlidingBody, loads: Array) -> float:
     """Sum of all loads' largest values (T, i), each times the norm of its input."""
     return float(_norms(A, np.asarray(body.B).T) @ np.abs(loads).max(axis=0, initial=0.0))
-
-
-def respond_cable(cable: ancf.Cable, motion: ancf.CableMotion) -> Response:
-    """Response of the ANCF reference; its joint holds a point in space, so the rows' residuals do not apply: NaN."""
-    unknown = np.full(len(motion.t), np.nan)
-    return Response(
-        t=motion.t,
-        x=motion.x,
-        displacement=motion.displacement,
-        energy=ancf.energy(cable, motion),
-        slider_force=motion.slider_force[:, None],
-        residual_position=unknown,
-        residual_velocity=unknown,
-        seconds=motion.seconds,
-    )

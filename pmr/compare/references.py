@@ -19,8 +19,10 @@ from pmr.errors import SimulationError
 from pmr.fullmodel.model import FullModel
 from pmr.results import Response
 from pmr.scene import SceneBase
+from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.native import simulator as march
+from pmr.simulate.needs import needs_of_rows
 from pmr.simulate.petsc import Checkpoint, Recording, observe, respond
 
 Array = NDArray[np.float64]
@@ -94,8 +96,9 @@ def reference(name: str, scene: SceneBase, model: FullModel, clock: Clock | None
 def _full(
     scene: SceneBase, model: FullModel, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None
 ) -> tuple[Response | None, Array | None]:
-    if full_simulator(scene, model.size) == "petsc":
-        excitation = Excitation.of(scene)
+    excitation, simulator = Excitation.of(scene), full_simulator(scene, model.size)
+    refuse(simulator, needs_of_rows(model.rows, excitation), REFERENCE)
+    if simulator == "petsc":
         recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
         with clock.stage("full") as done:
             history = observe(model, excitation, recording, progress=done, checkpoint=checkpoint)
@@ -104,7 +107,7 @@ def _full(
     if not len(steps) or model.size > MARCHED_UP_TO:
         return response, None
     body = model.gather()
-    states = None if body is None else march.simulate_at(body, Excitation.of(scene), np.asarray(steps)).q
+    states = None if body is None else march.simulate_at(body, excitation, np.asarray(steps)).q
     return response, _spread(model, states)
 
 

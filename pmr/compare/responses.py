@@ -4,26 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import combinations
 from statistics import median
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from pmr import environment
 from pmr.clock import Clock
+from pmr.compare import cable
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene, SceneBase, StructureScene
 from pmr.scene.choice import transverse
-from pmr.simulate import Excitation, Simulator
-from pmr.simulate.exudyn import ancf
-from pmr.simulate.exudyn import simulator as exudyn
+from pmr.scene.simulators import SIMULATORS
+from pmr.simulate import Excitation, exudyn
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
 from pmr.system.body import FullBody, SlidingBody
+
+if TYPE_CHECKING:
+    from pmr.simulate.exudyn import Formulation
 
 Array = NDArray[np.float64]
 Done = Callable[[float], None]
@@ -89,8 +93,23 @@ def simulate_reference(name: str, scene: SceneBase, full: FullBody, clock: Clock
     with (clock or Clock()).stage(name) as done:
         if name == "ancf":
             assert isinstance(scene, Scene)  # the scene's check
-            return _ancf(scene, full.output_positions, done)
+            return cable.response(scene, full.output_positions, done)
         return _repeated(scene, full, full_simulator(scene, full.size), done, SHORT)
+
+
+def check_installed(scene: SceneBase) -> None:
+    """Refuse before the work what a scene's simulators need and isn't there.
+
+    Raises
+    ------
+    InputError
+        With the package and the command that installs it.
+    """
+    names = [*scene.simulation.simulators, *(["exudyn"] if "ancf" in scene.compare.against else [])]
+    if "full" in scene.compare.against and scene.simulation.full != "auto":
+        names.append(scene.simulation.full)
+    for package in {SIMULATORS[name].package for name in names} - {None}:
+        environment.check_installed(str(package))
 
 
 def quantities(scene: SceneBase) -> Mapping[str, compare.Quantity]:
@@ -116,10 +135,10 @@ def _repeated(
     return replace(first, seconds=median([first.seconds, *again]))
 
 
-def _in_exudyn(integrate: Simulator) -> Respond:
+def _in_exudyn(formulation: Formulation) -> Respond:
     def response(scene: SceneBase, body: SlidingBody, done: Done | None) -> Response:
         excitation = Excitation.of(scene)
-        trajectory = integrate(body, excitation, progress=done)
+        trajectory = exudyn.simulate(body, excitation, progress=done, formulation=formulation)
         return respond(body, trajectory, excitation.path_rate, excitation.forces(body.input_names))
 
     return response
@@ -135,30 +154,7 @@ def _in_march(scene: SceneBase, body: SlidingBody, done: Done | None) -> Respons
 
 _RESPOND: dict[str, Respond] = {
     "march": _in_march,
-    "exudyn": _in_exudyn(exudyn.simulate),
-    "exudyn-multiplier": _in_exudyn(partial(exudyn.simulate, formulation="multipliers")),
-    "exudyn-callback": _in_exudyn(partial(exudyn.simulate, formulation="callbacks")),
+    "exudyn": _in_exudyn("springs"),
+    "exudyn-multiplier": _in_exudyn("multipliers"),
+    "exudyn-callback": _in_exudyn("callbacks"),
 }
-
-
-def cable_of(scene: Scene) -> ancf.Cable:
-    """The scene's beam as an ANCF cable."""
-    body = scene.body
-    assert body.axial_stiffness is not None  # the scene's check
-    return ancf.Cable(
-        length=body.length,
-        axial_stiffness=body.axial_stiffness,
-        bending_stiffness=body.bending_stiffness,
-        mass_per_length=body.mass_per_length,
-        elements=scene.compare.ancf_elements,
-    )
-
-
-def simulate_cable(scene: Scene, x: ArrayLike, done: Done | None = None) -> ancf.CableMotion:
-    """Motion of that cable at the material points x (o,) in m."""
-    places = {load.name: load.at for load in scene.loads}
-    return ancf.simulate(cable_of(scene), places, Excitation.of(scene), np.asarray(x, dtype=float), done)
-
-
-def _ancf(scene: Scene, x: Array, done: Done) -> Response:
-    return compare.respond_cable(cable_of(scene), simulate_cable(scene, x, done))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from pmr.errors import InputError
 from pmr.scene.magnitudes import check_magnitudes
 from pmr.scene.sections import SUPPORT_ROWS, Damping, Scene, SceneBase
+from pmr.scene.simulators import REFERENCE, Needs, refuse
 from pmr.scene.space import StructureScene
 from pmr.scene.space_checks import check_structure
 
@@ -31,6 +33,31 @@ def check(scene: SceneBase) -> None:
         check_structure(scene)
     elif isinstance(scene, Scene):
         _beam(scene)
+    _simulators(scene)
+
+
+def _simulators(scene: SceneBase) -> None:
+    """What can be told before there is a model."""
+    choice, (low, high) = scene.reduction, scene.path_bounds
+    rings = scene.pads if isinstance(scene, StructureScene) else ()
+    pushing = tuple(ring.name for ring in rings if ring.unilateral)
+    soft = {ring.name for ring in rings if ring.stiffness != "rigid"}
+    moving = tuple(ring.name for ring in rings if ring.moving) or ("slider",)
+    full = Needs(
+        pushing=pushing,
+        giving=tuple(soft),
+        rigid_moving=tuple(name for name in moving if name not in soft) if high > low else (),
+        rho_inf=scene.time.rho_inf,
+    )
+    if "full" in scene.compare.against:
+        refuse("petsc" if scene.simulation.full == "auto" else scene.simulation.full, full, REFERENCE)
+    reduced = replace(full, kept_inertia=choice.residual_inertia)
+    if choice.flexibility:
+        reduced = replace(reduced, giving=("reduction.flexibility",), rigid_moving=())
+    else:
+        reduced = replace(reduced, rigid_pushing=tuple(name for name in pushing if name not in soft))
+    for name in scene.simulation.simulators:
+        refuse(name, reduced)
 
 
 def _beam(scene: Scene) -> None:
@@ -65,22 +92,11 @@ def _reduction(scene: SceneBase) -> None:
     if choice.support_rows == "hold" and (choice.flexibility or choice.basis == "free_modes"):
         allowed = "'drop' is allowed with free modes and with flexibility: their supports hold without coordinates"
         raise _refusal("reduction.support_rows", choice.support_rows, allowed)
-    if choice.residual_inertia:
-        _inertia(scene)
-    if choice.flexibility and "exudyn-callback" in scene.simulation.simulators:
-        allowed = "'march', 'exudyn' or 'exudyn-multiplier' is allowed with flexibility; callbacks know firm rows only"
-        raise _refusal("simulation.simulators", list(scene.simulation.simulators), allowed)
-    if choice.basis == "eigenmodes":
-        _pool(scene)
-
-
-def _inertia(scene: SceneBase) -> None:
-    if not (scene.reduction.basis == "free_modes" and scene.reduction.flexibility):
+    if choice.residual_inertia and not (choice.basis == "free_modes" and choice.flexibility):
         allowed = "free modes with flexibility = true are allowed to keep the inertia of what they leave out"
         raise _refusal("reduction.residual_inertia", True, allowed)
-    if scene.simulation.simulators != ("march",):
-        allowed = "march is allowed: it alone keeps residual inertia"
-        raise _refusal("simulation.simulators", list(scene.simulation.simulators), allowed)
+    if choice.basis == "eigenmodes":
+        _pool(scene)
 
 
 def _pool(scene: SceneBase) -> None:

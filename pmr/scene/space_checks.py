@@ -40,8 +40,6 @@ def check_structure(scene: StructureScene) -> None:
         raise _refusal("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
     if "ancf" in scene.compare.against:
         raise _refusal("compare.against", list(scene.compare.against), "ANCF is for planar beams; full is allowed")
-    if any(ring.unilateral for ring in scene.pads):
-        _pushing(scene)
     choice = scene.reduction
     if choice.positions == "nodes" and choice.basis == "eigenmodes":
         raise _refusal("reduction.positions", "nodes", "'path' or a list of places in m is allowed in space")
@@ -68,15 +66,6 @@ def _observed(scene: StructureScene) -> None:
     for key, at in places:
         if not -1e-9 * length <= at <= (1.0 + 1e-9) * length:
             raise _refusal(key, at, f"on the body, 0 to {length:g} m, is allowed")
-
-
-def _pushing(scene: StructureScene) -> None:
-    if scene.simulation.simulators != ("march",):
-        simulators = list(scene.simulation.simulators)
-        raise _refusal("simulation.simulators", simulators, "march is allowed: it alone knows pads that only push")
-    if "full" in scene.compare.against:
-        allowed = "[] is allowed: the full model knows no pads that only push"
-        raise _refusal("compare.against", list(scene.compare.against), allowed)
 
 
 def _body(scene: StructureScene) -> None:

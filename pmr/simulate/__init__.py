@@ -1,7 +1,7 @@
-"""Simulators, one file each: `exudyn` (reduced and full bodies), `ancf` (an independent reference).
+"""Simulators, a folder each: `native` (march, compiled), `exudyn` (with the ANCF reference), `petsc` (full order).
 
-Every simulator of a sliding body fulfils `Simulator`: the same arguments, and a `Trajectory` that holds all
-steps, t = 0 included.
+Every simulator of a sliding body fulfils `Simulator`: the same arguments, and a `Trajectory` that holds all steps,
+t = 0 included.  What it can't do it doesn't try: `pmr.scene.simulators.refuse` says so, with the key to change.
 """
 
 from __future__ import annotations

@@ -98,7 +98,7 @@ class Excitation:
         InputError
             If there are several paths, or it leaves the domain at a step or between two of them.
         """
-        return path_at(self.path, domain, self.times)
+        return _within(self.path, self.s[:, 0], domain, self.times)
 
     @cached_property
     def f(self) -> Array:
@@ -152,8 +152,11 @@ def path_at(path: SignalBase, domain: tuple[float, float], t: Array) -> Array:
     InputError
         If the path leaves `domain`, at one of these times or between two of them.
     """
+    return _within(path, np.asarray(path.value(t), dtype=float), domain, t)
+
+
+def _within(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:
     low, high = domain
-    s = np.asarray(path.value(t), dtype=float)
     slack = DOMAIN_TOLERANCE * (high - low)
     outside = ~((s >= low - slack) & (s <= high + slack))
     if outside.any():

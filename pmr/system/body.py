@@ -14,7 +14,6 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import stacked
 from pmr.constraints.rows import Rows
-from pmr.errors import InputError
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.flexibility import Flexibility
@@ -177,20 +176,6 @@ def pushing_rows(body: SlidingBody) -> list[int]:
 def released_rows(body: SlidingBody) -> list[int]:
     """Numbers of the rows that move or only push: whose multipliers are forces of sliders and pads."""
     return sorted({*body.moving, *pushing_rows(body)})
-
-
-def refuse_pushing_rows(names: Sequence[str], clearance: Array, where: str, source: str = "body") -> None:
-    """Refuse rows, given by their names and clearances (m,), of which some only push.
-
-    Raises
-    ------
-    InputError
-        That names them.
-    """
-    pushing = [name for name, c in zip(names, clearance, strict=True) if not np.isnan(c)]
-    if pushing:
-        allowed = f"{', '.join(pushing)} only push; rows that hold both ways are allowed in {where}, march does all"
-        raise InputError(source, "rows", None, allowed)
 
 
 def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, loads: Array) -> Array:

@@ -23,7 +23,8 @@ from pmr.export.exudyn import script_solver as script_solver
 from pmr.export.exudyn.script_scene import WIDTH, scene_text
 from pmr.files.whole import replaced
 from pmr.reduced.model import ReducedModel
-from pmr.simulate.exudyn.items import refuse_what_march_alone_does
+from pmr.scene.simulators import Asked, refuse
+from pmr.simulate.needs import needs_of
 from pmr.system.body import force_outputs
 from pmr.system.compliant_rows import compliant_rows
 
@@ -124,7 +125,7 @@ def exudyn_script(model: ReducedModel, file_name: str) -> str:
         If the model's provenance has no usable scene, only some of its rows give way, it keeps residual inertia or has
         rows that only push.
     """
-    refuse_what_march_alone_does(model, file_name)
+    refuse("exudyn", needs_of(model, model.domain[0]), Asked(file_name, "", None))
     scene, compliant = scene_text(model, file_name), compliant_rows(model)
     moved = np.flatnonzero(~force_outputs(model))
     if not moved.size:

@@ -28,8 +28,6 @@ from pmr.simulate.stepping import Progress, TimeStepping
 
 __all__ = ["Cable", "CableMotion", "energy", "simulate"]
 Array = NDArray[np.float64]
-#: Position and slope, each in the plane.
-COORDINATES_PER_NODE = 4
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,11 @@ import scipy.sparse as sp
 from exudyn.itemInterface import MarkerNodeCoordinates, ObjectGenericODE2
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
 from pmr.simulate.exudyn.inputs import Inputs, moving_rows
 from pmr.simulate.exudyn.items import SlidingBodyItems, add_body, add_coordinates, matrix, updated, with_rows
 from pmr.simulate.start import InitialState
 from pmr.system.body import SlidingBody
-from pmr.system.compliant_rows import CompliantRows, compliant_rows
+from pmr.system.compliant_rows import CompliantRows
 
 Array = NDArray[np.float64]
 
@@ -129,16 +128,7 @@ def add_kept_body(mbs: Any, body: SlidingBody, inputs: Inputs, start: InitialSta
 
 
 def add_called_body(mbs: Any, body: SlidingBody, inputs: Inputs, start: InitialState) -> SlidingBodyItems:
-    """Items of a body whose rows and loads Exudyn asks for in every iteration.
-
-    Raises
-    ------
-    InputError
-        If rows give way: this is the paper's way, which knows none.
-    """
-    if compliant_rows(body):
-        names = ", ".join(body.row_names[i] for i in compliant_rows(body))
-        raise InputError("body", "rows", None, f"{names} give way; rows that hold firm are allowed with callbacks")
+    """Items of a body whose rows and loads Exudyn asks for in every iteration: the paper's way, for firm rows alone."""
     numbers = moving_rows(body)
     rows = inputs.along(lambda s: body.dense_rows(s)[:, numbers], body.size * len(numbers))
 

@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+#: Position and slope, each in the plane.
+COORDINATES_PER_NODE = 4
 
 #: S of position and slope (over the element's length) at its left and right end, as polynomials in xi / h.
 _SHAPES = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])

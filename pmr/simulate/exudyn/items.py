@@ -28,9 +28,8 @@ from exudyn.itemInterface import (
 )
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
 from pmr.simulate.start import InitialState
-from pmr.system.body import SlidingBody, refuse_pushing_rows
+from pmr.system.body import SlidingBody
 
 Array = NDArray[np.float64]
 PreStep = Callable[[Any, float], bool]
@@ -95,14 +94,7 @@ def add_pre_step_function(mbs: Any, function: PreStep) -> None:
 
 
 def add_body(mbs: Any, body: SlidingBody, start: InitialState, **parameters: Any) -> SlidingBodyItems:
-    """Node, object, ground and supports of a body; `parameters` are those of its ObjectGenericODE2.
-
-    Raises
-    ------
-    InputError
-        If the body keeps the inertia of its residual part or has rows that only push, for which there are no items.
-    """
-    refuse_what_march_alone_does(body)
+    """Node, object, ground and supports of a body; `parameters` are those of its ObjectGenericODE2."""
     name = f"slidingBody{mbs.systemData.NumberOfObjects()}"
     nBody = add_coordinates(mbs, name, start)
     damping = {"dampingMatrix": matrix(body.D)} if _has_entries(body.D) else {}
@@ -115,14 +107,6 @@ def add_body(mbs: Any, body: SlidingBody, start: InitialState, **parameters: Any
         _hold(mbs, f"{name}Support{row}", nBody, coordinate, nGround) for row, coordinate in body.held.items()
     )
     return SlidingBodyItems(nBody, oBody, mBody, nGround, mGround, None, oSupports, ())
-
-
-def refuse_what_march_alone_does(body: SlidingBody, source: str = "body") -> None:
-    """Exudyn's items know the quasi-static residual part only, and rows that hold both ways."""
-    refuse_pushing_rows(body.row_names, body.row_clearance, "Exudyn", source)
-    if body.flexibility is not None and body.flexibility.keeps_inertia:
-        allowed = "a model without residual inertia is allowed in Exudyn; march alone keeps it"
-        raise InputError(source, "flexibility.inertia", None, allowed)
 
 
 def add_coordinates(mbs: Any, name: str, start: InitialState) -> Any:

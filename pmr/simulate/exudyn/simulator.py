@@ -16,12 +16,14 @@ import scipy.sparse as sp
 from exudyn.itemInterface import SensorNode, SensorObject
 
 from pmr.scene.signals import SignalBase
+from pmr.scene.simulators import refuse
 from pmr.simulate import balance
 from pmr.simulate.excitation import Excitation, path_at
 from pmr.simulate.exudyn.bodies import add_called_body, add_kept_body, add_updated_body
 from pmr.simulate.exudyn.inputs import Inputs, SignalInputs, TabulatedInputs
 from pmr.simulate.exudyn.items import SlidingBodyItems, add_pre_step_function
 from pmr.simulate.exudyn.solver import settings, solve, stored
+from pmr.simulate.needs import needs_of, needs_on
 from pmr.simulate.start import InitialState, consistent_start
 from pmr.simulate.stepping import Progress
 from pmr.system.body import SlidingBody, Trajectory
@@ -35,6 +37,13 @@ __all__ = ["Formulation", "SlidingBodyItems", "add_pre_step_function", "add_slid
 #: ``callbacks``: the paper's way, Python is called in every iteration.  ``callbacks-modified-newton``: the same, but a
 #: Jacobian is kept as long as Newton's method converges with it.
 Formulation = Literal["springs", "multipliers", "callbacks", "callbacks-modified-newton"]
+#: Their names as simulators of a scene.
+_NAMES: dict[Formulation, str] = {
+    "springs": "exudyn",
+    "multipliers": "exudyn-multiplier",
+    "callbacks": "exudyn-callback",
+    "callbacks-modified-newton": "exudyn-callback",
+}
 AddItems = Callable[[Any, SlidingBody, Inputs, InitialState], SlidingBodyItems]
 _ADD: dict[Formulation, AddItems] = {
     "springs": add_updated_body,
@@ -82,7 +91,10 @@ def add_sliding_body(
     InputError
         If a load is missing, a size is wrong, the path begins off the body or the initial position violates the rows.
     """
-    return _ADD[formulation](mbs, body, SignalInputs(body, path, loads), _start(body, path, initial))
+    s = float(path_at(path, body.domain, np.zeros(1))[0])
+    refuse(_NAMES[formulation], needs_of(body, s))
+    start = consistent_start(body, s, float(path.rate(0.0)), initial)
+    return _ADD[formulation](mbs, body, SignalInputs(body, path, loads), start)
 
 
 def simulate(
@@ -102,6 +114,7 @@ def simulate(
     out what moving rows add to them (2 s' C' v and more): exact where the slider starts at rest, or the body
     undeformed and still; the method stays of second order elsewhere.
     """
+    refuse(_NAMES[formulation], needs_on(body, excitation))
     inputs, stepping = TabulatedInputs(body, excitation), excitation.stepping
     start = consistent_start(body, inputs.position(0.0), float(excitation.path_rate[0]), initial)
     container = exu.SystemContainer()  # owns the mbs: must stay alive
@@ -131,8 +144,3 @@ def simulate(
         multipliers[:, rest] = compliant.multipliers(inputs.s, q, inputs.f)
     found = Trajectory(t=excitation.times, q=q, v=v, multipliers=multipliers, s=inputs.s, seconds=seconds)
     return balance.checked(body, found, inputs.f, "Exudyn")
-
-
-def _start(body: SlidingBody, path: SignalBase, initial: InitialState | None) -> InitialState:
-    s = float(path_at(path, body.domain, np.zeros(1))[0])
-    return consistent_start(body, s, float(path.rate(0.0)), initial)

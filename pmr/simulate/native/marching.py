@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
+from pmr.scene.simulators import refuse
 from pmr.simulate import contact_step
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.modal import ModalForm
@@ -16,7 +17,8 @@ from pmr.simulate.native import step as kernel
 from pmr.simulate.native import system as march_system
 from pmr.simulate.native.arrays import V, Z
 from pmr.simulate.native.scheme import GeneralizedAlpha
-from pmr.simulate.native.start import check_stable, reason, starting_state
+from pmr.simulate.native.start import reason, starting_state
+from pmr.simulate.needs import needs_on
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Progress
 from pmr.system.body import Trajectory, pushing_rows
@@ -31,6 +33,7 @@ class March:
 
     def __init__(self, form: ModalForm, excitation: Excitation, initial: InitialState | None) -> None:
         body = form.body
+        refuse("march", needs_on(body, excitation))
         self.body, self.parts = body, 1
         self.s = excitation.along(body.domain)
         if pushing_rows(body):
@@ -40,7 +43,6 @@ class March:
         stepping = excitation.stepping
         self.step = stepping.step
         self.f = excitation.forces(body.input_names)
-        check_stable(body, self.s, stepping.rho_inf)
         method = GeneralizedAlpha(stepping.step, stepping.rho_inf)
         self.scheme = method.scheme()
         self.system = march_system.system(form, self.scheme)

@@ -9,6 +9,7 @@ it.  A load that jumps is differentiated likewise; measured loads should be smoo
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import side_by_side, total
 from pmr.errors import InputError, SimulationError
+from pmr.scene.simulators import refuse
 from pmr.simulate import balance
 from pmr.simulate.blocks import Block, Ended, Kept, Take
 from pmr.simulate.excitation import Excitation, in_order
@@ -23,9 +25,10 @@ from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import residual_inertia_step as kernel
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.system import aligned
+from pmr.simulate.needs import needs_on
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Progress
-from pmr.system.body import SlidingBody, Trajectory, pushing_rows
+from pmr.system.body import SlidingBody, Trajectory
 
 Array = NDArray[np.float64]
 #: Steps between two looks at the clock, the keyboard and the progress.
@@ -46,7 +49,7 @@ def simulate(
     Raises
     ------
     ValueError
-        If there are no tables of residual inertia, or damping couples the modes.
+        If there are no tables of residual inertia.
     """
     form = modal_form(body)
     start = None if initial is None else form.start(initial)
@@ -80,13 +83,11 @@ def follow(
     Raises
     ------
     InputError
-        As for `pmr.simulate.Simulator`, and if rows only push: their multipliers follow from second derivatives of the
-        deformation, which jump where a row opens or closes.
+        As for `pmr.simulate.Simulator`; if damping couples the modes, and if rows only push: their multipliers follow
+        from second derivatives of the deformation, which jump where a row opens or closes.
     """
     body = form.body
-    if names := ", ".join(body.row_names[k] for k in pushing_rows(body)):
-        allowed = f"a model without is allowed where rows only push: {names}"
-        raise InputError("body", "flexibility.inertia", None, allowed)
+    refuse("march", replace(needs_on(body, excitation), kept_inertia=True))
     stepping, t = excitation.stepping, excitation.times
     course, account = _sampled(form, excitation), balance.Account(body, stepping.steps)
     r, m, i, T = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1
@@ -139,7 +140,8 @@ def _system(form: ModalForm, scheme: kernel.Scheme) -> kernel.System:
     if tables is None or tables.inertia is None:
         raise ValueError("the model has no tables of residual inertia: free modes with flexibility have")
     if not form.classically_damped:
-        raise ValueError("damping couples the modes, and so those kept with those left out")
+        allowed = "false is allowed: damping couples the modes, and so those kept with those left out"
+        raise InputError("scene", "reduction.residual_inertia", True, allowed)
     pads = PPoly(np.diag(body.row_compliance)[None, None], np.array(body.domain))
     named = {"C": body.rows, "G": total(tables.rows, pads), "H": tables.inputs}
     ordered = [named.get(name) or getattr(tables.inertia, name) for name in kernel.TABLES]

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
+from pmr.scene.simulators import refuse
 from pmr.simulate.modal import ModalForm
 from pmr.simulate.native import contact as contact_rows
 from pmr.simulate.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, State, V, Z
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.system import state
+from pmr.simulate.needs import needs_of
 from pmr.simulate.start import InitialState, consistent_start, row_flexibility
 from pmr.system.body import SlidingBody, pushing_rows
 
@@ -37,8 +39,8 @@ def starting_state(
         If rows that give way depend on each other, and some of them only push.
     """
     if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
-        allowed = "a model without residual inertia is allowed here; march.simulate and inertial.simulate keep it"
-        raise InputError("body", "flexibility.inertia", None, allowed)
+        allowed = "false is allowed step by step, and where outputs alone are kept; march.simulate keeps it"
+        raise InputError("scene", "reduction.residual_inertia", True, allowed)
     body, scheme = form.body, method.scheme()
     start = consistent_start(body, s, s_rate, initial)
     C, free = body.C(s), body.B @ f - body.D @ start.v - np.diagonal(body.K) * start.q
@@ -62,7 +64,7 @@ def _multipliers(
     right = np.where(rigid, C @ free, C @ z + H @ f)
     if contact is None:
         return np.linalg.lstsq(A, right, rcond=None)[0]
-    refuse_rigid_pushing(body, rigid)
+    refuse("march", needs_of(body, s))
     multipliers = _closed(body, s, contact, G, right)
     multipliers[rigid] = np.linalg.lstsq(A[np.ix_(rigid, rigid)], (right - A @ multipliers)[rigid], rcond=None)[0]
     return multipliers
@@ -85,56 +87,12 @@ def _closed(body: ReducedModel, s: float, contact: Contact, G: Array, motion: Ar
     return multipliers
 
 
-def refuse_rigid_pushing(body: SlidingBody, rigid: NDArray[np.bool_]) -> None:
-    """Refuse rows that only push and are rigid, (m,).
-
-    Raises
-    ------
-    InputError
-        The force of an impact of rigid parts is no number.
-    """
-    names = ", ".join(body.row_names[k] for k in pushing_rows(body) if rigid[k])
-    if names:
-        allowed = f"{names} only push and are rigid: a pad's stiffness or residual flexibility is needed for an impact"
-        raise InputError("body", "rows", None, allowed)
-
-
 def reason(body: SlidingBody, s: float, failed: int) -> str:
     """Why a step to s failed, in words, from what `pmr.simulate.native.step.step` returned."""
     if failed == contact_rows.UNSETTLED:
         names = ", ".join(body.row_names[k] for k in pushing_rows(body))
         return f"which of the rows {names} are closed was not settled in {contact_rows.LIMIT} solves"
     return dependent_rows(body, s, failed)
-
-
-def check_stable(body: SlidingBody, s: Array, rho_inf: float) -> None:
-    """Refuse what is known to be unstable.
-
-    Raises
-    ------
-    InputError
-        If rigid rows shall move with ``rho_inf = 1``: nothing would damp their multipliers.
-    """
-    rigid = row_flexibility(body, float(s[0]))[1]
-    refuse_undamped([name for k, name in enumerate(body.row_names) if rigid[k] and k in body.moving], s, rho_inf)
-
-
-def refuse_undamped(moving: Sequence[str], s: Array, rho_inf: float) -> None:
-    """Refuse ``rho_inf = 1`` with rigid rows, named `moving`, that follow a path s (T,) m.
-
-    Raises
-    ------
-    InputError
-        Nothing would damp the multipliers of an algebraic constraint (index 3).
-    """
-    if rho_inf < 1.0 or not moving or np.all(s == s[0]):
-        return
-    allowed = (
-        f"less than 1 is allowed while the rigid row {', '.join(moving)} moves: an algebraic constraint (index 3) "
-        "has multipliers that nothing damps, and they grow without bound; pads that give way, or a residual "
-        "flexibility, allow 1"
-    )
-    raise InputError("scene", "time.rho_inf", rho_inf, allowed)
 
 
 def dependent_rows(body: SlidingBody, s: float, failed: int) -> str:

@@ -29,10 +29,11 @@ from pmr.fem.compat import MPI, PETSc
 from pmr.fem.factor import Factor
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
+from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulate.balance import refuse_growth
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.native.scheme import GeneralizedAlpha
-from pmr.simulate.native.start import refuse_undamped
+from pmr.simulate.needs import needs_of_rows
 from pmr.simulate.petsc.checkpoint import Checkpoint
 from pmr.simulate.petsc.constraint import Constraint
 from pmr.simulate.petsc.effective import effective_matrix
@@ -42,7 +43,6 @@ from pmr.simulate.petsc.rows import Course
 from pmr.simulate.petsc.start import State, starting_state
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Progress
-from pmr.system.body import refuse_pushing_rows
 
 Array = NDArray[np.float64]
 
@@ -84,9 +84,8 @@ def observe(
     begin = time.perf_counter()
     s = excitation.along(model.rows.domain if model.rows.rows else (-np.inf, np.inf))
     f, stepping = excitation.forces(model.input_names), excitation.stepping
-    refuse_pushing_rows(model.rows.names, model.rows.clearance, "the full order")
-    rigid = model.rows.compliance == 0.0
-    refuse_undamped([model.rows.names[k] for k in model.rows.moving if rigid[k]], s, stepping.rho_inf)
+    needs = needs_of_rows(model.rows, excitation)
+    refuse("petsc", needs, REFERENCE)
     recorder = Recorder(model, stepping, recording or Recording())
     s_rate = excitation.path_rate
     keeper = Keeper(checkpoint, model, identity(model, s, f, stepping, recorder, initial)) if checkpoint else None
@@ -113,7 +112,7 @@ def observe(
     seconds = earlier + time.perf_counter() - begin
     integrator.destroy()
     history = recorder.history(s, f, seconds, preparation)
-    refuse_growth(history.surplus, "full order", [model.rows.names[k] for k in model.rows.moving if rigid[k]])
+    refuse_growth(history.surplus, "full order", list(needs.rigid_moving))
     return history
 
 

@@ -14,10 +14,10 @@ from pydantic import Field, field_validator
 
 from pmr import scene as scenes
 from pmr.compare import errors as compare
-from pmr.compare.responses import simulate_cable
+from pmr.compare.cable import simulate_cable
 from pmr.errors import InputError
 from pmr.simulate import Excitation
-from pmr.simulate.exudyn import ancf
+from pmr.simulate.exudyn.cable import COORDINATES_PER_NODE
 from pmr.studies import marching, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults
@@ -91,8 +91,9 @@ def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     elements = scene.mesh.elements
     assert elements is not None  # the plan's check
     compared = scene.compare.model_copy(update={"ancf_elements": elements})
-    motion = simulate_cable(scene.model_copy(update={"compare": compared}), [scene.body.length])
-    return _compared(motion.displacement[:, -1], ancf.COORDINATES_PER_NODE * (elements + 1), needs)
+    cable = scene.model_copy(update={"compare": compared})
+    motion = simulate_cable(cable, [scene.body.length], Excitation.of(scene))
+    return _compared(motion.displacement[:, -1], COORDINATES_PER_NODE * (elements + 1), needs)
 
 
 def _compared(tip: Any, coordinates: int, needs: Mapping[str, TaskResult]) -> TaskResult:

@@ -8,29 +8,30 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from pmr import scene as scenes
-from pmr.compare.responses import cable_of
+from pmr.compare.cable import simulate_cable
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.signals import SignalBase
-from pmr.simulate import Excitation, Simulator
-from pmr.simulate.exudyn import ancf
-from pmr.simulate.exudyn import simulator as exudyn
+from pmr.simulate import Excitation, InitialState, Progress, Simulator, exudyn
+from pmr.simulate.exudyn.cable import COORDINATES_PER_NODE
 from pmr.simulate.native import simulator as march
 from pmr.studies import shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.system.body import FullBody, SlidingBody
+from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.projection import projected
+
+if TYPE_CHECKING:
+    from pmr.simulate.exudyn import Formulation
 
 Array = NDArray[np.float64]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -45,19 +46,31 @@ class Approach:
     cost: float
 
 
+def _in_exudyn(formulation: Formulation) -> Simulator:
+    def simulate(
+        body: SlidingBody,
+        excitation: Excitation,
+        initial: InitialState | None = None,
+        progress: Progress | None = None,
+    ) -> Trajectory:
+        return exudyn.simulate(body, excitation, initial, progress, formulation)
+
+    return simulate
+
+
 #: ``callbacks`` is the paper's way: dense matrices, rows and loads asked for in every iteration.  Whether it keeps a
 #: Jacobian (``modified`` Newton) it does not say; the ratios that it states are close to those of one that does.
-_CALLBACKS = partial(exudyn.simulate, formulation="callbacks")
-_MODIFIED = partial(exudyn.simulate, formulation="callbacks-modified-newton")
+_CALLBACKS = _in_exudyn("callbacks")
+_MODIFIED = _in_exudyn("callbacks-modified-newton")
 APPROACHES: Mapping[str, Approach] = {
     "ancf": Approach("ancf", None, 15.0),
     "full-callbacks-modified": Approach("dense", _MODIFIED, 100.0),
     "full-callbacks": Approach("dense", _CALLBACKS, 600.0),
-    "full-updates": Approach("full", exudyn.simulate, 20.0),
+    "full-updates": Approach("full", _in_exudyn("springs"), 20.0),
     "full-march": Approach("full", march.simulate, 1.0),
     "reduced-callbacks-modified": Approach("reduced", _MODIFIED, 6.0),
     "reduced-callbacks": Approach("reduced", _CALLBACKS, 12.0),
-    "reduced-updates": Approach("reduced", exudyn.simulate, 3.0),
+    "reduced-updates": Approach("reduced", _in_exudyn("springs"), 3.0),
     "reduced-march": Approach("reduced", march.simulate, 1.0),
 }
 #: Pairs whose times the paper compares, and those that say what the other ways gain.
@@ -186,13 +199,9 @@ def _solver(
         return Excitation(paths, loads, replace(whole.stepping, end=stretch.steps * scene.time.step))
 
     if approach.simulate is None:
-        cable = cable_of(scene)
-
-        def of_cable(stretch: Stretch) -> float:
-            places = {load.name: load.at for load in scene.loads}
-            return ancf.simulate(cable, places, during(stretch), np.array([cable.length])).seconds
-
-        return of_cable, ancf.COORDINATES_PER_NODE * (cable.elements + 1)
+        tip = [scene.body.length]
+        coordinates = COORDINATES_PER_NODE * (scene.compare.ancf_elements + 1)
+        return lambda stretch: simulate_cable(scene, tip, during(stretch)).seconds, coordinates
     simulate, model = approach.simulate, shared.model_of(scene)
     if approach.model == "reduced":
         body: SlidingBody = reduce_with(scene, model, shared.snapshots_from(scene, needs)).reduced

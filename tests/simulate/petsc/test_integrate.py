@@ -229,7 +229,7 @@ def test_what_cannot_be_is_refused(rich: FullBody) -> None:
             observe(model, *arguments)
         assert told.value.key == key
     pushing = tuple(replace(row, compliance=1e-6, clearance=0.0) for row in rich.rows.rows[2:])
-    with pytest.raises(InputError, match="rows: slider 0, slider 0.8 only push; .* allowed in the full order, march"):
+    with pytest.raises(InputError, match=r"is allowed: petsc knows no rows that only push .slider 0, slider 0\.8"):
         observe(distributed(replace(rich, rows=Rows(pushing, rich.size))), driven(PATH, LOADS, STEPPING))
     massless = distributed(replace(rich, M=0.0 * rich.M))
     with pytest.raises(InputError, match="positive definite"):

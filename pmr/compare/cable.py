@@ -1,0 +1,68 @@
+"""The ANCF cable as a reference: the scene's beam, its motion, and what that says beside other responses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pmr.environment import needed
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.simulate import Excitation
+from pmr.simulate.exudyn.cable import Cable
+
+if TYPE_CHECKING:
+    from pmr.simulate.exudyn import ancf
+
+Done = Callable[[float], None]
+
+
+def cable_of(scene: Scene) -> Cable:
+    """The scene's beam as an ANCF cable."""
+    body = scene.body
+    assert body.axial_stiffness is not None  # the scene's check
+    return Cable(
+        length=body.length,
+        axial_stiffness=body.axial_stiffness,
+        bending_stiffness=body.bending_stiffness,
+        mass_per_length=body.mass_per_length,
+        elements=scene.compare.ancf_elements,
+    )
+
+
+def simulate_cable(scene: Scene, x: ArrayLike, excitation: Excitation, done: Done | None = None) -> ancf.CableMotion:
+    """Motion of that cable at the material points x (o,) in m.
+
+    Raises
+    ------
+    InputError
+        If Exudyn is not installed, and as for `pmr.simulate.exudyn.ancf.simulate`.
+    SimulationError
+        If a step fails or a result is not finite.
+    """
+    needed("exudyn")
+    from pmr.simulate.exudyn import ancf
+
+    places = {load.name: load.at for load in scene.loads}
+    return ancf.simulate(cable_of(scene), places, excitation, np.asarray(x, dtype=float), done)
+
+
+def response(scene: Scene, x: ArrayLike, done: Done | None = None) -> Response:
+    """Response of the ANCF reference; its joint holds a point in space, so the rows' residuals do not apply: NaN."""
+    motion = simulate_cable(scene, x, Excitation.of(scene), done)
+    from pmr.simulate.exudyn import ancf
+
+    unknown = np.full(len(motion.t), np.nan)
+    return Response(
+        t=motion.t,
+        x=motion.x,
+        displacement=motion.displacement,
+        energy=ancf.energy(cable_of(scene), motion),
+        slider_force=motion.slider_force[:, None],
+        residual_position=unknown,
+        residual_velocity=unknown,
+        seconds=motion.seconds,
+    )

@@ -1,0 +1,126 @@
+"""What each simulator can do, by the names that scenes give them; what it can't is refused here, and nowhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pmr.errors import InputError
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a body on its way asks of a simulator; rows by their names.
+
+    Attributes
+    ----------
+    pushing : tuple of str
+        Rows that only push.
+    rigid_pushing : tuple of str
+        Those of them that neither a pad's stiffness nor residual flexibility lets give way.
+    giving : tuple of str
+        Rows that give way.
+    rigid_moving : tuple of str
+        Rigid rows that travel along a path.
+    kept_inertia : bool
+        The inertia of the residual part is kept.
+    paths : tuple of str
+    rho_inf : float
+        Spectral radius at infinite frequency.
+    """
+
+    pushing: tuple[str, ...] = ()
+    rigid_pushing: tuple[str, ...] = ()
+    giving: tuple[str, ...] = ()
+    rigid_moving: tuple[str, ...] = ()
+    kept_inertia: bool = False
+    paths: tuple[str, ...] = ()
+    rho_inf: float = 0.0
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What a simulator declares to do; its integration in time is generalized-alpha, which damps less than rho_inf."""
+
+    rows_that_push: bool = False
+    rows_that_give_way: bool = True
+    kept_inertia: bool = False
+    several_paths: bool = False
+    reduced_models: bool = True  # it is one of `simulation.simulators`
+    package: str | None = None  # that it needs installed
+
+
+#: By the names of `simulation.simulators` and `simulation.full`.
+SIMULATORS = {
+    "march": Capabilities(rows_that_push=True, kept_inertia=True),
+    "exudyn": Capabilities(package="exudyn"),
+    "exudyn-multiplier": Capabilities(package="exudyn"),
+    "exudyn-callback": Capabilities(rows_that_give_way=False, package="exudyn"),
+    "petsc": Capabilities(reduced_models=False),
+}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Where a simulator is named: file or ``"scene"``, key and value there."""
+
+    source: str
+    key: str
+    value: Any
+
+
+def by_scene(name: str) -> Asked:
+    """A simulator among those of the reduced model."""
+    return Asked("scene", "simulation.simulators", name)
+
+
+#: The full model as a reference.
+REFERENCE = Asked("scene", "compare.against", ["full"])
+
+
+def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
+    """Refuse what the simulator of this name can't do, in one line that names the key that mends it.
+
+    Raises
+    ------
+    InputError
+    """
+    can, asked = SIMULATORS[name], by_scene(name) if asked is None else asked
+    if len(needs.paths) > 1 and not can.several_paths:
+        allowed = f"one path for all sliders is allowed with {name}, found {_listed(needs.paths)}"
+        raise InputError("scene", "slider.path", None, allowed)
+    if needs.pushing and not can.rows_that_push:
+        raise _other(asked, "rows_that_push", f"{name} knows no rows that only push ({_listed(needs.pushing)})")
+    if needs.kept_inertia and not can.kept_inertia:
+        raise _other(asked, "kept_inertia", f"{name} does not keep residual inertia (reduction.residual_inertia)")
+    if needs.giving and not can.rows_that_give_way:
+        raise _other(asked, "rows_that_give_way", f"{name} knows no rows that give way ({_listed(needs.giving)})")
+    if needs.kept_inertia and needs.pushing:
+        allowed = f"false is allowed where rows only push ({_listed(needs.pushing)})"
+        raise InputError("scene", "reduction.residual_inertia", True, allowed)
+    if needs.rigid_pushing:
+        allowed = (
+            f"{_listed(needs.rigid_pushing)} only push and are rigid: true, or a stiffness in N/m of the pads, is "
+            "allowed; the force of an impact of rigid parts is no number"
+        )
+        raise InputError("scene", "reduction.flexibility", False, allowed)
+    if needs.rho_inf == 1.0 and needs.rigid_moving:
+        without = ", or compare.against = []" if asked is REFERENCE else ""
+        allowed = (
+            f"less than 1 is allowed while the rigid row {_listed(needs.rigid_moving)} moves: an algebraic constraint "
+            "(index 3) has multipliers that nothing damps, and they grow without bound; pads that give way, or a "
+            f"residual flexibility, allow 1{without}"
+        )
+        raise InputError("scene", "time.rho_inf", needs.rho_inf, allowed)
+
+
+def _other(asked: Asked, capability: str, reason: str) -> InputError:
+    if asked is REFERENCE:
+        return InputError(asked.source, asked.key, asked.value, f"[] is allowed: {reason}")
+    able = [name for name, can in SIMULATORS.items() if can.reduced_models and getattr(can, capability)]
+    return InputError(asked.source, asked.key, asked.value, f"{' or '.join(able)} is allowed: {reason}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names)

@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from pmr import scene
+from pmr.errors import InputError
+from pmr.scene.sections import SimulatorName
+from pmr.scene.simulators import REFERENCE, SIMULATORS, Needs, refuse
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+NEEDS = {
+    "rows_that_push": Needs(pushing=("top",), giving=("top",)),
+    "rows_that_give_way": Needs(giving=("slider",)),
+    "kept_inertia": Needs(kept_inertia=True),
+    "several_paths": Needs(paths=("boom", "jib")),
+}
+
+
+def test_every_simulator_of_a_scene_declares_what_it_can_do() -> None:
+    assert [name for name, can in SIMULATORS.items() if can.reduced_models] == list(get_args(SimulatorName))
+
+
+@pytest.mark.parametrize("name", SIMULATORS)
+@pytest.mark.parametrize("what", NEEDS)
+def test_what_is_not_declared_is_refused_with_a_key_and_who_can(name: str, what: str) -> None:
+    refuse(name, Needs())
+    if getattr(SIMULATORS[name], what):
+        refuse(name, NEEDS[what])
+        return
+    with pytest.raises(InputError) as told:
+        refuse(name, NEEDS[what])
+    if what == "several_paths":
+        assert told.value.key == "slider.path" and "boom, jib" in str(told.value)
+    else:
+        assert (told.value.key, told.value.value) == ("simulation.simulators", name)
+        assert told.value.allowed.startswith("march ") and "petsc is allowed" not in told.value.allowed
+        with pytest.raises(InputError, match=r"compare\.against = \['full'\]: \[\] is allowed"):
+            refuse(name, NEEDS[what], REFERENCE)
+
+
+def test_what_no_simulator_can_names_the_key_that_mends_it() -> None:
+    pushing = Needs(pushing=("top",), rigid_pushing=("top",))
+    with pytest.raises(InputError, match=r"reduction\.flexibility = False: top only push and are rigid"):
+        refuse("march", pushing)
+    with pytest.raises(InputError, match=r"reduction\.residual_inertia = True: false .* only push \(top\)"):
+        refuse("march", replace(pushing, kept_inertia=True))
+    undamped = Needs(rigid_moving=("slider",), rho_inf=1.0)
+    for name in SIMULATORS:
+        with pytest.raises(InputError, match=r"time\.rho_inf = 1\.0: less than 1 .* rigid row slider moves.*allow 1$"):
+            refuse(name, undamped)
+        refuse(name, replace(undamped, rho_inf=0.99))
+    with pytest.raises(InputError, match=r"allow 1, or compare\.against = \[\]"):
+        refuse("march", undamped, REFERENCE)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "refusal"),
+    [
+        (["compare.against=[]"], None),
+        ([], r"time\.rho_inf = 1\.0: .*compare\.against = \[\]"),  # the full beam's slider is rigid
+        (["reduction.flexibility=false", "compare.against=[]"], r"time\.rho_inf = 1\.0: .*flexibility, allow 1"),
+        (["slider.path=2.0"], None),
+    ],
+)
+def test_an_undamped_slider_is_refused_before_there_is_a_model(overrides: list[str], refusal: str | None) -> None:
+    asked = ["time.rho_inf=1.0", *overrides]
+    if refusal is None:
+        scene.load(WORKFLOWS / "evolved_residual.toml", asked)
+        return
+    with pytest.raises(InputError, match=refusal):
+        scene.load(WORKFLOWS / "evolved_residual.toml", asked)
+
+
+def test_rigid_pads_that_only_push_need_something_that_gives_way() -> None:
+    pads = "pads=[{name='tail',at=0.15,faces={top=[0.1],bottom=[0.1]},length=0.1,width=0.05,stiffness='rigid',"
+    pads += "unilateral=true,moving=true}]"
+    asked = [pads, "compare.against=[]"]
+    scene.load(WORKFLOWS / "boom_beam.toml", asked)
+    with pytest.raises(InputError, match=r"reduction\.flexibility = False: tail only push and are rigid"):
+        scene.load(WORKFLOWS / "boom_beam.toml", [*asked, "reduction.flexibility=false"])
