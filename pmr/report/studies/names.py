@@ -1,0 +1,101 @@
+"""Names of what a study varies and finds, and their values, as they stand in tables, figures and sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.studies.engine.task import Scalar, number
+from pmr.studies.results import RunRecord
+
+_PLACES = {
+    "tip": "at the tip",
+    "beam": "along the beam",
+    "slider_force": "of the slider force",
+    "pad_force": "of the pad forces",
+}
+_AGAINST = {"full": "", "ancf": " against ANCF"}
+_UNITS = {"step": "s", "end": "s", "size": "m", "along": "m", "at": "m", "mass": "kg", "thickness": "m", "wall": "m"}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a figure of a run is called, and how its value is printed; `unit` and `size` are those of an axis."""
+
+    label: str
+    printed: Callable[[float], str] = lambda value: significant(value, 4).replace(SPACE, "")
+    unit: str = "–"
+    size: float = 1.0
+
+    def cell(self, value: Scalar) -> str:
+        """A value in a table."""
+        if value is None:
+            return "–"
+        if isinstance(value, bool | str):
+            return worded(value)
+        return plain(value) if isinstance(value, int) else self.printed(number(value))
+
+
+def key_words(key: str) -> str:
+    """A key of a scene in words: ``reduction.support_rows`` as support rows."""
+    section, _, last = key.rpartition(".")
+    words = last.replace("_", " ")
+    return (
+        f"{section.rpartition('.')[2]} {words}".replace("_", " ") if last in ("step", "end", "file", "mass") else words
+    )
+
+
+def worded(value: Scalar) -> str:
+    """A value that was chosen, in words."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value.replace("_", " ") if isinstance(value, str) else ("–" if value is None else plain(number(value)))
+
+
+def unit_of(key: str) -> str:
+    """Unit of a scene's key; empty for a plain number or a word."""
+    return _UNITS.get(key.rpartition(".")[2], "")
+
+
+def heading(key: str) -> str:
+    """A key as it heads a column."""
+    unit = unit_of(key)
+    return f"{key_words(key)} in {unit}" if unit else key_words(key)
+
+
+def called(run: RunRecord, left_out: str = "") -> str:
+    """A run by what distinguishes it, but for one of its parameters."""
+    said = []
+    for key, value in run.parameters.items():
+        unit = unit_of(key)
+        if key == left_out:
+            continue
+        if key in ("case", "scene"):
+            said.append(worded(value))
+        elif isinstance(value, int) and not isinstance(value, bool):
+            said.append(f"{worded(value)} {key_words(key)}")
+        else:
+            said.append(f"{key_words(key)} {worded(value)}" + (f"{SPACE}{unit}" if unit else ""))
+    return ", ".join(said) or run.key
+
+
+def quantity_of(name: str) -> Quantity:
+    """What a figure of a run is."""
+    parts = name.split(".")
+    if parts[0] == "errors" and len(parts) == 3:
+        one, _, other = parts[1].partition("_vs_")
+        of = "" if one == "reduced" else f", {one}"
+        return Quantity(f"error {_PLACES.get(parts[2], parts[2])}{of}{_AGAINST.get(other, other)}", percent, "%", 0.01)
+    if parts[0] == "frequency_error":
+        return Quantity(f"error of frequency {parts[1]}", percent, "%", 0.01)
+    return {
+        "max_displacement": Quantity("largest displacement", length, "m"),
+        "max_error": Quantity("largest difference to full", length, "m"),
+        "coordinates.full": Quantity("coordinates, full"),
+        "coordinates.reduced": Quantity("coordinates, reduced"),
+        "basis.kappa": Quantity("left out by the basis, 1 − κ", lambda kappa: significant(max(1.0 - kappa, 0.0), 2)),
+        "simulate.reduced": Quantity("time, reduced", lambda value: quantity(value, "s"), "s"),
+        "simulate.full": Quantity("time, full", lambda value: quantity(value, "s"), "s"),
+        "simulate.ancf": Quantity("time, ANCF", lambda value: quantity(value, "s"), "s"),
+    }.get(name, Quantity(name.replace("_", " ").replace(".", ", ")))

@@ -1,0 +1,143 @@
+"""What any study says of its runs: in words and units, over what was varied."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pmr.report.blocks import Chapter
+from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.names import called, heading, key_words, quantity_of
+from pmr.report.studies.runs import MOST_COLUMNS, content, varied
+from pmr.studies.results import RunRecord, StudyResults
+
+BEAM, TIP = "errors.reduced_vs_full.beam", "errors.reduced_vs_full.tip"
+
+
+def run(key: str, parameters: dict, figures: dict | None = None, seconds: float | None = None) -> RunRecord:
+    measured = {} if seconds is None else {"simulate.reduced": seconds, "task": 1.0}
+    status = "failed" if figures is None else "done"
+    return RunRecord(key, status, parameters, figures or {}, measured)
+
+
+def said(*runs: RunRecord) -> Chapter:
+    return content(
+        FinishedStudy("study", {"kind": "scenes", "title": "A study"}, StudyResults(Path(), runs)), "study-1"
+    )
+
+
+def sweep() -> list[RunRecord]:
+    """Two treatments, three sizes; the last run failed."""
+    found = []
+    for way in ("drop", "hold"):
+        for r in (10, 12, 20):
+            error = (0.1 if way == "drop" else 0.2) / r
+            parameters = {"reduction.support_rows": way, "reduction.coordinates": r}
+            figures = {TIP: error / 2.0, BEAM: error, "max_displacement": 0.0479, "max_error": error / 100.0}
+            figures |= {"coordinates.full": 153, "coordinates.reduced": r, "basis.kappa": 0.9995}
+            found.append(run(f"{way}-{r}", parameters, figures, 1e-4 * r))
+    return [*found[:-1], run("hold-20", found[-1].parameters)]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "label", "text"),
+    [
+        (BEAM, 0.0149, "error along the beam", "1.49\u00a0%"),
+        ("errors.reduced_vs_ancf.tip", 0.02, "error at the tip against ANCF", "2.00\u00a0%"),
+        ("errors.full_vs_ancf.tip", 0.02, "error at the tip, full against ANCF", "2.00\u00a0%"),
+        ("frequency_error.2", 0.001, "error of frequency 2", "0.100\u00a0%"),
+        ("max_error", 0.000321, "largest difference to full", "0.321\u00a0mm"),
+        ("basis.kappa", 0.99955, "left out by the basis, 1 − κ", "0.00045"),
+        ("simulate.reduced", 4.5e-4, "time, reduced", "450\u00a0µs"),
+        ("some_thing.of.6", 3.14159, "some thing, of, 6", "3.142"),
+        ("coordinates.full", 17766, "coordinates, full", "17\u202f766"),
+        (BEAM, None, "error along the beam", "–"),
+    ],
+)
+def test_figures_have_a_name_and_a_unit(name: str, value: float | None, label: str, text: str) -> None:
+    assert (quantity_of(name).label, quantity_of(name).cell(value)) == (label, text)
+
+
+def test_runs_are_called_by_what_was_varied() -> None:
+    one = run(
+        "key", {"case": "fine-inertia", "reduction.coordinates": 10, "time.step": 0.001, "reduction.flexibility": True}
+    )
+    assert called(one) == "fine-inertia, 10 coordinates, time step 0.001\u00a0s, flexibility yes"
+    assert called(one, "reduction.coordinates") == "fine-inertia, time step 0.001\u00a0s, flexibility yes"
+    assert called(run("alone", {})) == "alone"
+    assert (key_words("reduction.support_rows"), heading("time.step")) == ("support rows", "time step in s")
+
+
+def test_the_headline_has_the_least_and_the_largest_error() -> None:
+    chapter = said(*sweep())
+    assert chapter.headline == (
+        "The error along the beam is 0.500\u00a0% at least (support rows drop, 20 coordinates) and 2.00\u00a0% at most "
+        "(support rows hold, 10 coordinates). 5 of 6 runs are there."
+    )
+    numbers = {number.label: (number.value, number.note) for number in chapter.key_numbers}
+    assert numbers["largest difference to full, at best"][0] == "0.0500\u00a0mm"
+    assert numbers["largest displacement"] == ("47.9\u00a0mm", "in all runs")
+    assert numbers["fastest simulation"] == ("1.00\u00a0ms", "support rows drop, 10 coordinates")
+
+
+def test_figures_are_drawn_over_the_coordinates_and_over_seconds() -> None:
+    chapter = said(*sweep())
+    over, runs = chapter.blocks
+    assert over.heading == "Over the coordinates" and runs.heading == "Runs"
+    first, second = over.drawings
+    texts = re.findall(r"<text[^>]*>([^<]+)</text>", first.svg)
+    assert {"Error along the beam in %", "Error at the tip in %", "Largest difference to full in µm"} <= set(texts)
+    assert {"support rows drop", "support rows hold", "Coordinates (–)"} <= set(texts)
+    assert not any("displacement" in text for text in texts)  # the same in all runs
+    assert "Time of one simulation in ms" in second.svg
+
+
+def test_tables_fit_the_page_and_say_what_is_alike_once() -> None:
+    (grid,) = said(*sweep()[:-1]).blocks[-1].grids
+    assert grid.head == (
+        "support rows",
+        "coordinates",
+        *(quantity_of(n).label for n in (TIP, BEAM, "max_error")),
+        "time, reduced",
+    )
+    assert grid.caption.endswith("In all runs: largest displacement 47.9\u00a0mm; coordinates, full 153; "
+                                 "left out by the basis, 1 − κ 0.00050.")  # fmt: skip
+    assert grid.rows[0] == ("drop", "10", "0.500\u00a0%", "1.00\u00a0%", "0.100\u00a0mm", "1.00\u00a0ms")
+    many = [run(f"r{k}", {"a": k}, {f"figure.{i}": float(k + i) for i in range(40)}) for k in range(3)]
+    grids = said(*many).blocks[-1].grids
+    assert {len(grid.head) for grid in grids} == {MOST_COLUMNS} and len(grids) == 3
+    assert "runs.csv" in grids[-1].caption and "runs.csv" not in grids[0].caption
+
+
+def test_a_run_without_a_result_has_an_empty_row() -> None:
+    rows = {row[:2]: row[2:] for grid in said(*sweep()).blocks[-1].grids for row in grid.rows}
+    assert set(rows["hold", "20"]) == {"–"}
+
+
+@pytest.mark.parametrize(
+    ("values", "over"),
+    [
+        ([{"reduction.coordinates": 6, "mass": 1.0}, {"reduction.coordinates": 6, "mass": 2.0}], "mass"),
+        ([{"reduction.coordinates": 6, "mass": k} for k in (1.0, 2.0)] + [{"reduction.coordinates": 8, "mass": 3.0}],
+         "reduction.coordinates"),
+        ([{"case": "a"}, {"case": "b"}], None),
+        ([{"at": 1.0}, {"at": "tip"}], None),
+        ([{}], None),
+        ([], None),
+    ],
+)  # fmt: skip
+def test_what_is_drawn_over(values: list[dict], over: str | None) -> None:
+    assert varied([run(str(k), parameters, {}) for k, parameters in enumerate(values)]) == over
+
+
+def test_without_numbers_there_are_tables_alone() -> None:
+    chapter = said(
+        run("a", {"case": "a"}, {"max_displacement": 0.1}), run("b", {"case": "b"}, {"max_displacement": 0.2})
+    )
+    assert [block.heading for block in chapter.blocks] == ["Runs"]
+    assert chapter.headline == "2 of 2 runs are there."
+    (number,) = chapter.key_numbers
+    assert (number.value, number.label, number.note) == ("200\u00a0mm", "largest displacement", "b")
+    assert said().headline == "0 of 0 runs are there."
