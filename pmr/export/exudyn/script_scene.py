@@ -7,18 +7,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import TypeAdapter
-
-from pmr.errors import InputError
+from pmr.export.recorded import recorded
 from pmr.reduced.model import ReducedModel
-from pmr.scene.checks import MOST_STEPS
-from pmr.scene.signals import Constant, Signal, SignalBase, Sum
-from pmr.scene.space import Gravity
+from pmr.scene.signals import Constant, SignalBase, Sum
 from pmr.simulate.stepping import TimeStepping
 
 WIDTH = 88  # letters of a line
 _LONGEST_NAME = 40
-_SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
 
 
 @dataclass(frozen=True)
@@ -54,40 +49,12 @@ def scene_text(model: ReducedModel, source: str) -> SceneText:
     Raises
     ------
     InputError
-        If there is none, or it holds anything but numbers where numbers belong.
+        As `pmr.export.recorded.recorded`.
     """
-    try:
-        scene = model.provenance["scene"]
-        path = _signal(scene["slider"]["path"])
-        signals = [_signal(load["signal"]) for load in scene["loads"]]
-        if scene.get("gravity"):
-            signals.append(Gravity.model_validate(scene["gravity"]).signal)
-        end, step, rho_inf = (float(scene["time"][key]) for key in ("end", "step", "rho_inf"))
-        stepping = TimeStepping(end, step, rho_inf)
-        title = str(scene.get("title", "Sliding body"))
-    except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        allowed = f"a reduced model that holds its scene (slider.path, loads, time) is allowed: {error!r}"
-        raise InputError(source, "provenance.scene", None, allowed) from None
-    if stepping.steps > MOST_STEPS:
-        raise InputError(source, "provenance.scene.time", stepping.steps, f"at most {MOST_STEPS:,} steps are allowed")
-    if len(signals) != len(model.input_names):
-        allowed = f"{len(signals)} given, one for each input is allowed: {', '.join(model.input_names)}"
-        raise InputError(source, "provenance.scene.loads", None, allowed)
-    return SceneText(title, path, dict(zip(_identifiers(model.input_names), signals, strict=True)), stepping)
-
-
-def _signal(data: Any) -> SignalBase:
-    """A signal that a model brings along: numbers, never the name of a file on the reader's machine."""
-    if _names_a_file(data):
-        raise ValueError("a signal in a model holds its numbers itself")
-    signal: SignalBase = _SIGNAL.validate_python(data)
-    return signal
-
-
-def _names_a_file(data: Any) -> bool:
-    if isinstance(data, dict):
-        return "file" in data or any(map(_names_a_file, data.values()))
-    return isinstance(data, list) and any(map(_names_a_file, data))
+    found = recorded(model, source)
+    path, loads, stepping = found.excitation.path, found.excitation.loads, found.excitation.stepping
+    names = _identifiers(tuple(loads))
+    return SceneText(found.title, path, dict(zip(names, loads.values(), strict=True)), stepping)
 
 
 def _identifiers(names: Sequence[str]) -> list[str]:

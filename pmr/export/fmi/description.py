@@ -1,0 +1,198 @@
+"""modelDescription.xml of FMI 2.0 and 3.0, and the build description of 3.0."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pmr import __version__
+from pmr.export.fmi.variables import STARTS, Variable
+
+#: Exponents of the base units of SI.
+UNITS = {
+    "s": {"s": 1},
+    "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "m/s2": {"m": 1, "s": -2},
+    "m/s3": {"m": 1, "s": -3},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N/s": {"kg": 1, "m": 1, "s": -3},
+    "rad": {"rad": 1},
+    "rad/s": {"rad": 1, "s": -1},
+}
+
+
+@dataclass(frozen=True)
+class Described:
+    """What is said of a model as a whole.
+
+    Attributes
+    ----------
+    identifier : str
+        An identifier of C: the name of the binaries.
+    title, token : str
+    model_exchange : bool
+        Whether there is an interface for Model Exchange, beside that for Co-Simulation.
+    sources : sequence of str
+    end, step : float, s
+        Of the reference trajectory.
+    """
+
+    identifier: str
+    title: str
+    token: str
+    model_exchange: bool
+    sources: Sequence[str]
+    end: float
+    step: float
+
+
+def description_2(model: Described, variables: Sequence[Variable]) -> str:
+    """modelDescription.xml of FMI 2.0."""
+    root = _root(model, "2.0", {"guid": model.token, "numberOfEventIndicators": "0"})
+    can = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "providesDirectionalDerivative": "true"}
+    steps = {
+        "canHandleVariableCommunicationStepSize": "true",
+        "canInterpolateInputs": "true",
+        "maxOutputDerivativeOrder": "1",
+    }
+    for kind, more in _interfaces(model, steps):
+        element = ET.SubElement(root, kind, {"modelIdentifier": model.identifier, **can, **more})
+        files = ET.SubElement(element, "SourceFiles")
+        for name in model.sources:
+            ET.SubElement(files, "File", name=name)
+    _units(root)
+    choice = ET.SubElement(ET.SubElement(root, "TypeDefinitions"), "SimpleType", name="Start")
+    _items(ET.SubElement(choice, "Enumeration"))
+    _experiment(root, model)
+    listed, number = ET.SubElement(root, "ModelVariables"), {v.reference: k + 1 for k, v in enumerate(variables)}
+    for variable in variables:
+        scalar = ET.SubElement(listed, "ScalarVariable", _common(variable))
+        if variable.is_choice:
+            ET.SubElement(scalar, "Enumeration", declaredType="Start", start=str(int(variable.start or 0)))
+            continue
+        real = ET.SubElement(scalar, "Real", _real(variable))
+        if variable.derivative_of is not None:
+            real.set("derivative", str(number[variable.derivative_of]))
+    structure = ET.SubElement(root, "ModelStructure")
+    for name, found in (
+        ("Outputs", _outputs(variables)),
+        ("Derivatives", _derivatives(variables)),
+        ("InitialUnknowns", sorted(_initial(variables), key=lambda v: number[v.reference])),
+    ):
+        element = ET.SubElement(structure, name)
+        for variable in found:
+            ET.SubElement(element, "Unknown", index=str(number[variable.reference]))
+    return _text(root)
+
+
+def description_3(model: Described, variables: Sequence[Variable]) -> str:
+    """modelDescription.xml of FMI 3.0."""
+    root = _root(model, "3.0", {"instantiationToken": model.token})
+    can = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true", "providesDirectionalDerivatives": "true"}
+    steps = {"canHandleVariableCommunicationStepSize": "true", "maxOutputDerivativeOrder": "1"}
+    for kind, more in _interfaces(model, steps):
+        ET.SubElement(root, kind, {"modelIdentifier": model.identifier, **can, **more})
+    _units(root)
+    _items(ET.SubElement(ET.SubElement(root, "TypeDefinitions"), "EnumerationType", name="Start"))
+    _experiment(root, model)
+    listed = ET.SubElement(root, "ModelVariables")
+    for variable in variables:
+        if variable.is_choice:
+            start = str(int(variable.start or 0))
+            ET.SubElement(listed, "Enumeration", {**_common(variable), "declaredType": "Start", "start": start})
+            continue
+        element = ET.SubElement(listed, "Float64", {**_common(variable), **_real(variable)})
+        if variable.derivative_of is not None:
+            element.set("derivative", str(variable.derivative_of))
+    structure = ET.SubElement(root, "ModelStructure")
+    for name, found in (
+        ("Output", _outputs(variables)),
+        ("ContinuousStateDerivative", _derivatives(variables)),
+        ("InitialUnknown", _initial(variables)),
+    ):
+        for variable in found:
+            ET.SubElement(structure, name, valueReference=str(variable.reference))
+    return _text(root)
+
+
+def build_description(model: Described) -> str:
+    """sources/buildDescription.xml of FMI 3.0."""
+    root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
+    build = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model.identifier)
+    files = ET.SubElement(build, "SourceFileSet", language="C99")
+    for name in model.sources:
+        ET.SubElement(files, "SourceFile", name=name)
+    return _text(root)
+
+
+def _root(model: Described, version: str, more: dict[str, str]) -> ET.Element:
+    return ET.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": version,
+            "modelName": model.title,
+            "description": "Reduced model of a sliding body, in modal coordinates",
+            "generationTool": f"pmr {__version__}",
+            "variableNamingConvention": "flat",
+            **more,
+        },
+    )
+
+
+def _interfaces(model: Described, of_steps: dict[str, str]) -> list[tuple[str, dict[str, str]]]:
+    interfaces: list[tuple[str, dict[str, str]]] = [("CoSimulation", of_steps)]
+    return [("ModelExchange", {}), *interfaces] if model.model_exchange else interfaces
+
+
+def _units(root: ET.Element) -> None:
+    units = ET.SubElement(root, "UnitDefinitions")
+    for name, exponents in UNITS.items():
+        unit = ET.SubElement(units, "Unit", name=name)
+        ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
+
+
+def _items(choice: ET.Element) -> None:
+    for name, value in STARTS.items():
+        ET.SubElement(choice, "Item", name=name, value=str(value))
+
+
+def _experiment(root: ET.Element, model: Described) -> None:
+    ET.SubElement(ET.SubElement(root, "LogCategories"), "Category", name="logStatusError")
+    times = {"startTime": "0.0", "stopTime": repr(model.end), "tolerance": "1e-8", "stepSize": repr(model.step)}
+    ET.SubElement(root, "DefaultExperiment", times)
+
+
+def _common(variable: Variable) -> dict[str, str]:
+    said = {
+        "name": variable.name,
+        "valueReference": str(variable.reference),
+        "description": variable.description,
+        "causality": variable.causality,
+        "variability": variable.variability,
+    }
+    return said | ({"initial": variable.initial} if variable.initial else {})
+
+
+def _real(variable: Variable) -> dict[str, str]:
+    said = {} if not variable.unit else {"unit": variable.unit}
+    numbers = {"start": variable.start, "nominal": variable.nominal}
+    return said | {name: repr(value) for name, value in numbers.items() if value is not None}
+
+
+def _outputs(variables: Sequence[Variable]) -> list[Variable]:
+    return [v for v in variables if v.causality == "output"]
+
+
+def _derivatives(variables: Sequence[Variable]) -> list[Variable]:
+    return [v for v in variables if v.derivative_of is not None]
+
+
+def _initial(variables: Sequence[Variable]) -> list[Variable]:
+    return [v for v in variables if v.initial == "calculated"]
+
+
+def _text(root: ET.Element) -> str:
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"

@@ -1,0 +1,128 @@
+"""A reduced model as a functional mock-up unit: an archive of description, binaries, their source and a reference."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pmr.errors import InputError
+from pmr.export.fmi.compiling import PLATFORMS, Platform, check_compiler, compiled
+from pmr.export.fmi.constants import constants, source_text
+from pmr.export.fmi.description import Described, build_description, description_2, description_3
+from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
+from pmr.export.fmi.variables import variables
+from pmr.export.recorded import recorded
+from pmr.files.whole import replaced
+from pmr.reduced.model import ReducedModel
+
+VERSIONS = ("2", "3")
+_SOURCE = Path(__file__).with_name("source")
+#: In every file of the archive, so that the same model makes the same bytes.
+_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Contents:
+    """All that an FMU holds besides its binaries: texts by their names in the archive, and what was described."""
+
+    texts: dict[str, str]
+    described: Described
+
+    @property
+    def sources(self) -> dict[str, str]:
+        """Files of C by their names."""
+        found = {Path(name): text for name, text in self.texts.items()}
+        return {path.name: text for path, text in found.items() if path.suffix in {".c", ".h"}}
+
+
+def write_fmu(
+    npz_path: str | Path, target: str | Path, version: str = "3", platforms: Sequence[Platform] = PLATFORMS
+) -> Path:
+    """Write a saved reduced model as an FMU for Co-Simulation and, where no row is rigid, Model Exchange.
+
+    Parameters
+    ----------
+    npz_path : str or Path
+        Written by `ReducedModel.save`, with the scene in its provenance.
+    target : str or Path
+        E.g. ``sliding_boom.fmu``.
+    version : str
+        Of the interface: ``"2"`` or ``"3"``.
+    platforms : sequence of Platform
+        Systems to compile for.
+
+    Raises
+    ------
+    InputError
+        If the file is no reduced model or has no scene, the model can't be exported, or the compiler is missing.
+    """
+    if version not in VERSIONS:
+        raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
+    check_compiler()
+    npz_path, target = Path(npz_path), Path(target)
+    found = contents(ReducedModel.load(npz_path), npz_path.name, target.stem, version)
+    with tempfile.TemporaryDirectory() as folder:
+        binaries = _binaries(Path(folder), found, version, platforms)
+    files: dict[str, str | bytes] = {**found.texts, **binaries}
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with replaced(target) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(zipfile.ZipInfo(name, _DATE), content, zipfile.ZIP_DEFLATED)
+    return target
+
+
+def contents(model: ReducedModel, file_name: str, name: str, version: str) -> Contents:
+    """Description, source and reference trajectory of a model whose binaries are called `name`.
+
+    Raises
+    ------
+    InputError
+        If the model has no scene, keeps residual inertia, or has rigid rows that only push.
+    """
+    scene, found = recorded(model, file_name), constants(model, file_name)
+    run = reference(model, scene.excitation)
+    source = source_text(found, run.start_values, run.nominal)
+    listed = variables(model, found.form.body.size, run.start_values, run.nominal)
+    others = {f"fmi{other}.c" for other in VERSIONS if other != version}
+    files = {file.name: file.read_text() for file in sorted(_SOURCE.iterdir()) if file.name not in others}
+    files |= {"model.h": source.header, "model.c": source.text}
+    described = Described(
+        identifier=_identifier(name),
+        title=scene.title,
+        token=source.token,
+        model_exchange=found.model_exchange,
+        sources=sorted(name for name in files if name.endswith(".c")),
+        end=run.stepping.end,
+        step=run.stepping.step,
+    )
+    texts = {"modelDescription.xml": (description_2 if version == "2" else description_3)(described, listed)}
+    texts |= {f"sources/{name}": text for name, text in files.items()}
+    if version == "3":
+        texts["sources/buildDescription.xml"] = build_description(described)
+    texts["resources/reference_in.csv"] = inputs_csv(run, listed)
+    texts["resources/reference_out.csv"] = outputs_csv(run, listed)
+    return Contents(texts, described)
+
+
+def _binaries(folder: Path, found: Contents, version: str, platforms: Sequence[Platform]) -> dict[str, bytes]:
+    """Shared libraries by their names in the archive."""
+    for name, text in found.sources.items():
+        (folder / name).write_text(text)
+    binaries = {}
+    for platform in platforms:
+        place = platform.folder_2 if version == "2" else platform.folder_3
+        if place:
+            library = folder / "binaries" / place / f"{found.described.identifier}{platform.suffix}"
+            compiled(folder, found.described.sources, platform, library)
+            binaries[f"binaries/{place}/{library.name}"] = library.read_bytes()
+    return binaries
+
+
+def _identifier(name: str) -> str:
+    """An identifier of C."""
+    plain = re.sub(r"[^A-Za-z0-9_]+", "_", name)
+    return plain if re.match(r"[A-Za-z_]", plain) else f"model_{plain}"

@@ -1,0 +1,98 @@
+"""The reference trajectory that an FMU carries: inputs at every step, outputs of `march` at some of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.export.fmi.variables import Variable
+from pmr.reduced.model import ReducedModel
+from pmr.simulate import contact_step
+from pmr.simulate.excitation import Excitation
+from pmr.simulate.modal import modal_form
+from pmr.simulate.native import simulator as march
+from pmr.simulate.stepping import TimeStepping
+from pmr.system.body import displacement
+
+Array = NDArray[np.float64]
+#: Instants at which outputs are written, as far as the steps go.
+INSTANTS = 101
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A simulation under the scene of a model.
+
+    Attributes
+    ----------
+    stepping : TimeStepping
+        With the parts that rows that only push take.
+    inputs : (T, 3 + 2 i) array
+        Time, s, its rate, loads and their rates, at every step; rates lead to the next step.
+    t : (S,) array, s
+    outputs : (S, o + m) array
+        Displacements and forces.
+    nominal : (2 r,) array
+        Largest modal coordinates and rates.
+    """
+
+    stepping: TimeStepping
+    inputs: Array
+    t: Array
+    outputs: Array
+    nominal: Array
+
+    @property
+    def start_values(self) -> Array:
+        """Of the variables up to the scheme's parameter, in the order of `pmr.export.fmi.variables`."""
+        count = (self.inputs.shape[1] - 3) // 2
+        first = self.inputs[0]
+        loads, rates = first[3 : 3 + count], first[3 + count :]
+        nothing = np.zeros(0 if count else 1)  # C has no arrays of nothing
+        step = self.stepping.step / max(self.stepping.parts, 1)
+        return np.concatenate([first[:2], [0.0], loads, nothing, 0.0 * rates, nothing, [step, self.stepping.rho_inf]])
+
+
+def reference(model: ReducedModel, excitation: Excitation) -> Reference:
+    """Simulate a model under its own scene."""
+    form, stepping = modal_form(model), contact_step.with_parts(model, excitation)
+    t, s, f = excitation.times, excitation.along(model.domain)[:, None], excitation.forces(model.input_names)
+    trajectory = march.simulate_modal(form, excitation.with_stepping(stepping))
+    shown = np.unique(np.linspace(0, len(t) - 1, min(INSTANTS, len(t))).round().astype(int))
+    y = displacement(form.body, trajectory.q[shown], s[shown, 0], trajectory.multipliers[shown], f[shown])
+    largest = np.abs(np.hstack([trajectory.q, trajectory.v])).max(axis=0)
+    smallest = 1e-9 * np.repeat(largest.reshape(2, -1).max(axis=1), model.size)
+    nominal = np.maximum(largest, smallest)
+    return Reference(
+        stepping=stepping,
+        inputs=np.hstack([t[:, None], s, _leading(s, stepping.step), f, _leading(f, stepping.step)]),
+        t=t[shown],
+        outputs=np.hstack([y, trajectory.multipliers[shown]]),
+        nominal=np.where(nominal > 0.0, nominal, 1.0),
+    )
+
+
+def inputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
+    """Inputs as comma-separated values, with the variables' names."""
+    names = ["time", *(variable.name for variable in variables if variable.causality == "input")]
+    return _csv(names, found.inputs)
+
+
+def outputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
+    """Displacements and forces as comma-separated values."""
+    outputs = [v for v in variables if v.causality == "output"]
+    names = [v.name for v in outputs if not v.description.startswith("rate of ")]
+    return _csv(["time", *names], np.hstack([found.t[:, None], found.outputs]))
+
+
+def _leading(values: Array, step: float) -> Array:
+    """Rates (T, k) that lead from each sample to the next; none at the end."""
+    return np.vstack([np.diff(values, axis=0) / step, np.zeros((1, values.shape[1]))])
+
+
+def _csv(names: Sequence[str], rows: Array) -> str:
+    lines = [",".join(f'"{name}"' for name in names)]
+    return "\n".join([*lines, *(",".join(map(repr, row)) for row in rows.tolist()), ""])

@@ -1,0 +1,101 @@
+/* A reduced body with rows that move along a path: modal equations of motion, a step of generalized-alpha, outputs.
+
+       z'' + D z' + Omega^2 z + C(s)^T lambda = B f,     C z + H f - F lambda = 0,     F = G(s) + 1/k
+       y = O z + W f - X(s) lambda
+
+   z are coordinates of modes with a modal mass of 1 kg, in m.  Tables are polynomials in s between breaks. */
+#ifndef BODY_H
+#define BODY_H
+
+#include <stddef.h>
+
+#include "model.h" /* MODES, ROWS, INPUTS, OUTPUTS, INTERVALS, powers of the tables; 1 where there is none */
+
+/* Constants of the model (model.c).  Tables: the highest power first. */
+extern const double breaks[INTERVALS + 1];
+extern const double table_C[INTERVALS][POWERS_C][ROWS * MODES];
+extern const double table_G[INTERVALS][POWERS_G][ROWS * ROWS];
+extern const double table_H[INTERVALS][POWERS_H][ROWS * INPUTS];
+extern const double table_X[INTERVALS][POWERS_X][ROWS * OUTPUTS];
+extern const double omega2[MODES];
+extern const double damping[DAMPING_SIZE]; /* the diagonal of D, or all of it where damping couples the modes */
+extern const double inputs[INPUTS][MODES];
+extern const double shapes[MODES][OUTPUTS];
+extern const double direct[INPUTS][OUTPUTS];
+extern const double compliance[ROWS]; /* 1/k */
+extern const double clearance[ROWS];  /* of rows that only push */
+extern const int pushes[ROWS];
+extern const int gives_way[ROWS]; /* F has entries there; other rows are rigid */
+extern const double nominal[2 * MODES];
+extern const double start_values[3 + 2 * INPUTS + 2]; /* of the variables up to INTERNAL_STEP and RHO_INF */
+extern const char *const row_names[ROWS];
+extern const char *const model_token;
+
+/* Numbers of the variables, which are their value references. */
+enum {
+    TIME = 0,
+    PATH,
+    PATH_RATE,
+    LOADS,
+    LOAD_RATES = LOADS + INPUTS,
+    INTERNAL_STEP = LOAD_RATES + INPUTS,
+    RHO_INF,
+    START, /* 0: at rest, undeformed; 1: static under the loads */
+    STATES,
+    DERIVATIVES = STATES + 2 * MODES,
+    DISPLACEMENTS = DERIVATIVES + 2 * MODES,
+    VELOCITIES = DISPLACEMENTS + OUTPUTS,
+    FORCES = VELOCITIES + OUTPUTS,
+    VARIABLES = FORCES + ROWS
+};
+
+/* All that a simulation remembers: copied as it is to save and restore one. */
+typedef struct {
+    int started; /* initialisation is over */
+    double variables[VARIABLES];
+    double acceleration[MODES]; /* z'' at the end of the last step */
+    double alike[MODES];        /* and the acceleration-like variable of generalized-alpha */
+    double rigid[ROWS];         /* multipliers of the last step */
+    double force[ROWS];         /* of rows that push, in the last step, and their share in `alike` */
+    double share[ROWS];
+    double closed[ROWS]; /* 1 where a row holds */
+} Memory;
+
+/* Tables at one s, with their first and second derivatives where they are asked for. */
+typedef struct {
+    double s;
+    int order; /* of the derivatives that are there; -1: nothing is */
+    int interval;
+    double C[3][ROWS][MODES];
+    double F[3][ROWS][ROWS];
+    double H[3][ROWS][INPUTS];
+} Place;
+
+/* Generalized-alpha with one step size. */
+typedef struct {
+    double step, rho_inf;
+    double alpha_m, alpha_f, gamma, beta, gain; /* gain: what an acceleration adds to `alike` */
+    double dz, dv;                              /* and to displacement and velocity within its step */
+    double inverse[DAMPING_SIZE];               /* of 1 + D dv + Omega^2 dz */
+} Scheme;
+
+typedef struct {
+    Memory memory;
+    Place place;
+    Scheme scheme;
+    int fresh;   /* derivatives and displacements belong to states and inputs */
+    int moving;  /* velocities do */
+    double multipliers[ROWS], rates[ROWS];
+    char message[400];
+} Body;
+
+/* All return 0, or 1 with the reason in `message`. */
+void body_reset(Body *body);
+int body_start(Body *body);
+int body_advance(Body *body, double duration);
+int body_evaluate(Body *body);
+int body_velocities(Body *body);
+int body_differentiate(Body *body, const double *seed, double *answer); /* both VARIABLES long */
+void body_changed(Body *body); /* states, inputs or time were set */
+
+#endif

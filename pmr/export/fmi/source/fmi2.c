@@ -1,0 +1,353 @@
+/* The body behind the C interface of FMI 2.0 (Functional Mock-up Interface for Model Exchange and Co-Simulation). */
+#include <stdlib.h>
+#include <string.h>
+
+#include "variables.h"
+
+typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
+typedef enum { fmi2ModelExchange, fmi2CoSimulation } fmi2Type;
+typedef enum { fmi2DoStepStatus, fmi2PendingStatus, fmi2LastSuccessfulTime, fmi2Terminated } fmi2StatusKind;
+typedef unsigned Reference;
+
+typedef struct {
+    void (*logger)(void *environment, const char *instance, fmi2Status status, const char *category,
+                   const char *message, ...);
+    void *(*allocate)(size_t count, size_t size);
+    void (*release)(void *object);
+    void (*step_finished)(void *environment, fmi2Status status);
+    void *environment;
+} Callbacks;
+
+typedef struct {
+    int new_discrete_states_needed, terminate_simulation, nominals_changed, values_changed, next_event_time_defined;
+    double next_event_time;
+} EventInfo;
+
+typedef struct {
+    Body body;
+    Callbacks callbacks;
+    char *name;
+} Instance;
+
+/* The status of a call that failed or not, with the reason for the master's log. */
+static fmi2Status told(Instance *instance, int failed)
+{
+    if (failed && instance->callbacks.logger)
+        instance->callbacks.logger(instance->callbacks.environment, instance->name, fmi2Error, "logStatusError",
+                                   instance->body.message);
+    return failed ? fmi2Error : fmi2OK;
+}
+
+static fmi2Status refused(Instance *instance, const char *why)
+{
+    strncpy(instance->body.message, why, sizeof instance->body.message - 1);
+    return told(instance, 1);
+}
+
+EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
+EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
+
+EXPORT fmi2Status fmi2SetDebugLogging(void *c, int on, size_t count, const char *const categories[])
+{
+    (void)c, (void)on, (void)count, (void)categories; /* errors are told, and there is nothing else to tell */
+    return fmi2OK;
+}
+
+EXPORT void *fmi2Instantiate(const char *name, fmi2Type type, const char *guid, const char *resources,
+                             const Callbacks *callbacks, int visible, int logging)
+{
+    Instance *instance;
+    (void)resources, (void)visible, (void)logging;
+    if (!same_text(guid, model_token) || (type == fmi2ModelExchange && !MODEL_EXCHANGE)) {
+        if (callbacks && callbacks->logger)
+            callbacks->logger(callbacks->environment, name, fmi2Error, "logStatusError",
+                              same_text(guid, model_token) ? "rigid rows leave no differential equation: Co-Simulation is allowed"
+                                                           : "the GUID is that of another model");
+        return NULL;
+    }
+    instance = malloc(sizeof *instance);
+    if (!instance) return NULL;
+    memset(instance, 0, sizeof *instance);
+    if (callbacks) instance->callbacks = *callbacks;
+    instance->name = malloc(strlen(name ? name : "") + 1);
+    if (!instance->name) {
+        free(instance);
+        return NULL;
+    }
+    strcpy(instance->name, name ? name : "");
+    body_reset(&instance->body);
+    return instance;
+}
+
+EXPORT void fmi2FreeInstance(void *c)
+{
+    Instance *instance = c;
+    if (!instance) return;
+    free(instance->name);
+    free(instance);
+}
+
+EXPORT fmi2Status fmi2SetupExperiment(void *c, int tolerance_defined, double tolerance, double start, int stop_defined,
+                                      double stop)
+{
+    (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop;
+    return told(c, set_time(&((Instance *)c)->body, start));
+}
+
+EXPORT fmi2Status fmi2EnterInitializationMode(void *c)
+{
+    Instance *instance = c;
+    return instance->body.memory.started ? refused(instance, "initialisation is over: fmi2Reset first") : fmi2OK;
+}
+
+EXPORT fmi2Status fmi2ExitInitializationMode(void *c)
+{
+    Instance *instance = c;
+    return told(instance, finish_initialisation(&instance->body));
+}
+
+EXPORT fmi2Status fmi2Terminate(void *c)
+{
+    (void)c;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2Reset(void *c)
+{
+    body_reset(&((Instance *)c)->body);
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetReal(void *c, const Reference *references, size_t count, double *values)
+{
+    return told(c, get_variables(&((Instance *)c)->body, references, count, values));
+}
+
+EXPORT fmi2Status fmi2SetReal(void *c, const Reference *references, size_t count, const double *values)
+{
+    return told(c, set_variables(&((Instance *)c)->body, references, count, values));
+}
+
+EXPORT fmi2Status fmi2GetInteger(void *c, const Reference *references, size_t count, int *values)
+{
+    Instance *instance = c;
+    size_t n;
+    for (n = 0; n < count; n++) {
+        if (references[n] != START) return refused(instance, "the only integer is the kind of start");
+        values[n] = (int)instance->body.memory.variables[START];
+    }
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetInteger(void *c, const Reference *references, size_t count, const int *values)
+{
+    Instance *instance = c;
+    size_t n;
+    for (n = 0; n < count; n++) {
+        double value = values[n];
+        if (references[n] != START || (values[n] != 0 && values[n] != 1))
+            return refused(instance, "the only integer is the kind of start: 0 at rest, 1 static");
+        if (set_variables(&instance->body, references + n, 1, &value)) return told(instance, 1);
+    }
+    return fmi2OK;
+}
+
+#define NO_VARIABLES_OF(KIND, VALUE)                                                                          \
+    EXPORT fmi2Status fmi2Get##KIND(void *c, const Reference *references, size_t count, VALUE *values)       \
+    {                                                                                                         \
+        (void)references, (void)values;                                                                       \
+        return count ? refused(c, "there are no variables of this type") : fmi2OK;                            \
+    }                                                                                                         \
+    EXPORT fmi2Status fmi2Set##KIND(void *c, const Reference *references, size_t count, const VALUE *values) \
+    {                                                                                                         \
+        (void)references, (void)values;                                                                       \
+        return count ? refused(c, "there are no variables of this type") : fmi2OK;                            \
+    }
+NO_VARIABLES_OF(Boolean, int)
+NO_VARIABLES_OF(String, char *)
+
+EXPORT fmi2Status fmi2GetFMUstate(void *c, void **state)
+{
+    Instance *instance = c;
+    if (*state)
+        *(Memory *)*state = instance->body.memory;
+    else
+        *state = saved(&instance->body);
+    return *state ? fmi2OK : refused(instance, "no memory is left");
+}
+
+EXPORT fmi2Status fmi2SetFMUstate(void *c, void *state)
+{
+    Instance *instance = c;
+    if (!state) return refused(instance, "there is no state to return to");
+    restore(&instance->body, state);
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2FreeFMUstate(void *c, void **state)
+{
+    (void)c;
+    if (state) {
+        free(*state);
+        *state = NULL;
+    }
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SerializedFMUstateSize(void *c, void *state, size_t *size)
+{
+    (void)c, (void)state;
+    *size = serialized_size();
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SerializeFMUstate(void *c, void *state, char *bytes, size_t size)
+{
+    return told(c, serialize(&((Instance *)c)->body, state, bytes, size));
+}
+
+EXPORT fmi2Status fmi2DeSerializeFMUstate(void *c, const char *bytes, size_t size, void **state)
+{
+    *state = deserialized(&((Instance *)c)->body, bytes, size);
+    return told(c, !*state);
+}
+
+EXPORT fmi2Status fmi2GetDirectionalDerivative(void *c, const Reference *unknowns, size_t unknown_count,
+                                               const Reference *knowns, size_t known_count, const double *seed,
+                                               double *answer)
+{
+    return told(c, differentiate(&((Instance *)c)->body, unknowns, unknown_count, knowns, known_count, seed, answer));
+}
+
+/* Model Exchange: continuous throughout, no event is ever indicated. */
+
+EXPORT fmi2Status fmi2EnterEventMode(void *c)
+{
+    (void)c;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2NewDiscreteStates(void *c, EventInfo *info)
+{
+    (void)c;
+    memset(info, 0, sizeof *info);
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2EnterContinuousTimeMode(void *c)
+{
+    (void)c;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2CompletedIntegratorStep(void *c, int no_return, int *enter_event_mode, int *terminate)
+{
+    (void)c, (void)no_return;
+    *enter_event_mode = *terminate = 0;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetTime(void *c, double time) { return told(c, set_time(&((Instance *)c)->body, time)); }
+
+EXPORT fmi2Status fmi2SetContinuousStates(void *c, const double *states, size_t count)
+{
+    return told(c, set_states(&((Instance *)c)->body, states, count));
+}
+
+EXPORT fmi2Status fmi2GetDerivatives(void *c, double *derivatives, size_t count)
+{
+    return told(c, get_derivatives(&((Instance *)c)->body, derivatives, count));
+}
+
+EXPORT fmi2Status fmi2GetEventIndicators(void *c, double *indicators, size_t count)
+{
+    (void)indicators;
+    return count ? refused(c, "there are no event indicators") : fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetContinuousStates(void *c, double *states, size_t count)
+{
+    return told(c, get_states(&((Instance *)c)->body, states, count));
+}
+
+EXPORT fmi2Status fmi2GetNominalsOfContinuousStates(void *c, double *nominals, size_t count)
+{
+    if (count != 2 * MODES) return refused(c, "another number of states is asked for than there is");
+    memcpy(nominals, nominal, sizeof nominal);
+    return fmi2OK;
+}
+
+/* Co-Simulation */
+
+EXPORT fmi2Status fmi2SetRealInputDerivatives(void *c, const Reference *references, size_t count, const int *orders,
+                                              const double *values)
+{
+    Instance *instance = c;
+    size_t n;
+    for (n = 0; n < count; n++) {
+        int is_load = references[n] >= LOADS && references[n] < LOAD_RATES;
+        Reference rate = references[n] == PATH ? PATH_RATE : references[n] + INPUTS;
+        if (orders[n] != 1 || !(references[n] == PATH || is_load))
+            return refused(instance, "first derivatives of the path coordinate and of loads are allowed");
+        if (set_variables(&instance->body, &rate, 1, values + n)) return told(instance, 1);
+    }
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetRealOutputDerivatives(void *c, const Reference *references, size_t count, const int *orders,
+                                               double *values)
+{
+    Instance *instance = c;
+    size_t n;
+    for (n = 0; n < count; n++) {
+        Reference rate = references[n] + OUTPUTS;
+        if (orders[n] != 1 || references[n] < DISPLACEMENTS || references[n] >= VELOCITIES)
+            return refused(instance, "first derivatives of displacements are known");
+        if (get_variables(&instance->body, &rate, 1, values + n)) return told(instance, 1);
+    }
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2DoStep(void *c, double time, double step, int no_return)
+{
+    Instance *instance = c;
+    (void)no_return;
+    if (!instance->body.memory.started) return refused(instance, "a step comes after the initialisation");
+    set_time(&instance->body, time);
+    return told(instance, body_advance(&instance->body, step));
+}
+
+EXPORT fmi2Status fmi2CancelStep(void *c) { return refused(c, "no step is ever pending"); }
+
+EXPORT fmi2Status fmi2GetStatus(void *c, fmi2StatusKind kind, fmi2Status *value)
+{
+    (void)kind, (void)value;
+    return refused(c, "no step is ever pending");
+}
+
+EXPORT fmi2Status fmi2GetRealStatus(void *c, fmi2StatusKind kind, double *value)
+{
+    Instance *instance = c;
+    if (kind != fmi2LastSuccessfulTime) return refused(instance, "the last successful time is known");
+    *value = instance->body.memory.variables[TIME];
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetIntegerStatus(void *c, fmi2StatusKind kind, int *value)
+{
+    (void)kind, (void)value;
+    return refused(c, "there is no such status");
+}
+
+EXPORT fmi2Status fmi2GetBooleanStatus(void *c, fmi2StatusKind kind, int *value)
+{
+    if (kind != fmi2Terminated) return refused(c, "there is no such status");
+    *value = 0;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetStringStatus(void *c, fmi2StatusKind kind, const char **value)
+{
+    (void)kind, (void)value;
+    return refused(c, "there is no such status");
+}

@@ -1,0 +1,146 @@
+"""Variables of an FMU, in the order of their value references (source/body.h)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.reduced.model import ReducedModel
+from pmr.system.body import force_of, force_outputs
+
+Array = NDArray[np.float64]
+#: What the parameter `start` may be.
+STARTS = {"at rest": 0, "static": 1}
+#: Of loads that are given as an acceleration; all others are forces in N.
+ACCELERATIONS = ("gravity",)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable: its value reference, and what a model description says of it.
+
+    Attributes
+    ----------
+    name, description : str
+    reference : int
+    causality, variability : str
+    initial : str
+        Empty where the causality says it.
+    unit : str
+        Empty for a number.
+    start, nominal : float or None
+    derivative_of : int or None
+        Value reference of the state whose derivative this is.
+    """
+
+    name: str
+    reference: int
+    description: str
+    causality: str = "output"
+    variability: str = "continuous"
+    initial: str = "calculated"
+    unit: str = ""
+    start: float | None = None
+    nominal: float | None = None
+    derivative_of: int | None = None
+
+    @property
+    def is_choice(self) -> bool:
+        """Whether it is the kind of start, the only variable that is no real number."""
+        return self.name == "start"
+
+
+def variables(model: ReducedModel, modes: int, start: Array, nominal: Array) -> list[Variable]:
+    """All variables of a model with so many modes, by `pmr.export.fmi.constants.source_text`'s start and nominal."""
+    names = _Names()
+    found = list(_given(model, names, start))
+    count = max(len(model.input_names), 1)
+    first = 6 + 2 * count
+    for k in range(2 * modes):
+        mode, rate = k % modes + 1, k >= modes
+        called, unit = ("rate of mode", "m/s") if rate else ("mode", "m")
+        what = f"{called} {mode}, modal mass 1 kg"
+        name = names(f"mode_{mode}{'_rate' * rate}")
+        found.append(Variable(name, first + k, what, "local", unit=unit, nominal=float(nominal[k])))
+    states = found[-2 * modes :]
+    for k, state in enumerate(states):
+        unit = "m/s2" if k >= modes else "m/s"
+        reference = first + 2 * modes + k
+        name = names(f"der_{state.name}")
+        found.append(
+            Variable(name, reference, f"derivative: {state.description}", "local", unit=unit, derivative_of=first + k)
+        )
+    found += _observed(model, names, first + 4 * modes)
+    return found
+
+
+def input_units(model: ReducedModel) -> list[str]:
+    """Unit of each input."""
+    return ["m/s2" if name in ACCELERATIONS else "N" for name in model.input_names]
+
+
+def _given(model: ReducedModel, names: _Names, start: Array) -> Iterator[Variable]:
+    """Time, inputs and parameters."""
+    count = max(len(model.input_names), 1)
+    units = input_units(model)
+    yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
+    yield Variable(names("s"), 1, "path coordinate of the sliders", "input", "continuous", "", "m", float(start[1]))
+    yield Variable(names("s_rate"), 2, "rate of s", "input", "continuous", "", "m/s", float(start[2]))
+    loads = [names(name) for name in model.input_names]
+    for k, (name, unit) in enumerate(zip(loads, units, strict=True)):
+        yield Variable(
+            name, 3 + k, f"load {model.input_names[k]}", "input", "continuous", "", unit, float(start[3 + k])
+        )
+    for k, (name, unit) in enumerate(zip(loads, units, strict=True)):
+        at, of_rate = 3 + count + k, "m/s3" if unit == "m/s2" else "N/s"
+        what = f"rate of the load {model.input_names[k]}"
+        yield Variable(names(f"{name}_rate"), at, what, "input", "continuous", "", of_rate, float(start[at]))
+    first = 3 + 2 * count
+    step, rho_inf = float(start[first]), float(start[first + 1])
+    what = "longest internal step in Co-Simulation"
+    yield Variable(names("internal_step"), first, what, "parameter", "fixed", "exact", "s", step)
+    what = "spectral radius of generalized-alpha at infinite frequency"
+    yield Variable(names("rho_inf"), first + 1, what, "parameter", "fixed", "exact", "", rho_inf)
+    what = "undeformed and at rest, or in equilibrium with the loads"
+    yield Variable(names("start"), first + 2, what, "parameter", "fixed", "exact", "", float(STARTS["at rest"]))
+
+
+def _observed(model: ReducedModel, names: _Names, first: int) -> Iterator[Variable]:
+    """Outputs, their rates where they are motions, and the forces of the rows."""
+    o, force = len(model.outputs), force_outputs(model)
+    called = model.output_names or tuple(f"output {k}" for k in range(o))
+    units = model.output_units or ("m",) * o
+    outputs = [names(name if not is_force else force_of(name)) for name, is_force in zip(called, force, strict=True)]
+    for k in range(o):
+        yield Variable(outputs[k], first + k, called[k], unit=units[k])
+    for k in np.flatnonzero(~force).tolist():
+        yield Variable(names(f"{outputs[k]}_rate"), first + max(o, 1) + k, f"rate of {called[k]}", unit=f"{units[k]}/s")
+    for k, name in enumerate(model.row_names):
+        what = f"{force_of(name)}; on the body with the opposite sign"
+        yield Variable(names(force_of(name)), first + 2 * max(o, 1) + k, what, unit="N")
+
+
+class _Names:
+    """Names that are all different, of letters, digits and underscores, as every importer takes them."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+
+    def __call__(self, name: str) -> str:
+        plain = re.sub(r"[^A-Za-z0-9]+", "_", name.replace("-", "m") if re.search(r"-\d", name) else name).strip("_")
+        plain = plain if plain and not plain[0].isdigit() else f"v_{plain}"
+        found, count = plain, 1
+        while found in self._taken:
+            count += 1
+            found = f"{plain}_{count}"
+        self._taken.add(found)
+        return found
+
+
+def named(found: Sequence[Variable], causality: str) -> list[Variable]:
+    """Those of one causality."""
+    return [variable for variable in found if variable.causality == causality]

@@ -1,0 +1,172 @@
+"""FMUs compiled by this machine's compiler and called through their C interface, in both versions."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.export.fmi.fmu import contents
+from pmr.reduced.model import ReducedModel
+
+Array = NDArray[np.float64]
+FLAGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-pedantic", "-Werror", "-fPIC", "-shared"]
+_UINT, _SIZE, _DOUBLES = ctypes.c_uint32, ctypes.c_size_t, ctypes.POINTER(ctypes.c_double)
+_LOGGER = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
+_LOGGER_3 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
+
+
+class CallError(Exception):
+    """A call that the FMU refused; with its reason."""
+
+
+@dataclass(frozen=True)
+class Library:
+    """A compiled FMU: its functions, and value references by name."""
+
+    functions: ctypes.CDLL
+    version: str
+    token: str
+    references: dict[str, int]
+    causality: dict[str, str]
+
+    def named(self, causality: str) -> list[str]:
+        return [name for name, has in self.causality.items() if has == causality]
+
+
+def library(model: ReducedModel, folder: Path, version: str) -> Library:
+    """The FMU's source, compiled without a warning."""
+    found, place = contents(model, "model.npz", "body", version), folder / f"fmi{version}"
+    place.mkdir()
+    for name, text in found.sources.items():
+        (place / name).write_text(text)
+    subprocess.run(["cc", *FLAGS, *found.described.sources, "-o", "body.so", "-lm"], cwd=place, check=True, timeout=60)
+    root = ET.fromstring(found.texts["modelDescription.xml"])
+    variables = root.find("ModelVariables")
+    assert variables is not None
+    return Library(
+        ctypes.CDLL(str(place / "body.so")),
+        version,
+        found.described.token,
+        {v.attrib["name"]: int(v.attrib["valueReference"]) for v in variables},
+        {v.attrib["name"]: v.attrib["causality"] for v in variables},
+    )
+
+
+class Instance:
+    """One instance; names of variables instead of value references, and an exception for a status that is not OK."""
+
+    def __init__(self, made: Library, model_exchange: bool = False, token: str | None = None) -> None:
+        self.library, self.said = made, [""]
+        names = (made.token if token is None else token).encode()
+        two, functions = made.version == "2", made.functions
+        if two:
+            self._logger = _LOGGER(lambda e, i, status, category, message: self.said.append(message.decode()))
+            callbacks = (ctypes.c_void_p * 5)(ctypes.cast(self._logger, ctypes.c_void_p).value, None, None, None, None)
+            self._callbacks = callbacks
+            make = functions.fmi2Instantiate
+            arguments = [b"body", 0 if model_exchange else 1, names, b"", callbacks, 0, 0]
+        else:
+            self._logger = _LOGGER_3(lambda e, status, category, message: self.said.append(message.decode()))
+            given = [b"body", names, b"", False, False]
+            if model_exchange:
+                make, arguments = functions.fmi3InstantiateModelExchange, [*given, None, self._logger]
+            else:
+                make = functions.fmi3InstantiateCoSimulation
+                arguments = [*given, False, False, None, _SIZE(0), None, self._logger, None]
+        make.restype = ctypes.c_void_p
+        made_instance = make(*arguments)
+        if not made_instance:
+            raise CallError(self.said[-1])
+        self.c = ctypes.c_void_p(made_instance)
+
+    def call(self, name: str, *arguments: object) -> None:
+        if getattr(self.library.functions, f"fmi{self.library.version}{name}")(self.c, *arguments) != 0:
+            raise CallError(self.said[-1])
+
+    def set(self, names: Sequence[str], values: Sequence[float]) -> None:
+        self._access("Set", names, np.array(values, dtype=float))
+
+    def get(self, names: Sequence[str]) -> Array:
+        values = np.zeros(len(names))
+        self._access("Get", names, values)
+        return values
+
+    def choose_static(self) -> None:
+        reference = (_UINT * 1)(self.library.references["start"])
+        if self.library.version == "2":
+            self.call("SetInteger", reference, _SIZE(1), (ctypes.c_int * 1)(1))
+        else:
+            self.call("SetInt64", reference, _SIZE(1), (ctypes.c_int64 * 1)(1), _SIZE(1))
+
+    def initialise(self, names: Sequence[str] = (), values: Sequence[float] = ()) -> None:
+        if self.library.version == "2":
+            self.call("SetupExperiment", 0, ctypes.c_double(0.0), ctypes.c_double(0.0), 0, ctypes.c_double(0.0))
+            self.call("EnterInitializationMode")
+        else:
+            zero = ctypes.c_double(0.0)
+            self.call("EnterInitializationMode", False, zero, zero, False, zero)
+        self.set(names, values)
+        self.call("ExitInitializationMode")
+
+    def step(self, t: float, h: float) -> None:
+        more: list[object] = [1]
+        if self.library.version == "3":
+            told = [ctypes.byref(ctypes.c_bool()) for _ in range(3)]
+            more = [True, *told, ctypes.byref(ctypes.c_double())]
+        self.call("DoStep", ctypes.c_double(t), ctypes.c_double(h), *more)
+
+    def set_states(self, states: Array) -> None:
+        self.call("SetContinuousStates", np.ascontiguousarray(states).ctypes.data_as(_DOUBLES), _SIZE(len(states)))
+
+    def derivatives(self, count: int) -> Array:
+        found = np.zeros(count)
+        name = "GetDerivatives" if self.library.version == "2" else "GetContinuousStateDerivatives"
+        self.call(name, found.ctypes.data_as(_DOUBLES), _SIZE(count))
+        return found
+
+    def directional(self, unknowns: Sequence[str], known: str) -> Array:
+        found, seed = np.zeros(len(unknowns)), np.ones(1)
+        of, at = self._references(unknowns), self._references([known])
+        pointers = [seed.ctypes.data_as(_DOUBLES), found.ctypes.data_as(_DOUBLES)]
+        if self.library.version == "3":
+            pointers = [pointers[0], _SIZE(1), pointers[1], _SIZE(len(unknowns))]
+        self.call("GetDirectionalDerivative", of, _SIZE(len(unknowns)), at, _SIZE(1), *pointers)
+        return found
+
+    def saved(self) -> ctypes.c_void_p:
+        state = ctypes.c_void_p()
+        self.call("GetFMUstate" if self.library.version == "2" else "GetFMUState", ctypes.byref(state))
+        return state
+
+    def restore(self, state: ctypes.c_void_p) -> None:
+        self.call("SetFMUstate" if self.library.version == "2" else "SetFMUState", state)
+
+    def serialised(self, state: ctypes.c_void_p) -> bytes:
+        word, size = ("FMUstate" if self.library.version == "2" else "FMUState"), ctypes.c_size_t()
+        self.call(f"Serialized{word}Size", state, ctypes.byref(size))
+        content = ctypes.create_string_buffer(size.value)
+        self.call(f"Serialize{word}", state, content, size)
+        return content.raw
+
+    def deserialised(self, content: bytes) -> ctypes.c_void_p:
+        state = ctypes.c_void_p()
+        word = "DeSerializeFMUstate" if self.library.version == "2" else "DeserializeFMUState"
+        self.call(word, content, _SIZE(len(content)), ctypes.byref(state))
+        return state
+
+    def _references(self, names: Sequence[str]) -> object:
+        return (_UINT * len(names))(*(self.library.references[name] for name in names))
+
+    def _access(self, verb: str, names: Sequence[str], values: Array) -> None:
+        of, pointer, count = self._references(names), values.ctypes.data_as(_DOUBLES), _SIZE(len(names))
+        if self.library.version == "2":
+            self.call(f"{verb}Real", of, count, pointer)
+        else:
+            self.call(f"{verb}Float64", of, count, pointer, count)

@@ -1,0 +1,298 @@
+"""The C source of FMUs, compiled here and called through its interface, against `march` and NumPy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from export.fmi.libraries import CallError, Instance, Library, library
+from numpy.typing import NDArray
+from on_pads import beam_on_pads, flexible_on_pads
+from oracle import flexible, inertial, project, rich_body
+
+from pmr.errors import InputError
+from pmr.export.fmi.fmu import contents
+from pmr.reduced.model import ReducedModel
+from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
+from pmr.simulate.excitation import SLIDER, Excitation
+from pmr.simulate.modal import modal_form
+from pmr.simulate.native import simulator as march
+from pmr.simulate.stepping import TimeStepping
+from pmr.system.body import displacement
+from pmr.system.compliant_rows import CompliantRows
+
+Array = NDArray[np.float64]
+
+END, STEP = 0.2, 1e-3
+PATH = SmoothRamp(times=(0.0, 0.2), values=(2.0, 2.6))
+ON_PADS = Ramp(times=(0.0, 0.2), values=(2.0, 2.2))
+LOADS: tuple[SignalBase, ...] = (
+    Chirp(amplitude=50.0, times=(0.0, 0.2), frequencies=(2.0, 20.0), phase=1.0),
+    Sine(amplitude=30.0, frequency=4.0, phase=0.3),
+)
+WEIGHT_AND_LIFT: tuple[SignalBase, ...] = (
+    Ramp(times=(0.0, 0.02, 0.2), values=(0.0, 9.81, 9.81)),
+    Sine(amplitude=2e3, frequency=10.0),
+)
+KINDS = ("flexible", "rigid", "coupled", "pushing")
+
+
+def provided(model: ReducedModel, path: SignalBase, loads: tuple[SignalBase, ...]) -> ReducedModel:
+    """With the scene that a run would leave in it."""
+    listed = [{"name": "F", "signal": load.model_dump(mode="json")} for load in loads]
+    time = {"end": END, "step": STEP, "rho_inf": 0.8}
+    scene: dict[str, Any] = {"slider": {"path": path.model_dump(mode="json")}, "loads": listed, "time": time}
+    return replace(model, provenance={"scene": scene})
+
+
+def model_of(kind: str) -> ReducedModel:
+    rich = rich_body()
+    if kind == "pushing":
+        return provided(flexible_on_pads(beam_on_pads(1e-4), 6), ON_PADS, WEIGHT_AND_LIFT)
+    if kind == "rigid":
+        return provided(project(rich, np.eye(rich.size)[:, 2:]), PATH, LOADS)
+    model = provided(flexible(rich, 6), PATH, LOADS)
+    if kind == "coupled":
+        couples = np.diag(np.arange(1.0, 7.0)) + 0.5
+        model = replace(model, D=model.M @ couples @ model.M, rayleigh=None, pads=np.array([2e-6, 3e-6]))
+    return model
+
+
+@dataclass(frozen=True)
+class Made:
+    model: ReducedModel
+    library: Library
+
+    @property
+    def excitation(self) -> Excitation:
+        pushing = self.model.clearance is not None
+        path, loads = (ON_PADS, WEIGHT_AND_LIFT) if pushing else (PATH, LOADS)
+        stepping = TimeStepping(END, STEP, 0.8, parts=1)
+        return Excitation({SLIDER: path}, dict(zip(self.model.input_names, loads, strict=True)), stepping)
+
+    def names(self) -> tuple[list[str], list[str]]:
+        """Inputs and their rates, s first."""
+        inputs = self.library.named("input")
+        return [name for name in inputs if not name.endswith("_rate")], [n for n in inputs if n.endswith("_rate")]
+
+    def observed(self) -> tuple[list[str], list[str], list[str]]:
+        """Displacements, their rates, forces."""
+        outputs = self.library.named("output")
+        rates = [name for name in outputs if name.endswith("_rate")]
+        forces = [name for name in outputs if name.startswith("force_of")]
+        return [name for name in outputs if name not in {*rates, *forces}], rates, forces
+
+    def states(self) -> list[str]:
+        return [name for name in self.library.named("local") if name.startswith("mode_")]
+
+
+@pytest.fixture(scope="module", params=[("flexible", "2"), *((kind, "3") for kind in KINDS)], ids=lambda p: "-".join(p))
+def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
+    kind, version = request.param
+    model = model_of(kind)
+    return Made(model, library(model, tmp_path_factory.mktemp(kind), version))
+
+
+def co_simulated(made: Made, instance: Instance) -> tuple[Array, Array]:
+    """Displacements and forces at every step, which is an internal one too; inputs lead to the next."""
+    excitation, (values, rates), (moved, _, forces) = made.excitation, made.names(), made.observed()
+    given = np.hstack([excitation.s, excitation.forces(made.model.input_names)])
+    instance.set(["internal_step"], [STEP])
+    instance.initialise(values, given[0])
+    found = [instance.get(moved + forces)]
+    for k in range(len(given) - 1):
+        instance.set(values + rates, np.concatenate([given[k], (given[k + 1] - given[k]) / STEP]))
+        instance.step(k * STEP, STEP)
+        found.append(instance.get(moved + forces))
+    both = np.array(found)
+    return both[:, : len(moved)], both[:, len(moved) :]
+
+
+def test_co_simulation_is_march(made: Made) -> None:
+    """The same equations and steps, in another order of operations: what differs is round-off, which decays."""
+    found, forces = co_simulated(made, Instance(made.library))
+    expected = march.simulate(made.model, made.excitation)
+    f = made.excitation.forces(made.model.input_names)
+    y = displacement(made.model, expected.q, expected.s, expected.multipliers, f)
+    assert np.abs(y).max() > 1e-6 and np.abs(expected.multipliers).max() > 1.0
+    np.testing.assert_allclose(found, y, rtol=0.0, atol=1e-9 * np.abs(y).max())
+    np.testing.assert_allclose(forces, expected.multipliers, rtol=0.0, atol=1e-7 * np.abs(expected.multipliers).max())
+    if made.model.clearance is not None:
+        open_now = expected.multipliers[:, made.model.row_clearance >= 0.0] == 0.0
+        assert 0.05 < open_now.mean() < 0.95
+
+
+def test_a_long_communication_step_is_made_of_internal_ones(made: Made) -> None:
+    """Linear inputs over five steps: those of five steps of one millisecond."""
+    values, rates = made.names()
+    moved = made.observed()[0]
+    slope = np.array([0.5, *(100.0,) * (len(values) - 1)])
+    start = np.array([2.0, *(0.0,) * (len(values) - 1)])
+    once, often = Instance(made.library), Instance(made.library)
+    for instance in (once, often):
+        instance.initialise(values, start)
+        instance.set(rates, slope)
+    once.step(0.0, 5 * STEP)
+    for k in range(5):
+        often.step(k * STEP, STEP)
+    found, expected = once.get(moved), often.get(moved)
+    assert np.abs(expected).max() > 1e-9
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(once.get(values), start + 5 * STEP * slope, rtol=1e-14, atol=1e-14)
+
+
+def test_a_state_returns_bit_for_bit(made: Made) -> None:
+    values, rates = made.names()
+    seen = [*sum(made.observed(), []), *values]
+
+    def run(instance: Instance) -> Array:
+        for k in range(10, 20):
+            instance.set(values[1:], [1e3 * np.sin(k)] * (len(values) - 1))
+            instance.step(k * STEP, STEP)
+        return instance.get(seen)
+
+    instance = Instance(made.library)
+    instance.initialise(values, [2.0, *(0.0,) * (len(values) - 1)])
+    instance.set(rates, [0.3, *(50.0,) * (len(values) - 1)])
+    for k in range(10):
+        instance.step(k * STEP, STEP)
+    state, before = instance.saved(), instance.get(seen)
+    content = instance.serialised(state)
+    after = run(instance)
+    instance.restore(state)
+    np.testing.assert_array_equal(instance.get(seen), before)
+    np.testing.assert_array_equal(run(instance), after)
+    other = Instance(made.library)
+    other.restore(other.deserialised(content))
+    np.testing.assert_array_equal(run(other), after)
+    with pytest.raises(CallError, match="no state of this model"):
+        other.deserialised(b"x" + content[1:])
+
+
+def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
+    """Rows as springs, K + C^T F^-1 C; of those that push, where they are pressed on."""
+    if made.model.flexibility is None:
+        with pytest.raises(CallError, match="rigid rows leave no differential equation"):
+            Instance(made.library, model_exchange=True)
+        return
+    body, values = modal_form(made.model).body, made.names()[0]
+    if made.model.clearance is not None:
+        return  # covered by Co-Simulation and by derivatives along a direction
+    rng = np.random.default_rng(5)
+    r, f, s = body.size, rng.normal(size=len(values) - 1), 2.3
+    z, v = rng.normal(size=(2, r))
+    instance = Instance(made.library, model_exchange=True)
+    instance.initialise(values, [s, *f])
+    instance.set_states(np.concatenate([z, v]))
+    system = CompliantRows(body).system(np.array([s]))[0]
+    expected = system[:, r:] @ f - system[:, :r] @ z - body.D @ v
+    found = instance.derivatives(2 * r)
+    np.testing.assert_allclose(found[:r], v, rtol=1e-15)
+    np.testing.assert_allclose(found[r:], expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+
+
+def test_derivatives_along_each_direction(made: Made) -> None:
+    """Against central differences, (h^2 / 6) y''' off and by the round-off of y over h."""
+    if made.model.flexibility is None:
+        return
+    (values, rates), observed = made.names(), made.observed()
+    unknowns = [*sum(observed, []), *(name for name in made.library.named("local") if name.startswith("der_"))]
+    rng = np.random.default_rng(3)
+    instance = Instance(made.library, model_exchange=True)
+    inputs = np.concatenate([[2.3], 100.0 * rng.normal(size=len(values) - 1)])
+    instance.initialise(values, inputs)
+    states = 1e-3 * rng.normal(size=2 * modal_form(made.model).body.size)
+    moving = np.concatenate([[0.4], 300.0 * rng.normal(size=len(rates) - 1)])
+    given, at = [*values, *rates], np.concatenate([inputs, moving])
+
+    def seen(at: Array, states: Array) -> Array:
+        instance.set(given, at)
+        instance.set_states(states)
+        return instance.get(unknowns)
+
+    for k, known in enumerate([*given, *made.states()]):
+        of_inputs, of_states = np.zeros(len(at)), np.zeros(len(states))
+        h = 1e-6 if k >= len(at) else 1e-5 if known == "s" else 1e-3
+        (of_inputs if k < len(at) else of_states)[k if k < len(at) else k - len(at)] = h
+        expected = (seen(at + of_inputs, states + of_states) - seen(at - of_inputs, states - of_states)) / (2.0 * h)
+        seen(at, states)
+        found = instance.directional(unknowns, known)
+        atol = 1e-7 * np.abs(expected).max() + 1e-14 * np.abs(instance.get(unknowns)) / h
+        assert np.all(np.abs(found - expected) <= 2e-6 * np.abs(expected) + atol), known
+
+
+def test_a_static_start_is_in_equilibrium(made: Made) -> None:
+    values, _ = made.names()
+    moved = made.observed()[0]
+    loads = [9.81, 0.0] if made.model.clearance is not None else [40.0, -20.0]
+    instance = Instance(made.library)
+    instance.choose_static()
+    instance.initialise(values, [2.25, *loads])
+    rest = [name for name in made.library.named("local") if name.startswith("der_")]
+    K = modal_form(made.model).body.K
+    size = np.abs(instance.get(made.states()[: len(K)]) @ K).max()
+    assert size > 1.0
+    np.testing.assert_allclose(instance.get(rest), 0.0, atol=1e-9 * size)
+    before = instance.get(moved)
+    for k in range(20):
+        instance.step(k * STEP, STEP)
+    np.testing.assert_allclose(instance.get(moved), before, rtol=0.0, atol=1e-9 * np.abs(before).max())
+
+
+def test_rates_are_those_of_the_outputs(made: Made) -> None:
+    """Of a smooth motion, against central differences: on smooth loads these converge with the square of the step."""
+    if made.model.clearance is not None or made.model.flexibility is None:
+        return
+    (values, rates), (moved, velocities, _) = made.names(), made.observed()
+    instance = Instance(made.library)
+    instance.initialise(values, [2.0, 0.0, 0.0])
+    instance.set(rates, [0.5, 100.0, -50.0])
+    h, found, rate = 1e-5, [], []
+    for k in range(40):
+        instance.step(k * h, h)
+        found.append(instance.get(moved))
+        rate.append(instance.get(velocities))
+    y, v = np.array(found), np.array(rate)
+    expected = (y[2:] - y[:-2]) / (2.0 * h)
+    np.testing.assert_allclose(v[1:-1][5:], expected[5:], rtol=0.0, atol=2e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [("s", 7.0, "s = 7 m lies off the path"), ("internal_step", 0.0, "internal_step"), ("rho_inf", 1.1, "rho_inf")],
+)
+def test_what_cannot_be_is_refused_with_its_reason(made: Made, name: str, value: float, said: str) -> None:
+    instance = Instance(made.library)
+    with pytest.raises(CallError, match=said):
+        instance.initialise([name], [value])
+
+
+def test_calls_out_of_order_are_refused(made: Made) -> None:
+    instance = Instance(made.library)
+    with pytest.raises(CallError, match="after the initialisation"):
+        instance.step(0.0, STEP)
+    instance.initialise()
+    with pytest.raises(CallError, match="parameters are fixed"):
+        instance.set(["internal_step"], [1e-4])
+    with pytest.raises(CallError, match="read only"):
+        instance.set(made.observed()[0][:1], [1.0])
+    with pytest.raises(CallError, match="another model"):
+        Instance(made.library, token="{0}")
+
+
+def test_residual_inertia_is_refused() -> None:
+    model = provided(inertial(rich_body(), 6), PATH, LOADS)
+    assert model.flexibility is not None and model.flexibility.inertia is not None
+    kept = replace(model.flexibility, inertia=replace(model.flexibility.inertia, kept=True))
+    with pytest.raises(InputError, match=r"model.npz: flexibility.inertia"):
+        contents(replace(model, flexibility=kept), "model.npz", "body", "3")
+
+
+def test_the_same_model_makes_the_same_source(tmp_path: Path) -> None:
+    model = model_of("flexible")
+    model.save(tmp_path / "a.npz")
+    once, again = (contents(one, "a.npz", "body", "2").texts for one in (model, ReducedModel.load(tmp_path / "a.npz")))
+    assert once == again
