@@ -3,7 +3,7 @@
 .NOTPARALLEL:
 SHELL := /bin/bash
 
-PINS := $(filter-out requirements/snakemake.txt requirements/benchmarks.txt requirements/docs.txt, $(wildcard requirements/*.txt)) pyproject.toml
+PINS := $(filter-out requirements/snakemake.txt requirements/benchmarks.txt requirements/docs.txt requirements/fmi.txt, $(wildcard requirements/*.txt)) pyproject.toml
 
 # The form compiler calls cc at run time, WeasyPrint loads Pango and HarfBuzz, gmsh (without a window) X libraries, VTK
 # (without an X server) EGL, and on Debian's default BLAS a MUMPS factor takes six times as long as on OpenBLAS.
@@ -116,7 +116,7 @@ test: lint ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel st
 test-debian: test-suite test-mpi test-kernels
 
 .PHONY: test-suite
-test-suite: setup .venv-snakemake/.ready
+test-suite: setup .venv-snakemake/.ready .venv-fmi/.ready
 	$(call pytest,.venv,$(KERNEL))
 
 .PHONY: test-kernels
@@ -130,6 +130,13 @@ test-kernel-%: setup
 	@echo "installing Snakemake into .venv-snakemake"
 	@/usr/bin/python3 -m venv .venv-snakemake
 	@.venv-snakemake/bin/python -m pip install -q -r requirements/snakemake.txt
+	@touch $@
+
+# Only the tests of FMUs want it.
+.venv-fmi/.ready: requirements/fmi.txt
+	@echo "installing FMPy into .venv-fmi"
+	@/usr/bin/python3 -m venv .venv-fmi
+	@.venv-fmi/bin/python -m pip install -q -r requirements/fmi.txt
 	@touch $@
 
 .PHONY: test-fast
@@ -181,5 +188,5 @@ test-wheel-kernel-%: .venv-wheel/.ready
 
 .PHONY: clean
 clean: ## remove what make and the tests made, the venvs too
-	rm -rf docs/_build .venv .venv-wheel .venv-snakemake .snakemake build dist reports/paper reports/benchmarks .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf docs/_build .venv .venv-wheel .venv-snakemake .venv-fmi .snakemake build dist reports/paper reports/benchmarks .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 	find pmr tests -name __pycache__ -prune -exec rm -rf {} +

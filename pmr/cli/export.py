@@ -7,34 +7,34 @@ from typing import Annotated
 
 import typer
 
-from pmr import environment
 from pmr.cli.console import ensure_writable, out, say
 from pmr.errors import InputError
+from pmr.export.formats import FORMATS, Options, write
 from pmr.files.swap import finished
+
+_SAYS = "; ".join(f"{name}: {one.says}" for name, one in FORMATS.items())
 
 
 def export(
     model: Annotated[Path, typer.Argument(metavar="reduced.npz", help="A reduced model that `pmr run` wrote.")],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="exudyn: a standalone Python script.")] = "exudyn",
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help=f"{_SAYS}.")] = "exudyn",
     out_file: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="[default: sliding_body.py beside the model]")
+        Path | None, typer.Option("--out", metavar="FILE", help="[default: sliding_body.* beside the model]")
+    ] = None,
+    fmi: Annotated[
+        str | None, typer.Option("--fmi", metavar="2|3", help="Version of the interface, for fmu.  [default: 3]")
     ] = None,
 ) -> None:
     """Write a reduced model as something a user can build on, without pmr.
 
-    Example:
-
+    Examples
+    --------
         pmr export reports/paper_simple/reduced.npz --to exudyn
-    """
-    if to != "exudyn":
-        raise InputError("command line", "--to", to, "exudyn is allowed")
-    environment.needed("exudyn")  # the script's parts are tested code, which is loaded to be written
-    from pmr.export.exudyn.script import write_exudyn_script
 
-    target = out_file or model.with_name("sliding_body.py")
-    if target.is_dir():
-        raise InputError("command line", "--out", str(target), "the name of a file is allowed")
-    ensure_writable(target.parent)
+        pmr export reports/boom_shell/reduced.npz --to fmu --fmi 2
+    """
+    if out_file is not None and out_file.is_dir():
+        raise InputError("command line", "--out", str(out_file), "the name of a file is allowed")
+    ensure_writable((out_file or model).parent)
     finished(model.parent)
-    written = write_exudyn_script(model, target)
-    say(out, str(written))
+    say(out, str(write(to, model, out_file, Options(fmi))))

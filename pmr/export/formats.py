@@ -1,0 +1,70 @@
+"""The formats of `pmr export`, by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pmr import environment
+from pmr.errors import InputError
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a format may be told besides the files; None: nothing was said.
+
+    Attributes
+    ----------
+    fmi : str or None
+        Version of the Functional Mock-up Interface.
+    """
+
+    fmi: str | None = None
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: what it is, the name of its file, which options it takes, and its writer (model, target, options)."""
+
+    says: str
+    file_name: str
+    options: frozenset[str]
+    write: Callable[[Path, Path, Options], Path]
+
+
+def _exudyn(model: Path, target: Path, options: Options) -> Path:
+    environment.needed("exudyn")  # the script's parts are tested code, which is loaded to be written
+    from pmr.export.exudyn.script import write_exudyn_script
+
+    return write_exudyn_script(model, target)
+
+
+def _fmu(model: Path, target: Path, options: Options) -> Path:
+    from pmr.export.fmi.fmu import write_fmu
+
+    return write_fmu(model, target, options.fmi or "3")
+
+
+FORMATS = {
+    "exudyn": Format("a standalone Python script", "sliding_body.py", frozenset(), _exudyn),
+    "fmu": Format("a functional mock-up unit", "sliding_body.fmu", frozenset({"fmi"}), _fmu),
+}
+
+
+def write(to: str, model: Path, target: Path | None, options: Options) -> Path:
+    """Write a saved reduced model in a format; beside the model where there is no target.
+
+    Raises
+    ------
+    InputError
+        If there is no such format, it does not take an option that was given, or its writer refuses.
+    """
+    if to not in FORMATS:
+        raise InputError("command line", "--to", to, f"{', '.join(FORMATS)} is allowed")
+    chosen = FORMATS[to]
+    for name, value in vars(options).items():
+        if value is not None and name not in chosen.options:
+            takers = ", ".join(key for key, one in FORMATS.items() if name in one.options)
+            raise InputError("command line", f"--{name}", value, f"it is allowed with --to {takers}")
+    return chosen.write(model, target or model.with_name(chosen.file_name), options)

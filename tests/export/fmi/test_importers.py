@@ -1,0 +1,121 @@
+"""FMUs of the paper's evolved case with six coordinates and of the reference boom, run by FMPy and from C."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pmr import scene
+from pmr.export.fmi import fmu
+from pmr.export.fmi.compiling import PLATFORMS
+from pmr.export.recorded import recorded
+from pmr.reduced.model import ReducedModel
+from pmr.run import reduce
+from pmr.simulate.modal import modal_form
+from pmr.simulate.native import simulator as march
+from pmr.simulate.stepping import TimeStepping
+from pmr.system.body import force_outputs
+
+ROOT = Path(__file__).parents[3]
+HERE = Path(__file__).parent
+pytestmark = pytest.mark.slow
+CASES = {"evolved_residual": [], "boom_shell": ["time.end=5"]}
+#: What an importer of both kinds calls, by version.
+REQUIRED = {
+    "2": "Instantiate FreeInstance SetupExperiment EnterInitializationMode ExitInitializationMode Terminate Reset "
+    "GetReal SetReal GetInteger SetInteger GetFMUstate SetFMUstate FreeFMUstate SerializeFMUstate DeSerializeFMUstate "
+    "GetDirectionalDerivative DoStep SetTime SetContinuousStates GetDerivatives GetContinuousStates NewDiscreteStates",
+    "3": "InstantiateCoSimulation InstantiateModelExchange FreeInstance EnterInitializationMode ExitInitializationMode "
+    "GetFloat64 SetFloat64 GetInt64 SetInt64 GetFMUState SetFMUState SerializeFMUState DeserializeFMUState DoStep "
+    "GetDirectionalDerivative SetTime SetContinuousStates GetContinuousStateDerivatives UpdateDiscreteStates",
+}
+
+
+@dataclass(frozen=True)
+class Exported:
+    model: ReducedModel
+    files: dict[str, Path]
+
+
+@pytest.fixture(scope="module")
+def fmpy() -> Path:
+    python = ROOT / ".venv-fmi" / "bin" / "python"
+    if not python.exists():
+        pytest.skip("FMPy is not installed: make test-suite does it")
+    return python
+
+
+@pytest.fixture(scope="module", params=CASES)
+def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    folder = tmp_path_factory.mktemp(request.param)
+    model = reduce(scene.load(ROOT / "workflows" / f"{request.param}.toml", CASES[request.param])).reduced
+    npz, files = model.save(folder / "reduced.npz"), {}
+    for version in fmu.VERSIONS:
+        everywhere = request.param == "evolved_residual"
+        target = folder / f"body_{version}.fmu"
+        files[version] = fmu.write_fmu(npz, target, version, PLATFORMS if everywhere else PLATFORMS[:1])
+    return Exported(model, files)
+
+
+def under(python: Path, *arguments: str) -> Any:
+    command = [str(python), str(HERE / "under_fmpy.py"), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize("version", fmu.VERSIONS)
+def test_fmpy_finds_nothing_and_steps_as_march_does(exported: Exported, fmpy: Path, version: str) -> None:
+    file = str(exported.files[version])
+    assert under(fmpy, "validate", file) == []
+    found = under(fmpy, "steps", file)
+    assert found["steps"] == recorded(exported.model, "model").excitation.stepping.steps
+    assert found["m"] < 1e-9
+    assert found["N"] < 1e-3
+
+
+@pytest.mark.parametrize("version", fmu.VERSIONS)
+def test_model_exchange_under_cvode(exported: Exported, fmpy: Path, version: str, tmp_path: Path) -> None:
+    """Against march with a hundredth of the step, which is off by some 1e-7 m itself."""
+    excitation = recorded(exported.model, "model").excitation
+    stepping, moved = excitation.stepping, np.flatnonzero(~force_outputs(exported.model))
+    fine = excitation.with_stepping(TimeStepping(stepping.end, stepping.step / 100.0, 1.0))
+    seen = march.observe(modal_form(exported.model), fine, moved.tolist(), every=100)
+    half = excitation.with_stepping(TimeStepping(stepping.end, stepping.step / 5.0))
+    signals = [one.rate(half.times) for one in (excitation.path, *excitation.loads.values())]
+    u = np.column_stack([half.times, half.s, signals[0], half.f, *signals[1:]])
+    kinks = np.array(excitation.path.breaks)
+    np.savez(tmp_path / "fine.npz", t=seen.t, y=seen.y, u=u, kinks=kinks)
+    assert np.abs(seen.y).max() > 1e-3
+    assert under(fmpy, "cvode", str(exported.files[version]), str(tmp_path / "fine.npz")) < 1e-6
+
+
+@pytest.mark.parametrize("version", fmu.VERSIONS)
+def test_every_binary_exports_the_interface(exported: Exported, fmpy: Path, version: str) -> None:
+    found = under(fmpy, "symbols", str(exported.files[version]))
+    assert len(found) in (1, 3 if version == "2" else 5)
+    for file, names in found.items():
+        missing = {f"fmi{version}{name}" for name in REQUIRED[version].split()} - set(names)
+        assert not missing, file
+
+
+def test_a_communication_step_takes_microseconds(exported: Exported, tmp_path: Path) -> None:
+    """One of a millisecond that moves the rows, all inputs set and all displacements read: 5 microseconds at most."""
+    program, file = tmp_path / "timing", exported.files["2"]
+    subprocess.run(["cc", "-O2", str(HERE / "timing.c"), "-o", str(program), "-ldl"], check=True, timeout=60)
+    subprocess.run(["unzip", "-q", str(file), "-d", str(tmp_path)], check=True, timeout=60)
+    said = (tmp_path / "modelDescription.xml").read_text()
+    outputs = [int(n) for n in re.findall(r'valueReference="(\d+)" description="[^"]*" causality="output"', said)]
+    inputs, token = said.count('causality="input"'), re.findall(r'guid="([^"]*)"', said)[0]
+    shown = len(np.flatnonzero(~force_outputs(exported.model)))
+    library = next((tmp_path / "binaries" / "linux64").iterdir())
+    arguments = [str(library), token, "20000", "1e-3", str(min(outputs)), str(shown), str(inputs)]
+    runs = [subprocess.run([str(program), *arguments], capture_output=True, text=True, check=True) for _ in range(5)]
+    assert min(float(run.stdout) for run in runs) < 5e-6

@@ -1,0 +1,108 @@
+"""Run FMUs with FMPy, in its own environment: under_fmpy.py validate|steps|cvode|symbols FMU [npz] prints JSON."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fmpy import extract, instantiate_fmu, read_csv, read_model_description, simulate_fmu
+from fmpy.sundials import CVodeSolver
+from fmpy.validation import validate_fmu
+
+
+def validate(fmu: str) -> Any:
+    return validate_fmu(fmu)
+
+
+def steps(fmu: str) -> Any:
+    """Co-Simulation under the inputs that the FMU carries: largest difference to its own reference, by unit."""
+    folder = Path(extract(fmu))
+    said = read_model_description(folder)
+    inputs, reference = (read_csv(str(folder / "resources" / f"reference_{name}.csv")) for name in ("in", "out"))
+    names = [name for name in reference.dtype.names if name != "time"]
+    step, units = float(said.defaultExperiment.stepSize), {v.name: v.unit for v in said.modelVariables}
+    found = simulate_fmu(
+        str(folder), fmi_type="CoSimulation", input=inputs, output=names, output_interval=step,
+        stop_time=float(said.defaultExperiment.stopTime),
+    )  # fmt: skip
+    at = np.round(reference["time"] / step).astype(int)
+    differs = {unit: 0.0 for unit in units.values()}
+    for name in names:
+        differs[units[name]] = max(differs[units[name]], float(np.abs(found[name][at] - reference[name]).max()))
+    return {"m": differs["m"], "N": differs.get("N", 0.0), "steps": len(found) - 1}
+
+
+def cvode(fmu: str, npz: str) -> Any:
+    """Model Exchange under CVODE, inputs set at every evaluation: largest difference to y in m.
+
+    The npz file holds t (T,) and y (T, o), and inputs u (S, 3 + 2 i), with rates, on a fine grid, between whose points
+    they are taken as cubic.
+    """
+    folder, data = str(extract(fmu)), np.load(npz)
+    said, u, t, y = read_model_description(folder), data["u"], data["t"], data["y"]
+    two, h = said.fmiVersion == "2.0", u[1, 0]
+    model = instantiate_fmu(folder, said, fmi_type="ModelExchange")
+    setter, getter = (model.setReal, model.getReal) if two else (model.setFloat64, model.getFloat64)
+    by_name = {v.name: v for v in said.modelVariables if v.causality == "input"}
+    values = [v.valueReference for name, v in by_name.items() if not name.endswith("_rate")]
+    rates = [v.valueReference for name, v in by_name.items() if name.endswith("_rate")]
+    outputs = [v.valueReference for v in said.modelVariables if v.causality == "output" and v.unit == "m"]
+
+    def given(now: float) -> None:
+        k = min(max(int(now / h), 0), len(u) - 2)
+        x = now / h - k
+        a, b, da, db = u[k, values], u[k + 1, values], u[k, rates] * h, u[k + 1, rates] * h
+        c, d = 3.0 * (b - a) - 2.0 * da - db, 2.0 * (a - b) + da + db
+        setter([*values, *rates], [*(a + x * (da + x * (c + x * d))), *((da + x * (2.0 * c + 3.0 * x * d)) / h)])
+
+    def set_time(now: float) -> None:
+        model.setTime(now)
+        given(now)
+
+    if two:
+        model.setupExperiment(startTime=0.0)
+        model.enterInitializationMode()
+    else:
+        model.enterInitializationMode(startTime=0.0)
+    given(0.0)
+    model.exitInitializationMode()
+    model.enterContinuousTimeMode()
+    solver = CVodeSolver(
+        nx=said.numberOfContinuousStates, nz=0, get_x=model.getContinuousStates, set_x=model.setContinuousStates,
+        get_dx=model.getDerivatives if two else model.getContinuousStateDerivatives, get_z=lambda *_: None,
+        get_nominals=model.getNominalsOfContinuousStates, set_time=set_time, input=None, startTime=0.0, maxStep=0.01,
+        relativeTolerance=1e-8,
+    )  # fmt: skip
+    now, worst, kinks = 0.0, 0.0, data["kinks"]
+    for k in range(10, len(t), 10):
+        _, _, now = solver.step(now, t[k])
+        set_time(now)
+        worst = max(worst, float(np.abs(np.array(getter(outputs)) - y[k]).max()))
+        if np.abs(kinks - now).min(initial=1.0) < 1e-9:
+            solver.reset(now)
+    return worst
+
+
+def symbols(fmu: str) -> Any:
+    """Exported functions of the interface, by the file."""
+    import lief
+
+    folder = Path(extract(fmu))
+    found = {}
+    for file in sorted((folder / "binaries").rglob("*.*")):
+        binary = lief.parse(str(file))
+        names = {function.name.lstrip("_") for function in binary.exported_functions}
+        found[str(file.relative_to(folder / "binaries"))] = sorted(n for n in names if re.match("fmi[23][A-Z]", n))
+    return found
+
+
+if __name__ == "__main__":
+    print(
+        json.dumps(
+            {"validate": validate, "steps": steps, "cvode": cvode, "symbols": symbols}[sys.argv[1]](*sys.argv[2:])
+        )
+    )
