@@ -6,7 +6,6 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 from pmr.errors import InputError
@@ -30,19 +29,6 @@ PLATFORMS = (
     Platform("", "aarch64-darwin", "aarch64-macos", ".dylib"),
 )
 _FLAGS = ("-shared", "-std=c99", "-O3", "-fvisibility=hidden", "-fno-sanitize=undefined", "-s")
-
-
-def check_compiler() -> None:
-    """Refuse to go on without the compiler.
-
-    Raises
-    ------
-    InputError
-        If it is not installed.
-    """
-    if find_spec("ziglang") is None:
-        allowed = "fmu needs a compiler for all systems: pip install ziglang is allowed"
-        raise InputError("command line", "--to", None, allowed)
 
 
 def compiled(folder: Path, sources: Sequence[str], platform: Platform, target: Path) -> None:

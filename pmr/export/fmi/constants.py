@@ -14,7 +14,6 @@ from pmr.constraints.polynomials import rebased
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.simulate.modal import ModalForm, modal_form
-from pmr.simulate.native.start import refuse_rigid_pushing
 from pmr.simulate.native.system import table_breaks
 from pmr.system.compliant_rows import compliant_rows
 
@@ -54,14 +53,12 @@ def constants(model: ReducedModel, source: str) -> Constants:
     Raises
     ------
     InputError
-        If it keeps residual inertia, or has rigid rows that only push; it is said of the file `source`.
+        If it keeps residual inertia; it is said of the file `source`.
     """
     if model.flexibility is not None and model.flexibility.keeps_inertia:
         raise InputError(source, "flexibility.inertia", None, "a model without residual inertia is allowed in an FMU")
     m, i, o = len(model.row_names), len(model.input_names), len(model.outputs)
     gives_way = np.isin(np.arange(m), compliant_rows(model))
-    if not np.isnan(model.row_clearance).all():
-        refuse_rigid_pushing(model, ~gives_way)
     form = modal_form(model)
     body, breaks = form.body, table_breaks(form.body)
     none = {"rows": (m, m), "inputs": (m, i), "outputs": (o, m)}

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pmr import environment
 from pmr.errors import InputError
-from pmr.export.fmi.compiling import PLATFORMS, Platform, check_compiler, compiled
+from pmr.export.fmi.compiling import PLATFORMS, Platform, compiled
 from pmr.export.fmi.constants import constants, source_text
 from pmr.export.fmi.description import Described, build_description, description_2, description_3
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
@@ -62,7 +63,7 @@ def write_fmu(
     """
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
-    check_compiler()
+    environment.check_installed("ziglang")
     npz_path, target = Path(npz_path), Path(target)
     found = contents(ReducedModel.load(npz_path), npz_path.name, target.stem, version)
     with tempfile.TemporaryDirectory() as folder:
