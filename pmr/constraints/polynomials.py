@@ -22,7 +22,7 @@ def within_domain(s: ArrayLike, low: float, high: float, what: str) -> Array:
     """`s` as an array within [low, high], or a ValueError that says by how much it lies outside."""
     s = np.asarray(s, dtype=float)
     slack = DOMAIN_TOLERANCE * (high - low)
-    if not np.all((s >= low - slack) & (s <= high + slack)):
+    if s.size and not (s.min() >= low - slack and s.max() <= high + slack):
         worst = s.flat[np.argmax(np.maximum(low - s, s - high))] if np.all(np.isfinite(s)) else np.nan
         raise ValueError(f"{what}: s = {worst:g} m lies outside the path, allowed are {low:g} to {high:g} m")
     return np.clip(s, low, high)

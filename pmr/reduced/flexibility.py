@@ -12,18 +12,17 @@ With R the flexibility that a basis leaves out and q = V p + R (B f - C^T lambda
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import evaluate
+from pmr.constraints.polynomials import side_by_side, transposed
 from pmr.reduced.inertia import Inertia
 from pmr.reduced.soundness import misfit
 
 Array = NDArray[np.float64]
-#: Steps for which the outputs' tables are evaluated at once.
-BLOCK = 4096
 
 
 @dataclass(frozen=True)
@@ -60,27 +59,40 @@ class Flexibility:
 
     def row_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """H(s) f - G(s) lambda, (T, m) in m: what the residual part adds at the rows, along a trajectory."""
-        G, H = evaluate(self.rows, s), evaluate(self.inputs, s)
-        return np.einsum("tmi,ti->tm", H, loads) - np.einsum("tmn,tn->tm", G, multipliers)
+        from pmr.constraints.applied import applied
+
+        return applied(self._at_rows, s, np.hstack([loads, -multipliers]))
+
+    def row_motion_change(self, s: Array, multipliers: Array, loads: Array) -> Array:
+        """What that changes by, (T - 1, m) in m, from each s (T,) to the next under forces and loads (T - 1, ...)."""
+        from pmr.constraints.applied import applied_change
+
+        return applied_change(self._at_rows, s, np.hstack([loads, -multipliers]))
 
     def displacement(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """W f - X(s) lambda, (T, o) in m: what the residual part adds to the outputs."""
-        result = np.asarray(loads @ self.direct.T)
-        for first in range(0, len(s), BLOCK):  # the tables' values take far more than what comes of them
-            part = slice(first, first + BLOCK)
-            result[part] -= np.einsum("tom,tm->to", evaluate(self.outputs, s[part]), multipliers[part])
-        return result
+        from pmr.constraints.applied import applied
+
+        return np.asarray(loads @ self.direct.T - applied(self.outputs, s, multipliers))
 
     def strain_energy(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """g^T R g / 2 with g = B f - C^T lambda, (T,) in J."""
-        doubled = np.einsum("ti,ij,tj->t", loads, self.energy, loads)
-        G, H = evaluate(self.rows, s), evaluate(self.inputs, s)
-        doubled += np.einsum("tm,tmn,tn->t", multipliers, G, multipliers)
-        return (doubled - 2.0 * np.einsum("tm,tmi,ti->t", multipliers, H, loads)) / 2.0
+        from pmr.constraints.applied import applied
+
+        doubled = np.einsum("ti,ti->t", loads @ self.energy, loads)
+        of_rows = applied(self._at_rows, s, np.hstack([-2.0 * loads, multipliers]))
+        return np.asarray(doubled + np.einsum("tm,tm->t", multipliers, of_rows)) / 2.0
 
     def input_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """B^T R g, (T, i) in m: what the residual part adds to the motion of the loads' points."""
-        return loads @ self.energy - np.einsum("tmi,tm->ti", evaluate(self.inputs, s), multipliers)
+        from pmr.constraints.applied import applied
+
+        return np.asarray(loads @ self.energy - applied(transposed(self.inputs), s, multipliers))
+
+    @cached_property
+    def _at_rows(self) -> PPoly:
+        """H(s) and G(s) side by side."""
+        return side_by_side(self.inputs, self.rows)
 
     def contradiction(self, m: int, i: int, o: int) -> str | None:
         """What is wrong with the shapes for m rows, i inputs and o outputs, in words; None where all is sound."""

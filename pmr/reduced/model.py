@@ -33,8 +33,6 @@ from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.soundness import asymmetry, misfit
 
 Array = NDArray[np.float64]
-#: Numbers that rows at several steps may have together.
-ENTRIES = 2**19
 FORMAT = "pmr-reduced-model"
 FORMAT_VERSION = 5
 _NAMES = ("input_names", "row_names", "left_out", "output_names", "output_units")
@@ -147,12 +145,15 @@ class ReducedModel:
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q (T, m) along a trajectory, or with the derivative of C."""
-        m = len(self.row_names)
-        found, block = np.empty((len(s), m)), max(1, ENTRIES // max(1, m * self.size))
-        for first in range(0, len(s), block):  # the rows at many steps take far more than what comes of them
-            part = slice(first, first + block)
-            found[part] = np.einsum("tmr,tr->tm", self.C(s[part], derivative), q[part])
-        return found
+        from pmr.constraints.applied import applied  # compiled: who asks a file what it holds need not load Numba
+
+        return applied(self.rows, s, q, derivative)
+
+    def row_change(self, s: Array, q: Array) -> Array:
+        """(C(s_{t+1}) - C(s_t)) q_t, (T - 1, m), for s (T,) and q (T - 1, r)."""
+        from pmr.constraints.applied import applied_change
+
+        return applied_change(self.rows, s, q)
 
     def rows_on(self, V: Array) -> PPoly:
         """C(s) V as a piecewise polynomial with values (m, k), for V (r, k)."""

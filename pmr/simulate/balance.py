@@ -20,12 +20,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import evaluate
 from pmr.errors import SimulationError
 from pmr.results import Energy
 from pmr.simulate.start import row_flexibility
@@ -50,16 +50,7 @@ def energy(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Energy:
     Strain energy includes that of the pads, lambda^2 / (2 k), and of the residual flexibility; the residual part's
     kinetic energy is left out (`pmr.compare.velocities.kinetic_energy` has it).
     """
-    q, v, s, multipliers = trajectory.q, trajectory.v, trajectory.s, trajectory.deforming
-
-    def half_form(A: Array, x: Array) -> Array:
-        return np.einsum("tn,nt->t", x, np.asarray(A @ x.T)) / 2.0
-
-    strain = half_form(body.K, q) + multipliers**2 @ body.row_compliance / 2.0
-    if body.flexibility is not None:
-        strain = strain + body.flexibility.strain_energy(s, multipliers, loads)
-    motion = _motion(body, trajectory, loads)
-    return Energy(half_form(body.M, v), strain, -np.einsum("ti,ti->t", motion, loads))
+    return _energy(body, trajectory, loads, _motion(body, trajectory, loads))
 
 
 class Account:
@@ -73,9 +64,10 @@ class Account:
         """Energies of a part of the trajectory, whose first step, number `first`, is the last of the one before."""
         kept = slice(first, first + len(part.t))
         with np.errstate(over="ignore", invalid="ignore"):
-            found = energy(self._body, part, loads)
+            motion = _motion(self._body, part, loads)
+            found = _energy(self._body, part, loads, motion)
             self._stored[kept] = found.kinetic + found.strain
-            self._work[kept][1:] = self._work[first] + np.cumsum(_works(self._body, part, loads))
+            self._work[kept][1:] = self._work[first] + np.cumsum(_works(self._body, part, loads, motion))
         return found
 
     def surplus(self, loads: Array, step: float, s: float, simulator: str) -> float:
@@ -142,8 +134,7 @@ def round_off(mobility: Array, loads: Array, step: float) -> float:
 
 def step_work(loads: Array, motion: Array, multipliers: Array, slope: Array, s: Array) -> Array:
     """Work (T,) in J since t = 0 from the motion (T, i) m of the loads' points and the rows' slope C' q (T, m)."""
-    done = np.einsum("ti,ti->t", _mean(loads), np.diff(motion, axis=0))
-    done += np.einsum("tm,tm->t", _mean(multipliers), _mean(slope)) * np.diff(s)
+    done = _dot(_mean(loads), np.diff(motion, axis=0)) + _dot(_mean(multipliers), _mean(slope)) * np.diff(s)
     return np.concatenate([[0.0], np.cumsum(done)])
 
 
@@ -192,17 +183,23 @@ def part_of(trajectory: Trajectory, kept: slice) -> Trajectory:
     return Trajectory(**arrays, seconds=0.0)
 
 
-def _works(body: SlidingBody, part: Trajectory, f: Array) -> Array:
-    """Work (T - 1,) in J done in each step."""
-    q, s, multipliers, mean_f = part.q, part.s, _mean(part.multipliers), _mean(f)
-    work = np.einsum("ti,ti->t", mean_f, np.diff(_motion(body, part, f), axis=0))
-    before, after = body.apply_rows(s[:-1], q[:-1] + q[1:]), body.apply_rows(s[1:], q[:-1] + q[1:])
-    turned = (after - before) / 2.0
+def _energy(body: SlidingBody, part: Trajectory, loads: Array, motion: Array) -> Energy:
+    """The energies, given B^T q."""
+    multipliers = part.deforming
+    strain = _half_form(body.K, part.q) + multipliers**2 @ body.row_compliance / 2.0
     if body.flexibility is not None:
-        turned += np.einsum("tmi,ti->tm", np.diff(evaluate(body.flexibility.inputs, s), axis=0), mean_f)
-        change = np.diff(evaluate(body.flexibility.rows, s), axis=0)
-        turned -= np.einsum("tmn,tn->tm", change, _mean(part.deforming)) / 2.0
-    return np.asarray(work + np.einsum("tm,tm->t", multipliers, turned))
+        strain = strain + body.flexibility.strain_energy(part.s, multipliers, loads)
+    return Energy(_half_form(body.M, part.v), strain, -_dot(motion, loads))
+
+
+def _works(body: SlidingBody, part: Trajectory, f: Array, motion: Array) -> Array:
+    """Work (T - 1,) in J done in each step, given B^T q."""
+    q, s, multipliers, mean_f = part.q, part.s, _mean(part.multipliers), _mean(f)
+    work = _dot(mean_f, np.diff(motion, axis=0))
+    turned = body.row_change(s, _mean(q))
+    if body.flexibility is not None:
+        turned += body.flexibility.row_motion_change(s, _mean(part.deforming) / 2.0, mean_f)
+    return work + _dot(multipliers, turned)
 
 
 def _motion(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
@@ -211,6 +208,18 @@ def _motion(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     if body.flexibility is not None:
         motion = motion + body.flexibility.input_motion(trajectory.s, trajectory.deforming, loads)
     return motion
+
+
+def _half_form(A: Any, x: Array) -> Array:
+    """x^T A x / 2 of each row of x (T, n)."""
+    if not sp.issparse(A) and not np.any(A - np.diag(np.diagonal(A))):
+        return np.asarray(x**2 @ np.diagonal(A)) / 2.0  # modal coordinates
+    return _dot((A @ x.T).T, x) / 2.0
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Of each row of two arrays (T, n)."""
+    return np.asarray(np.einsum("tn,tn->t", a, b))
 
 
 def _mean(values: Array) -> Array:

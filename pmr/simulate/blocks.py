@@ -55,14 +55,17 @@ class Kept:
         self._arrays: dict[str, Array] = {}
 
     def __call__(self, block: Block) -> None:
-        low, high = np.searchsorted(self._steps, [block.first, block.first + len(block.part.t)])
+        size = len(block.part.t)
+        low, high = np.searchsorted(self._steps, [block.first, block.first + size])
+        # Numbers in a row are copied as they stand, in a fifth of the time.
+        rows = slice(None) if high - low == size else self._steps[low:high] - block.first
         for name in ("t", "q", "v", "multipliers", "s", "quasi_static", "peaks"):
             array = getattr(block.part, name)
             if array is None:
                 continue
             if name not in self._arrays:
                 self._arrays[name] = np.empty((len(self._steps), *array.shape[1:]))
-            self._arrays[name][low:high] = array[self._steps[low:high] - block.first]
+            self._arrays[name][low:high] = array[rows]
 
     def trajectory(self, ended: Ended) -> Trajectory:
         """The steps that were kept."""

@@ -110,6 +110,10 @@ class SlidingBody(Protocol):
         """C(s) q (T, m) along a trajectory, s (T,) and q (T, n); or with the derivative of C."""
         ...
 
+    def row_change(self, s: Array, q: Array) -> Array:
+        """(C(s_{t+1}) - C(s_t)) q_t, (T - 1, m), for s (T,) and q (T - 1, n)."""
+        ...
+
     def rows_on(self, V: Array) -> PPoly:
         """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
         ...
@@ -254,6 +258,10 @@ class FullBody:
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q (T, m) along a trajectory, or with the derivative of C."""
         return np.stack([row.apply(s, q, derivative) for row in self.rows.rows], axis=1)
+
+    def row_change(self, s: Array, q: Array) -> Array:
+        """(C(s_{t+1}) - C(s_t)) q_t, (T - 1, m), for s (T,) and q (T - 1, n)."""
+        return self.apply_rows(s[1:], q) - self.apply_rows(s[:-1], q)
 
     def rows_on(self, V: Array) -> PPoly:
         """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
