@@ -71,7 +71,7 @@ def _beam(scene: Scene) -> Rows:
 
 def _structure(scene: StructureScene) -> Rows:
     body, material, mesh = scene.body, scene.body.material, scene.mesh
-    yield "model", f"{MODELS[choose(scene).model].split(' ', 1)[1]} ({body.model})"
+    yield "model", f"{MODELS[choose(scene).model].split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
     if body.box is not None:
         box = body.box
         yield "box", f"{plain(box.length)} × {plain(box.width)} × {plain(box.height)}{SPACE}m"
@@ -92,7 +92,7 @@ def _structure(scene: StructureScene) -> Rows:
     for clamp in scene.clamps:
         yield "clamped", f"{clamp.on}: {', '.join(clamp.directions)}"
     for hold in scene.holds:
-        yield f"hold {hold.name}", f"{hold.on} along {hold.direction}, {hold.stiffness}"
+        yield f"held by {hold.name}", f"{hold.on} along {hold.direction}, {hold.stiffness}"
 
 
 def _damping(scene: SceneBase) -> Rows:
@@ -112,7 +112,7 @@ def _motion(result: RunResult) -> Rows:
     for ring in rings(result):
         where = (f"s {signed(ring.at)}" if ring.at else "s") if ring.moving else plain(ring.at)
         faces = ", ".join(f"{len(places)} {face}" for face, places in ring.faces.items())
-        stiffness = ring.stiffness if isinstance(ring.stiffness, str) else f"{plain(ring.stiffness)}{SPACE}N/m"
+        stiffness = ring.stiffness if isinstance(ring.stiffness, str) else f"{plain(1e-6 * ring.stiffness)}{SPACE}kN/mm"
         size = f"{plain(ring.length)} × {plain(ring.width)}{SPACE}m"
         yield f"pads at the {ring.name}", f"at {where}{SPACE}m, {faces}; {size}, {stiffness}"
     for load in loads(result):

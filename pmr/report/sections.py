@@ -111,15 +111,15 @@ def energy(result: RunResult, prefix: str) -> Block:
 
 
 def constraint(result: RunResult, prefix: str) -> Block | None:
-    """How well the rows that move are kept, where simulators know it."""
+    """How well the rows that move are kept at both levels; where velocities are free, positions hold to round-off."""
+    if not np.isfinite(result.responses["reduced"].residual_velocity).all():
+        return None
     row = []
     for name, unit in (("position", "m"), ("velocity", "m/s")):
-        what = _residual(name)
-        if np.isfinite(what(result.responses["reduced"])).all():
-            caption = captions.residual(result, what, name)
-            arguments = (result, what, f"Residual of {name} in {unit}")
-            row.append(drawing(f"{prefix}-residual-{name}", histories.residual, caption, *arguments))
-    return Block(heading="Constraint", rows=(tuple(row),)) if row else None
+        what, label = _residual(name), f"Residual of {name} in {unit}"
+        caption = captions.residual(result, what, name)
+        row.append(drawing(f"{prefix}-residual-{name}", histories.residual, caption, result, what, label))
+    return Block(heading="Constraint", rows=(tuple(row),))
 
 
 def basis(result: RunResult, prefix: str) -> Block | None:

@@ -106,7 +106,7 @@ def simulators(result: RunResult) -> str:
 def _numbers(result: RunResult) -> Iterator[KeyNumber]:
     summary, coordinates = result.summary, result.summary.get("coordinates", {})
     reduced = coordinates.get("reduced", result.shapes.shapes.shape[1])
-    arrow = f"{coordinates['full']}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
+    arrow = f"{plain(coordinates['full'])}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
     yield KeyNumber(arrow, "coordinates")
     if (most := summary.get("max_error")) is not None:
         largest = summary.get("max_displacement")
@@ -144,7 +144,7 @@ def size(result: RunResult) -> str:
         return f"The reduced model has {reduced} coordinates; {motion}"
     full = coordinates["full"]
     less = percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)  # no reduction is by 100 %
-    return f"The reduced model has {reduced} coordinates instead of {full}, a reduction by {less}; {motion}"
+    return f"The reduced model has {reduced} coordinates instead of {plain(full)}, a reduction by {less}; {motion}"
 
 
 def accuracy(result: RunResult) -> Iterator[str]:

@@ -28,13 +28,15 @@ def log_x(ax: Axes, low: float, high: float) -> None:
 
 
 def dots(number: int, size: float = 2.6) -> dict[str, Any]:
-    """Keywords for `Axes.plot` of the curve with this number."""
+    """Keywords for `Axes.plot` of the curve with this number; beyond the colours, dashes and filled markers go on."""
     colour, marker = SERIES[number % len(SERIES)]
+    again = number // len(SERIES) % 3
     return {
         "color": colour,
         "linewidth": 0.9,
+        "linestyle": ("-", "--", ":")[again],
         "marker": marker,
         "markersize": size,
-        "markerfacecolor": "white",
+        "markerfacecolor": ("white", colour, "#c9d1d9")[again],
         "markeredgewidth": 0.7,
     }

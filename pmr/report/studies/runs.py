@@ -19,7 +19,7 @@ from pmr.report.studies.names import called, heading, key_words, quantity_of, un
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import RunRecord
 
-MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_CURVES = 60, 7, 3, 9
+MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_CURVES = 60, 7, 3, 15
 COORDINATES = "reduction.coordinates"
 TIME = "simulate.reduced"
 #: What is drawn, if the runs have it: the first one that they have is what accuracy is judged by.
@@ -183,7 +183,7 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
     found = {name: [_cell(run, name) for run in runs] for name in _columns(runs)}
     same = {name: cells[0] for name, cells in found.items() if len(runs) > 1 and len(set(cells)) == 1}
     shown = [name for name in found if name not in same and not _doubles(runs, name, parameters)]
-    alike = "; ".join(f"{quantity_of(name).label} {cell}" for name, cell in same.items() if cell != "–")
+    alike = "; ".join(f"{quantity_of(name).label}: {cell}" for name, cell in same.items() if cell != "–")
     wide = max(MOST_COLUMNS - max(len(heads), 1), 2)
     parts = [shown[k : k + wide] for k in range(0, len(shown), wide)][:MOST_GRIDS] or [[]]
     left = len(shown) > wide * MOST_GRIDS or len(runs) > MOST_ROWS

@@ -102,8 +102,8 @@ def test_tables_fit_the_page_and_say_what_is_alike_once() -> None:
         *(quantity_of(n).label for n in (TIP, BEAM, "max_error")),
         "time, reduced",
     )
-    assert grid.caption.endswith("In all runs: largest displacement 47.9\u00a0mm; coordinates, full 153; "
-                                 "left out by the basis, 1 − κ 0.00050.")  # fmt: skip
+    assert grid.caption.endswith("In all runs: largest displacement: 47.9\u00a0mm; coordinates, full: 153; "
+                                 "left out by the basis, 1 − κ: 0.00050.")  # fmt: skip
     assert grid.rows[0] == ("drop", "10", "0.500\u00a0%", "1.00\u00a0%", "0.100\u00a0mm", "1.00\u00a0ms")
     many = [run(f"r{k}", {"a": k}, {f"figure.{i}": float(k + i) for i in range(40)}) for k in range(3)]
     grids = said(*many).blocks[-1].grids
