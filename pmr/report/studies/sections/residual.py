@@ -23,7 +23,7 @@ NAMES = {
     "harmonic": "POD of harmonic responses",
     "trajectory": "POD of the full motion",
     "flexibility": "residual flexibility",
-    "inertia": "its inertia too",
+    "inertia": "flexibility, inertia",
 }
 ESTIMATED = ("flexibility", "inertia")
 COLUMNS = 2
@@ -173,7 +173,7 @@ def _ratios(study: FinishedStudy, sizes: list[int]) -> Grid:
                     "–" if e is None else significant(number(e) / known[r], 3) for r, e in zip(sizes, said, strict=True)
                 )
                 rows.append((f"{scene.replace('_', ' ')}, {NAMES[basis]}", *ratios))
-    return Grid("Estimate over true error.", ("scene", *(f"{r}" for r in sizes)), tuple(rows))
+    return Grid("Estimate over true error, by the number of coordinates.", ("scene", *(f"{r}" for r in sizes)), tuple(rows))
 
 
 def _legend(figure: Figure) -> None:
