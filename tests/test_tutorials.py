@@ -1,0 +1,72 @@
+"""The tutorials do what they say: their commands run in order, and the figures on the page are those that come out."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from processes import python
+
+PAGES = Path(__file__).parents[1] / "docs" / "tutorials"
+
+
+def blocks(page: str, language: str = "") -> list[str]:
+    fences = re.findall(r"^```(\w*)\n(.*?)^```$", (PAGES / page).read_text(), flags=re.S | re.M)
+    return [text for name, text in fences if name == language]
+
+
+@pytest.mark.slow
+def test_the_first_boom(tmp_path: Path) -> None:
+    page = (PAGES / "first_boom.md").read_text()
+    (study,) = blocks("first_boom.md", "toml")
+    (tmp_path / "payloads.toml").write_text(study)
+    for block in blocks("first_boom.md"):
+        asked, *answer = block.splitlines()
+        refused = asked.startswith("$ ")
+        done = python("-m", *shlex.split(asked.removeprefix("$ ")), cwd=tmp_path)
+        assert done.returncode == (2 if refused else 0), done.stderr
+        if refused:
+            assert done.stderr.split() == " ".join(answer).split()
+    said = json.loads((tmp_path / "reports" / "mine" / "summary.json").read_text())
+    shown = {
+        key: float(value) for key, value in re.findall(r"^\| reduced against full \| (.+?) \| (\S+) %", page, re.M)
+    }
+    errors = said["errors"]["reduced_vs_full"]
+    found = {"tip": errors["tip"], "beam": errors["beam"], "pad forces": errors["pad_force"]}
+    assert shown == {name: pytest.approx(100.0 * value, rel=5e-3) for name, value in found.items()}
+    assert f"{1e3 * said['max_displacement']:.3f} mm" in page
+    assert said["coordinates"] == {"full": 366, "reduced": 8}
+    stress = json.loads((tmp_path / "reports" / "stress" / "summary.json").read_text())
+    assert f"{stress['coordinates']['full']:,}" in page
+    assert stress["max_von_mises"]["reduced"] == pytest.approx(54.3e6, rel=0.01)
+    assert (tmp_path / "reports" / "payloads" / "runs.csv").read_text().count("\n") == 4
+
+
+@pytest.mark.slow
+def test_the_body_in_exudyn(tmp_path: Path) -> None:
+    first, last = blocks("exudyn.md")
+    for command in (first, last):
+        if command is last:
+            code = "".join(blocks("exudyn.md", "python"))
+            code = code.replace(
+                '"evolved_residual.toml"', repr(str(PAGES.parents[1] / "workflows" / "evolved_residual.toml"))
+            )
+            said = python("-c", code, cwd=tmp_path)
+            assert said.returncode == 0, said.stderr
+            by_coordinates, whole = (float(x) for x in re.findall(r"([\d.]+) mm", said.stdout))
+            assert by_coordinates == pytest.approx(whole, rel=0.02) and whole == pytest.approx(47.8, rel=0.01)
+        done = python("-m", *shlex.split(command), cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "evolved" / "sliding_body.py").exists()
+
+
+@pytest.mark.slow
+def test_bases_beside_each_other(tmp_path: Path) -> None:
+    (code,), (shown,) = blocks("model_reduction.md", "python"), blocks("model_reduction.md", "text")
+    code = code.replace('"evolved_residual.toml"', repr(str(PAGES.parents[1] / "workflows" / "evolved_residual.toml")))
+    done = python("-c", code, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == shown
