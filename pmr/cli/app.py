@@ -15,6 +15,7 @@ from pmr.cli.info import info
 from pmr.cli.new import new
 from pmr.cli.run import run
 from pmr.cli.schema import schema
+from pmr.cli.simulate import simulate
 from pmr.cli.study import study
 from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files.whole import FULL, NotWrittenError
@@ -26,7 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (new, run, study, export, info, schema):
+for command in (new, run, study, simulate, export, info, schema):
     app.command()(command)
 
 

@@ -1,0 +1,65 @@
+"""``pmr simulate``: a saved reduced model under another path and other loads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from pmr import scene as scenes
+from pmr.cli.console import ensure_writable, out, say
+from pmr.cli.files import scene_file
+from pmr.errors import InputError
+from pmr.files.swap import finished, fresh
+from pmr.reduced.model import ReducedModel
+from pmr.text import visible
+
+
+def simulate(
+    model: Annotated[Path, typer.Argument(metavar="reduced.npz", help="A reduced model that `pmr run` wrote.")],
+    scene: Annotated[
+        Path, typer.Option("--scene", metavar="SCENE", help="Whose path, loads and time stepping are taken.")
+    ],
+    out_dir: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/SCENE]")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; repeatable.")
+    ] = None,
+) -> None:
+    """Simulate a saved model; FEniCSx is not needed.
+
+    The scene is that of the model but for path, loads (by the same names), time and simulators.  DIR then holds
+    summary.json, scene.json and trajectories.npz, as after `pmr run`.
+
+    Example:
+
+        pmr simulate reports/paper_simple/reduced.npz --scene paper_evolved --set time.end=5
+    """
+    from pmr.compare.saved_model import simulate_saved
+    from pmr.results import RESULT_FILES
+
+    finished(model.parent)
+    reduced, file = ReducedModel.load(model), scene_file(scene)
+    asked, folder = scenes.load(file, overrides or ()), out_dir or Path("reports", scene.stem)
+    if folder.resolve() == model.parent.resolve():
+        raise InputError("command line", "--out", str(folder), "a folder other than the model's is allowed")
+    ensure_writable(folder)
+    try:
+        result = simulate_saved(reduced, asked)
+    except InputError as error:
+        raise error.found_in(str(file)) from None
+    with fresh(folder, RESULT_FILES) as new:
+        result.save(new)
+    response, summary = result.responses["reduced"], result.summary
+    table = Table(title=visible(asked.title), title_justify="left", title_style="bold", show_header=False)
+    table.add_row("largest displacement", f"{1e3 * summary['max_displacement']:.4g} mm")
+    for name, force in zip(response.force_names, response.slider_force.T, strict=False):
+        table.add_row(visible(name), f"{force.min():.4g} to {force.max():.4g} N")
+    table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
+    out.print(table)
+    for warning in summary["warnings"]:
+        say(out, f"warning: {warning}")
+    say(out, str(folder / "trajectories.npz"))

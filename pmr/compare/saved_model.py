@@ -1,0 +1,74 @@
+"""A saved reduced model under a scene: what `pmr run` says of it, less what needs the full model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pmr import environment
+from pmr.clock import Clock
+from pmr.compare import pad_forces
+from pmr.compare.frequencies import reduced_frequencies
+from pmr.compare.responses import check_installed, simulate
+from pmr.errors import InputError
+from pmr.reduced.model import ReducedModel
+from pmr.results import FrequencyCurves, RunResult, Shapes
+from pmr.scene import SceneBase
+from pmr.simulate import Excitation, contact_step, resolution
+
+#: Frequencies, and places along the path at which they are found.
+FREQUENCIES, POSITIONS = 6, 11
+
+
+def simulate_saved(reduced: ReducedModel, scene: SceneBase, clock: Clock | None = None) -> RunResult:
+    """Simulate a reduced model under another scene's path, loads and time stepping, by the simulators that it names.
+
+    There are no errors in the result, and the basis has no singular values: both belong to a full model.
+
+    Raises
+    ------
+    InputError
+        If loads and inputs differ, the path leaves the model's, or a simulator can't do what is asked.
+    SimulationError
+        If a step fails.
+    """
+    check_installed(scene)
+    excitation = Excitation.of(scene)
+    if set(excitation.loads) != set(reduced.input_names):
+        allowed = f"the model's inputs are allowed: {', '.join(reduced.input_names)}"
+        raise InputError("scene", "loads", list(excitation.loads), allowed)
+    excitation.along(reduced.domain)
+    simulations = simulate(scene, reduced, {}, clock)
+    response = simulations.responses["reduced"]
+    said = resolution.unseen(excitation.signals, excitation.stepping)
+    said += pad_forces.warnings(scene, response) + contact_step.warnings(reduced, excitation)
+    summary: dict[str, Any] = {
+        "title": scene.title,
+        "scene_hash": scene.hash,
+        "model": {name: reduced.provenance.get(name) for name in ("scene_hash", "basis", "versions")},
+        "max_displacement": float(np.abs(response.displacement).max()),
+        "coordinates": {"reduced": reduced.size},
+        "seconds": {"simulate": dict(simulations.seconds)},
+        "simulators": {"reduced": simulations.first},
+        "agreement": dict(simulations.agreement),
+        "versions": environment.versions(),
+        "commit": environment.commit(),
+        "date": environment.today(),
+        "machine": environment.machine(),
+        "warnings": said,
+    }
+    summary |= pad_forces.summary(scene, response) | contact_step.summary(reduced, excitation)
+    s = np.unique(np.linspace(excitation.s.min(), excitation.s.max(), POSITIONS))
+    found = reduced_frequencies(reduced, s, min(FREQUENCIES, reduced.size))
+    nothing = np.zeros((len(s), 0))
+    return RunResult(
+        scene,
+        summary,
+        simulations.responses,
+        excitation.s[:, 0],
+        excitation.path_rate,
+        excitation.forces(reduced.input_names),
+        Shapes(np.zeros(0), reduced.output_positions, reduced.outputs),
+        FrequencyCurves(s, full=nothing, reduced=found, closed_form=nothing),
+    )

@@ -1,0 +1,97 @@
+"""`pmr simulate`: a saved model under another scene, where there is no FEniCSx."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr import run as whole
+from pmr import scene
+
+ROOT = Path(__file__).parents[2]
+#: The command line where nothing of FEniCSx, nor Exudyn, can be imported.
+ALONE = """
+import sys
+for name in ("dolfinx", "dolfinx_solver", "petsc4py", "slepc4py", "mpi4py", "ufl", "basix", "ffcx", "exudyn"):
+    sys.modules[name] = None
+from pmr.cli import main
+main()
+"""
+OURS = ["compare.against=[]", "simulation.simulators=['march']", "simulation.repeats=1"]
+OTHER = {
+    "evolved_residual": ["slider.path={kind='smooth_ramp',times=[0.2,0.6,1.0],values=[1.5,3.2,2.0]}", "time.end=1"],
+    # the same stretch, over which the rows of a structure in space are tabulated
+    "boom_beam": [
+        "slider.path={kind='ramp',times=[0.2,0.6,1.0],values=[4.0,1.5,2.0]}",
+        "time.end=1",
+        "recovery.every=1",
+    ],
+}
+
+
+def alone(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", ALONE, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=ROOT)
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    asked = scene.load(ROOT / "workflows" / "evolved_residual.toml", OURS)
+    return whole.reduce(asked).reduced.save(tmp_path_factory.mktemp("saved") / "reduced.npz")
+
+
+def sets(overrides: list[str]) -> list[str]:
+    return [part for one in overrides for part in ("--set", one)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHER)
+def test_it_finds_what_a_run_of_that_scene_finds(name: str, tmp_path: Path) -> None:
+    """The run makes a model of its own; forces follow from displacements by stiffnesses of 1e6 N/m and more."""
+    file = ROOT / "workflows" / f"{name}.toml"
+    reduced = whole.reduce(scene.load(file, OURS)).reduced.save(tmp_path / "reduced.npz")
+    done = alone(
+        "simulate", str(reduced), "--scene", str(file), "--out", str(tmp_path / "out"), *sets(OURS + OTHER[name])
+    )
+    assert done.returncode == 0, done.stderr
+    outcome = whole.run(scene.load(file, OURS + OTHER[name]))
+    assert outcome is not None
+    expected = outcome.result.responses["reduced"]
+    with np.load(tmp_path / "out" / "trajectories.npz") as found:
+        for key, within in (("displacement", 1e-12), ("slider_force", 1e-11)):
+            size = np.abs(getattr(expected, key)).max()
+            assert size > 1e-4
+            np.testing.assert_allclose(found[f"reduced.{key}"], getattr(expected, key), rtol=0.0, atol=within * size)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["max_displacement"] == pytest.approx(np.abs(expected.displacement).max(), rel=1e-11)
+    assert summary["seconds"]["simulate"]["march"] > 0.0
+
+
+REFUSED = [
+    (["--set", "slider.path={kind='constant',value=5.5}"], "slider.path"),
+    (["--set", "time.rho_inf=1.5"], "time.rho_inf"),
+    (["--scene", "boom_beam"], "loads"),
+    (["--scene", "nowhere"], "no such scene file"),
+    (["--set", "simulation.simulators=['exudyn']"], "exudyn"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "says"), REFUSED, ids=[" ".join(a) for a, _ in REFUSED])
+def test_what_does_not_fit_the_model_is_refused_in_one_line(
+    saved: Path, arguments: list[str], says: str, tmp_path: Path
+) -> None:
+    chosen = [] if "--scene" in arguments else ["--scene", str(ROOT / "workflows" / "evolved_residual.toml")]
+    done = alone("simulate", str(saved), *chosen, *arguments, "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert says in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "out" / "summary.json").exists()
+
+
+def test_the_folder_of_the_model_is_left_alone(saved: Path) -> None:
+    done = alone("simulate", str(saved), "--scene", "evolved_residual", "--out", str(saved.parent))
+    assert done.returncode == 2 and "other than the model's" in done.stderr
