@@ -144,7 +144,7 @@ def exudyn_script(model: ReducedModel, file_name: str) -> str:
         imports=_imports(scene.kinds, (module, script_solver)),
         scene=scene.text(),
         signals=_sources(script_signals, signals),
-        body=f"{_sources(module, BODY)}\n\n\n{_sources(script_solver, {'solve'})}",
+        body=f"{_sources(module, BODY)}\n\n\n{_sources(script_solver, {'add_body', 'solve'})}",
         tip=int(moved[-1]),
     )
 

@@ -7,16 +7,10 @@ from types import SimpleNamespace
 
 import exudyn as exu
 import numpy as np
-from exudyn.itemInterface import (
-    MarkerNodeCoordinates,
-    NodeGenericODE2,
-    NodePointGround,
-    ObjectConnectorCoordinateVector,
-    ObjectGenericODE2,
-)
+from exudyn.itemInterface import MarkerNodeCoordinates, NodePointGround, ObjectConnectorCoordinateVector
 from scipy.interpolate import PPoly
 
-from pmr.export.exudyn.script_solver import solve
+from pmr.export.exudyn.script_solver import add_body, solve
 
 
 def read_model(path):
@@ -28,31 +22,11 @@ def read_model(path):
 
 def add_sliding_body(mbs, model, slider_position, loads):
     """Add the body to an mbs; returns its node, object and constraint numbers."""
-    r = len(model.M)
-    nBody = mbs.AddNode(
-        NodeGenericODE2(
-            numberOfODE2Coordinates=r,
-            referenceCoordinates=np.zeros(r),
-            initialCoordinates=np.zeros(r),
-            initialCoordinates_t=np.zeros(r),
-        )
-    )
 
     def force(t):
         return model.B @ [load(t) for load in loads]
 
-    # Exudyn adds K and D to the Jacobian itself; told that there is nothing else, it needs no differences.
-    nothing_else = exu.MatrixContainer(np.zeros((r, r)))
-    oBody = mbs.AddObject(
-        ObjectGenericODE2(
-            nodeNumbers=[nBody],
-            massMatrix=model.M,
-            dampingMatrix=model.D,
-            stiffnessMatrix=model.K,
-            forceVector=force(0.0),
-            jacobianUserFunction=lambda *arguments: nothing_else,
-        )
-    )
+    nBody, oBody = add_body(mbs, model, model.K, force(0.0))
     nGround = mbs.AddNode(NodePointGround())
     mGround = mbs.AddMarker(MarkerNodeCoordinates(nodeNumber=nGround))
     mBody = mbs.AddMarker(MarkerNodeCoordinates(nodeNumber=nBody))

@@ -7,10 +7,9 @@ from types import SimpleNamespace
 
 import exudyn as exu
 import numpy as np
-from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 from scipy.interpolate import PPoly
 
-from pmr.export.exudyn.script_solver import solve
+from pmr.export.exudyn.script_solver import add_body, solve
 
 
 def read_model(path):
@@ -49,28 +48,8 @@ def system(model, s):
 
 def add_sliding_body(mbs, model, slider_position, loads):
     """Add the body to an mbs; returns its node and object numbers.  There is no constraint: the rows give way."""
-    r = len(model.M)
-    nBody = mbs.AddNode(
-        NodeGenericODE2(
-            numberOfODE2Coordinates=r,
-            referenceCoordinates=np.zeros(r),
-            initialCoordinates=np.zeros(r),
-            initialCoordinates_t=np.zeros(r),
-        )
-    )
     stiffness, inputs = system(model, slider_position(0.0))
-    # Exudyn adds K and D to the Jacobian itself; told that there is nothing else, it needs no differences.
-    nothing_else = exu.MatrixContainer(np.zeros((r, r)))
-    oBody = mbs.AddObject(
-        ObjectGenericODE2(
-            nodeNumbers=[nBody],
-            massMatrix=model.M,
-            dampingMatrix=model.D,
-            stiffnessMatrix=stiffness,
-            forceVector=inputs @ [load(0.0) for load in loads],
-            jacobianUserFunction=lambda *arguments: nothing_else,
-        )
-    )
+    nBody, oBody = add_body(mbs, model, stiffness, inputs @ [load(0.0) for load in loads])
 
     def update(mbs, t):
         # Called once before each step, with the time at its end: there the equations have to hold.

@@ -1,4 +1,4 @@
-"""Exudyn's time integration of a system with one body, without pmr: its source text is copied into scripts."""
+"""A body and its time integration in Exudyn, without pmr: the source text of these is copied into scripts."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
@@ -6,7 +6,34 @@ from __future__ import annotations
 import warnings
 
 import exudyn as exu
-from exudyn.itemInterface import SensorNode
+import numpy as np
+from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2, SensorNode
+
+
+def add_body(mbs, model, stiffness, force):
+    """Add a body at rest, with its stiffness and generalised forces (r,) at t = 0; numbers of its node and object."""
+    r = len(model.M)
+    nBody = mbs.AddNode(
+        NodeGenericODE2(
+            numberOfODE2Coordinates=r,
+            referenceCoordinates=np.zeros(r),
+            initialCoordinates=np.zeros(r),
+            initialCoordinates_t=np.zeros(r),
+        )
+    )
+    # Exudyn adds K and D to the Jacobian itself; told that there is nothing else, it needs no differences.
+    nothing_else = exu.MatrixContainer(np.zeros((r, r)))
+    oBody = mbs.AddObject(
+        ObjectGenericODE2(
+            nodeNumbers=[nBody],
+            massMatrix=model.M,
+            dampingMatrix=model.D,
+            stiffnessMatrix=stiffness,
+            forceVector=force,
+            jacobianUserFunction=lambda *arguments: nothing_else,
+        )
+    )
+    return nBody, oBody
 
 
 def solve(mbs, nBody, end, step, rho_inf):
