@@ -18,7 +18,6 @@ from pmr.reduced.truncation import extended, with_kept_inertia
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulate import TimeStepping
 from pmr.simulate.modal import modal_form
-from pmr.simulate.native import residual_inertia as inertial_march
 from pmr.simulate.native import simulator as march
 from pmr.system.body import FullBody, displacement
 
@@ -134,7 +133,7 @@ def test_the_error_of_a_model_with_its_inertia_kept() -> None:
     full = full_body(30)
     w, model = truth(full, PATH, LOADS[0], STEPPING), inertial(full, 6, enrichment=4)
     plain, kept = (estimate(one, driven(PATH, LOADS[0], STEPPING)) for one in (model, with_kept_inertia(model)))
-    run = inertial_march.simulate(model, driven(PATH, LOADS[0], STEPPING))
+    run = march.simulate(with_kept_inertia(model), driven(PATH, LOADS[0], STEPPING))
     y = displacement(model, run.q, run.s, run.deforming, loads_at([LOADS[0]], run.t))
     assert 1.0 < kept.beam / nrms_error(y, w) < 1.6
     assert kept.beam < 0.7 * plain.beam and plain.kappa < kept.kappa < 1.0

@@ -9,7 +9,6 @@ it.  A load that jumps is differentiated likewise; measured loads should be smoo
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,56 +18,20 @@ from pmr.constraints.polynomials import side_by_side, total
 from pmr.errors import InputError, SimulationError
 from pmr.scene.simulators import refuse
 from pmr.simulate import balance
-from pmr.simulate.blocks import Block, Ended, Kept, Take
+from pmr.simulate.blocks import Block, Ended, Take
 from pmr.simulate.excitation import Excitation, in_order
-from pmr.simulate.modal import ModalForm, modal_form
+from pmr.simulate.modal import ModalForm
 from pmr.simulate.native import residual_inertia_step as kernel
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.system import aligned
 from pmr.simulate.needs import needs_on
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Progress
-from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
 #: Steps between two looks at the clock, the keyboard and the progress.
 BLOCK = 4096
-
-
-def simulate(
-    body: SlidingBody,
-    excitation: Excitation,
-    initial: InitialState | None = None,
-    progress: Progress | None = None,
-) -> Trajectory:
-    """Simulate a reduced model with tables of residual inertia, which is kept whether the model asks for it or not.
-
-    Arguments and errors as for `pmr.simulate.Simulator`.  The trajectory's `quasi_static` multipliers are those that
-    outputs and energies take.
-
-    Raises
-    ------
-    ValueError
-        If there are no tables of residual inertia.
-    """
-    form = modal_form(body)
-    start = None if initial is None else form.start(initial)
-    modal = simulate_modal(form, excitation, start, progress)
-    q, v = modal.q @ form.X.T, modal.v @ form.X.T
-    return Trajectory(
-        modal.t, q, v, modal.multipliers, modal.s, modal.seconds, modal.quasi_static, surplus=modal.surplus
-    )
-
-
-def simulate_modal(
-    form: ModalForm,
-    excitation: Excitation,
-    initial: InitialState | None = None,
-    progress: Progress | None = None,
-) -> Trajectory:
-    """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates."""
-    kept = Kept(np.arange(excitation.stepping.steps + 1))
-    return kept.trajectory(follow(form, excitation, kept, initial, progress))
 
 
 def follow(
@@ -78,7 +41,9 @@ def follow(
     initial: InitialState | None = None,
     progress: Progress | None = None,
 ) -> Ended:
-    """The same, but that nothing is kept: `take` is told of some thousand steps at a time.
+    """As `pmr.simulate.native.simulator.follow`, for a body that keeps the inertia of its residual part.
+
+    The trajectory's `quasi_static` multipliers are those that outputs and energies take.
 
     Raises
     ------
@@ -87,7 +52,7 @@ def follow(
         from second derivatives of the deformation, which jump where a row opens or closes.
     """
     body = form.body
-    refuse("march", replace(needs_on(body, excitation), kept_inertia=True))
+    refuse("march", needs_on(body, excitation))
     stepping, t = excitation.stepping, excitation.times
     course, account = _sampled(form, excitation), balance.Account(body, stepping.steps)
     r, m, i, T = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1
@@ -137,8 +102,7 @@ def _sampled(form: ModalForm, excitation: Excitation) -> kernel.Course:
 
 def _system(form: ModalForm, scheme: kernel.Scheme) -> kernel.System:
     body, tables = form.body, form.body.flexibility
-    if tables is None or tables.inertia is None:
-        raise ValueError("the model has no tables of residual inertia: free modes with flexibility have")
+    assert tables is not None and tables.inertia is not None
     if not form.classically_damped:
         allowed = "false is allowed: damping couples the modes, and so those kept with those left out"
         raise InputError("scene", "reduction.residual_inertia", True, allowed)

@@ -18,13 +18,13 @@ from pmr.compare.evaluation import respond
 from pmr.errors import InputError, SimulationError
 from pmr.export.exudyn.script import exudyn_script
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulate import InitialState, TimeStepping
 from pmr.simulate.balance import energy
 from pmr.simulate.exudyn import simulator as exudyn
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import contact as contact_rows
-from pmr.simulate.native import residual_inertia as inertial_march
 from pmr.simulate.native import simulator as march
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.start import reason
@@ -338,7 +338,7 @@ def test_what_does_not_fit_is_refused(few: ReducedModel) -> None:
         exudyn_script(few, "m.npz")
     kept = replace(inertial(beam_on_pads(CLEARANCE), 6), clearance=few.row_clearance)
     with pytest.raises(InputError, match=r"reduction\.residual_inertia = True: false .* rows only push .tail bottom"):
-        inertial_march.simulate(kept, driven(PATH, LOADS, STEPPING))
+        march.simulate(with_kept_inertia(kept), driven(PATH, LOADS, STEPPING))
 
 
 def test_moving_pads_do_work_and_no_more(few: ReducedModel) -> None:
