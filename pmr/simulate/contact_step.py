@@ -41,11 +41,15 @@ def contact_frequency(body: ReducedModel, s: Array) -> float:
         F = np.diag(body.row_compliance[rows])
         if body.flexibility is not None:
             F = F + body.flexibility.rows(at)[which]
-        if np.linalg.matrix_rank(F, hermitian=True) < len(rows):
-            return 0.0  # a rigid row that only pushes is refused elsewhere
-        omega2 = np.linalg.eigvals(np.linalg.solve(F, C @ np.linalg.solve(body.M, C.T))).real
-        largest = max(largest, float(omega2.max()))
-    return float(np.sqrt(largest))
+        largest = max(largest, frequency(F, C @ np.linalg.solve(body.M, C.T)))
+    return largest
+
+
+def frequency(F: Array, mobility: Array) -> float:
+    """The largest omega in rad/s of rows with F = G + 1/k (m, m) in m/N and C M^-1 C^T (m, m) in 1/kg."""
+    if np.linalg.matrix_rank(F, hermitian=True) < len(F):
+        return 0.0  # a rigid row that only pushes is refused elsewhere
+    return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(F, mobility)).real.max()))
 
 
 def parts(omega: float, stepping: TimeStepping) -> int:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.constraints.rows import Row
 from pmr.errors import InputError
-from pmr.system.body import SlidingBody
+from pmr.system.body import SlidingBody, Trajectory
 
 Array = NDArray[np.float64]
 
@@ -194,6 +194,41 @@ class System:
             found.append(np.clip(x, low, high))
         shape = np.broadcast_shapes(*(np.shape(values) for values in s.values()))
         return np.moveaxis(np.array([np.broadcast_to(x, shape) for x in found]).reshape(len(found), *shape), 0, -1)
+
+
+@dataclass(frozen=True)
+class SystemTrajectory:
+    """A simulated system over time.
+
+    Attributes
+    ----------
+    t : (T,) array, s
+    bodies : mapping of str to Trajectory
+        Of each body: its coordinates, and for each of its places, as `System.sides` has them, the path coordinate
+        ``s`` (T, sides) in m and the ``multipliers`` (T, sides) in N, with the sign of its side.
+    forces : (T, m) array, N
+        Of the contacts, positive where they push.
+    peaks : (T, m) array, N
+        Largest force within the step that ends at t of contacts that only push; of the others that at t.
+    loads : (T, i) array, N
+        As `System.input_names` names them.
+    energy, work : (T,) arrays, J
+        Kinetic and strain energy, and what loads and travelling contacts did since t = 0; damping only takes.
+    seconds : float
+        Wall time of the solver alone.
+    surplus : float
+        Share of the largest energy that nothing put in (`pmr.simulate.balance`).
+    """
+
+    t: Array
+    bodies: Mapping[str, Trajectory]
+    forces: Array
+    peaks: Array
+    loads: Array
+    energy: Array
+    work: Array
+    seconds: float
+    surplus: float
 
 
 def _refused(contact: str, key: str, value: object, allowed: str) -> InputError:

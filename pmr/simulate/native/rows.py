@@ -40,7 +40,7 @@ def move_rows(system: System, state: State, s: float) -> int:
         _evaluate(system.couplings[j, k], x, state.couplings[k])
         for n in range(system.damped.shape[1]):
             state.weighted[k, n] = dot(system.damped[2, n], state.modes[ROW + k])
-        if not _add_to_factor(state.contact, state, k):
+        if not add_to_factor(state.contact, state, k):
             state.position[0] = np.nan
             return k + 1
     return 0
@@ -99,7 +99,7 @@ def _evaluate(c: Array, x: float, values: Array) -> None:
 
 
 @inlined
-def _add_to_factor(contact: Contact | None, state: State, k: int) -> bool:
+def add_to_factor(contact: Contact | None, state: State, k: int) -> bool:
     """Row k joins the factor, where it is known to hold; False if it depends on those before it."""
     if contact is None:
         return factorise(state.couplings[k], state.factor, k)

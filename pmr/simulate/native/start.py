@@ -60,29 +60,53 @@ def _multipliers(
 ) -> Array:
     G, rigid = row_flexibility(body, s)
     H = body.flexibility.inputs(s) if body.flexibility else np.zeros((len(C), len(f)))
-    A = np.where(rigid[:, None], C @ C.T, G)
-    right = np.where(rigid, C @ free, C @ z + H @ f)
+    if contact is not None:
+        refuse("march", needs_of(body, s))
+    try:
+        return multipliers_of(C, G, free, C @ z + H @ f, contact)
+    except NotSettledError as error:
+        why = reason(body, s, error.number)
+        raise SimulationError(f"march failed at t = 0 s, slider at {s:g} m: {why}") from None
+
+
+class NotSettledError(Exception):
+    """Which rows hold at the start is not settled; `number` is what `pmr.simulate.native.contact.settle` returned."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+def multipliers_of(C: Array, F: Array, free: Array, motion: Array, contact: Contact | None) -> Array:
+    """Multipliers (m,) in N of M-orthonormal modes at the start, from F = G + 1/k (m, m); zero in rigid rows.
+
+    Those of rows that give way follow from their `motion` C z + H f (m,) m, which closes those that push; those of
+    rigid ones from the accelerations `free` (r,) that the modes would have without any.
+
+    Raises
+    ------
+    NotSettledError
+        If rows that give way depend on each other, and some of them only push.
+    """
+    rigid = np.all(F == 0.0, axis=1)
+    A, right = np.where(rigid[:, None], C @ C.T, F), np.where(rigid, C @ free, motion)
     if contact is None:
         return np.linalg.lstsq(A, right, rcond=None)[0]
-    refuse("march", needs_of(body, s))
-    multipliers = _closed(body, s, contact, G, right)
+    multipliers = _closed(contact, F, motion)
     multipliers[rigid] = np.linalg.lstsq(A[np.ix_(rigid, rigid)], (right - A @ multipliers)[rigid], rcond=None)[0]
     return multipliers
 
 
-def _closed(body: ReducedModel, s: float, contact: Contact, G: Array, motion: Array) -> Array:
-    """Close the rows that push where the body stands, given their motion (m,) m without multipliers.
-
-    Returns the multipliers (m,) of the rows that give way, and zero for those that don't.
-    """
-    gives = np.flatnonzero(np.any(G != 0.0, axis=1))
-    of_those = contact_rows.contact(body.row_clearance[gives], contact.memory)
+def _closed(contact: Contact, F: Array, motion: Array) -> Array:
+    """Close the rows that push where the body stands; multipliers (m,) of the rows that give way, zero for others."""
+    gives = np.flatnonzero(np.any(F != 0.0, axis=1))
+    clearance = np.where(contact.pushes, contact.clearance, np.nan)[gives]
+    of_those = contact_rows.contact(clearance, contact.memory)
     forces, multipliers = motion[gives], np.zeros(len(motion))
     assert of_those is not None
-    failed = contact_rows.settle(of_those, G[np.ix_(gives, gives)], np.zeros((len(gives), len(gives))), forces)
+    failed = contact_rows.settle(of_those, F[np.ix_(gives, gives)], np.zeros((len(gives), len(gives))), forces)
     if failed:
-        number = failed if failed < 0 else int(gives[failed - 1]) + 1
-        raise SimulationError(f"march failed at t = 0 s, slider at {s:g} m: {reason(body, s, number)}")
+        raise NotSettledError(failed if failed < 0 else int(gives[failed - 1]) + 1)
     contact.closed[gives], multipliers[gives] = of_those.closed, forces
     return multipliers
 

@@ -62,8 +62,12 @@ def step(system: System, scheme: Scheme, state: State, s: float, f: Array) -> in
     Returns 0, the number from 1 of a dependent row, or `contact_rows.UNSETTLED`.
     """
     failed = move_rows(system, state, s)
-    if failed:
-        return failed
+    return failed if failed else advance(system, scheme, state, f)
+
+
+@inlined
+def advance(system: System, scheme: Scheme, state: State, f: Array) -> int:
+    """The rest of a step, with the rows where they stand at its end."""
     m, i, coupled = len(state.multipliers), len(f), len(system.damped) > 0
     if coupled:
         _couple(system, scheme, state.modes)

@@ -47,10 +47,15 @@ def system(form: ModalForm, scheme: Scheme) -> System:
 
 def over_S(form: ModalForm, scheme: Scheme, X: Array) -> Array:
     """X S^-1, for X (..., r) and the symmetric S = 1 + D dv + Omega^2 dq."""
-    if form.classically_damped:
-        return np.asarray(X / (1.0 + np.diagonal(form.body.D) * scheme.v_gain + form.omega2 * scheme.z_gain))
-    S = np.diag(1.0 + form.omega2 * scheme.z_gain) + form.body.D * scheme.v_gain
-    return np.asarray(X @ np.linalg.inv(S))
+    return divided(X, form.omega2, form.body.D, scheme)
+
+
+def divided(X: Array, omega2: Array, D: Array, scheme: Scheme) -> Array:
+    """X S^-1 with omega^2 (r,) and D (r, r), which may be diagonal."""
+    diagonal = 1.0 + omega2 * scheme.z_gain
+    if np.count_nonzero(D - np.diag(np.diagonal(D))) == 0:
+        return np.asarray(X / (diagonal + np.diagonal(D) * scheme.v_gain))
+    return np.asarray(X @ np.linalg.inv(np.diag(diagonal) + D * scheme.v_gain))
 
 
 def _constant_rows(C: Array, couplings: Array) -> int:

@@ -1,0 +1,195 @@
+"""One simulation of a system of bodies: its start, the loop around the compiled steps, and what comes of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.scene.simulators import Needs, refuse
+from pmr.simulate import balance, contact_step
+from pmr.simulate.excitation import Excitation
+from pmr.simulate.native import contact as contact_rows
+from pmr.simulate.native import multibody_step as kernel
+from pmr.simulate.native.arrays import A_NEXT, DAMPING, ROW, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, V, Z
+from pmr.simulate.native.multibody_arrays import bodies, multibody_form, multibody_state, sides
+from pmr.simulate.native.multibody_rows import move_sides
+from pmr.simulate.native.scheme import GeneralizedAlpha
+from pmr.simulate.native.start import NotSettledError, dependence, multipliers_of
+from pmr.simulate.start import InitialState, check_position, checked
+from pmr.simulate.stepping import Progress
+from pmr.system.assembly import Assembly
+from pmr.system.body import Trajectory
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+
+#: Steps between two looks at the clock, the keyboard and the progress, those that are made in parts counted as many.
+BLOCK = 4096
+#: Steps at which the frequency of contacts that only push is looked at.
+PLACES = 65
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """What is kept of each step, the start first: z, v (T, r'), forces and peaks (T, m), energy and work (T, 2)."""
+
+    z: Array
+    v: Array
+    multipliers: Array
+    peaks: Array
+    energy: Array
+
+
+class MultibodyMarch:
+    """Constants, state, places and loads of one simulation; arguments and errors as `multibody.simulate`."""
+
+    def __init__(self, system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> None:
+        self._system, self._form, self._parts = system, multibody_form(system), 1
+        self._t = excitation.times
+        if not np.isnan(system.clearance).all():
+            self._parts = contact_step.parts(contact_frequency(system, excitation), excitation.stepping)
+            excitation = excitation.with_stepping(excitation.stepping.divided(self._parts))
+        self._x, self._f = places(system, excitation), excitation.forces(system.input_names)
+        method = GeneralizedAlpha(excitation.stepping.step, excitation.stepping.rho_inf)
+        self._scheme = method.scheme()
+        self._bodies = bodies(self._form, self._scheme)
+        self._state = multibody_state(self._form, self._scheme, self._bodies, method.memory())
+        self._sides = sides(self._bodies)
+        self._start(method, initial)
+
+    def _start(self, method: GeneralizedAlpha, initial: Mapping[str, InitialState]) -> None:
+        state, f, m = self._state, self._f[0], len(self._system.contacts)
+        failed = move_sides(self._bodies, self._scheme, state, self._sides, self._x[0])
+        if failed:
+            raise SimulationError(f"march failed at t = 0 s: {self._reason(failed)}")
+        C, F = state.modes[ROW : ROW + m].copy(), self._sides.flexibility + np.diag(self._system.compliance)
+        self._check_rigid(np.all(F == 0.0, axis=1), method.rho_inf)
+        z, v = self._stacked(initial)
+        check_position(C[self._rigid], z, tuple(np.array(self._system.contact_names)[self._rigid]))
+        free = self._form.B @ f - self._form.damping @ v - self._form.along("K") * z
+        try:
+            state.multipliers[:] = multipliers_of(C, F, free, C @ z + self._sides.inputs @ f, state.contact)
+        except NotSettledError as error:
+            raise SimulationError(f"march failed at t = 0 s: {self._reason(error.number)}") from None
+        if state.contact is not None:
+            pushing = np.where(state.contact.pushes, state.multipliers, 0.0)
+            state.contact.force[:] = state.contact.share[:] = pushing
+        modes, a = state.modes, free - C.T @ state.multipliers
+        modes[Z], modes[V] = z, v
+        modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = z, v, a = method.predict(z, v, a)
+        modes[Z_FREE] = z - self._scheme.z_gain * (modes[STIFFNESS] * z + modes[DAMPING] * v)
+        kernel.account(self._bodies, state, self._sides, f)
+        self._sides.energy[1] = 0.0
+
+    def _check_rigid(self, rigid: NDArray[np.bool_], rho_inf: float) -> None:
+        """Refuse rigid contacts that only push, or that travel with nothing to damp their forces."""
+        self._rigid, contacts = rigid, zip(self._system.contacts, rigid, strict=True)
+        pushing = tuple(c.name for c, firm in contacts if firm and c.clearance is not None)
+        refuse("march", Needs(rigid_pushing=pushing, rigid_moving=tuple(self._rigid_and_moving), rho_inf=rho_inf))
+
+    @property
+    def _rigid_and_moving(self) -> list[str]:
+        travelling = {s.contact for s, x in zip(self._system.sides, self._x.T, strict=True) if np.any(x != x[0])}
+        return [name for k, name in enumerate(self._system.contact_names) if self._rigid[k] and k in travelling]
+
+    def _stacked(self, initial: Mapping[str, InitialState]) -> tuple[Array, Array]:
+        z, v = (np.zeros(self._form.modes[-1]) for _ in range(2))
+        for (name, body), form, columns in zip(
+            self._system.bodies.items(), self._form.forms, self._form.columns, strict=True
+        ):
+            if name in initial:
+                start = form.start(checked(initial[name], body.size))
+                z[columns], v[columns] = start.q, start.v
+        return z, v
+
+    def run(self, progress: Progress | None) -> SystemTrajectory:
+        """Take all steps."""
+        T, m, r = len(self._t), len(self._system.contacts), self._state.modes.shape[1]
+        kept = _Kept(*(np.empty((T, width)) for width in (r, r, m, m, 2)))
+        modes, multipliers = self._state.modes, self._state.multipliers
+        start = (modes[Z], modes[V], multipliers, multipliers, self._sides.energy)
+        for array, values in zip((kept.z, kept.v, kept.multipliers, kept.peaks, kept.energy), start, strict=True):
+            array[0] = values
+        self._advance(1, 1, kept)  # none: what is compiled or loaded for the first time is not the solver's time
+        seconds, block = 0.0, max(1, BLOCK // self._parts)
+        for first in range(1, T, block):
+            last = min(first + block, T)
+            begin = time.perf_counter()
+            self._advance(first, last, kept)
+            seconds += time.perf_counter() - begin
+            if progress is not None:
+                progress((last - 1) / (T - 1))
+        return self._trajectory(kept, seconds)
+
+    def _advance(self, first: int, last: int, kept: _Kept) -> None:
+        """Take steps `first` to `last`, the latter excluded."""
+        parts, rows = self._parts, slice(first, last)
+        given = slice((first - 1) * parts + 1, (last - 1) * parts + 1)
+        taken, failed = kernel.run(
+            self._bodies, self._scheme, self._state, self._sides, self._x[given], self._f[given], parts,
+            kept.z[rows], kept.v[rows], kept.multipliers[rows], kept.peaks[rows], kept.energy[rows],
+        )  # fmt: skip
+        if failed:
+            raise SimulationError(f"march failed at {self._where(first + taken // parts)}: {self._reason(failed)}")
+        finite = np.isfinite(kept.z[rows]).all(axis=1)
+        if not finite.all():
+            raise SimulationError(f"march failed at {self._where(first + int(np.argmin(finite)))}: not finite")
+
+    def _where(self, step: int) -> str:
+        return f"step {step}, t = {self._t[step]:g} s"
+
+    def _reason(self, failed: int) -> str:
+        system = self._system
+        if failed == contact_rows.UNSETTLED:
+            names = ", ".join(c.name for c in system.contacts if c.clearance is not None)
+            return f"which of the contacts {names} are closed was not settled in {contact_rows.LIMIT} solves"
+        return dependence(self._state.modes[ROW : ROW + failed], system.contact_names)
+
+    def _trajectory(self, kept: _Kept, seconds: float) -> SystemTrajectory:
+        x, f = self._x[:: self._parts], self._f[:: self._parts]
+        least = balance.round_off(self._form.B.T @ self._form.B, f, float(self._t[1]))
+        pushing = not np.isnan(self._system.clearance).all()
+        energy, work = kept.energy.T
+        found = balance.surplus(energy, work, least, since_start=pushing)
+        balance.refuse_growth(found, "march", self._rigid_and_moving)
+        motions = {}
+        for name, form, columns in zip(self._system.bodies, self._form.forms, self._form.columns, strict=True):
+            own = [k for k, side in enumerate(self._system.sides) if side.place.body == name]
+            forces = np.stack([np.zeros(len(x)), *(self._pressed(kept, k) for k in own)], axis=1)[:, 1:]
+            q, v = kept.z[:, columns] @ form.X.T, kept.v[:, columns] @ form.X.T
+            motions[name] = Trajectory(self._t, q, v, forces, x[:, own], seconds, surplus=found)
+        peaks = np.where(np.isnan(self._system.clearance), kept.multipliers, kept.peaks)
+        return SystemTrajectory(self._t, motions, kept.multipliers, peaks, f, energy, work, seconds, found)
+
+    def _pressed(self, kept: _Kept, number: int) -> Array:
+        side = self._system.sides[number]
+        return np.asarray(side.sign * kept.multipliers[:, side.contact])
+
+
+def contact_frequency(system: System, excitation: Excitation) -> float:
+    """Largest omega in rad/s of the contacts that only push, along the paths; 0 if a rigid one does."""
+    assembly, x = Assembly(system), places(system, excitation)
+    pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
+    inverse = np.linalg.inv(assembly.M.toarray())
+    for k in np.unique(np.linspace(0, len(x) - 1, PLACES).astype(int)):
+        rows = assembly.at(x[k])
+        C, F = rows.C[pushing], rows.F[np.ix_(pushing, pushing)]
+        largest = max(largest, contact_step.frequency(F, C @ inverse @ C.T))
+    return largest
+
+
+def places(system: System, excitation: Excitation) -> Array:
+    """X (T, sides) in m of the contacts' places at the steps.
+
+    Raises
+    ------
+    InputError
+        If a path is missing, or takes a place where its row is not defined.
+    """
+    x = system.coordinates(dict(zip(excitation.paths, excitation.s.T, strict=True)))
+    return np.ascontiguousarray(np.broadcast_to(x, (len(excitation.s), len(system.sides))))
