@@ -28,6 +28,7 @@ class Clock:
         try:
             yield lambda share: self.progress(name, share)
         except SimulationError as error:
-            raise SimulationError(f"{name}: {error}") from None
+            error.args = (f"{name}: {error}",)
+            raise
         self.seconds[name] = time.perf_counter() - start
         self.progress(name, 1.0)

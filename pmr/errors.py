@@ -44,6 +44,26 @@ class SimulationError(RuntimeError):
     """A simulation did not reach its end, or its result is not finite."""
 
 
+class GrowthError(SimulationError):
+    """A motion that grows without bound: most of its energy was put in by neither loads nor moving rows.
+
+    `rigid_rows` names the rigid rows that move, whose multipliers may be the cause.
+    """
+
+    def __init__(self, message: str, rigid_rows: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.rigid_rows = rigid_rows
+
+    def refusal(self, step: float, rho_inf: float) -> InputError:
+        """The same of a scene's own model, as a choice of its step in s or of rho_inf that a user can change."""
+        key, value, allowed = "time.step", step, "a smaller one is allowed"
+        if self.rigid_rows and rho_inf > 0.0:
+            key, value = "time.rho_inf", rho_inf
+        elif self.rigid_rows:
+            return InputError("scene", "reduction.flexibility", False, f"true is allowed: {self}")
+        return InputError("scene", key, value, f"{allowed}: {self}")
+
+
 class ConvergenceError(RuntimeError):
     """An iterative solver returned less than was asked for; the message says what to change."""
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.errors import InputError
+from pmr.clock import Clock
+from pmr.errors import GrowthError, InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
 from pmr.run import reduce, run
@@ -22,6 +23,26 @@ def test_an_error_travels_whole() -> None:
     assert isinstance(again, InputError) and str(again) == str(error) and vars(again) == vars(error)
     everywhere = MPI.COMM_WORLD.bcast(error)
     assert str(everywhere) == "scene.toml: body.length = -1.0: more than 0 is allowed"
+
+
+@pytest.mark.parametrize(
+    ("rigid_rows", "rho_inf", "key", "value"),
+    [
+        ((), 0.9, "time.step", 0.01),
+        (("slider 0",), 0.9, "time.rho_inf", 0.9),
+        (("slider 0",), 0.0, "reduction.flexibility", False),  # nothing below zero
+    ],
+)
+def test_a_motion_that_grows_names_what_a_user_can_change(
+    rigid_rows: tuple[str, ...], rho_inf: float, key: str, value: float
+) -> None:
+    error = GrowthError("march: the motion grows without bound", rigid_rows)
+    with pytest.raises(GrowthError) as told, Clock().stage("reduced"):
+        raise error
+    travelled = pickle.loads(pickle.dumps(told.value))
+    found = travelled.refusal(0.01, rho_inf)
+    assert (found.source, found.key, found.value) == ("scene", key, value)
+    assert "allowed: reduced: march: the motion grows without bound" in str(found)
 
 
 @pytest.mark.parametrize(

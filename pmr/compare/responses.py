@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import combinations
 from statistics import median
@@ -16,6 +17,7 @@ from pmr.clock import Clock
 from pmr.compare import cable
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
+from pmr.errors import GrowthError
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene, SceneBase, StructureScene
@@ -70,7 +72,7 @@ def simulate(
     found = {}
     for name in scene.simulation.simulators:
         label = "reduced" if len(scene.simulation.simulators) == 1 else f"reduced, {name}"
-        with clock.stage(label):
+        with clock.stage(label), refused_growth(scene):
             found[name] = _repeated(scene, reduced, name)
     first = scene.simulation.simulators[0]
     responses = {"reduced": found[first], **references}
@@ -82,12 +84,27 @@ def simulate(
     return Simulations(responses, seconds, agreement, first)
 
 
+@contextmanager
+def refused_growth(scene: SceneBase) -> Iterator[None]:
+    """Within, a motion of the reduced model that grows without bound is the scene's mistake, which a user can mend.
+
+    Raises
+    ------
+    InputError
+        With the key, `time.step` or `time.rho_inf`.
+    """
+    try:
+        yield
+    except GrowthError as error:
+        raise error.refusal(scene.time.step, scene.time.rho_inf) from None
+
+
 def simulate_reduced(scene: SceneBase, reduced: ReducedModel, clock: Clock | None = None) -> Response:
     """Response of a reduced model to the scene's path and loads, by the first simulator that the scene names.
 
     Its seconds are the median of several simulations, if these are short.
     """
-    with (clock or Clock()).stage("reduced"):
+    with (clock or Clock()).stage("reduced"), refused_growth(scene):
         return _repeated(scene, reduced, scene.simulation.simulators[0], longest=SHORT)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.responses import refused_growth
 from pmr.fullmodel.build import Built
 from pmr.recover.coordinates import Recovery, chosen_states
 from pmr.recover.fields import Seen, View, in_blocks, look
@@ -71,7 +72,8 @@ def recover(
     states = None
     if comm.rank == 0:
         excitation = Excitation.of(scene)
-        found = march.simulate_at(reduced, excitation, steps)
+        with refused_growth(scene):
+            found = march.simulate_at(reduced, excitation, steps)
         states = chosen_states(found, excitation.forces(reduced.input_names)[steps], np.arange(len(steps)))
     states = comm.bcast(states)
     assert states is not None

@@ -26,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.errors import SimulationError
+from pmr.errors import GrowthError
 from pmr.results import Energy
 from pmr.simulate.start import row_flexibility
 from pmr.system.body import SlidingBody, Trajectory, pushing_rows
@@ -75,7 +75,7 @@ class Account:
 
         Raises
         ------
-        SimulationError
+        GrowthError
             If more than `GROWN` of the largest energy comes from nowhere.
         """
         body = self._body
@@ -93,7 +93,7 @@ def checked(body: SlidingBody, trajectory: Trajectory, loads: Array, simulator: 
 
     Raises
     ------
-    SimulationError
+    GrowthError
         If more than `GROWN` of the largest energy comes from nowhere.
     """
     account = Account(body, len(trajectory.t) - 1)
@@ -143,10 +143,11 @@ def refuse_growth(found: float, simulator: str, moving: list[str]) -> None:
 
     Raises
     ------
-    SimulationError
+    GrowthError
     """
     if found > GROWN:
-        raise SimulationError(f"{simulator}: the motion grows without bound, {described(found)}{remedy(moving)}")
+        told = f"{simulator}: the motion grows without bound, {described(found)}{remedy(moving)}"
+        raise GrowthError(told, tuple(moving))
 
 
 def described(found: float) -> str:

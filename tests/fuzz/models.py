@@ -62,7 +62,7 @@ def _simulated(model: Any) -> str:
     try:
         found = simulator.simulate(model, excitation)
     except SimulationError as error:  # what the library says to a program of one's own; no command simulates a model
-        return f"stopped: {error}"
+        return f"gave up: {error}"
     ensure_finite("q", found.q)
     ensure_finite("multipliers", found.multipliers)
     moved = displacement(model, found.q, found.s, found.multipliers, excitation.forces(model.input_names))

@@ -1,7 +1,5 @@
 """Whatever is in a file: it runs to results that can be, or it is refused in one line with exit code 2, within 10 s.
 
-A motion that turns out to grow without bound in its simulation ends in one line too, with exit code 1.
-
 `PMR_SWEEP=full` judges all mutations, which takes an hour; otherwise the first of each kind.  One of them alone, by its
 number: ``python -m fuzz.worker scenes 136 137`` in this folder's parent.
 """
@@ -33,6 +31,6 @@ def test_every_mutation_runs_or_is_refused_in_one_line(kind: str) -> None:
     print(told(found))
     assert len(found) == COUNTS[kind]
     assert all(verdict.is_sound for verdict in found), told(found)
-    assert sum(verdict.kind == "stopped" for verdict in found) <= len(found) / 50  # else it is no remarkable thing
+    assert sum("grows without bound" in verdict.detail for verdict in found) <= len(found) / 50  # a remarkable thing
     kinds = {verdict.kind for verdict in found}
     assert "ran" in kinds and ("refused" in kinds or kind == "names")  # neither all nor nothing; a name is no reason

@@ -21,10 +21,9 @@ PATIENCE = 300  # s of wall time, on a machine that others use too
 
 @dataclass(frozen=True)
 class Verdict:
-    """`kind` is ``ran``, ``refused`` (one line and exit code 2) or ``stopped``; everything else is a fault.
+    """`kind` is ``ran`` or ``refused`` (one line and exit code 2); everything else is a fault.
 
-    ``stopped``: the motion grew without bound, which only its simulation shows: one line and exit code 1.  ``failed``:
-    a solver gave up otherwise; ``traceback``; ``nonsense``: a result that can't be and nobody is told; ``slow``;
+    ``failed``: a solver gave up; ``traceback``; ``nonsense``: a result that can't be and nobody is told; ``slow``;
     ``died``: the process ended or hung.
     """
 
@@ -35,7 +34,7 @@ class Verdict:
 
     @property
     def is_sound(self) -> bool:
-        return self.kind in ("ran", "refused", "stopped")
+        return self.kind in ("ran", "refused")
 
 
 class NonsenseError(Exception):
@@ -62,8 +61,7 @@ def judged(number: int, run: Callable[[], Any]) -> Verdict:
         if visible(detail) != detail or not detail:
             kind = "nonsense"
     except (ConvergenceError, SimulationError) as error:
-        detail = str(error)
-        kind = "stopped" if "grows without bound" in detail and visible(detail) == detail else "failed"
+        kind, detail = "failed", str(error)
     except NonsenseError as error:
         kind, detail = "nonsense", str(error)
     except TooSlowError:
@@ -73,7 +71,7 @@ def judged(number: int, run: Callable[[], Any]) -> Verdict:
     finally:
         signal.alarm(0)
     seconds = time.process_time() - start
-    if kind in ("ran", "refused", "stopped", "failed") and seconds > LONGEST:
+    if kind in ("ran", "refused", "failed") and seconds > LONGEST:
         kind, detail = "slow", f"{seconds:.1f} s: {kind} {detail}"
     return Verdict(number, kind, seconds, detail[:3000])
 
