@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr import environment
+from pmr.accuracy import mesh as meshes
+from pmr.accuracy import order
 from pmr.clock import Clock
 from pmr.compare import coverage, estimate, memory, pad_forces, step_advice, trust, validity
 from pmr.compare import errors as compare
@@ -80,13 +82,16 @@ def run(
         If a solver fails.
     """
     check_installed(scene)
-    clock = clock or Clock()
+    clock, scene = clock or Clock(), order.prepared(scene)
     with clock.stage("assemble"):
         built = build(scene, comm)
     free = comm.bcast(memory.available() if comm.rank == 0 else None)
     size, outputs = built.model.size, built.model.outputs.getSize()[1]
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
     reduction = _reduce(scene, built.model, clock)
+    choice, on_finer = _chosen(scene, reduction, clock)
+    if choice is not None:
+        scene, reduction = choice.scene, replace(reduction, reduced=choice.reduced)
     with clock.stage("frequencies"):
         curves = _frequency_curves(scene, reduction)
     found = references(scene, reduction.model, clock, recovered_steps(scene).tolist(), checkpoint)
@@ -96,6 +101,9 @@ def run(
     simulations = simulate(scene, reduction.reduced, found.responses, clock)
     summary = _summary(scene, reduction, simulations, clock.seconds)
     summary |= _estimated(scene, reduction.reduced, curves.reduced, clock)
+    if choice is not None:
+        summary |= order.summary(choice, on_finer)
+        summary["warnings"] += order.warnings(choice, on_finer)
     summary |= pad_forces.summary(scene, simulations.responses["reduced"])
     summary["warnings"] += memory.warnings(scene, size, outputs)
     summary["warnings"] += free_motions.warnings(built.structure, scene.path_bounds)
@@ -169,6 +177,22 @@ def _reduce(scene: SceneBase, model: FullModel, clock: Clock) -> Reduction:
         body = FreeBody(model, scene.reduction.solver)
         snapshots = take_snapshots(scene, model, body)
     return reduce_with(scene, model, snapshots, clock, body)
+
+
+def _chosen(scene: SceneBase, reduction: Reduction, clock: Clock) -> tuple[order.Choice | None, dict[str, float] | str]:
+    """Model and step for the scene's tolerance, if it gives one, and the part of the mesh, or why it isn't known."""
+    if scene.accuracy is None:
+        return None, ""
+    with clock.stage("search"):
+        choice = order.choose(scene, reduction.reduced, _tips(scene))
+    if not scene.accuracy.mesh:
+        return choice, "the scene leaves it out"
+    finer = meshes.finer(choice.scene)
+    if finer is None:
+        return choice, "a mesh that is read from a file has no finer one"
+    with clock.stage("finer mesh"):
+        on_finer = reduce(finer, reduction.model.comm).reduced
+        return choice, meshes.mesh_error(choice.reduced, on_finer, choice.scene, _tips(scene), scene.accuracy.outputs)
 
 
 def _frequency_curves(scene: SceneBase, reduction: Reduction) -> FrequencyCurves:
@@ -248,7 +272,7 @@ def _estimated(scene: SceneBase, reduced: ReducedModel, omega: Array, clock: Clo
     said = resolution.unseen(driven, stepping) + estimate.warnings(reduced, stepping, found)
     said += coverage.warnings(left_out)
     step, reason = _step_error(scene, reduced, clock)
-    if step is not None:
+    if step is not None and scene.accuracy is None:  # otherwise the search has chosen it
         said += step_advice.warnings(step, stepping, driven, omega)
     elif reason is not None:
         said.append(f"the error of the time step is not known: {reason}")

@@ -45,6 +45,10 @@ def run(
             help="Simulate the reduced model by each: march, exudyn, exudyn-multiplier, exudyn-callback.",
         ),
     ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(metavar="PERCENT", help="An error that is allowed, 1% say: model and step are chosen to hold it."),
+    ] = None,
 ) -> None:
     """Run scenes the whole way: operators, snapshots, basis, reduced model, simulations, comparison, report.
 
@@ -61,9 +65,15 @@ def run(
 
         pmr run workflows/paper_evolved.toml --simulators march,exudyn,exudyn-callback
 
+        pmr run paper_evolved --tolerance 1%
+
         mpirun -n 2 pmr run SCENE.toml --set reduction.solver=slepc
     """
-    asked = [*(overrides or ()), *([_simulators(simulators)] if simulators is not None else ())]
+    asked = [
+        *([] if tolerance is None else _to(tolerance)),
+        *(overrides or ()),
+        *([_simulators(simulators)] if simulators is not None else ()),
+    ]
     names = [file.resolve().name if file.is_dir() else file.stem for file in scene_files]
     files = [scene_file(file) for file in scene_files]
     loaded = [(name, found, scenes.load(found, asked)) for name, found in zip(names, files, strict=True)]
@@ -126,6 +136,27 @@ def _save(outcome: Outcome, folder: Path) -> None:
         outcome.reduced.save(new / "reduced.npz")
         if recovery is not None and recovery.series and result.fields is not None:
             write_series(new, "fields", result.fields)
+
+
+def _to(tolerance: str) -> list[str]:
+    """The overrides that ``--tolerance 1%`` stands for: a reduction that holds all models among which is chosen.
+
+    Raises
+    ------
+    InputError
+        If it is no share.
+    """
+    text = tolerance.strip()
+    try:
+        share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        share = float("nan")
+    if not 0.0 < share < 1.0:
+        raise InputError(
+            "command line", "--tolerance", tolerance, "more than 0 and less than 100% is allowed, as 1% or 0.01"
+        )
+    basis = ["reduction.basis=free_modes", "reduction.flexibility=true", "reduction.support_rows=drop"]
+    return [*basis, f"accuracy.tolerance={share!r}"]
 
 
 def _simulators(names: str) -> str:

@@ -6,6 +6,7 @@ velocities those of the displacements, with the part that follows at once (`pmr.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,18 +100,23 @@ def outputs(model: ReducedModel, run: Trajectory, excitation: Excitation, tips: 
     )
 
 
-def differences(one: Outputs, reference: Outputs, floors: Floors) -> dict[str, float]:
+def differences(one: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = KINDS) -> dict[str, float]:
     """Error by kind (`pmr.compare.errors.relative_error`), fractions; what is round-off in both counts as zero."""
     moves = settled(one.displacement, reference.displacement, floors.displacement)
-    forces = settled(one.force, reference.force, floors.force)
     still = ~np.any(moves[0], axis=0) & ~np.any(moves[1], axis=0)
-    rates = np.where(still, 0.0, one.velocity), np.where(still, 0.0, reference.velocity)
-    return {
-        "beam": relative_error(*moves),
-        "tip": relative_error(*(y[:, -reference.tips :] for y in moves)),
-        "pad_force": relative_error(*forces),
-        "velocity": relative_error(*rates),
-    }
+    found = {}
+    for kind in kinds:
+        match kind:
+            case "tip":
+                pair = moves[0][:, -reference.tips :], moves[1][:, -reference.tips :]
+            case "beam":
+                pair = moves
+            case "pad_force":
+                pair = settled(one.force, reference.force, floors.force)
+            case _:
+                pair = np.where(still, 0.0, one.of(kind)), np.where(still, 0.0, reference.of(kind))
+        found[kind] = relative_error(*pair)
+    return found
 
 
 def impulsive(model: ReducedModel, excitation: Excitation) -> bool:

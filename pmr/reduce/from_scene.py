@@ -20,6 +20,8 @@ from pmr.snapshots.rigid import rigid_modes
 #: Modes beyond the coordinates with which the error is estimated: six of the paper's beam hold 98 % of the residual
 #: part's inertia with four.
 ENRICHMENT_MODES = 4
+#: The same where a tolerance is given: among so many the smallest model is looked for.
+SEARCHED_MODES = 26
 
 
 def take_snapshots(scene: SceneBase, model: FullModel, body: FreeBody | None = None) -> Snapshots:
@@ -75,6 +77,8 @@ def project(
 
 def _enrichment(scene: SceneBase) -> int:
     """Modes beyond the coordinates: those that estimate the error."""
+    if scene.accuracy is not None:
+        return SEARCHED_MODES
     return ENRICHMENT_MODES if scene.reduction.needs_inertia else 0
 
 

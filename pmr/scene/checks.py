@@ -28,6 +28,7 @@ def check(scene: SceneBase) -> None:
     check_magnitudes(scene)  # first: what others compute with is then finite
     _time(scene)
     _reduction(scene)
+    _accuracy(scene)
     _continuous(scene)
     if isinstance(scene, StructureScene):
         check_structure(scene)
@@ -97,6 +98,17 @@ def _reduction(scene: SceneBase) -> None:
         raise _refusal("reduction.residual_inertia", True, allowed)
     if choice.basis == "eigenmodes":
         _pool(scene)
+
+
+def _accuracy(scene: SceneBase) -> None:
+    choice = scene.reduction
+    if scene.accuracy is None:
+        return
+    if not (choice.basis == "free_modes" and choice.flexibility and choice.estimate):
+        allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"
+        raise _refusal("accuracy.tolerance", scene.accuracy.tolerance, allowed)
+    if len(set(scene.accuracy.outputs)) < len(scene.accuracy.outputs):
+        raise _refusal("accuracy.outputs", list(scene.accuracy.outputs), "each kind once is allowed")
 
 
 def _pool(scene: SceneBase) -> None:

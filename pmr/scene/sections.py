@@ -17,6 +17,7 @@ from pmr.scene.tomlfiles import is_file
 Positive = Annotated[float, Field(gt=0.0, strict=True)]
 NotNegative = Annotated[float, Field(ge=0.0, strict=True)]
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
+OutputKind = Literal["beam", "tip", "pad_force", "velocity"]
 Count = Annotated[int, Field(ge=1, strict=True)]
 SUPPORT_ROWS = {"pinned": ("x", "y"), "clamped": ("x", "y", "rotation"), "roller": ("y",)}
 
@@ -222,6 +223,18 @@ class Published(_Section):
     remarks: tuple[str, ...] = ()  # where and why our figures differ, for the report
 
 
+class Accuracy(_Section):
+    """An error that is allowed, instead of coordinates, residual inertia and step, which are chosen to hold it.
+
+    `tolerance` is that of the reduction and the step together, in each of the `outputs`; the search for a step begins
+    at `time.step`.  With `mesh` the part of the mesh is found out, too, by a second one with shorter cells.
+    """
+
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True)]  # a fraction
+    outputs: tuple[OutputKind, ...] = Field(default=("beam", "tip"), min_length=1)
+    mesh: bool = Field(default=True, strict=True)
+
+
 class SceneBase(_Section):
     """What scenes of every kind have; two of them with equal `hash` give equal results."""
 
@@ -232,6 +245,7 @@ class SceneBase(_Section):
     reduction: Reduction = Reduction()
     simulation: Simulation = Simulation()
     compare: Compare = Compare()
+    accuracy: Accuracy | None = None
     published: Published | None = None
 
     @model_validator(mode="before")
@@ -262,6 +276,8 @@ class SceneBase(_Section):
     def hash(self) -> str:
         """Digest of what decides the result: all but title, published figures and who simulates."""
         content = self.model_dump(mode="json", exclude={"title", "published", "simulation"})
+        if self.accuracy is None:
+            del content["accuracy"]
         if self.mesh_file is not None:
             content["mesh"]["file"] = hashlib.sha256(self.mesh_file.read_bytes()).hexdigest()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

@@ -1,0 +1,112 @@
+"""All models that one reduction holds, and their motions at common times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.outputs import Floors, Outputs, outputs
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import extended, truncated, with_kept_inertia
+from pmr.simulate import Excitation, TimeStepping
+from pmr.simulate.blocks import Kept
+from pmr.simulate.modal import ModalForm, modal_form
+from pmr.simulate.native import simulator as march
+from pmr.system.body import force_outputs, released_rows
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Member:
+    """One model of a family: so many modes as coordinates, with the inertia of all others or without."""
+
+    coordinates: int
+    residual_inertia: bool = False
+
+
+class Family:
+    """The models with 1, 2, ... of the modes of one reduction.
+
+    Parameters
+    ----------
+    model : ReducedModel
+        Free modes with residual flexibility, its inertia and enrichment modes: `pmr.compare.estimate.no_estimate` says
+        None of it.
+    excitation : Excitation
+        Its time grid is where searches begin.
+    tips : int
+        Number of the last displacements that are the tip's.
+    rates : bool
+        Whether velocities are wanted, which cost more than the motion.
+    """
+
+    def __init__(self, model: ReducedModel, excitation: Excitation, tips: int, rates: bool = False) -> None:
+        self.model, self.excitation, self.tips, self.rates = model, excitation, tips, rates
+        whole = model if model.enrichment is None else extended(model)
+        self._form = modal_form(whole)
+        stiffness = self._form.omega2
+        self.size = whole.size
+        self.fewest = max(1, int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1])))
+        self._forms: dict[Member, ModalForm] = {}
+        self._motions: dict[tuple[Member, int, int], Outputs] = {}
+
+    @property
+    def keeps_inertia(self) -> bool:
+        """Whether its members can: damping that couples modes has no tables."""
+        return self._form.classically_damped
+
+    @cached_property
+    def best(self) -> Member:
+        """The one with all modes, which the others are compared with."""
+        return Member(self.size, self.keeps_inertia)
+
+    def with_steps(self, steps: int) -> Excitation:
+        """The same excitation on so many equal steps."""
+        given = self.excitation.stepping
+        return self.excitation.with_stepping(TimeStepping(given.end, given.end / steps, given.rho_inf))
+
+    def form(self, member: Member) -> ModalForm:
+        """A member in its modal coordinates, which are the modes themselves."""
+        if member not in self._forms:
+            body, r = self._form.body, member.coordinates
+            body = body if r == self.size else truncated(body, r)
+            body = with_kept_inertia(body) if member.residual_inertia else body
+            self._forms[member] = ModalForm(body, np.eye(r), np.eye(r), self._form.rows)
+        return self._forms[member]
+
+    def reduced(self, member: Member) -> ReducedModel:
+        """A member as `truncated` and `with_kept_inertia` make it of the reduction."""
+        whole = self.model if self.model.enrichment is None else extended(self.model)
+        chosen = whole if member.coordinates == self.size else truncated(whole, member.coordinates)
+        return with_kept_inertia(chosen) if member.residual_inertia else chosen
+
+    def motion(self, member: Member, steps: int, times: int) -> Outputs:
+        """Of one member with so many steps, at `times` equal intervals, a whole number of steps each.
+
+        Raises
+        ------
+        InputError, SimulationError
+            As for `pmr.simulate.Simulator`.
+        """
+        if (member, steps, times) not in self._motions:
+            self._motions[member, steps, times] = self._simulated(member, steps, times)
+        return self._motions[member, steps, times]
+
+    def _simulated(self, member: Member, steps: int, times: int) -> Outputs:
+        form, excitation, every = self.form(member), self.with_steps(steps), steps // times
+        if self.rates or member.residual_inertia:
+            kept = Kept(np.arange(0, steps + 1, every))
+            run = kept.trajectory(march.follow(form, excitation, kept))
+            return outputs(form.body, run, excitation.with_stepping(self.with_steps(times).stepping), self.tips)
+        seen, is_force = march.observe(form, excitation, every=every), force_outputs(form.body)
+        forces = np.hstack([seen.y[:, is_force], seen.multipliers[:, released_rows(form.body)]])
+        y = seen.y[:, ~is_force]
+        return Outputs(y, np.zeros_like(y), forces, self.tips)
+
+    def floors(self, steps: int) -> Floors:
+        """What of its motions may be round-off."""
+        return Floors.of(self._form.body, self.with_steps(steps))

@@ -1,0 +1,136 @@
+"""A scene that says what error is allowed, and the model and the step that it gets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from pmr.accuracy.family import Family
+from pmr.accuracy.search import Demand, Found, search
+from pmr.accuracy.steps import coarsest
+from pmr.compare.coverage import BLOWS
+from pmr.compare.estimate import no_estimate
+from pmr.compare.outputs import impulsive
+from pmr.errors import InputError
+from pmr.reduced.model import ReducedModel
+from pmr.scene import SceneBase, StructureScene
+from pmr.simulate import Excitation
+from pmr.text import rounded
+
+#: Coordinates of the reduction from which the search takes away, or to which it adds its enrichment modes.
+COORDINATES = 6
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was chosen: the scene with step and coordinates, and the reduced model."""
+
+    scene: SceneBase
+    reduced: ReducedModel
+    found: Found
+
+
+def prepared(scene: SceneBase) -> SceneBase:
+    """The scene whose reduction holds all models among which is chosen; as it is where no tolerance is given."""
+    if scene.accuracy is None:
+        return scene
+    reduction = scene.reduction.model_copy(update={"coordinates": COORDINATES, "residual_inertia": False})
+    return scene.model_copy(update={"reduction": reduction})
+
+
+def choose(scene: SceneBase, reduced: ReducedModel, tips: int) -> Choice:
+    """The smallest model among those of a `prepared` scene's reduction, and the longest step, that hold its tolerance.
+
+    Raises
+    ------
+    InputError
+        If errors of this model, or of the outputs that are asked for, can't be estimated.
+    SimulationError
+        If its motion can't be computed.
+    """
+    asked, excitation = scene.accuracy, Excitation.of(scene)
+    assert asked is not None
+    if why := no_estimate(reduced):
+        raise InputError("scene", "accuracy.tolerance", asked.tolerance, f"there is no estimate to go by: {why}")
+    if "pad_force" in asked.outputs and impulsive(reduced, excitation):
+        allowed = f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}"
+        raise InputError("scene", "accuracy.outputs", list(asked.outputs), allowed)
+    family = Family(reduced, excitation, tips, rates="velocity" in asked.outputs)
+    recovery = scene.recovery if isinstance(scene, StructureScene) else None
+    demand = Demand(asked.tolerance, asked.outputs, inertia=scene.simulation.simulators == ("march",))
+    found = search(family, demand, coarsest(family, recovery.every if recovery else None))
+    member = found.member
+    update = {"coordinates": member.coordinates, "residual_inertia": member.residual_inertia}
+    chosen = scene.model_copy(
+        update={
+            "time": scene.time.model_copy(update={"step": scene.time.end / found.steps}),
+            "reduction": scene.reduction.model_copy(update=update),
+        }
+    )
+    return Choice(chosen, family.reduced(member), found)
+
+
+def summary(choice: Choice, mesh: dict[str, float] | str) -> dict[str, Any]:
+    """``accuracy`` and ``budget`` of summary.json.
+
+    ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,residual_inertia,step}``, ``reasons``,
+    ``seconds`` of the search; ``budget``: ``reduction``, ``step`` and ``mesh`` by kind of output (fractions), their
+    ``sum`` and which is ``first`` to be improved.  `mesh` is its part, or why that isn't known.
+    """
+    found, asked = choice.found, choice.scene.accuracy
+    assert asked is not None
+    parts = {"reduction": found.reduction, "step": found.step} | ({"mesh": mesh} if isinstance(mesh, dict) else {})
+    chosen = {
+        "coordinates": found.member.coordinates,
+        "residual_inertia": found.member.residual_inertia,
+        "step": choice.scene.time.step,
+    }
+    accuracy = {
+        "tolerance": asked.tolerance,
+        "outputs": list(asked.outputs),
+        "holds": found.holds,
+        "chosen": chosen,
+        "reasons": list(found.reasons),
+        "seconds": found.seconds,
+    }
+    budget = parts | {
+        "mesh": mesh if isinstance(mesh, dict) else None,
+        "mesh_reason": None if isinstance(mesh, dict) else mesh,
+        "sum": {kind: sum(part[kind] for part in parts.values()) for kind in asked.outputs},
+        "first": max(parts, key=lambda name: max(parts[name].values())),
+    }
+    return {"accuracy": accuracy, "budget": budget}
+
+
+def warnings(choice: Choice, mesh: dict[str, float] | str) -> list[str]:
+    """What a user should know: a tolerance that isn't held, by the model or by its mesh; a line each."""
+    found, asked = choice.found, choice.scene.accuracy
+    assert asked is not None
+    limit, said = _percent(asked.tolerance), list[str]()
+    if not found.holds:
+        sizes = ", ".join(f"{_percent(share)} in {_named(kind)}" for kind, share in found.total.items())
+        model = f"{found.member.coordinates} coordinates with steps of {choice.scene.time.step:.3g} s"
+        said.append(
+            f"the tolerance of {limit} isn't held: {model} are off by {sizes}, most of it by the {_larger(found)}"
+        )
+    if isinstance(mesh, dict):
+        beyond = [f"{_percent(share)} in {_named(kind)}" for kind, share in mesh.items() if share > asked.tolerance]
+        if beyond:
+            said.append(
+                f"the mesh can't hold the tolerance of {limit}: it is off by {', '.join(beyond)}; shorter cells help"
+            )
+    return said
+
+
+def _larger(found: Found) -> str:
+    return "reduction" if max(found.reduction.values()) >= max(found.step.values()) else "step"
+
+
+def _named(kind: str) -> str:
+    return {"beam": "displacements", "tip": "the tip's", "pad_force": "forces of sliders and pads"}.get(
+        kind, "velocities"
+    )
+
+
+def _percent(fraction: float) -> str:
+    return f"{rounded(100.0 * fraction)} %" if fraction < 10.0 else f"{rounded(fraction)} times their size"

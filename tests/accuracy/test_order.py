@@ -1,0 +1,109 @@
+"""Scenes that say what error is allowed, from file to summary."""
+
+from __future__ import annotations
+
+import pytest
+
+from pmr.accuracy import mesh
+from pmr.cli.run import _to
+from pmr.compare.errors import relative_error
+from pmr.compare.responses import simulate_reduced
+from pmr.errors import InputError
+from pmr.run import reduce, run
+
+SMOOTH = "slider.path={kind='smooth_ramp',times=[0.1,0.5],values=[1.25,1.9]}"
+SHORT = ["time.end=0.6", "time.step=1e-3", "mesh.elements=20", SMOOTH, "compare.against=['full']"]
+
+
+@pytest.fixture(scope="module")
+def ordered(load_scene):
+    outcome = run(load_scene("evolved_tolerance", [*SHORT, "accuracy.outputs=['beam','pad_force']"]))
+    assert outcome is not None
+    return outcome
+
+
+def test_a_tolerance_chooses_coordinates_and_step(ordered) -> None:
+    summary, scene = ordered.result.summary, ordered.result.scene
+    chosen = summary["accuracy"]["chosen"]
+    assert summary["accuracy"]["tolerance"] == 0.01 and summary["accuracy"]["holds"]
+    assert chosen["coordinates"] == ordered.reduced.size == summary["coordinates"]["reduced"]
+    assert chosen["step"] == scene.time.step == ordered.result.responses["reduced"].t[1]
+    assert chosen["residual_inertia"] == scene.reduction.residual_inertia
+    assert len(summary["accuracy"]["reasons"]) == 3 and summary["accuracy"]["seconds"] > 0.0
+    assert summary["errors"]["reduced_vs_full"]["beam"] < 0.01
+    assert summary["errors"]["reduced_vs_full"]["slider_force"] < 0.01
+
+
+def test_its_budget_has_the_part_of_each(ordered) -> None:
+    budget, estimate = ordered.result.summary["budget"], ordered.result.summary["estimate"]
+    for kind in ("beam", "pad_force"):
+        parts = [budget[name][kind] for name in ("reduction", "step", "mesh")]
+        assert min(parts) > 0.0 and budget["sum"][kind] == pytest.approx(sum(parts))
+        assert budget["reduction"][kind] == pytest.approx(estimate[kind], rel=0.35)
+    largest = max(("reduction", "step", "mesh"), key=lambda name: max(budget[name].values()))
+    assert budget["first"] == largest
+
+
+def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
+    kinds, scene = ("tip", "pad_force"), load_scene("evolved_residual", SHORT)
+    scenes = (load_scene("evolved_residual", [*SHORT, f"mesh.elements={count}"]) for count in (6, 12, 48))
+    model, finer, finest = (reduce(one).reduced for one in scenes)
+    said = mesh.mesh_error(model, finer, scene, 1, kinds)
+    own, truth = (simulate_reduced(scene, one) for one in (model, finest))
+    for kind, error in (
+        ("tip", relative_error(own.displacement[:, -1:], truth.displacement[:, -1:])),
+        ("pad_force", relative_error(own.slider_force, truth.slider_force)),
+    ):
+        assert 0.9 * error < said[kind] < 2.0 * error
+
+
+def test_what_cannot_be_held_is_said(load_scene) -> None:
+    outcome = run(load_scene("evolved_tolerance", [*SHORT, "mesh.elements=5", "accuracy.tolerance=1e-6"]))
+    assert outcome is not None
+    summary = outcome.result.summary
+    assert not summary["accuracy"]["holds"]
+    assert any("the tolerance of 0.0001 % isn't held" in line for line in summary["warnings"])
+    assert any("the mesh can't hold the tolerance" in line for line in summary["warnings"])
+
+
+def test_where_the_part_of_the_mesh_is_not_known_it_says_why(load_scene) -> None:
+    outcome = run(load_scene("evolved_tolerance", [*SHORT, "accuracy.mesh=false"]))
+    assert outcome is not None
+    budget = outcome.result.summary["budget"]
+    assert budget["mesh"] is None and budget["mesh_reason"] == "the scene leaves it out"
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("accuracy.outputs=['pad_force']", "a rigid slider strikes"),
+        ("accuracy.tolerance=0", "greater than 0"),
+        ("accuracy.outputs=['stress']", "'beam', 'tip', 'pad_force' or 'velocity'"),
+        ("accuracy.outputs=['tip','tip']", "each kind once"),
+        ("reduction.flexibility=false", "free modes with flexibility"),
+        ("reduction.estimate=false", "free modes with flexibility and estimate"),
+    ],
+)
+def test_what_has_no_error_to_hold_is_refused(load_scene, override: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        run(load_scene("evolved_tolerance", ["time.end=5.0", "mesh.elements=10", override]))
+
+
+def test_cells_of_the_finer_mesh(load_scene) -> None:
+    beam, boom = load_scene("evolved_tolerance"), load_scene("boom_tolerance")
+    assert mesh.finer(beam).mesh.elements == 100 and mesh.finer(beam).accuracy is None
+    assert mesh.finer(boom).mesh.size == pytest.approx(boom.mesh.size / 1.5)
+
+
+def test_a_percentage_on_the_command_line(load_scene) -> None:
+    for text, share in (("1%", 0.01), ("0.5 %", 0.005), ("0.02", 0.02)):
+        scene = load_scene("paper_evolved", [*_to(text), "compare.against=['full']"])
+        assert scene.accuracy.tolerance == pytest.approx(share) and scene.reduction.basis == "free_modes"
+    for text in ("0", "150%", "much", "-1%", "nan"):
+        with pytest.raises(InputError, match="--tolerance"):
+            _to(text)
+
+
+def test_scenes_without_a_tolerance_keep_their_hash(load_scene) -> None:
+    """What was computed for them stays valid."""
+    assert load_scene("paper_evolved").hash == "244db549fcda9c66"

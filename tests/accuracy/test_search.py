@@ -1,0 +1,116 @@
+"""Models made to a tolerance, against full ones: the tolerance holds, and nothing smaller or longer would do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from oracle import full_body, inertial
+
+from pmr.accuracy.family import Family, Member
+from pmr.accuracy.search import MARGIN, Demand, search
+from pmr.accuracy.steps import coarsest, rungs
+from pmr.compare.outputs import Floors, Outputs, differences, outputs
+from pmr.errors import SimulationError
+from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
+from pmr.simulate import Excitation, TimeStepping
+from pmr.simulate.modal import modal_form
+from pmr.simulate.native import simulator as march
+
+FULL = full_body(30)
+MODEL = inertial(FULL, 6, enrichment=14)
+PATH = SmoothRamp(times=(0.1, 0.8), values=(1.5, 3.0))
+LOAD = Sine(amplitude=200.0, frequency=3.0)
+
+
+def driven(steps: int = 1000, load=LOAD, path=PATH) -> Excitation:
+    name = FULL.input_names[0]
+    return Excitation({"slider": path}, {name: load}, TimeStepping(1.0, 1.0 / steps))
+
+
+def full_motion(steps: int, times: int) -> Outputs:
+    excitation, form = driven(steps), modal_form(FULL)
+    found = outputs(form.body, march.simulate_modal(form, excitation), excitation, 1)
+    every = steps // times
+    return Outputs(found.displacement[::every], found.velocity[::every], found.force[::every], 1)
+
+
+@pytest.mark.parametrize("kinds", [("beam", "tip"), ("pad_force",), ("velocity",)])
+@pytest.mark.parametrize("tolerance", [0.03, pytest.param(0.003, marks=pytest.mark.slow)])
+def test_the_tolerance_holds_and_two_coordinates_fewer_do_not(kinds: tuple[str, ...], tolerance: float) -> None:
+    family = Family(MODEL, driven(), 1, rates="velocity" in kinds)
+    coarse = coarsest(family)
+    found = search(family, Demand(tolerance, kinds, inertia=True), coarse)
+    truth, floors = full_motion(32 * found.steps, coarse), Floors.of(MODEL, driven())
+
+    def error(member: Member, steps: int) -> float:
+        return max(differences(family.motion(member, steps, coarse), truth, floors, kinds).values())
+
+    assert found.holds and error(found.member, found.steps) <= tolerance
+    assert max(found.total.values()) >= error(found.member, found.steps)
+    fewer = found.member.coordinates - 3
+    if fewer >= family.fewest:
+        for kept in (False, True):
+            assert error(Member(fewer, kept), 32 * coarse) > tolerance
+    if found.steps >= 4 * coarse:
+        assert error(found.member, found.steps // 4) > tolerance / MARGIN**2
+
+
+def test_without_inertia_it_takes_more_coordinates_and_keeps_none() -> None:
+    family = Family(MODEL, driven(), 1)
+    plain, any_ = (search(family, Demand(1e-3, ("beam",), inertia), coarsest(family)) for inertia in (False, True))
+    assert any_.member.residual_inertia and not plain.member.residual_inertia
+    assert plain.member.coordinates >= any_.member.coordinates + 2 and plain.holds
+
+
+def test_what_cannot_be_held_is_said() -> None:
+    family = Family(MODEL, driven(), 1)
+    found = search(family, Demand(1e-9, ("beam",), inertia=False), coarsest(family))
+    assert not found.holds and found.member.coordinates == family.size - 1 and max(found.total.values()) > 1e-9
+
+
+def test_what_a_step_leaves_out_is_known_from_shorter_ones() -> None:
+    family = Family(MODEL, driven(), 1)
+    coarse, member = coarsest(family), Member(6)
+    truth = family.motion(member, 256 * coarse, coarse)
+    seen = 0
+    for rung in rungs(family, member, coarse, ("beam",)):
+        if rung.steps > 16 * coarse:
+            break
+        own = family.motion(member, rung.steps, coarse)
+        said, true = (
+            np.sqrt(np.mean(x**2)) for x in (rung.missing.displacement, truth.displacement - own.displacement)
+        )
+        if rung.settled:
+            seen += 1
+            assert said == pytest.approx(true, rel=0.15)
+    assert seen >= 2
+
+
+def test_steps_follow_path_and_loads() -> None:
+    slow, fast = Chirp(amplitude=1.0, times=(0.0, 1.0), frequencies=(1.0, 2.0)), Sine(amplitude=1.0, frequency=90.0)
+    few, many = (coarsest(Family(MODEL, driven(960, load), 1)) for load in (slow, fast))
+    assert (few, many) == (30, 960)  # 15 steps are less than 20; 480 are 5 a period of the tone
+    assert coarsest(Family(MODEL, driven(960, slow), 1), every=1.0 / 120.0) == 120  # fields are wanted at each step
+    assert coarsest(Family(MODEL, driven(999, slow), 1)) == 999
+
+
+def test_a_step_with_which_nothing_can_be_computed_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    family = Family(MODEL, driven(), 1)
+    coarse, own = coarsest(family), Family._simulated
+
+    def fails(self: Family, member: Member, steps: int, times: int) -> Outputs:
+        if steps <= 2 * coarse:
+            raise SimulationError("march failed")
+        return own(self, member, steps, times)
+
+    monkeypatch.setattr(Family, "_simulated", fails)
+    assert next(rungs(family, Member(6), coarse, ("beam",))).steps == 4 * coarse
+
+
+def test_members_are_those_of_the_reduction() -> None:
+    family = Family(MODEL, driven(100, Constant(amount=5.0)), 1)
+    model = family.reduced(Member(4, True))
+    assert model.size == 4 and model.flexibility is not None and model.flexibility.keeps_inertia
+    excitation = driven(100, Constant(amount=5.0))
+    own = outputs(model, march.simulate(model, excitation), excitation, 1)
+    assert np.allclose(own.displacement, family.motion(Member(4, True), 100, 100).displacement, rtol=0.0, atol=1e-12)
