@@ -39,7 +39,9 @@ STAGES = {
     "assembly": ((pmr.fullmodel.build, "structural_model"),),
     "modes": ((pmr.run, "take_snapshots"),),
     "projection": ((pmr.reduce.residual.model, "galerkin"),),
-    "flexibility": ((pmr.reduce.residual.model, "ResidualFlexibility"), (pmr.reduce.residual.model, "tables")),
+    "flexibility": tuple(
+        (pmr.reduce.residual.model, name) for name in ("ResidualFlexibility", "carrier_flexibility", "tables")
+    ),
     "inertia": ((pmr.reduce.residual.model, "with_inertia"),),
 }
 #: Values of tables compared: five between two breaks.

@@ -62,7 +62,7 @@ def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: 
         If fewer converge.
     """
     comm = M.comm.tompi4py()
-    room = np.empty((len(start), 4 * (count + start.shape[1])), order="F")
+    room = np.empty((len(start), 16 * (count + start.shape[1])), order="F")  # memory is taken as it fills
     T, filled = np.empty((0, 0)), 0
     rough = _orthonormal(start, times(M, start), comm, dimension)
     block = _orthonormal(rough.vectors, times(M, rough.vectors), comm, dimension)
@@ -72,10 +72,11 @@ def largest(apply: Callable[[Array], Array], M: PETSc.Mat, start: Array, count: 
             room = np.concatenate([room.T, np.empty_like(room.T)]).T
         Q = room[:, :filled]
         Q[:, len(T) :] = block.vectors
+        near = slice(max(0, filled - 2 * start.shape[1]), filled)
         W = apply(block.dual)
-        MW = times(M, W)
-        T = _grown(T, inner(Q, MW, comm))
-        subtract(W, Q, inner(Q, MW, comm))
+        beside = inner(Q[:, near], times(M, W), comm)  # to all blocks before the last two H W is orthogonal by itself
+        T = _grown(T, beside)
+        subtract(W, Q[:, near], beside)
         rough = _orthonormal(W, times(M, W), comm, dimension - filled)
         W = rough.vectors
         subtract(W, Q, inner(Q, rough.dual, comm))
@@ -112,12 +113,13 @@ def _orthonormal(W: Array, MW: Array, comm: Any, most: int) -> _Block:
 
 
 def _grown(T: Array, columns: Array) -> Array:
-    """The symmetric matrix T with more columns (m, b) as its last ones."""
-    m, b = columns.shape
+    """The symmetric matrix T with more columns, of which the last entries (d, b) are given and the others are zero."""
+    d, b = columns.shape
+    m = len(T) + b
     result = np.zeros((m, m))
     result[: m - b, : m - b] = T
-    result[:, m - b :] = columns
-    result[m - b :, : m - b] = columns[: m - b].T
-    own = columns[m - b :]
+    result[m - d :, m - b :] = columns
+    result[m - b :, m - d :] = columns.T
+    own = columns[d - b :]
     result[m - b :, m - b :] = (own + own.T) / 2.0
     return result

@@ -278,16 +278,20 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     _check_extent(pad, (places[0], places[-1]), strip.extent)
     whole = step * float(value(bump(3, knot), np.zeros(()))) if strip.line else step * knot
     beside = strip.weights * value(bump(3, knot), strip.across - pad.across)
-    near = [np.flatnonzero(np.abs(strip.along - x) < step) for x in places]
-    weights = [beside[q] * value(bump(1, step), strip.along[q] - x) for q, x in zip(near, places, strict=True)]
-    rows = []
-    for q, w, x in zip(near, weights, places, strict=True):
+    order = np.argsort(strip.along, kind="stable")
+    ends = np.searchsorted(strip.along[order], [places - step, places + step])
+    near = [np.sort(order[low:high]) for low, high in ends.T]
+    hat, weights = bump(1, step), []
+    for q, x in zip(near, places, strict=True):
         offsets = np.stack([strip.along[q] - x, strip.across[q] - pad.across])
+        w = beside[q] * value(hat, offsets[0])
         off = np.abs(offsets @ w) > MISSING * np.array([step, knot]) * w.sum()
         if w.sum() < (1.0 - MISSING) * whole or off.any():
             raise _off(pad, f"around {x:.4g} m", strip.extent)
-        rows.append(sp.csr_matrix(_corrected(w, offsets, step)) @ strip.normal[q])
-    return sp.vstack(rows, format="csr")
+        weights.append(_corrected(w, offsets, step))
+    ends = np.cumsum([0, *map(len, near)])
+    means = sp.csr_matrix((np.concatenate(weights), np.concatenate(near), ends), (len(places), len(strip.along)))
+    return sp.csr_matrix(means @ strip.normal)
 
 
 def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None:

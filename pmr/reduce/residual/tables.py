@@ -19,9 +19,9 @@ from pmr.reduced.flexibility import Flexibility
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Loads answered at a time: a few times as many vectors of full length are in memory.  A column costs an eighth of what
-#: it costs alone, and twice as many at a time would not make it cheaper (70,000 coordinates of a shell).
-BLOCK = 32
+#: Loads answered at a time: a few times as many vectors of full length are in memory.  A column costs a tenth of what
+#: it costs alone, and half as much again at a time would not make it cheaper (70,000 coordinates of a shell).
+BLOCK = 64
 
 
 class Measured:
