@@ -10,11 +10,14 @@ import platform
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from importlib import metadata, util
 from pathlib import Path
 from typing import Any
 
 from pmr.errors import InputError
+
+MEMINFO = Path("/proc/meminfo")
 
 _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "weasyprint")
 _NUMERICAL = ("numpy", "scipy", "numba", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
@@ -56,6 +59,14 @@ def check_installed(name: str) -> None:
     """
     if util.find_spec(name) is None:
         raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")
+
+
+def available_memory() -> int | None:
+    """Memory in bytes that this machine can still give; None where it doesn't say."""
+    with suppress(OSError, ValueError, StopIteration):
+        line = next(line for line in MEMINFO.read_text().splitlines() if line.startswith("MemAvailable:"))
+        return int(line.split()[1]) * 1024
+    return None
 
 
 def versions() -> dict[str, str]:

@@ -85,7 +85,7 @@ def run(
     clock, scene = clock or Clock(), order.prepared(scene)
     with clock.stage("assemble"):
         built = build(scene, comm)
-    free = comm.bcast(memory.available() if comm.rank == 0 else None)
+    free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     size, outputs = built.model.size, built.model.outputs.getSize()[1]
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
     reduction = _reduce(scene, built.model, clock)

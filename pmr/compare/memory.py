@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-from contextlib import suppress
-from pathlib import Path
 
 from pmr.compare.responses import full_simulator
 from pmr.errors import InputError
@@ -22,7 +20,6 @@ ESTIMATED, COMPARED = 10, 2
 BESIDE = 12
 NUMBER = 8  # bytes
 NOTICED = 2**30  # bytes, from which on it is worth a line
-MEMINFO = Path("/proc/meminfo")
 
 
 def needed(scene: SceneBase, size: int, outputs: int) -> int:
@@ -48,14 +45,6 @@ def warnings(scene: SceneBase, size: int, outputs: int) -> list[str]:
     """A line where the histories take a lot."""
     total = needed(scene, size, outputs)
     return [] if total < NOTICED else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
-
-
-def available() -> int | None:
-    """Memory in bytes that this machine can still give; None where it doesn't say."""
-    with suppress(OSError, ValueError, StopIteration):
-        line = next(line for line in MEMINFO.read_text().splitlines() if line.startswith("MemAvailable:"))
-        return int(line.split()[1]) * 1024
-    return None
 
 
 def check(scene: SceneBase, size: int, outputs: int, free: int | None, tell: bool = True) -> None:

@@ -2,41 +2,74 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.environment import available_memory
 from pmr.errors import InputError
-from pmr.fem.compat import PETSc
+from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, view
 
 Array = NDArray[np.float64]
+_log = logging.getLogger(__name__)
 
 #: Right-hand sides solved at once: a column then costs a sixth of what it costs alone (18,000 coordinates).
 BLOCK = 64
+#: MUMPS' answers where it was allowed less memory than it needs, and where it could not have what it was allowed.
+TOO_LITTLE, NO_MEMORY = -19, (-9, -13)
+#: Share of the free memory that a factor may take: solves and what follows need some too.
+SHARE = 0.8
+#: Entries of a factor over those of its matrix, and more than almost any has.
+FILL = 20
 
 
 class Factor:
     """L L^T of a distributed matrix.
 
+    What it will take is known before it is computed.  What does not fit into the memory that is free goes to files, in
+    the folder that the environment variable MUMPS_OOC_TMPDIR names, and a line says so.
+
     Raises
     ------
     InputError
-        If the matrix, called `name`, is not positive definite.
+        If the matrix, called `name`, is not positive definite, or its factor does not even fit with files.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
         A.setOption(PETSc.Mat.Option.SPD, True)
-        pc = PETSc.PC().create(comm=A.comm)
-        pc.setOperators(A)
-        pc.setType("cholesky")
-        pc.setFactorSolverType("mumps")
-        pc.setFactorSetUpSolverType()
-        pc.setUp()
-        self._factor = pc.getFactorMatrix()
-        pc.destroy()  # and with it its hold on A: the factor alone solves
+        free = _free(A.comm.tompi4py())
+        self._factor = _factorised(A, min(free, _ample(A)))
+        if self._is_too_little() and free > _ample(A):
+            self._factor.destroy()
+            self._factor = _factorised(A, free)
+        if self._is_too_little():
+            needed = self._factor.getMumpsInfog(16)
+            self._factor.destroy()
+            self._factor = _factorised(A, free, in_files=True)
+            self._say(name, needed, free)
         self._factor.setMumpsIcntl(27, BLOCK)  # so many at once within MUMPS too, not its 32: an eighth faster
-        if self._factor.getMumpsInfog(1) < 0:
+        code = self._factor.getMumpsInfog(1)
+        if code in NO_MEMORY:
+            raise InputError(
+                "scene", "mesh", None, f"no memory for the factor of {name} (MUMPS {code}); a coarser mesh"
+            )
+        if code < 0:
             raise InputError("body", name, None, "a positive definite matrix is allowed")
+
+    def _is_too_little(self) -> bool:
+        return bool(self._factor.getMumpsInfog(1) == TOO_LITTLE)
+
+    def _say(self, name: str, needed: int, free: int) -> None:
+        """What does not fit into memory, and whether files make it fit."""
+        least = self._factor.getMumpsInfog(26)
+        said = f"the factor of {name} takes {needed} MB of memory on a rank, and {free} MB are there for it"
+        if self._is_too_little():
+            allowed = f"{said}, of which it takes {least} MB if kept in files; a coarser mesh or more memory is allowed"
+            raise InputError("scene", "mesh", None, allowed)
+        if self._factor.comm.rank == 0:
+            _log.warning("%s: it is kept in files, which takes %d MB of it and time for reading", said, least)
 
     def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
         """Answer to one right-hand side."""
@@ -69,3 +102,37 @@ def product(A: PETSc.Mat, x: Array) -> Array:
     right.destroy()  # at once: what is only dropped is kept until all ranks clean up together
     result.destroy()
     return found
+
+
+def _factorised(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
+    """The factor of A in at most `free` MB a rank; from its analysis MUMPS knows beforehand if that is too little.
+
+    A itself is no longer held.
+    """
+    pc = PETSc.PC().create(comm=A.comm)
+    pc.setOperators(A)
+    pc.setType("cholesky")
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    factor = pc.getFactorMatrix()
+    factor.setMumpsIcntl(22, int(in_files))
+    factor.setMumpsIcntl(23, free)
+    pc.setUp()
+    pc.destroy()
+    return factor
+
+
+def _ample(A: PETSc.Mat) -> int:
+    """MB on a rank that do for most factors; of what it is allowed MUMPS reserves a half, needed or not; collective."""
+    entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_MAX)["nz_used"]
+    return max(1000, int(FILL * 12 * entries / 1e6))
+
+
+def _free(comm: MPI.Comm) -> int:
+    """MB that a factor may take on each rank, 0 for no bound where a machine doesn't say what is free; collective."""
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    found = available_memory()
+    share = np.inf if found is None else SHARE * found / 1e6 / node.size
+    node.Free()
+    least = comm.allreduce(share, MPI.MIN)
+    return 0 if np.isinf(least) else max(1, int(least))

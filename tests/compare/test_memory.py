@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from pmr import environment
 from pmr.compare import memory
 from pmr.compare.responses import simulate_reference
 from pmr.errors import InputError
@@ -47,8 +48,8 @@ def test_what_a_large_run_takes_is_among_its_warnings(load_scene) -> None:
 
 
 def test_the_machine_says_what_is_free() -> None:
-    free = memory.available()
-    assert free is None if not memory.MEMINFO.exists() else free > 2**20
+    free = environment.available_memory()
+    assert free is None if not environment.MEMINFO.exists() else free > 2**20
 
 
 def _a_step(load_scene, run: Callable[[object], object]) -> float:

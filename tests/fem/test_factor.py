@@ -1,0 +1,61 @@
+"""Factors that do not fit into memory."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from pmr.errors import InputError
+from pmr.fem import factor
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import sparse
+from pmr.fem.factor import Factor
+from pmr.fullmodel.assembly import share
+
+pytestmark = pytest.mark.mpi
+SIDE = 220
+
+
+def laplacian() -> PETSc.Mat:
+    chain = sp.diags([-np.ones(SIDE - 1), 2.0 * np.ones(SIDE), -np.ones(SIDE - 1)], [-1, 0, 1])
+    first, last = share(SIDE**2, MPI.COMM_WORLD)
+    like = PETSc.Mat().createAIJ(((last - first, SIDE**2), (last - first, SIDE**2)), comm=MPI.COMM_WORLD)
+    return sparse(sp.csr_matrix(sp.kronsum(chain, chain))[first:last], like, columns=int(last - first))
+
+
+def test_a_factor_that_does_not_fit_is_kept_in_files_and_solves_as_well(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path, capfd
+) -> None:
+    A = laplacian()
+    g = np.asfortranarray(np.random.default_rng(1).normal(size=(A.getLocalSize()[0], 5)))
+    within = Factor(A, "K")
+    whole = within._factor.getMumpsInfog(16)
+    beside = within._factor.getMumpsInfog(26)
+    assert beside < whole - 2  # or the bound below would mean nothing
+    expected = within.solve_columns(g.copy(order="F"))
+    within.destroy()
+    assert not caplog.records
+    monkeypatch.setattr(factor, "_free", lambda comm: (whole + 2 * beside) // 3)
+    with caplog.at_level(logging.WARNING):
+        outside = Factor(A, "K")
+    assert outside._factor.getMumpsInfog(1) == 0 and outside._factor.getMumpsIcntl(22) == 1
+    if MPI.COMM_WORLD.rank == 0:
+        assert f"the factor of K takes {whole} MB" in caplog.text and "kept in files" in caplog.text
+    assert outside.solve_columns(g) == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+    outside.destroy()
+
+
+def test_a_factor_that_does_not_even_fit_with_files_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(factor, "_free", lambda comm: 1)
+    with pytest.raises(InputError, match=r"the factor of K takes \d+ MB.*a coarser mesh or more memory is allowed"):
+        Factor(laplacian(), "K")
+
+
+def test_a_singular_matrix_is_refused() -> None:
+    A = laplacian()
+    A.zeroRowsColumns([0] if MPI.COMM_WORLD.rank == 0 else [], diag=0.0)
+    with pytest.raises(InputError, match="positive definite"):
+        Factor(A, "K")
