@@ -93,6 +93,7 @@ def renamed(data: Mapping[str, NDArray[Any]], names: Mapping[str, str]) -> dict[
 
 def _value(hint: Any, found: Mapping[str, NDArray[Any]]) -> Any:
     """A field's value from its arrays, named by what follows the field's own name."""
+    hint = _spelled_out(hint)
     origin, arguments = get_origin(hint), get_args(hint)
     nested: bool = is_dataclass(hint)
     if nested:
@@ -113,6 +114,12 @@ def _value(hint: Any, found: Mapping[str, NDArray[Any]]) -> Any:
     if not isinstance(table := json.loads(str(array)), dict):
         raise TypeError(f"a table is allowed, not {table!r:.60}")
     return table
+
+
+def _spelled_out(hint: Any) -> Any:
+    """`NDArray` as the array that it stands for: from NumPy 2.5 on it is an alias with a type of its own."""
+    alias = getattr(get_origin(hint), "__value__", None)
+    return hint if alias is None else alias[get_args(hint)]
 
 
 @cache

@@ -173,7 +173,8 @@ def _ratios(study: FinishedStudy, sizes: list[int]) -> Grid:
                     "–" if e is None else significant(number(e) / known[r], 3) for r, e in zip(sizes, said, strict=True)
                 )
                 rows.append((f"{scene.replace('_', ' ')}, {NAMES[basis]}", *ratios))
-    return Grid("Estimate over true error, by the number of coordinates.", ("scene", *(f"{r}" for r in sizes)), tuple(rows))
+    caption = "Estimate over true error, by the number of coordinates."
+    return Grid(caption, ("scene", *(f"{r}" for r in sizes)), tuple(rows))
 
 
 def _legend(figure: Figure) -> None:
