@@ -165,19 +165,21 @@ def polynomial(values: Callable[[float], Array], breaks: Array, degree: int) -> 
     return PPoly(np.stack(c, axis=1), breaks)
 
 
+def rows_of(full: FullBody, model: ReducedModel) -> PPoly:
+    """C(s) (m, n) of the rows that a model has, on all coordinates."""
+    rows = stacked([row.project(np.eye(full.size)) for row in full.rows.rows], full.domain)
+    return PPoly(rows.c[:, :, [full.row_names.index(name) for name in model.row_names]], rows.x)
+
+
 def flexible(full: FullBody, count: int) -> ReducedModel:
     """`count` free modes with the residual flexibility of the others."""
     V, R = free_modes(full, count)
     plain = project(full, V)
-    kept = [full.row_names.index(name) for name in plain.row_names]
-
-    def C(s: float) -> Array:
-        return full.dense_rows(np.array([s]))[0, kept]
-
+    C = rows_of(full, plain)
     O, B = full.outputs.toarray(), full.B
     return replace(
         plain,
-        pads=full.row_compliance[kept],
+        pads=full.row_compliance[[full.row_names.index(name) for name in plain.row_names]],
         flexibility=Flexibility(
             rows=polynomial(lambda s: C(s) @ R @ C(s).T, plain.rows.x, 6),
             inputs=polynomial(lambda s: C(s) @ R @ B, plain.rows.x, 3),
@@ -193,10 +195,7 @@ def inertial(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
     model, R = flexible(full, count), free_modes(full, count)[1]
     assert model.flexibility
     kept = [full.row_names.index(name) for name in model.row_names]
-    mass, damping, B = R @ full.M @ R, R @ full.D @ R, full.B
-
-    def C(s: float, derivative: int = 0) -> Array:
-        return full.C(s, derivative).toarray()[kept]
+    mass, damping, B, C = R @ full.M @ R, R @ full.D @ R, full.B, rows_of(full, model)
 
     def table(left: int, A: Array, right: int | None) -> PPoly:
         """C^(left) A C^(right)^T, or C^(left) A B."""

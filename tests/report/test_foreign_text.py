@@ -37,7 +37,11 @@ def page(make_result, text: str) -> str:
     return render([case(result, "case-1")])
 
 
-@pytest.mark.parametrize("kind", TEXTS)
+#: Each takes a report of its own; three of them show the most.
+QUICK = {"mathtext", "markup", "control"}
+
+
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=() if k in QUICK else pytest.mark.slow) for k in TEXTS])
 def test_a_report_shows_text_as_it_is(make_result, kind: str) -> None:
     html, text = page(make_result, TEXTS[kind]), visible(TEXTS[kind])
     assert re.search(r"<title>(.*?)</title>", html)[1] == unescape_once(text)

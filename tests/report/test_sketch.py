@@ -7,30 +7,34 @@ from html import unescape
 
 import pytest
 
-from pmr.report.sections import chapter
+from pmr.report.blocks import Drawing, drawing
+from pmr.report.figures import sketch
 from pmr.results import RunResult
 
 LOAD, GREY, INK = "#7b2d8e", "#5b6875", "#1c2733"
 
 
+def drawn(result: RunResult) -> Drawing:
+    return drawing("case-1-sketch", sketch.sketch, sketch.caption(result), result)
+
+
 def texts(result: RunResult) -> list[str]:
-    drawn = chapter(result, "case-1").sketch
-    assert drawn is not None
-    return [unescape(text).replace("\u00a0", " ") for text in re.findall(r"<text[^>]*>([^<]+)</text>", drawn.svg)]
+    return [
+        unescape(text).replace("\u00a0", " ") for text in re.findall(r"<text[^>]*>([^<]+)</text>", drawn(result).svg)
+    ]
 
 
 def coloured(result: RunResult, colour: str) -> int:
     """Filled shapes of a colour: heads of arrows, points, masses."""
-    drawn = chapter(result, "case-1").sketch
-    assert drawn is not None
-    return drawn.svg.count(f'fill="{colour}"') + drawn.svg.count(f"fill: {colour}")
+    svg = drawn(result).svg
+    return svg.count(f'fill="{colour}"') + svg.count(f"fill: {colour}")
 
 
 def test_a_beam_has_its_length_its_sliders_way_and_its_loads(whole: RunResult, make_result) -> None:
     assert texts(whole) == ["s = 1.25 m … 3.75 m", "5 m", "F"]
     still = make_result(slider={"path": 2.0})
-    assert texts(still) == ["5 m", "F"] and "hollow" not in chapter(still, "case-1").sketch.caption
-    assert "hollow" in chapter(whole, "case-1").sketch.caption
+    assert texts(still) == ["5 m", "F"] and "hollow" not in sketch.caption(still)
+    assert "hollow" in sketch.caption(whole)
 
 
 def test_a_boom_has_what_is_attached_to_it(boom: RunResult, make_space) -> None:
