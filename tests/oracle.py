@@ -203,9 +203,9 @@ def inertial(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
         return polynomial(lambda s: C(s, left) @ A @ (B if right is None else C(s, right).T), model.rows.x, degree)
 
     inertia = Inertia(
-        A0=table(0, mass, 0), A1=table(0, mass, 1), A2=table(0, mass, 2), A11=table(1, mass, 1),
+        A0=table(0, mass, 0), A1=table(0, mass, 1), A2=table(0, mass, 2),
         E0=table(0, mass, None),
-        D0=table(0, damping, 0), D1=table(0, damping, 1), F0=table(0, damping, None), energy=B.T @ mass @ B,
+        D0=table(0, damping, 0), D1=table(0, damping, 1), F0=table(0, damping, None),
     )  # fmt: skip
     more = free_modes(full, count + enrichment)[0][:, count:]
     rows = stacked([row.project(more) for row in full.rows.rows], full.domain)

@@ -1,10 +1,10 @@
-r"""Velocities and kinetic energy with the part of the body that follows at once.
+r"""Velocities with the part of the body that follows at once.
 
 .. math::
     \dot y = O \dot p + W \dot f - X \dot z - \dot s X' z, \qquad
     (G + 1/k)\, \dot z = C \dot p + \dot s C' p + H \dot f + \dot s H' f - \dot s G' z
 
-with z the multipliers that deform the residual part (docs/moving_residual_flexibility.md, sections 5 and 6).
+with z the multipliers that deform the residual part (docs/moving_residual_flexibility.md, section 5).
 
 Where s or f has a kink, so do z and the deformation under the slider: their rates jump, as those of a massless part can
 and those of a real one can't.  On smooth paths the recovered part makes velocities more accurate (evolved case of the
@@ -14,16 +14,25 @@ paper with smooth ramps, six modes: 0.32 % off instead of 0.86 %), on the paper'
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
-from pmr.reduced.inertia import Rates
 from pmr.reduced.model import ReducedModel
 from pmr.simulate.excitation import Excitation, in_order
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Signals over time and their rates, each (T, k)."""
+
+    value: Array
+    rate: Array
 
 
 def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
@@ -72,27 +81,6 @@ def velocity(model: ReducedModel, trajectory: Trajectory, excitation: Excitation
     z, ds = force_rates(model, trajectory, excitation.path_rate, f), excitation.path_rate[:, None]
     X, X1 = evaluate(tables.outputs, trajectory.s), evaluate(tables.outputs, trajectory.s, 1)
     return np.asarray(result + f.rate @ tables.direct.T - _times(X, z.rate) - ds * _times(X1, z.value))
-
-
-def kinetic_energy(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> Array:
-    """p'^T M p' / 2 and that of the residual part, (T,) in J.
-
-    The second is no part of the balance that the reduced model keeps, unless its equations of motion keep the
-    residual part's inertia: it is recovered from the motion, as the velocities are.
-
-    Raises
-    ------
-    ValueError
-        If the model has residual flexibility without tables of its inertia.
-    """
-    own = np.einsum("tn,nm,tm->t", trajectory.v, model.M, trajectory.v) / 2.0
-    if model.flexibility is None:
-        return np.asarray(own)
-    if model.flexibility.inertia is None:
-        raise ValueError("the model has no tables of the residual part's inertia: free modes with flexibility have")
-    f = load_rates(model, excitation)
-    z, rate = force_rates(model, trajectory, excitation.path_rate, f), excitation.path_rate
-    return np.asarray(own + model.flexibility.inertia.kinetic_energy(trajectory.s, z, f, rate))
 
 
 def _times(A: Array, x: Array) -> Array:

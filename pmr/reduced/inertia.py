@@ -17,16 +17,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import evaluate
 from pmr.reduced.soundness import misfit
 
-Array = NDArray[np.float64]
 #: Tables by name, and whether their values are (m, i) instead of (m, m).
-TABLES = {"A0": False, "A1": False, "A2": False, "A11": False, "E0": True, "D0": False, "D1": False, "F0": True}
+TABLES = {"A0": False, "A1": False, "A2": False, "E0": True, "D0": False, "D1": False, "F0": True}
 
 
 @dataclass(frozen=True)
@@ -37,52 +33,25 @@ class Inertia:
     ----------
     A0, A1, A2 : PPoly with values (m, m), m s^2/N, s^2/N, s^2/(m N)
         C R M R C^T and, with the second C replaced by its first and second derivative, A1 and A2.
-    A11 : PPoly with values (m, m), s^2/(m N)
-        C' R M R C'^T.
     E0 : PPoly with values (m, i), m s^2/N
         C R M R B.
     D0, D1, F0 : PPoly
         As A0, A1 and E0 with the damping D in place of M; s instead of s^2 in the units.
-    energy : (i, i) array, m s^2/N
-        B^T R M R B.
     kept : bool
         Whether the equations of motion keep this inertia (`pmr.simulate.native.residual_inertia`); else it only serves
-        error estimates and recovered energies.
+        error estimates.
     """
 
     A0: PPoly
     A1: PPoly
     A2: PPoly
-    A11: PPoly
     E0: PPoly
     D0: PPoly
     D1: PPoly
     F0: PPoly
-    energy: Array
     kept: bool = False
-
-    def kinetic_energy(self, s: Array, forces: Rates, loads: Rates, path_rate: Array) -> Array:
-        """x'^T M x' / 2 of the residual part, (T,) in J, along a trajectory (section 6 of the page named above)."""
-        a, b, f = forces.rate, path_rate[:, None] * forces.value, loads.rate
-        A0, A1, A11, E0 = (evaluate(getattr(self, name), s) for name in ("A0", "A1", "A11", "E0"))
-        E1 = evaluate(self.E0, s, derivative=1)
-        doubled = np.einsum("ti,ij,tj->t", f, self.energy, f)
-        doubled += _form(a, A0, a) + 2.0 * _form(a, A1, b) + _form(b, A11, b)
-        return np.asarray((doubled - 2.0 * _form(a, E0, f) - 2.0 * _form(b, E1, f)) / 2.0)
 
     def contradiction(self, m: int, i: int) -> str | None:
         """What is wrong with the shapes for m rows and i inputs, in words; None where all is sound."""
-        shapes = {name: (m, i if of_inputs else m) for name, of_inputs in TABLES.items()} | {"energy": (i, i)}
+        shapes = {name: (m, i if of_inputs else m) for name, of_inputs in TABLES.items()}
         return misfit(self, shapes, "inertia.")
-
-
-@dataclass(frozen=True)
-class Rates:
-    """Signals over time and their rates, each (T, k)."""
-
-    value: Array
-    rate: Array
-
-
-def _form(a: Array, A: Array, b: Array) -> Array:
-    return np.asarray(np.einsum("tm,tmn,tn->t", a, A, b))

@@ -144,12 +144,10 @@ def _joined_inertia(tables: Inertia, modes: EnrichmentModes, sign: float) -> Ine
         A0=total(tables.A0, product(C, C, of_mass)),
         A1=total(tables.A1, product(C, C1, of_mass)),
         A2=total(tables.A2, product(C, C2, of_mass)),
-        A11=total(tables.A11, product(C1, C1, of_mass)),
         E0=total(tables.E0, times(C, of_mass[:, None] * modes.B)),
         D0=total(tables.D0, product(C, C, of_damping)),
         D1=total(tables.D1, product(C, C1, of_damping)),
         F0=total(tables.F0, times(C, of_damping[:, None] * modes.B)),
-        energy=tables.energy + modes.B.T @ (of_mass[:, None] * modes.B),
     )
 
 

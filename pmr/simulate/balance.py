@@ -48,7 +48,7 @@ def energy(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Energy:
     """v^T M v / 2, q^T K q / 2 and -q^T B f, each (T,) in J (Weyrer et al., equation for H(t)).
 
     Strain energy includes that of the pads, lambda^2 / (2 k), and of the residual flexibility; the residual part's
-    kinetic energy is left out (`pmr.compare.velocities.kinetic_energy` has it).
+    kinetic energy is left out.
     """
     return _energy(body, trajectory, loads, _motion(body, trajectory, loads))
 

@@ -10,14 +10,14 @@ import pytest
 from driving import driven, loads_at
 from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
-from oracle import flexible, free_modes, inertial, paper_basis, project, rich_body
+from oracle import inertial, paper_basis, project, rich_body
 
-from pmr.compare.velocities import force_rates, kinetic_energy, load_rates, velocity
+from pmr.compare.velocities import force_rates, load_rates, velocity
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene.signals import Sine, SmoothRamp
 from pmr.simulate import TimeStepping
 from pmr.simulate.native import simulator as march
-from pmr.system.body import Trajectory, displacement
+from pmr.system.body import displacement
 
 Array = NDArray[np.float64]
 
@@ -34,19 +34,9 @@ def rate(x: Array) -> Array:
     return (x[2:] - x[:-2]) / (2.0 * STEPPING.step)
 
 
-def coordinates(r: int, run: Trajectory) -> Array:
-    """q (T, n) of the whole body with its residual part."""
-    V, R = free_modes(FULL, r)
-    g = loads_at(LOADS, run.t) @ FULL.B.T
-    for k in range(0, len(run.t), 1000):
-        C = FULL.dense_rows(run.s[k : k + 1000])[:, 2:]
-        g[k : k + 1000] -= np.einsum("tmn,tm->tn", C, run.deforming[k : k + 1000])
-    return run.q @ V.T + g @ R
-
-
 @pytest.mark.parametrize("pads", [None, np.array([2e-6, 5e-6])])
 @pytest.mark.parametrize("keeps", [False, True])
-def test_they_are_the_rates_of_outputs_and_coordinates(keeps: bool, pads: Array | None) -> None:
+def test_they_are_the_rates_of_outputs_and_forces(keeps: bool, pads: Array | None) -> None:
     model = replace(inertial(FULL, 5), pads=pads)
     run = march.simulate(with_kept_inertia(model) if keeps else model, DRIVEN)
     y = displacement(model, run.q, run.s, run.deforming, loads_at(LOADS, run.t))
@@ -55,11 +45,6 @@ def test_they_are_the_rates_of_outputs_and_coordinates(keeps: bool, pads: Array 
     assert np.abs(run.v @ model.outputs.T - velocity(model, run, DRIVEN)).max() > 1e-2 * np.abs(found).max()
     z = force_rates(model, run, DRIVEN.path_rate, load_rates(model, DRIVEN))
     assert np.abs(z.rate[1:-1] - rate(run.deforming))[late].max() < 1e-3 * np.abs(z.rate).max()
-    dq = rate(coordinates(5, run))
-    expected = np.einsum("tn,tn->t", dq, dq @ FULL.M) / 2.0
-    energy = kinetic_energy(model, run, DRIVEN)[1:-1]
-    residual = expected - np.einsum("tn,tn->t", run.v, run.v)[1:-1] / 2.0
-    assert np.abs(energy - expected)[late].max() < 0.05 * np.abs(residual[late]).max()
 
 
 def test_rows_that_are_open_have_no_force_that_changes() -> None:
@@ -81,15 +66,5 @@ def test_without_flexibility_they_are_those_of_the_coordinates() -> None:
     model = project(FULL, paper_basis(FULL, 3, 3, 6))
     run = march.simulate(model, SHORT)
     assert np.array_equal(velocity(model, run, SHORT), run.v @ model.outputs.T)
-    energy = np.einsum("tn,nm,tm->t", run.v, model.M, run.v) / 2.0
-    assert np.array_equal(kinetic_energy(model, run, SHORT), energy)
     with pytest.raises(ValueError, match="without residual flexibility"):
         force_rates(model, run, SHORT.path_rate, load_rates(model, SHORT))
-
-
-def test_energy_needs_the_tables_of_inertia() -> None:
-    model = flexible(FULL, 5)
-    run = march.simulate(model, SHORT)
-    assert np.isfinite(velocity(model, run, SHORT)).all()
-    with pytest.raises(ValueError, match="no tables of the residual part's inertia"):
-        kinetic_energy(model, run, SHORT)

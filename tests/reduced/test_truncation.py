@@ -24,7 +24,7 @@ def arrays(model: ReducedModel) -> dict[str, np.ndarray]:
     assert model.flexibility and model.flexibility.inertia
     tables, inertia = model.flexibility, model.flexibility.inertia
     found = {name: getattr(tables, name) for name in ("rows", "inputs", "outputs", "direct", "energy")}
-    found |= {name: getattr(inertia, name) for name in TABLES} | {"kinetic": inertia.energy}
+    found |= {name: getattr(inertia, name) for name in TABLES}
     values = {name: A(S) if isinstance(A, PPoly) else A for name, A in found.items()}
     return (
         values
@@ -116,9 +116,6 @@ def test_tables_and_enrichment_that_do_not_fit_are_refused(tmp_path: Path) -> No
 
     tables, wrong = model.flexibility, PPoly(np.zeros((1, 1, 3, 3)), [0.0, 4.2])
     assert "inertia.A1 has shape (3, 3)" in said(flexibility=replace(tables, inertia=replace(tables.inertia, A1=wrong)))
-    assert "inertia.energy has shape (1, 1)" in said(
-        flexibility=replace(tables, inertia=replace(tables.inertia, energy=np.ones((1, 1))))
-    )
     assert "enrichment.rows has shape (3, 3)" in said(enrichment=replace(model.enrichment, rows=wrong))
     assert "enrichment.B has shape (1, 2)" in said(enrichment=replace(model.enrichment, B=model.enrichment.B[:1]))
     assert "not positive" in said(enrichment=replace(model.enrichment, stiffness=np.zeros(3)))

@@ -41,12 +41,10 @@ def with_inertia(
         A0=table(_symmetric(paired(C, of_mass[:p, :p], C))),
         A1=table(paired(C, of_mass[:p, :p], C1)),
         A2=table(paired(C, of_mass[:p, :p], C2)),
-        A11=table(_symmetric(paired(C1, of_mass[:p, :p], C1))),
         E0=table(C.times(of_mass[:p, p:])),
         D0=table(_symmetric(paired(C, of_damping[:p, :p], C))),
         D1=table(paired(C, of_damping[:p, :p], C1)),
         F0=table(C.times(of_damping[:p, p:])),
-        energy=of_mass[p:, p:],
     )
     return replace(flexibility, inertia=inertia)
 

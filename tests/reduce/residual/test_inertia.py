@@ -57,7 +57,6 @@ def test_tables_of_inertia_are_exact(load_scene, solver: str) -> None:
             "A0": C @ mass @ C.T,
             "A1": C @ mass @ C1.T,
             "A2": C @ mass @ C2.T,
-            "A11": C1 @ mass @ C1.T,
             "E0": C @ mass @ B,
             "D0": C @ damping @ C.T,
             "D1": C @ damping @ C1.T,
@@ -65,7 +64,6 @@ def test_tables_of_inertia_are_exact(load_scene, solver: str) -> None:
         }
         for name, value in expected.items():
             assert np.abs(getattr(found, name)(s) - value).max() < 1e-8 * np.abs(value).max(), name
-    assert np.abs(found.energy - B.T @ mass @ B).max() < 1e-8 * np.abs(found.energy).max()
 
 
 def test_without_damping_its_tables_vanish(load_scene) -> None:
