@@ -1,4 +1,4 @@
-"""What a result was made with: versions, commit, machine."""
+"""What a result was made with: versions, commit, machine; the wall seconds of each stage, and who is told of them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from importlib import metadata, util
 from pathlib import Path
 from typing import Any
 
-from pmr.errors import InputError
+from pmr.errors import InputError, SimulationError
 
 MEMINFO = Path("/proc/meminfo")
 
@@ -132,3 +134,28 @@ def _processor() -> str:
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()
     return platform.processor() or platform.machine()
+
+
+#: Called with a stage's name and the share of it that is done.
+Progress = Callable[[str, float], None]
+
+
+@dataclass
+class Clock:
+    """Times stages by name."""
+
+    progress: Progress = lambda stage, share: None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Callable[[float], None]]:
+        """Time a stage; what is yielded takes the share of it that is done."""
+        self.progress(name, 0.0)
+        start = time.perf_counter()
+        try:
+            yield lambda share: self.progress(name, share)
+        except SimulationError as error:
+            error.args = (f"{name}: {error}",)
+            raise
+        self.seconds[name] = time.perf_counter() - start
+        self.progress(name, 1.0)

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from pmr import environment
 from pmr.accuracy import mesh as meshes
 from pmr.accuracy import order
-from pmr.clock import Clock
 from pmr.compare import coverage, estimate, memory, pad_forces, step_advice, trust, validity
 from pmr.compare import errors as compare
 from pmr.compare.frequencies import closed_form_frequencies, reduced_frequencies
 from pmr.compare.references import References, references
 from pmr.compare.responses import Simulations, check_installed, full_simulator, quantities, simulate
 from pmr.compare.step_error import StepError, step_error
+from pmr.environment import Clock
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions

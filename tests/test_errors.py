@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.clock import Clock
+from pmr.environment import Clock
 from pmr.errors import GrowthError, InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of

@@ -16,11 +16,11 @@ import pytest
 from driving import driven
 
 from pmr import scene as scenes
-from pmr.clock import Clock
 from pmr.compare import errors as compare
 from pmr.compare import estimate
 from pmr.compare.references import references
 from pmr.compare.responses import quantities, simulate
+from pmr.environment import Clock
 from pmr.errors import InputError
 from pmr.fullmodel.build import build
 from pmr.reduce.from_scene import take_snapshots

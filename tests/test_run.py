@@ -9,9 +9,9 @@ from processes import python
 from scipy.signal import butter, sosfiltfilt
 from textbook import TIP_DEFLECTION
 
-from pmr.clock import Clock
 from pmr.compare.errors import nrms
 from pmr.compare.evaluation import respond
+from pmr.environment import Clock
 from pmr.errors import InputError
 from pmr.export.exudyn.script import exudyn_script
 from pmr.fem.compat import MPI

@@ -22,7 +22,7 @@ from pmr.files.swap import fresh, removed
 from pmr.text import visible
 
 if TYPE_CHECKING:
-    from pmr.clock import Progress as Report
+    from pmr.environment import Progress as Report
     from pmr.report.marks import Row
     from pmr.run import Outcome
 
@@ -86,7 +86,7 @@ def run(
         from pmr.fem.compat import MPI
     except ImportError as error:
         leave(f"FEniCSx is not installed ({error}); reduced models simulate without it, new ones need it", 1)
-    from pmr.clock import Clock
+    from pmr.environment import Clock
     from pmr.report.document import REPORT_FILES, write_report
     from pmr.run import run as run_scene
     from pmr.simulate.petsc import Checkpoint

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.clock import Clock
 from pmr.compare.responses import MARCHED_UP_TO, full_simulator, simulate_reference
 from pmr.compare.trust import distrust
+from pmr.environment import Clock
 from pmr.errors import SimulationError
 from pmr.fullmodel.model import FullModel
 from pmr.results import Response

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr import environment
-from pmr.clock import Clock
 from pmr.compare import cable
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
+from pmr.environment import Clock
 from pmr.errors import GrowthError
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response

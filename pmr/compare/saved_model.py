@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from pmr import environment
-from pmr.clock import Clock
 from pmr.compare import pad_forces
 from pmr.compare.frequencies import reduced_frequencies
 from pmr.compare.responses import check_installed, simulate
+from pmr.environment import Clock
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, RunResult, Shapes

@@ -16,9 +16,9 @@ from pmr.studies.study import StudyBase
 
 
 def figure(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    from pmr import clock
+    from pmr import environment
 
-    return TaskResult({"figure": clock.FIGURE})
+    return TaskResult({"figure": environment.FIGURE})
 
 
 class Figures(StudyBase):
