@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,12 +58,12 @@ class Assembly:
         free = [np.setdiff1d(np.arange(body.size), list(body.held.values())) for body in bodies]
         self.free = dict(zip(system.bodies, free, strict=True))
         self.M, self.D, self.K = (
-            sp.block_diag([getattr(body, A)[np.ix_(i, i)] for body, i in zip(bodies, free, strict=True)], format="csr")
+            _blocks([getattr(body, A)[np.ix_(i, i)] for body, i in zip(bodies, free, strict=True)])
             for A in ("M", "D", "K")
         )
-        self.B = sp.block_diag([sp.csr_matrix(body.B[i]) for body, i in zip(bodies, free, strict=True)], format="csr")
-        O = [sp.csr_matrix(body.outputs)[:, i] for body, i in zip(bodies, free, strict=True)]
-        self.outputs = sp.block_diag(O, format="csr")
+        self.B = _blocks([body.B[i] for body, i in zip(bodies, free, strict=True)])
+        O = [body.outputs[:, i] for body, i in zip(bodies, free, strict=True)]
+        self.outputs = _blocks(O)
         self.coordinates = _slices(system, [len(i) for i in free])
         self.inputs = _slices(system, [len(body.input_names) for body in bodies])
         self.observed = _slices(system, [o.shape[0] for o in O])
@@ -107,6 +108,10 @@ class Assembly:
         Z = scipy.linalg.null_space(rows.C.toarray()[rigid]) if rigid.any() else np.eye(self.size)
         omega2 = scipy.linalg.eigh(Z.T @ K @ Z, Z.T @ (self.M @ Z), eigvals_only=True)
         return np.asarray(np.sqrt(np.maximum(omega2[:count], 0.0)) / (2.0 * np.pi))
+
+
+def _blocks(matrices: Sequence[Any]) -> sp.csr_matrix:
+    return sp.block_diag([sp.csr_matrix(A) for A in matrices], format="csr")
 
 
 def _slices(system: System, sizes: Any) -> dict[str, slice]:

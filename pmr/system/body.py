@@ -280,7 +280,7 @@ class Trajectory:
     multipliers : (T, m) array, N
         lambda; the sliders push with -lambda on the body.
     s : (T,) array, m
-        Path coordinate.
+        Path coordinate; (T, m) of a body of a system, whose places each have their own.
     seconds : float
         Wall time of the solver alone.
     quasi_static : (T, m) array, N, or None

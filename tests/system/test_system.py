@@ -113,7 +113,7 @@ def by_least_squares(system: System, x: np.ndarray, f: np.ndarray) -> np.ndarray
 @pytest.mark.parametrize("tip", [-2e3, 9e4])
 @pytest.mark.parametrize("clearance", [0.0, 1e-3])
 def test_pads_that_only_push_against_non_negative_least_squares(tip: float, clearance: float) -> None:
-    boom = Nested(3, elements=20, clearance=clearance, compliance=1e-7)
+    boom = Nested(3, elements=10, clearance=clearance, compliance=1e-7)
     found: list[Equilibrium] = []
     for system in (full(boom), reduced(boom, 1)):
         x, f = coordinates(system, 2.4), loads(system, 9.81, tip)
@@ -121,8 +121,8 @@ def test_pads_that_only_push_against_non_negative_least_squares(tip: float, clea
     assert found[0].forces.min() >= 0.0 and 0 < found[0].closed.sum() < len(found[0].forces)
     expected = by_least_squares(full(boom), x, f)
     largest = np.abs(expected).max()
-    assert np.abs(found[0].forces - expected).max() < 1e-7 * largest
-    assert np.abs(found[1].forces - found[0].forces).max() < 1e-7 * largest
+    assert np.abs(found[0].forces - expected).max() < 1e-9 * largest
+    assert np.abs(found[1].forces - found[0].forces).max() < 1e-9 * largest
     assert np.array_equal(found[0].closed, found[1].closed)
 
 

@@ -70,7 +70,8 @@ class MultibodyMarch:
         C, F = state.modes[ROW : ROW + m].copy(), self._sides.flexibility + np.diag(self._system.compliance)
         self._check_rigid(np.all(F == 0.0, axis=1), method.rho_inf)
         z, v = self._stacked(initial)
-        check_position(C[self._rigid], z, tuple(np.array(self._system.contact_names)[self._rigid]))
+        names = zip(self._system.contact_names, self._rigid, strict=True)
+        check_position(C[self._rigid], z, tuple(name for name, rigid in names if rigid))
         free = self._form.B @ f - self._form.damping @ v - self._form.along("K") * z
         try:
             state.multipliers[:] = multipliers_of(C, F, free, C @ z + self._sides.inputs @ f, state.contact)
