@@ -166,9 +166,9 @@ def _simulators(names: str) -> str:
 
 def _print_table(outcome: Outcome) -> None:
     """Errors, beside published ones where there are any, and solver seconds."""
-    from pmr.report import marks, sentences
+    from pmr.report import errors, sentences
 
-    summary, found = outcome.result.summary, marks.rows(outcome.result)
+    summary, found = outcome.result.summary, errors.rows(outcome.result)
     table = Table(title=visible(outcome.result.scene.title), title_justify="left", title_style="bold")
     table.add_column("e_NRMS, or largest value")
     table.add_column("")

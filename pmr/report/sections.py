@@ -6,8 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pmr.report import marks, parameters, provenance, sentences
+from pmr.report import parameters, provenance, sentences
 from pmr.report.blocks import Block, Chapter, Drawing, Player, drawing
+from pmr.report.errors import error_table
+from pmr.report.errors import rows as error_rows
 from pmr.report.figures import captions, forces, histories, inputs, shapes, sketch, spectra
 from pmr.report.figures.colours import ramp
 from pmr.report.figures.timeline import Array
@@ -25,7 +27,7 @@ Show = Callable[[RunResult, str], Block | None]
 
 def chapter(result: RunResult, anchor: str) -> Chapter:
     """Everything that the report says of one run; `anchor` is put before every identifier."""
-    found = marks.rows(result)
+    found = error_rows(result)
     return Chapter(
         anchor=anchor,
         title=result.scene.title,
@@ -40,7 +42,7 @@ def chapter(result: RunResult, anchor: str) -> Chapter:
 
 def errors(result: RunResult, prefix: str) -> Block | None:
     """Errors against what the run was compared with, beside published ones."""
-    table = marks.error_table(result)
+    table = error_table(result)
     return Block(heading="Errors", errors=table) if table.rows else None
 
 

@@ -13,7 +13,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
 from pmr.files import records
 from pmr.fullmodel.build import full_model
-from pmr.report import marks
+from pmr.report import errors
 from pmr.report.sections import chapter
 from pmr.results import Energy, Response
 from pmr.run import run
@@ -78,7 +78,7 @@ def test_a_run_without_reference_says_so(load_scene) -> None:
     assert list(result.responses) == ["reduced"]
     [told] = [warning for warning in summary["warnings"] if warning.startswith("no reference by the full model")]
     assert "rho_inf" in told
-    table = marks.rows(result)
+    table = errors.rows(result)
     assert [row.comparison for row in table if row.here == "no reference"] == ["reduced against full"]
     shown = chapter(result, "case-1")
     assert [told[:1].upper() + told[1:]] == [line for line in shown.warnings if "no reference" in line.lower()]

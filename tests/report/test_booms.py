@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from pmr.report import marks, write_report
+from pmr.report import errors, write_report
 from pmr.report.document import page as render
 from pmr.report.sections import chapter as case
 from pmr.report.sentences import where_the_peak_is
@@ -55,7 +55,7 @@ def test_page_says(page: str, said: str) -> None:
 
 
 def test_the_error_table_has_pad_forces_in_newtons_and_stresses(boom: RunResult) -> None:
-    table = {(row.comparison, row.place): (row.here, row.absolute) for row in marks.rows(boom)}
+    table = {(row.comparison, row.place): (row.here, row.absolute) for row in errors.rows(boom)}
     assert table["reduced against full", "pad forces"] == ("0.300\u00a0%", "450\u00a0N")
     assert table["largest von Mises stress", "reduced to full"] == ("−2.0\u00a0%", None)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from pmr.report.errors import reasons, rows
 from pmr.report.marks import (
     BETTER,
     DIFFERENT,
@@ -17,8 +18,6 @@ from pmr.report.marks import (
     Row,
     apart,
     mark_for,
-    reasons,
-    rows,
     verdicts,
 )
 from pmr.results import RunResult

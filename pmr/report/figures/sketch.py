@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc, Circle, Polygon, Rectangle
+from matplotlib.patches import Arc, Circle, Polygon
 from numpy.typing import NDArray
 
-from pmr.report.figures.canvas import INK, MUTED, WIDE, sheet
+from pmr.report.figures.canvas import INK, MUTED
+from pmr.report.figures.paper import LOAD, Paper
 from pmr.report.numbers import SPACE, plain
 from pmr.report.subject import (
     Acting,
@@ -29,10 +28,9 @@ from pmr.report.subject import (
 )
 from pmr.results import RunResult
 
-BODY, STEEL, LOAD, PAD = "#0b5c99", "#d5e3ee", "#7b2d8e", "#3b4a57"
+BODY, STEEL, PAD = "#0b5c99", "#d5e3ee", "#3b4a57"
 ARROW = 0.3  # in, length of a load's arrow
 THIN, THICK = 0.16, 0.5  # in, least and largest height of a section as drawn
-LABELS = 1.5  # in, for what is written beside the tip
 
 
 @dataclass(frozen=True)
@@ -49,46 +47,6 @@ class _Stretch:
 
     def words(self, low: float, high: float) -> str:
         return f"{plain(round(low, 3))}{SPACE}m … {plain(round(high, 3))}{SPACE}m"
-
-
-class _Paper:
-    """Axes in m of the system whose inches are known: `inch` m each, in both directions."""
-
-    def __init__(self, left: float, right: float, height: float) -> None:
-        inches = WIDE - LABELS - 0.2
-        self.figure, axes = sheet(WIDE, height, margins={"left": 0.0, "right": 0.0, "top": 0.0, "bottom": 0.0})
-        self.ax: Axes = axes[0, 0]
-        self.inch = (right - left) / inches
-        self.ax.set_xlim(left - 0.2 * self.inch, right + LABELS * self.inch)
-        self.ax.set_ylim(-height / 2.0 * self.inch, height / 2.0 * self.inch)
-        self.ax.set_axis_off()
-
-    def box(self, x: float, y: float, width: float, height: float, **look: Any) -> None:
-        self.ax.add_patch(Rectangle((x, y), width, height, **look))
-
-    def disc(self, x: float, y: float, radius: float, **look: Any) -> None:
-        self.ax.add_patch(Circle((x, y), radius, linewidth=0.8, zorder=3.0, **look))
-
-    def arrow(self, x: float, y: float, dx: float, dy: float, colour: str = LOAD, both: bool = False) -> None:
-        """From (x, y) by (dx, dy), with a head at the end or at both."""
-        size = np.hypot(dx, dy)
-        if size == 0.0:
-            return
-        along, head = np.array([dx, dy]) / size, 0.07 * self.inch
-        ends = [(np.array([x + dx, y + dy]), along)] + ([(np.array([x, y]), -along)] if both else [])
-        self.ax.plot([x, x + dx], [y, y + dy], color=colour, linewidth=0.9)
-        for tip, way in ends:
-            side = np.array([-way[1], way[0]])
-            corners = [tip, tip - head * (way - 0.45 * side), tip - head * (way + 0.45 * side)]
-            self.ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
-
-    def write(self, x: float, y: float, text: str, colour: str = INK, **where: Any) -> None:
-        self.ax.text(x, y, text, color=colour, **{"ha": "center", "va": "center", **where})
-
-    def range(self, y: float, start: float, end: float, text: str) -> None:
-        """A stretch with arrows at both ends and a text below."""
-        self.arrow(start, y, end - start, 0.0, MUTED, both=True)
-        self.write((start + end) / 2.0, y - 0.11 * self.inch, text, MUTED)
 
 
 def sketch(result: RunResult) -> Figure:
@@ -109,7 +67,7 @@ def caption(result: RunResult) -> str:
 def _on_supports(result: RunResult, stretch: _Stretch) -> Figure:
     """A body at rest on its supports, with sliders that travel."""
     end = length(result)
-    paper = _Paper(0.0, end, 1.35)
+    paper = Paper(0.0, end, 1.35)
     paper.ax.plot([0.0, end], [0.0, 0.0], color=BODY, linewidth=2.4, solid_capstyle="butt")
     for fixture in fixtures(result):
         _fixture(paper, fixture.at, fixture.kind)
@@ -130,7 +88,7 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
     """A body that slides out of a mouth at 0, as far out as it goes."""
     end = length(result)
     ahead = max((ring.at + ring.length / 2.0 for ring in rings(result) if ring.moving), default=0.0)
-    paper = _Paper(-stretch.high - 0.1, end - stretch.low, 1.5)
+    paper = Paper(-stretch.high - 0.1, end - stretch.low, 1.5)
     inch, shape = paper.inch, box(result)
     tall = float(np.clip(shape.height if shape else 0.0, THIN * inch, THICK * inch))
     gap = 0.06 * inch
@@ -163,7 +121,7 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
     return paper.figure
 
 
-def _fixture(paper: _Paper, at: float, kind: str) -> None:
+def _fixture(paper: Paper, at: float, kind: str) -> None:
     inch = paper.inch
     if kind == "clamped":
         paper.box(at - 0.03 * inch, -0.16 * inch, 0.06 * inch, 0.32 * inch, facecolor=INK)
@@ -174,7 +132,7 @@ def _fixture(paper: _Paper, at: float, kind: str) -> None:
         paper.box(at - 0.09 * inch, -0.19 * inch, 0.18 * inch, 0.015 * inch, facecolor=INK)
 
 
-def _slider(paper: _Paper, at: float, fill: str) -> None:
+def _slider(paper: Paper, at: float, fill: str) -> None:
     """A roller above and one below."""
     for side in (-1.0, 1.0):
         centre = (at, side * 0.08 * paper.inch)
@@ -186,7 +144,7 @@ def _slider(paper: _Paper, at: float, fill: str) -> None:
         )
 
 
-def _loads(paper: _Paper, result: RunResult, tail: float, tip: float, above: float) -> None:
+def _loads(paper: Paper, result: RunResult, tail: float, tip: float, above: float) -> None:
     """Loads and masses: those at the tip are listed beside it, the others named above."""
     inch, listed = paper.inch, list(_masses(paper, result, tip))
     for k, load in enumerate(loads(result)):
@@ -201,13 +159,13 @@ def _loads(paper: _Paper, result: RunResult, tail: float, tip: float, above: flo
         paper.write(tip + 0.22 * inch, y, name if len(name) < 24 else f"{name[:22]}…", colour, ha="left")
 
 
-def _masses(paper: _Paper, result: RunResult, tip: float) -> Iterator[tuple[str, str]]:
+def _masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[str, str]]:
     for mass in masses(result):
         paper.disc(tip, 0.0, 0.07 * paper.inch, facecolor=INK, edgecolor="none")
         yield f"{mass.name}, {plain(mass.mass)}{SPACE}kg", INK
 
 
-def _load(paper: _Paper, load: Acting, values: NDArray[np.float64], at: float, above: float) -> None:
+def _load(paper: Paper, load: Acting, values: NDArray[np.float64], at: float, above: float) -> None:
     """An arrow the way the load acts, with two heads where it acts both ways."""
     size, both = ARROW * paper.inch, bool(values.min(initial=0.0) < 0.0 < values.max(initial=0.0))
     back = not both and values.min(initial=0.0) < 0.0

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import RunRecord
 
+TIME = "simulate.reduced"  # seconds of one simulation of the reduced model
 _PLACES = {
     "tip": "at the tip",
     "beam": "along the beam",
@@ -99,3 +100,35 @@ def quantity_of(name: str) -> Quantity:
         "simulate.full": Quantity("time, full", lambda value: quantity(value, "s"), "s"),
         "simulate.ancf": Quantity("time, ANCF", lambda value: quantity(value, "s"), "s"),
     }.get(name, Quantity(name.replace("_", " ").replace(".", ", ")))
+
+
+def having(runs: Iterable[RunRecord], name: str) -> list[RunRecord]:
+    """Runs in which a figure is a number."""
+    return [run for run in runs if number_of(run.figures.get(name)) is not None]
+
+
+def differs(runs: Iterable[RunRecord], name: str) -> bool:
+    """Whether a figure is known of several runs and not the same in all of them."""
+    return len({quantity_of(name).cell(run.figures[name]) for run in having(runs, name)}) > 1
+
+
+def value_of(run: RunRecord, name: str) -> float:
+    """A figure that is a number."""
+    return number(run.figures[name])
+
+
+def number_of(value: Scalar) -> float | None:
+    """A value, if it is a number."""
+    return None if value is None or isinstance(value, bool | str) else float(value)
+
+
+def case_name(scene: str) -> str:
+    """A scene's file as it is called in a sentence: ``paper_evolved`` is the evolved case."""
+    name = scene.removeprefix("paper_").replace("_", " ")
+    return f"{name} case" if scene.startswith("paper_") else name
+
+
+def listed(words: Iterable[str]) -> str:
+    """``a, b and c``."""
+    *most, last = words
+    return f"{', '.join(most)} and {last}" if most else last

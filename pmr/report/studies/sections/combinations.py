@@ -13,9 +13,9 @@ from pmr.report.figures.canvas import SHADE, WIDE, key, log_axis, sheet
 from pmr.report.numbers import percent, plain
 from pmr.report.studies.axes import dots
 from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.names import listed
 from pmr.report.studies.statements import combination
 from pmr.report.studies.treatments import EXPLAINED, NAMES
-from pmr.report.studies.words import listed
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 

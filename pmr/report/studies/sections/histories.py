@@ -10,14 +10,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pmr.files import records
-from pmr.report import marks, parameters
+from pmr.report import errors, marks, parameters
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber, Table, drawing
 from pmr.report.figures import inputs
 from pmr.report.figures.canvas import WIDE, key, sheet
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import length, percent
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.words import case_name
+from pmr.report.studies.names import case_name
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Published, Scene
 from pmr.studies.results import RunRecord
@@ -31,7 +31,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     results = {run.key: run_result(study, run) for run in study.results.runs if run.status == "done"}
     rows, reasons = [], list[str]()
     for name, result in results.items():
-        rows += [replace(row, comparison=f"{case_name(name)}: {row.comparison}") for row in marks.rows(result)]
+        rows += [replace(row, comparison=f"{case_name(name)}: {row.comparison}") for row in errors.rows(result)]
         reasons += [why for why in result.summary["notes"] if why not in reasons]
     source = str(study.summary["source"]) or "publication"
     published = marks.ErrorTable(f"Published: {source}.", rows, reasons)

@@ -14,7 +14,7 @@ from pmr.report.figures.canvas import INK, MUTED, WIDE, key, sheet
 from pmr.report.numbers import SPACE, percent, plain, quantity, significant
 from pmr.report.studies.axes import log_x
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.words import case_name
+from pmr.report.studies.names import case_name
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 

@@ -1,0 +1,132 @@
+"""The error table of a run: errors beside published ones, then largest displacements, differences and stresses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from decimal import Decimal
+from typing import Any
+
+from pmr.report.marks import SAME, WITHIN, ErrorTable, Row, apart, mark_for, signed_deviation
+from pmr.report.numbers import SPACE, length, percent, quantity
+from pmr.results import RunResult
+from pmr.scene import Published
+
+NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
+ORDER = ("reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf")
+PLACES = {"tip": "tip", "beam": "beam", "pad_force": "pad forces"}
+
+
+def error_table(result: RunResult) -> ErrorTable:
+    """The error table of a run, with notes on it."""
+    found, published = rows(result), result.scene.published
+    forces = " and pad forces" if any(row.place == PLACES["pad_force"] for row in found) else ""
+    source = f"; published: {published.source}" if published else ""
+    return ErrorTable(
+        f"Normalised RMS errors of transverse displacements{forces}, and largest values{source}.",
+        found,
+        reasons(result, found),
+    )
+
+
+def rows(result: RunResult) -> list[Row]:
+    """Lines of the error table: normalised errors, then the largest displacement, difference and stress."""
+    return [*_errors(result), *_missing(result), *_lengths(result), *_stresses(result)]
+
+
+def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
+    """Why figures differ from the published ones by more than 5 %, and other notes of the run."""
+    found = [
+        f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "
+        f"{row.here} rounds to it, so the two agree as far as is known."
+        for row in table
+        if row.mark is SAME
+    ]
+    notes = [str(note) for note in result.summary.get("notes", ())]
+    if not notes and len(apart(table)) > len(found):
+        notes = [f"No reason {'for the other figures ' if found else ''}is recorded with this result."]
+    return [*found, *notes]
+
+
+def _errors(result: RunResult) -> Iterator[Row]:
+    published = result.scene.published
+    decimals = _decimals(published) if published else 0
+    printed: Mapping[str, Any] = published.model_dump()["errors"] if published else {}
+    errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
+    for pair in (*(p for p in ORDER if p in errors), *(p for p in errors if p not in ORDER)):
+        first, _, second = pair.partition("_vs_")
+        comparison = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}"
+        for place, called in PLACES.items():
+            if place not in errors[pair]:
+                continue
+            here = float(errors[pair][place])
+            other = printed.get(pair, {}).get(place)
+            row = Row(comparison, called, percent(here))
+            if other is not None:
+                row = _compared(comparison, called, here, other, decimals)
+            absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
+            norm = None if absolute is None else _norm(place, float(absolute))
+            yield replace(row, absolute=norm)
+
+
+def _missing(result: RunResult) -> Iterator[Row]:
+    """References that were asked for and can't be trusted; why, the run's warnings say."""
+    for name in result.summary.get("no_reference", {}):
+        yield Row(f"reduced against {NAMES.get(name, name)}", "", "no reference")
+
+
+def _norm(place: str, value: float) -> str:
+    """The norm of a difference with its unit: forces have one of their own."""
+    return quantity(value, "N") if place == "pad_force" else length(value, 3)
+
+
+def _stresses(result: RunResult) -> Iterator[Row]:
+    largest: Mapping[str, float] = result.summary.get("max_von_mises", {})
+    for name in ("reduced", "full"):
+        if name in largest:
+            yield Row("largest von Mises stress", NAMES[name], quantity(largest[name], "Pa", 4))
+    if {"full", "reduced"} <= set(largest) and largest["full"] > 0.0:
+        apart = signed_deviation(largest["reduced"], largest["full"])
+        yield Row("largest von Mises stress", "reduced to full", apart)
+
+
+def _compared(comparison: str, place: str, here: float, other: float, decimals: int) -> Row:
+    """An error beside the published one, which is printed in per cent with so many decimals."""
+    printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(here, other)
+    rounded = abs(here - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)
+    mark = mark_for(here, other)
+    if rounded and mark is not WITHIN:
+        mark = SAME
+    return Row(comparison, place, percent(here), printed, deviation, mark)
+
+
+def _lengths(result: RunResult) -> Iterator[Row]:
+    published = result.scene.published
+    for name, comparison, is_error in (
+        ("max_displacement", "largest transverse displacement", False),
+        ("max_error", "largest difference, reduced to full", True),
+    ):
+        here = result.summary.get(name)
+        if here is None:
+            continue
+        other = getattr(published, name) if published else None
+        if other is None:
+            yield Row(comparison, "", length(here, 4))
+            continue
+        deviation = signed_deviation(here, other)
+        mark = mark_for(here, other, is_error)
+        yield Row(comparison, "", length(here, 4), length(other, _digits(other)), deviation, mark)
+
+
+def _decimals(published: Published) -> int:
+    """Decimals, in per cent, to which a publication states its errors: the most that any of them shows."""
+    exponents = [
+        Decimal(repr(value)).normalize().as_tuple().exponent
+        for pair in published.errors.values()
+        for value in pair.values()
+    ]
+    return max((max(-int(exponent) - 2, 0) for exponent in exponents), default=0)
+
+
+def _digits(value: float) -> int:
+    return len(Decimal(repr(value)).normalize().as_tuple().digits)
