@@ -92,7 +92,7 @@ def reduced(name: str) -> ReducedModel:
 @cache
 def plain(coordinates: int) -> ReducedModel:
     """The evolved case on that many POD vectors, rows that they satisfy left out."""
-    settings = (f"reduction.coordinates={coordinates}", "reduction.support_rows=drop")
+    settings = (f"reduction.coordinates={coordinates}", "reduction.basis=eigenmodes")
     return reduce(scene(CASES["evolved"], *settings)).reduced
 
 

@@ -79,7 +79,7 @@ def main(cells: float, file: Path | None = None) -> None:
         print(json.dumps(record), flush=True)
 
 
-def boom(cells: float) -> scene.SceneBase:
+def boom(cells: float) -> scene.Scene:
     """The reference boom as a shell of triangles, at ten coordinates."""
     return scene.load(SCENE, [f"mesh.size={cells}", f"mesh.along={2.0 * cells}"])
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pmr.fields.series import Fields
 from pmr.files import jsonfile, npz, records
 from pmr.files.swap import finished
-from pmr.scene import Scene, SceneBase, from_data
+from pmr.scene import Scene, from_data
 
 Array = NDArray[np.float64]
 
@@ -147,7 +147,7 @@ class RunResult:
     ``reduced`` and, where there is a full model, ``full``, over all of its times.
     """
 
-    scene: SceneBase
+    scene: Scene
     summary: dict[str, Any]
     responses: Mapping[str, Response]
     path: Array  # s(t), (T,) m
@@ -157,12 +157,6 @@ class RunResult:
     frequencies: FrequencyCurves
     fields: Fields | None = None
     peak_stress: Mapping[str, Array] = field(default_factory=dict)
-
-    @property
-    def beam(self) -> Scene:
-        """The scene of a planar beam."""
-        assert isinstance(self.scene, Scene)
-        return self.scene
 
     def save(self, folder: Path) -> None:
         """Write scene.json, summary.json and trajectories.npz into `folder`."""

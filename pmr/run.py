@@ -33,7 +33,7 @@ from pmr.reduce.basis import Basis
 from pmr.reduce.from_scene import build_basis, description, project, take_snapshots
 from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
-from pmr.scene import Scene, SceneBase, StructureScene
+from pmr.scene import Scene
 from pmr.scene.choice import transverse
 from pmr.simulate import Excitation, contact_step, resolution
 from pmr.simulate.petsc import Checkpoint
@@ -43,7 +43,8 @@ from pmr.snapshots.free_body import FreeBody
 Array = NDArray[np.float64]
 
 FREQUENCY_CURVES = 6
-FREQUENCY_POSITIONS = {Scene: 49, StructureScene: 11}  # in space each costs some tenths of a second and more
+#: Places at which frequencies are compared: beyond so many coordinates each costs some tenths of a second and more.
+FREQUENCY_POSITIONS, FEWER_POSITIONS, LARGE = 49, 11, 300
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Outcome:
 
 
 def run(
-    scene: SceneBase,
+    scene: Scene,
     comm: MPI.Comm = MPI.COMM_WORLD,
     clock: Clock | None = None,
     checkpoint: Checkpoint | None = None,
@@ -122,7 +123,7 @@ def run(
     return Outcome(result, reduction.reduced)
 
 
-def reduce(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
+def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
     """From a scene to its reduced model; collective."""
     clock = clock or Clock()
     with clock.stage("assemble"):
@@ -131,7 +132,7 @@ def reduce(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | Non
 
 
 def reduce_with(
-    scene: SceneBase,
+    scene: Scene,
     model: FullModel,
     snapshots: Snapshots,
     clock: Clock | None = None,
@@ -149,37 +150,36 @@ def reduce_with(
     return Reduction(model, snapshots, basis, reduced)
 
 
-def visited_positions(scene: SceneBase) -> Array:
-    """Path coordinates (S,) in m, evenly over the stretch that the path visits, at which frequencies are compared."""
+def visited_positions(scene: Scene, size: int) -> Array:
+    """Path coordinates (S,) in m, evenly over the path, at which frequencies of `size` coordinates are compared."""
     low, high = scene.path_bounds
-    return np.linspace(low, high, FREQUENCY_POSITIONS[type(scene)]) if high > low else np.array([low])
+    count = FREQUENCY_POSITIONS if size <= LARGE else FEWER_POSITIONS
+    return np.linspace(low, high, count) if high > low else np.array([low])
 
 
-def full_frequencies(scene: SceneBase, model: FullModel, s: Array) -> Array:
+def full_frequencies(scene: Scene, model: FullModel, s: Array) -> Array:
     """Lowest frequencies (S, f) of the full model in rad/s with the sliders at s (S,) m; collective."""
     count = min(FREQUENCY_CURVES, model.size - len(model.rows.names))
     solver = eigensolver(model, scene.reduction.solver)
     return np.array([solver.lowest(float(at), count).omega for at in s])
 
 
-def _recovered(
-    scene: SceneBase, built: Built, reduction: Reduction, found: References, clock: Clock
-) -> Recovered | None:
-    if not isinstance(scene, StructureScene) or scene.recovery is None:
+def _recovered(scene: Scene, built: Built, reduction: Reduction, found: References, clock: Clock) -> Recovered | None:
+    if scene.recovery is None:
         return None
     with clock.stage("recover"):
         V = np.array(reduction.basis.V.getDenseArray())
         return recover(scene, built, V, reduction.reduced, found.states)
 
 
-def _reduce(scene: SceneBase, model: FullModel, clock: Clock) -> Reduction:
+def _reduce(scene: Scene, model: FullModel, clock: Clock) -> Reduction:
     with clock.stage("snapshots"):
         body = FreeBody(model, scene.reduction.solver)
         snapshots = take_snapshots(scene, model, body)
     return reduce_with(scene, model, snapshots, clock, body)
 
 
-def _chosen(scene: SceneBase, reduction: Reduction, clock: Clock) -> tuple[order.Choice | None, dict[str, float] | str]:
+def _chosen(scene: Scene, reduction: Reduction, clock: Clock) -> tuple[order.Choice | None, dict[str, float] | str]:
     """Model and step for the scene's tolerance, if it gives one, and the part of the mesh, or why it isn't known."""
     if scene.accuracy is None:
         return None, ""
@@ -195,9 +195,9 @@ def _chosen(scene: SceneBase, reduction: Reduction, clock: Clock) -> tuple[order
         return choice, meshes.mesh_error(choice.reduced, on_finer, choice.scene, _tips(scene), scene.accuracy.outputs)
 
 
-def _frequency_curves(scene: SceneBase, reduction: Reduction) -> FrequencyCurves:
+def _frequency_curves(scene: Scene, reduction: Reduction) -> FrequencyCurves:
     """Lowest frequencies over the stretch that the path visits."""
-    s = visited_positions(scene)
+    s = visited_positions(scene, reduction.model.size)
     full = full_frequencies(scene, reduction.model, s)
     return FrequencyCurves(
         s,
@@ -207,11 +207,11 @@ def _frequency_curves(scene: SceneBase, reduction: Reduction) -> FrequencyCurves
     )
 
 
-def _provenance(scene: SceneBase, basis: Basis) -> dict[str, Any]:
+def _provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
     described = scene.model_dump(mode="json", exclude={"published"})
-    if scene.mesh_file is not None:
+    if scene.mesh.file is not None:
         # The model travels; its folders stay, the hash has the content.
-        described["mesh"]["file"] = scene.mesh_file.name
+        described["mesh"]["file"] = scene.mesh.file.name
     return {
         "scene": described,
         "scene_hash": scene.hash,
@@ -221,9 +221,7 @@ def _provenance(scene: SceneBase, basis: Basis) -> dict[str, Any]:
     }
 
 
-def _summary(
-    scene: SceneBase, reduction: Reduction, simulations: Simulations, seconds: dict[str, float]
-) -> dict[str, Any]:
+def _summary(scene: Scene, reduction: Reduction, simulations: Simulations, seconds: dict[str, float]) -> dict[str, Any]:
     responses, measured = simulations.responses, quantities(scene)
     reference = responses.get("full", responses["reduced"]).displacement
     error = float(np.abs(responses["reduced"].displacement - reference).max()) if "full" in responses else None
@@ -255,7 +253,7 @@ def _summary(
     }
 
 
-def _estimated(scene: SceneBase, reduced: ReducedModel, omega: Array, clock: Clock) -> dict[str, Any]:
+def _estimated(scene: Scene, reduced: ReducedModel, omega: Array, clock: Clock) -> dict[str, Any]:
     """Errors estimated of the reduction and of the step, and what a user should know."""
     excitation = Excitation.of(scene)
     driven, stepping = excitation.signals, excitation.stepping
@@ -279,7 +277,7 @@ def _estimated(scene: SceneBase, reduced: ReducedModel, omega: Array, clock: Clo
     return asked | {"step": step_advice.summary(step, reason), "warnings": said}
 
 
-def _step_error(scene: SceneBase, reduced: ReducedModel, clock: Clock) -> tuple[StepError | None, str | None]:
+def _step_error(scene: Scene, reduced: ReducedModel, clock: Clock) -> tuple[StepError | None, str | None]:
     """Error of the time step, or why there is no figure."""
     with clock.stage("step"):
         try:
@@ -288,13 +286,13 @@ def _step_error(scene: SceneBase, reduced: ReducedModel, clock: Clock) -> tuple[
             return None, str(error)
 
 
-def _tips(scene: SceneBase) -> int:
+def _tips(scene: Scene) -> int:
     """Number of outputs at the tip."""
-    return len(transverse(scene)) if isinstance(scene, StructureScene) else 1
+    return len(transverse(scene))
 
 
 def _result(
-    scene: SceneBase,
+    scene: Scene,
     summary: dict[str, Any],
     responses: Mapping[str, Response],
     reduction: Reduction,

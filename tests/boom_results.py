@@ -11,7 +11,7 @@ import pytest
 from pmr.fields.grid import Grid
 from pmr.fields.series import Fields
 from pmr.results import Energy, FrequencyCurves, Response, RunResult, Shapes
-from pmr.scene import StructureScene
+from pmr.scene import Scene
 
 MakeSpace = Callable[..., RunResult]
 STATIONS, STEPS = 5, 1000
@@ -38,7 +38,7 @@ SCENE: dict[str, Any] = {
         {"name": "tail", "at": 0.15, "faces": {"bottom": [-0.1, 0.1], "left": [0.0]}},
         {"name": "mouth", "moving": True, "faces": {"bottom": [-0.1, 0.1], "top": [0.0], "right": [0.0]}},
     ],
-    "holds": [{"name": "cylinder"}],
+    "supports": [{"name": "cylinder", "directions": ["x"]}],
     "masses": [{"name": "payload", "on": "tip", "mass": 250.0}],
     "loads": [
         {"name": "tip force", "on": "tip", "signal": {"kind": "sine", "amplitude": 2000.0, "frequency": 2.0}},
@@ -64,7 +64,7 @@ def make_space() -> MakeSpace:
         stress: Sequence[str] = ("full", "reduced"),
         **sections: Any,
     ) -> RunResult:
-        scene = StructureScene.model_validate(SCENE | sections)
+        scene = Scene.model_validate(SCENE | sections)
         t = np.arange(STEPS + 1) * 1e-3
         s = np.linspace(1.5, 4.0, 7)
         omega = 2.0 * np.pi * np.stack([5.0 + s, 20.0 + s], axis=1)

@@ -10,7 +10,6 @@ from pmr import scene as scenes
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structure import Structure
 from pmr.models import StructuralModel
-from pmr.scene import StructureScene
 from pmr.simulate import Excitation
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
@@ -26,5 +25,4 @@ class Boom:
 
 def boom(model: StructuralModel, span: float = 10.0, overrides: Sequence[str] = ()) -> Boom:
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}", *overrides])
-    assert isinstance(scene, StructureScene)
     return Boom(replace(structure_of(scene), model=model), Excitation.of(scene))

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from pmr import scene as scenes
-from pmr.scene import SceneBase, from_data
+from pmr.scene import Scene, from_data
 from pmr.scene.checks import check
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 END = 2.0
 
 
-def random_scene(seed: int) -> SceneBase:
+def random_scene(seed: int) -> Scene:
     """Seven of ten are planar; loads go up to 44 Hz, some set in at once, and a third of the paths has kinks."""
     rng = np.random.default_rng(seed)
     if rng.random() >= 0.7:
@@ -24,7 +24,7 @@ def random_scene(seed: int) -> SceneBase:
     return scene
 
 
-def sliding_scene(seed: int) -> SceneBase:
+def sliding_scene(seed: int) -> Scene:
     """As `random_scene`, but that each fourth one is a beam on three sliders."""
     if seed % 4:
         return random_scene(seed)
@@ -58,17 +58,17 @@ def _beam(rng: np.random.Generator, offsets: list[float] | None = None) -> dict:
     if offsets is None:
         offsets = [0.0, float(rng.uniform(0.3, 0.9))] if rng.random() < 0.5 else [0.0]
     values = rng.uniform(0.15 * length, 0.9 * length - offsets[-1], 2).tolist()
-    loads = [{"name": "F", "at": length, "signal": _signal(rng, 50.0, 44.0)}]
+    loads = [{"name": "F", "on": length, "signal": _signal(rng, 50.0, 44.0)}]
     if rng.random() < 0.4:
-        loads.append({"name": "G", "at": float(rng.uniform(0.3, 0.8) * length), "signal": _signal(rng, 30.0, 20.0)})
+        loads.append({"name": "G", "on": float(rng.uniform(0.3, 0.8) * length), "signal": _signal(rng, 30.0, 20.0)})
     ratio = float(rng.choice([0.0, 0.0, 0.005, 0.01, 0.02, 0.05]))
     kind = "ramp" if rng.random() < 0.4 else "smooth_ramp"
     path = {"kind": kind, "times": [0.2, 0.2 + float(rng.uniform(0.4, 1.4))], "values": values}
     return {
         "title": "random beam",
-        "body": {"length": length, "bending_stiffness": stiffness, "mass_per_length": mass},
+        "body": {"profile": {"length": length, "bending_stiffness": stiffness, "mass_per_length": mass}},
         "mesh": {"elements": 30},
-        "supports": [{"at": 0.0, "kind": "clamped" if rng.random() < 0.3 else "pinned"}],
+        "supports": [{"on": 0.0, "kind": "clamped" if rng.random() < 0.3 else "pinned"}],
         "slider": {"path": path, "offsets": offsets},
         "loads": loads,
         "time": {"end": END, "step": 1e-3},

@@ -69,10 +69,13 @@ def test_a_motion_that_grows_names_what_a_user_can_change(
 )  # fmt: skip
 def test_a_bad_mesh_is_one_line_on_every_rank(scene: str, change: str, said: str) -> None:
     with pytest.raises(InputError) as refused:
-        structure_of(scenes.load(WORKFLOWS / f"{scene}.toml", [change]))  # type: ignore[arg-type]
+        structure_of(scenes.load(WORKFLOWS / f"{scene}.toml", [change]))
     assert said in str(refused.value)
 
 
+CYLINDER = "{name='cylinder',directions=['x']}"
+TWICE = "supports=[{name='a',directions=['x']},{name='b',directions=['x']}]"
+CLAMPED = "{on='tail',kind='clamped',points='all'}"
 RIGID = "stiffness='rigid',faces={bottom=[-0.1,0.1],top=[-0.1,0.1],left=[0.0],right=[0.0]}"
 ALL_RIGID = f"pads=[{{name='tail',at=0.15,{RIGID}}},{{name='mouth',moving=true,{RIGID}}}]"
 
@@ -81,12 +84,15 @@ ALL_RIGID = f"pads=[{{name='tail',at=0.15,{RIGID}}},{{name='mouth',moving=true,{
     ("changes", "said"),
     [
         ((ALL_RIGID,), "the rigid rows tail top right, tail top left, tail right hold what others hold already"),
-        (("clamps=[{on='tail'}]",), "holds.cylinder.direction = 'x': a clamp holds tail along it already"),
-        (("clamps=[{on='tail',directions=['x']}]",), "holds.cylinder.direction = 'x': a clamp holds tail along it"),
-        (("holds=[{name='a'},{name='b'}]",), "the rigid rows b hold what others hold already"),
-        (("holds=[{name='a',on='nose'}]",), "tail, tip or a number from 0 to 6 m is allowed"),
+        (
+            (f"supports=[{CYLINDER},{CLAMPED}]",),
+            "supports.cylinder.directions = 'x': a support of all points",
+        ),
+        ((f"supports=[{CYLINDER},{{on='tail',directions=['x'],points='all'}}]",), "supports.cylinder.directions = 'x'"),
+        ((TWICE,), "the rigid rows b hold what others hold already"),
+        (("supports=[{name='a',on='nose'}]",), "tail, tip or a number from 0 to 6 m is allowed"),
         (("masses=[{name='m',on='nose',mass=1.0}]",), "place = 'nose': tail, tip or a number"),
-        (("clamps=[{on='nose'}]",), "place = 'nose': tail or tip is allowed"),
+        (("supports=[{on='nose',points='all'}]",), "place = 'nose': tail or tip is allowed"),
     ],
 )
 def test_supports_that_can_not_be_are_one_line(changes: tuple[str, ...], said: str) -> None:
@@ -120,4 +126,4 @@ def test_a_bad_mesh_file_is_one_line_on_every_rank(tmp_path: Path, content: str)
     start, end = text.index("[body]"), text.index("# Twelve pads")
     (tmp_path / "own.toml").write_text(text[:start] + "[body]\nmodel = 'shell'\nthickness = 0.008\n" + text[end:])
     with pytest.raises(InputError, match="bad.msh"):
-        structure_of(scenes.load(tmp_path / "own.toml", [f"mesh.file={file}"]))  # type: ignore[arg-type]
+        structure_of(scenes.load(tmp_path / "own.toml", [f"mesh.file={file}"]))

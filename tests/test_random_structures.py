@@ -74,16 +74,16 @@ def case(number: int) -> Case:
         if not pushes:
             rows += [pad_row(face, at, across, width, height) for face, across in places]
     held = list(random.choice(["x", "z"] if model == "beam2d" else ["x", "y", "z"], random.integers(0, 3), False))
-    holds = [f"{{name='hold {d}',direction='{d}',stiffness={stiffness(random, rigidity)}}}" for d in held]
+    supports = [f"{{name='rod {d}',directions=['{d}'],stiffness={stiffness(random, rigidity)}}}" for d in held]
     rows += [point_row(d, ("0", "0", "0")) for d in held]
-    clamps = []
+    clamps: list[str] = []
     if random.random() < 0.25:
         known = {"solid": ["x", "y", "z"]}.get(model, ["x", "y", "z", "rx", "ry", "rz"])
         chosen = sorted(map(str, random.choice(known, random.integers(1, len(known) + 1), False)))
-        clamps = [f"{{on='tail',directions={chosen}}}"]
+        clamps = [f"{{on='tail',directions={chosen},points='all'}}"]
         rows += clamp_rows(chosen, thick, width, height)
         if thick or set(held) & set(chosen):  # a cylinder on clamped coordinates has nothing to hold
-            rows, holds, pads = clamp_rows(chosen, thick, width, height), [], pads[:1]
+            rows, supports, pads = clamp_rows(chosen, thick, width, height), [], pads[:1]
     loads = [f"{{name='down',on='tip',direction='z',signal={signal(random, rigidity * length / 100.0)}}}"]
     if model != "beam2d":
         loads.append(f"{{name='side',on='tip',direction='y',signal={signal(random, rigidity * length / 200.0)}}}")
@@ -94,8 +94,7 @@ def case(number: int) -> Case:
             f"material={{young={young},poisson=0.3,density={round(float(random.uniform(1000, 8000)))}.0}}}}",
             mesh,
             f"pads=[{','.join(pads)}]",
-            f"holds=[{','.join(holds)}]",
-            f"clamps=[{','.join(clamps)}]",
+            f"supports=[{','.join([*supports, *clamps])}]",
             "masses=[]" if random.random() < 0.5 else "masses=[{name='payload',on='tip',mass=100.0}]",
             f"loads=[{','.join(loads)}]",
             f"slider={{path={{kind='smooth_ramp',times=[0.2,1.8],values=[{0.4 * length},{0.7 * length}]}}}}",

@@ -96,7 +96,7 @@ def test_six_coordinates_with_residual_flexibility(load_scene) -> None:
     summary, reduced = outcome.result.summary, outcome.reduced
     assert summary["coordinates"] == {"full": 63, "reduced": 6}
     found = summary["errors"]["reduced_vs_full"]
-    assert 0.0 < found["beam"] < 2e-3 and found["slider_force"] > 0.0
+    assert 0.0 < found["beam"] < 2e-3 and found["pad_force"] > 0.0
     assert reduced.provenance["basis"].startswith("eigenmodes on the fixed supports with the sliders released")
     assert "residual flexibility" in summary["basis"]["kind"]
     assert outcome.result.responses["reduced"].residual_position.max() < 1e-12
@@ -119,13 +119,13 @@ def test_exudyn_refuses_a_model_that_keeps_residual_inertia(load_scene) -> None:
 
 ODD = {
     "all coordinates held": ["reduction.coordinates=3"],
-    "no load": ["loads=[{at=5.0,signal=0.0}]"],
+    "no load": ["loads=[{on=5.0,signal=0.0}]"],
     "two sliders": ["slider.offsets=[0.0,0.4]"],
-    "clamped": ["supports=[{at=0.0,kind='clamped'}]"],
-    "three supports, one in mid-element": ["supports=[{at=0.0},{at=4.0,kind='roller'},{at=4.61,kind='roller'}]"],
+    "clamped": ["supports=[{on=0.0,kind='clamped'}]"],
+    "three supports, one in mid-element": ["supports=[{on=0.0},{on=4.0,kind='roller'},{on=4.61,kind='roller'}]"],
     "slider on the load": ["slider.path=5.0"],
-    "no axial coordinates, mass product": ["body.axial=false", "reduction.product=mass"],
-    "moment and force": ["loads=[{at=5.0,signal=-50},{name='T',at=2.2,direction='rotation',signal=3.0}]"],
+    "no axial coordinates, mass product": ["body.profile.axial=false", "reduction.product=mass"],
+    "moment and force": ["loads=[{on=5.0,signal=-50},{name='T',on=2.2,direction='ry',signal=3.0}]"],
 }
 
 
@@ -148,7 +148,7 @@ def test_errors_of_a_linear_model_do_not_depend_on_the_size_of_its_load(load_sce
     """Not by an absolute length below which nothing counts; and where the load sits on the slider, nothing moves."""
 
     def errors(size: float, *overrides: str) -> dict[str, float]:
-        loads = f"loads=[{{at=5.0,signal={size!r}}}]"
+        loads = f"loads=[{{on=5.0,signal={size!r}}}]"
         short = ["time.end=0.1", "compare.against=['full']", "simulation.simulators=['march']"]
         outcome = run(load_scene("simple_residual", [*SHORT, *short, loads, *overrides]))
         assert outcome is not None
@@ -234,7 +234,7 @@ def test_the_papers_basis_is_sixty_times_better_with_what_it_leaves_out(load_sce
 @pytest.mark.numerical
 def test_dropping_the_held_rows_is_better_with_the_same_coordinates(load_scene) -> None:
     """What the note on the pin's rows says: 1.49 % instead of 1.79 % of the beam, evolved case."""
-    outcome = run(load_scene("paper_evolved", ["reduction.support_rows=drop", "compare.against=['full']"]))
+    outcome = run(load_scene("paper_evolved", ["reduction.basis=eigenmodes", "compare.against=['full']"]))
     assert outcome is not None
     found = outcome.result.summary["errors"]["reduced_vs_full"]
     assert (found["tip"], found["beam"]) == pytest.approx((0.0092, 0.0149), rel=0.01)

@@ -8,7 +8,7 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
-from pmr.scene import StructureScene as Scene
+from pmr.scene import Scene
 from pmr.studies.files import schemas
 
 Schema = dict[str, Any]
@@ -70,7 +70,7 @@ def section(title: str, part: Schema, level: int) -> str:
     needed = part.get("required", [])
     for key, value in part.get("properties", {}).items():
         default = "must be given" if key in needed else shown(value.get("default"), allowed(value))
-        cells = [f"`{key}`", allowed(value), value.get("unit", ""), default, cell(value.get("description", ""))]
+        cells = [f"`{key}`", allowed(value), ", ".join(units(value)), default, cell(value.get("description", ""))]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join([*lines, ""])
 
@@ -91,6 +91,16 @@ def allowed(value: Schema) -> str:
         return "table"
     bounds = [f"{words} {value[name]:g}" for name, words in BOUNDS.items() if name in value]
     return ", ".join([PLAIN.get(value.get("type", ""), "anything"), *bounds])
+
+
+def units(value: Any) -> list[str]:
+    """Units of the numbers that a key may hold; those without one have "1"."""
+    if isinstance(value, dict):
+        own = [value["unit"]] if isinstance(value.get("unit"), str) and value["unit"] != "1" else []
+        found = own + [unit for part in value.values() for unit in units(part)]
+    else:
+        found = [unit for part in value for unit in units(part)] if isinstance(value, list) else []
+    return list(dict.fromkeys(found))
 
 
 def title_of(reference: str) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.outputs import Floors, Outputs, differences, outputs
 from pmr.reduced.model import ReducedModel
-from pmr.scene import Scene, SceneBase, StructureScene
+from pmr.scene import Scene
 from pmr.scene.choice import model_of
 from pmr.simulate import Excitation
 from pmr.simulate.modal import modal_form
@@ -31,24 +31,19 @@ ORDER = 2.0
 SAME = 1e-9
 
 
-def finer(scene: SceneBase) -> SceneBase | None:
+def finer(scene: Scene) -> Scene | None:
     """The scene on a mesh with shorter cells; None where its mesh is a file."""
-    if scene.mesh_file is not None:
+    cells = scene.mesh
+    if cells.file is not None:
         return None
-    if isinstance(scene, Scene):
-        assert scene.mesh.elements is not None
-        mesh: object = scene.mesh.model_copy(update={"elements": int(BEAM * scene.mesh.elements)})
-    else:
-        assert isinstance(scene, StructureScene)
-        cells = scene.mesh
-        along = None if cells.along is None else cells.along / CELLS
-        changed = {"elements": int(BEAM * cells.elements), "size": cells.size / CELLS, "along": along}
-        mesh = cells.model_copy(update=changed | {"tail_layer": cells.tail_layer / CELLS})
+    along = None if cells.along is None else cells.along / CELLS
+    changed = {"elements": int(BEAM * cells.elements), "size": cells.size / CELLS, "along": along}
+    mesh = cells.model_copy(update=changed | {"tail_layer": cells.tail_layer / CELLS})
     return scene.model_copy(update={"mesh": mesh, "accuracy": None})
 
 
 def mesh_error(
-    model: ReducedModel, on_finer: ReducedModel, scene: SceneBase, tips: int, kinds: Sequence[str]
+    model: ReducedModel, on_finer: ReducedModel, scene: Scene, tips: int, kinds: Sequence[str]
 ) -> dict[str, float]:
     """Part of the mesh by kind, fractions: of `model`, from the one with as many coordinates on the finer mesh.
 
@@ -61,8 +56,7 @@ def mesh_error(
     own, better = (_motion(one, excitation, tips) for one in (model, on_finer))
     places = _places(model, on_finer)
     better = Outputs(better.displacement[:, places], better.velocity[:, places], better.force, tips)
-    cells = isinstance(scene, StructureScene) and model_of(scene) not in ("beam2d", "beam3d")
-    by = CELLS if cells else BEAM
+    by = BEAM if model_of(scene) in ("beam2d", "beam3d") else CELLS
     found = differences(own, better, Floors.of(model, excitation), kinds)
     return {kind: share / (1.0 - by**-ORDER) for kind, share in found.items()}
 

@@ -13,7 +13,7 @@ from pmr.compare.estimate import no_estimate
 from pmr.compare.outputs import impulsive
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
-from pmr.scene import SceneBase, StructureScene
+from pmr.scene import Scene
 from pmr.simulate import Excitation
 from pmr.text import rounded
 
@@ -25,12 +25,12 @@ COORDINATES = 6
 class Choice:
     """What was chosen: the scene with step and coordinates, and the reduced model."""
 
-    scene: SceneBase
+    scene: Scene
     reduced: ReducedModel
     found: Found
 
 
-def prepared(scene: SceneBase) -> SceneBase:
+def prepared(scene: Scene) -> Scene:
     """The scene whose reduction holds all models among which is chosen; as it is where no tolerance is given."""
     if scene.accuracy is None:
         return scene
@@ -38,7 +38,7 @@ def prepared(scene: SceneBase) -> SceneBase:
     return scene.model_copy(update={"reduction": reduction})
 
 
-def choose(scene: SceneBase, reduced: ReducedModel, tips: int) -> Choice:
+def choose(scene: Scene, reduced: ReducedModel, tips: int) -> Choice:
     """The smallest model among those of a `prepared` scene's reduction, and the longest step, that hold its tolerance.
 
     Raises
@@ -56,7 +56,7 @@ def choose(scene: SceneBase, reduced: ReducedModel, tips: int) -> Choice:
         allowed = f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}"
         raise InputError("scene", "accuracy.outputs", list(asked.outputs), allowed)
     family = Family(reduced, excitation, tips, rates="velocity" in asked.outputs)
-    recovery = scene.recovery if isinstance(scene, StructureScene) else None
+    recovery = scene.recovery
     demand = Demand(asked.tolerance, asked.outputs, inertia=scene.simulation.simulators == ("march",))
     found = search(family, demand, coarsest(family, recovery.every if recovery else None))
     member = found.member

@@ -53,45 +53,38 @@ def info(
     out.print(table)
 
 
-def _describe_scene(scene: scenes.SceneBase) -> dict[str, str]:
-    described = _describe_structure if isinstance(scene, scenes.StructureScene) else _describe_beam
+def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
+    chosen, (low, high) = choose(scene), scene.path_bounds
+    pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in scene.pads]
+    points = [f"{len(scene.points)} row(s)"] if scene.points else []
+    loads = [f"{load.name} on {_place(load.on)} along {load.direction}" for load in scene.loads]
     return {
         "title": scene.title,
         "hash": scene.hash,
-        **described(scene),
+        "body": f"{chosen.model}, {_size(scene.body)}",
+        "model": f"{scene.body.model}: {'; '.join(chosen.reasons)}",
+        "slider" if scene.points else "pads": f"{', '.join([*pads, *points])}; s from {low:g} to {high:g} m",
+        "loads": ", ".join([*loads, *(["gravity"] if scene.gravity else [])]),
         "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
         "reduction": f"{scene.reduction.coordinates} coordinates: {_describe_reduction(scene.reduction)}",
         "compared with": ", ".join(scene.compare.against) or "nothing",
     }
 
 
-def _describe_beam(scene: scenes.SceneBase) -> dict[str, str]:
-    assert isinstance(scene, scenes.Scene)
-    low, high = scene.path_bounds
-    return {
-        "body": f"{scene.body.model}, {scene.body.length:g} m, coordinates {', '.join(scene.body.directions)}",
-        "slider": f"{len(scene.slider.offsets)} row(s), s from {low:g} to {high:g} m",
-        "loads": ", ".join(f"{load.name} at {load.at:g} m along {load.direction}" for load in scene.loads),
-    }
+def _size(body: scenes.Body) -> str:
+    if body.profile is not None:
+        return f"{body.profile.length:g} m, EI = {body.profile.bending_stiffness:g} N m^2"
+    box = body.box
+    return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {box.wall:g} m" if box else "from a file"
 
 
-def _describe_structure(scene: scenes.SceneBase) -> dict[str, str]:
-    assert isinstance(scene, scenes.StructureScene)
-    chosen, box, (low, high) = choose(scene), scene.body.box, scene.path_bounds
-    size = f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {box.wall:g} m" if box else "from a file"
-    pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in scene.pads]
-    loads = [f"{load.name} on {load.on} along {load.direction}" for load in scene.loads]
-    return {
-        "body": f"{chosen.model}, {size}",
-        "model": f"{scene.body.model}: {'; '.join(chosen.reasons)}",
-        "pads": f"{', '.join(pads)}; s from {low:g} to {high:g} m",
-        "loads": ", ".join([*loads, *(["gravity"] if scene.gravity else [])]),
-    }
+def _place(on: str | float) -> str:
+    return on if isinstance(on, str) else f"{on:g} m"
 
 
 def _describe_reduction(reduction: scenes.Reduction) -> str:
     pool = f"POD of {reduction.snapshots} x {reduction.modes} eigenmodes"
-    basis = "free modes" if reduction.basis == "free_modes" else pool
+    basis = pool if reduction.pooled else "free modes"
     return f"{basis} and residual flexibility" if reduction.flexibility else basis
 
 

@@ -130,7 +130,7 @@ def _save(outcome: Outcome, folder: Path) -> None:
     from pmr.results import RESULT_FILES
 
     result = outcome.result
-    recovery = result.scene.recovery if isinstance(result.scene, scenes.StructureScene) else None
+    recovery = result.scene.recovery
     with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
         result.save(new)
         outcome.reduced.save(new / "reduced.npz")
@@ -155,7 +155,7 @@ def _to(tolerance: str) -> list[str]:
         raise InputError(
             "command line", "--tolerance", tolerance, "more than 0 and less than 100% is allowed, as 1% or 0.01"
         )
-    basis = ["reduction.basis=free_modes", "reduction.flexibility=true", "reduction.support_rows=drop"]
+    basis = ["reduction.basis=free_modes", "reduction.flexibility=true"]
     return [*basis, f"accuracy.tolerance={share!r}"]
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from pmr.errors import InputError
-from pmr.scene import StructureScene
+from pmr.scene import Scene
 from pmr.studies.files import schemas
 
 
@@ -29,7 +29,7 @@ def schema(
         pmr schema > scene.schema.json
     """
     known = {
-        "scene": StructureScene.model_json_schema,
+        "scene": Scene.model_json_schema,
         **{name: lambda s=found: s for name, found in schemas().items()},
     }
     if kind not in known:

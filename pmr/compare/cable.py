@@ -22,13 +22,13 @@ Done = Callable[[float], None]
 
 def cable_of(scene: Scene) -> Cable:
     """The scene's beam as an ANCF cable."""
-    body = scene.body
-    assert body.axial_stiffness is not None  # the scene's check
+    profile = scene.body.profile
+    assert profile is not None and profile.axial_stiffness is not None  # the scene's check
     return Cable(
-        length=body.length,
-        axial_stiffness=body.axial_stiffness,
-        bending_stiffness=body.bending_stiffness,
-        mass_per_length=body.mass_per_length,
+        length=profile.length,
+        axial_stiffness=profile.axial_stiffness,
+        bending_stiffness=profile.bending_stiffness,
+        mass_per_length=profile.mass_per_length,
         elements=scene.compare.ancf_elements,
     )
 
@@ -46,8 +46,7 @@ def simulate_cable(scene: Scene, x: ArrayLike, excitation: Excitation, done: Don
     needed("exudyn")
     from pmr.simulate.exudyn import ancf
 
-    places = {load.name: load.at for load in scene.loads}
-    return ancf.simulate(cable_of(scene), places, excitation, np.asarray(x, dtype=float), done)
+    return ancf.simulate(cable_of(scene), scene.load_places, excitation, np.asarray(x, dtype=float), done)
 
 
 def response(scene: Scene, x: ArrayLike, done: Done | None = None) -> Response:

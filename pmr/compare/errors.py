@@ -104,34 +104,26 @@ def refuse_infinite(*values: Array) -> None:
         raise SimulationError("what was simulated is not finite: loads or motions are too large to be computed with")
 
 
-#: What is compared of planar beams.
-PLANAR: Mapping[str, Quantity] = {
-    "tip": lambda response: response.tip,
-    "beam": lambda response: response.displacement,
-    "slider_force": lambda response: response.slider_force,
-}
-#: What is compared in space, where the tip's columns, one a direction, are the last ones.
-IN_SPACE: Mapping[int, Mapping[str, Quantity]] = {
-    1: {
-        "tip": lambda response: response.displacement[:, -1:],
-        "beam": lambda response: response.displacement[:, :-1],
+def quantities_of(tips: int, along: slice) -> Mapping[str, Quantity]:
+    """What is compared: the last `tips` columns are the tip's, those `along` the beam may be among them."""
+    return {
+        "tip": lambda response: response.displacement[:, -tips:],
+        "beam": lambda response: response.displacement[:, along],
         "pad_force": lambda response: response.slider_force,
-    },
-    2: {
-        "tip": lambda response: response.displacement[:, -2:],
-        "beam": lambda response: response.displacement[:, :-2],
-        "pad_force": lambda response: response.slider_force,
-    },
-}
+    }
+
+
+#: Of a planar beam that is observed at its nodes, the last of which is its tip.
+AT_NODES = quantities_of(1, slice(None))
 
 
 def errors(
     responses: Mapping[str, Response],
     measure: Measure = nrms,
     order: tuple[str, ...] = ("reduced", "full", "ancf"),
-    quantities: Mapping[str, Quantity] = PLANAR,
+    quantities: Mapping[str, Quantity] = AT_NODES,
 ) -> dict[str, dict[str, float]]:
-    """Errors of all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ..., "slider_force": ...}, ...}``.
+    """Errors of all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
 
     `measure` is `nrms` (fractions) or `absolute_error` (m, and N for the force).  The later one in `order` is the
     reference.  The pinned node, which does not move, counts in no pair.

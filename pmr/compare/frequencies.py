@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from pmr.compare import closed_form
 from pmr.reduced.model import ReducedModel
-from pmr.scene import Scene, SceneBase
+from pmr.scene import Scene
+from pmr.scene.choice import is_pinned_beam
 from pmr.system.compliant_rows import CompliantRows
 
 Array = NDArray[np.float64]
@@ -37,20 +38,18 @@ def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
     return result
 
 
-def closed_form_frequencies(scene: SceneBase, s: Array, count: int) -> Array:
+def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
     """The `count` lowest frequencies (S, count) in rad/s of the scene's beam, or (S, 0) where there is no closed form.
 
     With axial coordinates those of the bar, held at 0 and free at its end, stand among those of bending.
     """
-    if not isinstance(scene, Scene):
-        return np.empty((len(s), 0))
-    body, supports = scene.body, [(support.at, support.kind) for support in scene.supports]
-    if supports != [(0.0, "pinned")] or scene.slider.offsets != (0.0,):
+    profile = scene.body.profile
+    if profile is None or not is_pinned_beam(scene):
         return np.empty((len(s), 0))
     axial = np.empty(0)
-    if body.axial and body.axial_stiffness is not None:
-        axial = closed_form.axial_frequencies(body.length, body.axial_stiffness, body.mass_per_length, count)
-    beam = body.length, body.bending_stiffness, body.mass_per_length
-    within = np.minimum(s, body.length)  # a path may pass the end by round-off
+    if profile.axial and profile.axial_stiffness is not None:
+        axial = closed_form.axial_frequencies(profile.length, profile.axial_stiffness, profile.mass_per_length, count)
+    beam = profile.length, profile.bending_stiffness, profile.mass_per_length
+    within = np.minimum(s, profile.length)  # a path may pass the end by round-off
     bending = [closed_form.frequencies(float(at), *beam, count) for at in within]
     return np.array([np.sort(np.concatenate([row, axial]))[:count] for row in bending])

@@ -6,7 +6,7 @@ import logging
 
 from pmr.compare.responses import full_simulator
 from pmr.errors import InputError
-from pmr.scene import SceneBase
+from pmr.scene import Scene
 
 _log = logging.getLogger(__name__)
 
@@ -22,7 +22,7 @@ NUMBER = 8  # bytes
 NOTICED = 2**30  # bytes, from which on it is worth a line
 
 
-def needed(scene: SceneBase, size: int, outputs: int) -> int:
+def needed(scene: Scene, size: int, outputs: int) -> int:
     """Memory in bytes that the histories of all steps take at most at once.
 
     Parameters
@@ -41,13 +41,13 @@ def needed(scene: SceneBase, size: int, outputs: int) -> int:
     return NUMBER * (scene.time.steps + 1) * a_step
 
 
-def warnings(scene: SceneBase, size: int, outputs: int) -> list[str]:
+def warnings(scene: Scene, size: int, outputs: int) -> list[str]:
     """A line where the histories take a lot."""
     total = needed(scene, size, outputs)
     return [] if total < NOTICED else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
 
 
-def check(scene: SceneBase, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
+def check(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
     """Refuse what does not fit into the `free` memory in bytes, and tell of what takes a lot of it, if asked to `tell`.
 
     Raises

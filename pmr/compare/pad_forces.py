@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.results import Response
-from pmr.scene import SceneBase, StructureScene
-from pmr.scene.space import PadRing
+from pmr.scene import Scene
+from pmr.scene.built import PadRing
 from pmr.system.body import force_of
 
 Array = NDArray[np.float64]
@@ -34,29 +34,29 @@ class PadLoad:
         return {"name": self.name, "min": self.least, "t_min": self.t_least, "max": self.most, "t_max": self.t_most}
 
 
-def pad_loads(scene: SceneBase, response: Response) -> list[PadLoad]:
-    """Of all pads of a scene in space whose force the response holds, in the order of the scene."""
-    return [load for ring in _rings(scene) for load in _of_ring(ring, response)]
+def pad_loads(scene: Scene, response: Response) -> list[PadLoad]:
+    """Of all pads of a scene whose force the response holds, in the order of the scene."""
+    return [load for ring in scene.pads for load in _of_ring(ring, response)]
 
 
-def summary(scene: SceneBase, response: Response) -> dict[str, object]:
+def summary(scene: Scene, response: Response) -> dict[str, object]:
     """``pads`` of summary.json: ``name``, ``min`` and ``max`` in N, ``t_min`` and ``t_max`` in s; empty for points."""
-    return {"pads": [load.summary() for load in pad_loads(scene, response)]} if _rings(scene) else {}
+    return {"pads": [load.summary() for load in pad_loads(scene, response)]} if scene.pads else {}
 
 
-def warnings(scene: SceneBase, response: Response) -> list[str]:
+def warnings(scene: Scene, response: Response) -> list[str]:
     """What a user should know of the pads, a line each."""
     return pulled(scene, response) + unknown(scene, response)
 
 
-def pulled(scene: SceneBase, response: Response) -> list[str]:
+def pulled(scene: Scene, response: Response) -> list[str]:
     """Rings with pads that hold both ways and are pulled, a line each: which, how much, when, what to set.
 
     Points that hold a planar beam both ways are meant to, so only pads count.
     """
     largest = max((max(load.most, -load.least) for load in pad_loads(scene, response)), default=0.0)
     said = []
-    for ring in _rings(scene):
+    for ring in scene.pads:
         found = [
             load
             for load in _of_ring(ring, response)
@@ -69,11 +69,11 @@ def pulled(scene: SceneBase, response: Response) -> list[str]:
     return said
 
 
-def unknown(scene: SceneBase, response: Response) -> list[str]:
+def unknown(scene: Scene, response: Response) -> list[str]:
     """Pads whose force the model doesn't tell, in a line: a rigid pad that stays holds by the choice of coordinates."""
     names = [
         name
-        for ring in _rings(scene)
+        for ring in scene.pads
         for name, face, _ in ring.places
         if ring.stiffness == "rigid" and not ring.moving and force_of(name) not in response.force_names
     ]
@@ -81,10 +81,6 @@ def unknown(scene: SceneBase, response: Response) -> list[str]:
         return []
     pads = f"the pads {', '.join(names)} are" if len(names) > 1 else f"the pad {names[0]} is"
     return [f"{pads} rigid and stay on the body: whether they are pulled isn't known; a stiffness in N/m tells it"]
-
-
-def _rings(scene: SceneBase) -> tuple[PadRing, ...]:
-    return scene.pads if isinstance(scene, StructureScene) else ()
 
 
 def _of_ring(ring: PadRing, response: Response) -> Iterator[PadLoad]:

@@ -18,7 +18,7 @@ from pmr.environment import Clock
 from pmr.errors import SimulationError
 from pmr.fullmodel.model import FullModel
 from pmr.results import Response
-from pmr.scene import SceneBase
+from pmr.scene import Scene
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.native import simulator as march
@@ -48,7 +48,7 @@ class References:
 
 
 def references(
-    scene: SceneBase,
+    scene: Scene,
     model: FullModel,
     clock: Clock | None = None,
     steps: Sequence[int] = (),
@@ -77,7 +77,7 @@ def references(
     return References(found, states, missing)
 
 
-def reference(name: str, scene: SceneBase, model: FullModel, clock: Clock | None = None) -> Response | None:
+def reference(name: str, scene: Scene, model: FullModel, clock: Clock | None = None) -> Response | None:
     """Response of ``"full"`` or ``"ancf"``; on rank 0, others may have none.  Collective.
 
     ``petsc`` works on the distributed model; for all others it is gathered on rank 0.
@@ -94,7 +94,7 @@ def reference(name: str, scene: SceneBase, model: FullModel, clock: Clock | None
 
 
 def _full(
-    scene: SceneBase, model: FullModel, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None
+    scene: Scene, model: FullModel, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None
 ) -> tuple[Response | None, Array | None]:
     excitation, simulator = Excitation.of(scene), full_simulator(scene, model.size)
     refuse(simulator, needs_of_rows(model.rows, excitation), REFERENCE)
@@ -111,7 +111,7 @@ def _full(
     return response, _spread(model, states)
 
 
-def _gathered(scene: SceneBase, model: FullModel, clock: Clock) -> Response | None:
+def _gathered(scene: Scene, model: FullModel, clock: Clock) -> Response | None:
     """The full model's response on rank 0; where it fails there, all ranks know."""
     body, response, failed = model.gather(), None, None
     if body is not None:

@@ -20,7 +20,7 @@ from pmr.environment import Clock
 from pmr.errors import GrowthError
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
-from pmr.scene import Scene, SceneBase, StructureScene
+from pmr.scene import Scene
 from pmr.scene.choice import transverse
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulate import Excitation, exudyn
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Done = Callable[[float], None]
-Respond = Callable[[SceneBase, SlidingBody, Done | None], Response]
+Respond = Callable[[Scene, SlidingBody, Done | None], Response]
 
 #: A full model of more coordinates than this goes through PETSc, for diagonalising costs more.  Exudyn factorises in
 #: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
@@ -65,7 +65,7 @@ class Simulations:
 
 
 def simulate(
-    scene: SceneBase, reduced: ReducedModel, references: Mapping[str, Response], clock: Clock | None = None
+    scene: Scene, reduced: ReducedModel, references: Mapping[str, Response], clock: Clock | None = None
 ) -> Simulations:
     """Simulate the reduced model by every simulator that the scene names, beside the references it is compared with."""
     clock = clock or Clock()
@@ -85,7 +85,7 @@ def simulate(
 
 
 @contextmanager
-def refused_growth(scene: SceneBase) -> Iterator[None]:
+def refused_growth(scene: Scene) -> Iterator[None]:
     """Within, a motion of the reduced model that grows without bound is the scene's mistake, which a user can mend.
 
     Raises
@@ -99,7 +99,7 @@ def refused_growth(scene: SceneBase) -> Iterator[None]:
         raise error.refusal(scene.time.step, scene.time.rho_inf) from None
 
 
-def simulate_reduced(scene: SceneBase, reduced: ReducedModel, clock: Clock | None = None) -> Response:
+def simulate_reduced(scene: Scene, reduced: ReducedModel, clock: Clock | None = None) -> Response:
     """Response of a reduced model to the scene's path and loads, by the first simulator that the scene names.
 
     Its seconds are the median of several simulations, if these are short.
@@ -108,16 +108,15 @@ def simulate_reduced(scene: SceneBase, reduced: ReducedModel, clock: Clock | Non
         return _repeated(scene, reduced, scene.simulation.simulators[0], longest=SHORT)
 
 
-def simulate_reference(name: str, scene: SceneBase, full: FullBody, clock: Clock | None = None) -> Response:
+def simulate_reference(name: str, scene: Scene, full: FullBody, clock: Clock | None = None) -> Response:
     """Response of ``"full"``, by a simulator that is not distributed, or of ``"ancf"``."""
     with (clock or Clock()).stage(name) as done:
         if name == "ancf":
-            assert isinstance(scene, Scene)  # the scene's check
             return cable.response(scene, full.output_positions, done)
         return _repeated(scene, full, full_simulator(scene, full.size), done, SHORT)
 
 
-def check_installed(scene: SceneBase) -> None:
+def check_installed(scene: Scene) -> None:
     """Refuse before the work what a scene's simulators need and isn't there.
 
     Raises
@@ -132,12 +131,13 @@ def check_installed(scene: SceneBase) -> None:
         environment.check_installed(str(package))
 
 
-def quantities(scene: SceneBase) -> Mapping[str, compare.Quantity]:
+def quantities(scene: Scene) -> Mapping[str, compare.Quantity]:
     """What is compared between responses."""
-    return compare.IN_SPACE[len(transverse(scene))] if isinstance(scene, StructureScene) else compare.PLANAR
+    tips = len(transverse(scene))
+    return compare.quantities_of(tips, slice(None) if scene.observe.stations is None else slice(-tips))
 
 
-def full_simulator(scene: SceneBase, size: int) -> str:
+def full_simulator(scene: Scene, size: int) -> str:
     """Which simulator takes a full model of `size` coordinates: the one that the scene names, or the fastest."""
     if scene.simulation.full != "auto":
         return scene.simulation.full
@@ -145,7 +145,7 @@ def full_simulator(scene: SceneBase, size: int) -> str:
 
 
 def _repeated(
-    scene: SceneBase, body: SlidingBody, simulator: str, done: Done | None = None, longest: float = np.inf
+    scene: Scene, body: SlidingBody, simulator: str, done: Done | None = None, longest: float = np.inf
 ) -> Response:
     """A response whose seconds are the median of several simulations, unless the first takes longer than `longest`."""
     first = _RESPOND[simulator](scene, body, done)
@@ -156,7 +156,7 @@ def _repeated(
 
 
 def _in_exudyn(formulation: Formulation) -> Respond:
-    def response(scene: SceneBase, body: SlidingBody, done: Done | None) -> Response:
+    def response(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
         excitation = Excitation.of(scene)
         trajectory = exudyn.simulate(body, excitation, progress=done, formulation=formulation)
         return respond(body, trajectory, excitation.path_rate, excitation.forces(body.input_names))
@@ -164,7 +164,7 @@ def _in_exudyn(formulation: Formulation) -> Respond:
     return response
 
 
-def _in_march(scene: SceneBase, body: SlidingBody, done: Done | None) -> Response:
+def _in_march(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
     """In modal coordinates throughout, which nobody keeps: what a response holds does not depend on them."""
     form, excitation = modal_form(body), Excitation.of(scene)
     f = excitation.forces(body.input_names)

@@ -14,14 +14,14 @@ from pmr.environment import Clock
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, RunResult, Shapes
-from pmr.scene import SceneBase
+from pmr.scene import Scene
 from pmr.simulate import Excitation, contact_step, resolution
 
 #: Frequencies, and places along the path at which they are found.
 FREQUENCIES, POSITIONS = 6, 11
 
 
-def simulate_saved(reduced: ReducedModel, scene: SceneBase, clock: Clock | None = None) -> RunResult:
+def simulate_saved(reduced: ReducedModel, scene: Scene, clock: Clock | None = None) -> RunResult:
     """Simulate a reduced model under another scene's path, loads and time stepping, by the simulators that it names.
 
     There are no errors in the result, and the basis has no singular values: both belong to a full model.

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from pmr.results import RunResult
-from pmr.scene import Scene, StructureScene
 
 SMALL = 0.1  # of the body's length: a tip's path is then shortened by about half a per cent of it
 
 
 def large_motion(result: RunResult) -> list[str]:
     """A line where the body moves by more than `SMALL` of its length, which no linear model describes."""
-    length = _length(result)
+    length = result.scene.length
     largest = max(float(np.abs(response.displacement).max(initial=0.0)) for response in result.responses.values())
     if not largest > SMALL * length:
         return []
@@ -20,11 +19,3 @@ def large_motion(result: RunResult) -> list[str]:
         f"the largest displacement, {largest:.3g} m, is {largest / length:.2g} times the body's length: "
         f"beyond {SMALL:g} times the theory of small motions does not hold"
     ]
-
-
-def _length(result: RunResult) -> float:
-    scene = result.scene
-    if isinstance(scene, StructureScene):
-        return scene.body.box.length if scene.body.box else abs(scene.observe.end - scene.observe.start)
-    assert isinstance(scene, Scene)
-    return scene.body.length

@@ -9,9 +9,9 @@ from pydantic import TypeAdapter
 
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
+from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
 from pmr.scene.signals import Signal, SignalBase
-from pmr.scene.space import Gravity
 from pmr.simulate.excitation import SLIDER, Excitation
 from pmr.simulate.stepping import TimeStepping
 

@@ -1,4 +1,4 @@
-"""From a scene of any kind to its full model."""
+"""From a scene to its full model."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import logging
 from dataclasses import dataclass
 
 from pmr.fem.compat import MPI
-from pmr.fullmodel.from_scene import planar_structure, structure_of
+from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import Structure, structural_model
 from pmr.models.beam2d import Beam2D
-from pmr.scene import Scene, SceneBase, StructureScene
+from pmr.scene import Scene
 
 logger = logging.getLogger(__name__)
 
@@ -26,7 +26,7 @@ class Built:
     structure: Structure
 
 
-def build(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
+def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     """Assemble the full model of a scene on `comm`; collective.
 
     Raises
@@ -34,17 +34,13 @@ def build(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     InputError
         If the scene's mesh does not fit what stands on it.
     """
-    if isinstance(scene, StructureScene):
-        structure = structure_of(scene, comm)
-    else:
-        assert isinstance(scene, Scene)
-        structure = planar_structure(scene)
+    structure = structure_of(scene, comm)
     if comm.rank == 0:
         _say_round_off(structure)
     return Built(structural_model(structure, comm), structure)
 
 
-def full_model(scene: SceneBase, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
+def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
     """The full model alone; as `build`."""
     return build(scene, comm).model
 

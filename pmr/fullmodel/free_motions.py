@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
-from pmr.fullmodel.pads import Pads, fixed_pad, hold
+from pmr.fullmodel.pads import Pads, fixed_pad, restrain
 from pmr.fullmodel.structure import Structure
 from pmr.models import DIRECTIONS
 
@@ -50,8 +50,8 @@ def freedoms(structure: Structure, path: tuple[float, float]) -> list[Freedom]:
     """What is free at places along the path, from its one end to the other, m."""
     model, pads = structure.model, structure.pads
     R, whole = model.rigid_motions(), sp.eye(structure.model.size, format="csr")
-    still = hold(replace(pads, moving=(), sliders=()), model, whole)
-    points = hold(Pads(sliders=pads.sliders), model, whole).rows
+    still = restrain(replace(pads, moving=(), sliders=()), model, whole)
+    points = restrain(Pads(sliders=pads.sliders), model, whole).rows
     held = [_measured((*still.rows, *still.springs), R)]
     held += [R[model.coordinates_on(clamp.on, clamp.directions)] for clamp in structure.clamps]
     first, last = (

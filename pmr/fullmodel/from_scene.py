@@ -1,17 +1,18 @@
-"""From a scene in space to a structure: its mesh, the model on it, pads, loads, masses and what is observed."""
+"""From a scene to a structure: its mesh, the model on it, pads, loads, masses and what is observed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.fullmodel.pads import Hold, Pad, Pads, Slider
+from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.structure import Action, Clamp, PadForce, Structure, Weight
 from pmr.mesh.beam import beam_nodes
 from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
@@ -25,17 +26,20 @@ from pmr.models.shell import KINDS as SHELL_KINDS
 from pmr.models.shell import Shell
 from pmr.models.solid import KINDS as SOLID_KINDS
 from pmr.models.solid import Solid
-from pmr.scene import SUPPORT_ROWS, Scene, StructureScene
-from pmr.scene.choice import model_of, transverse
-from pmr.scene.space import Box, PadRing
-from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, Profile, ShellBody, SolidBody
+from pmr.scene import Scene
+from pmr.scene.built import Box, PadRing
+from pmr.scene.choice import directions, model_of, transverse
+from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Plate, Profile, ShellBody, SolidBody
+
+Array = NDArray[np.float64]
 
 
-def structure_of(scene: StructureScene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
+def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     """What a scene describes; the same on every rank, collective.
 
-    Outputs: the displacement in m along each transverse direction at the observed places, then of the tip, then the
-    forces in N of the pads that stay and hold both ways; those of all others are the rows' multipliers.
+    Outputs: the displacement in m along each transverse direction at the observed places (by default a beam's nodes but
+    for the last, which is the tip), then of the tip, then the forces in N of the pads that stay and hold both ways;
+    those of all others are the rows' multipliers.
 
     Raises
     ------
@@ -43,58 +47,43 @@ def structure_of(scene: StructureScene, comm: MPI.Comm = MPI.COMM_WORLD) -> Stru
         If the mesh can't be had, or lacks a group.
     """
     model, pads = _MODELS[model_of(scene)](scene, comm), _pads(scene)
-    across = transverse(scene)
-    line = [Action(f"{d} at {x:g} m", x, d) for d in across for x in scene.observe.stations]
-    tip = [Action(scene.observe.tip_along(d), scene.observe.tip, d) for d in across]
+    across, observe = transverse(scene), scene.observe
+    stations: Sequence[float] | Array | None = observe.stations
+    if stations is None:
+        assert model.node_stations is not None  # the scene's check
+        stations = model.node_stations[:-1]  # the last one is the tip
+    line = [Action(f"{d} at {x:g} m", float(x), d) for d in across for x in stations]
+    tip = [Action(observe.tip_along(d), observe.tip, d) for d in across]
     forces = [PadForce(pad.name) for pad in pads.fixed if np.isfinite(pad.stiffness) and not pad.unilateral]
     weight = [Weight(scene.gravity.direction)] if scene.gravity else []
     return Structure(
         model,
-        clamps=tuple(Clamp(clamp.on, clamp.directions) for clamp in scene.clamps),
+        clamps=tuple(Clamp(str(one.on), one.held) for one in scene.supports if one.points == "all"),
         masses=scene.masses,
         loads=(*(Action(load.name, load.on, load.direction) for load in scene.loads), *weight),
         outputs=(*line, *tip, *forces),
         damping=scene.damping,
-        pads=replace(pads, holds=_holds(scene)),
+        pads=replace(pads, supports=_supports(scene)),
     )
 
 
-#: What a planar scene calls by another name: there y is the vertical.
-_UPRIGHT = {"x": ("x", 1.0), "y": ("z", 1.0), "rotation": ("ry", -1.0)}
-
-
-def planar_structure(scene: Scene) -> Structure:
-    """What a planar scene describes."""
-    body, offsets = scene.body, scene.slider.offsets
-    nodes = beam_nodes(scene)
-    names = [f"slider at s{offset:+g} m" if offset else "slider at s" for offset in offsets]
-    pads = Pads(
-        holds=tuple(
-            Hold(f"support {_UPRIGHT[d][0]} at {support.at:g} m", support.at, _UPRIGHT[d][0])
-            for support in scene.supports
-            for d in SUPPORT_ROWS[support.kind]
-            if d in body.directions
-        ),
-        sliders=tuple(map(Slider, names, offsets)) if offsets != (0.0,) else (Slider(),),
-        travel=(0.0 - min(offsets), body.length - max(offsets)),
-    )
-    return Structure(
-        Beam2D(Profile.model_validate(body.model_dump(exclude={"model"})), nodes),
-        loads=tuple(Action(load.name, load.at, *_UPRIGHT[load.direction]) for load in scene.loads),
-        outputs=tuple(Action(f"z at {x:g} m", float(x), "z") for x in nodes),
-        damping=scene.damping,
-        pads=pads,
-    )
-
-
-def _pads(scene: StructureScene) -> Pads:
+def _pads(scene: Scene) -> Pads:
     """Those that the model can feel: nothing moves a planar beam sideways."""
     faces = ("bottom", "top") if model_of(scene) == "beam2d" else ("bottom", "top", "left", "right")
     rings = {moving: [ring for ring in scene.pads if ring.moving is moving] for moving in (False, True)}
     fixed, moving = (tuple(pad for ring in rings[m] for pad in _ring(ring, faces)) for m in (False, True))
+    if scene.points:
+        travel = 0.0 - min(scene.points), scene.length - max(scene.points)
+        return Pads(fixed, sliders=tuple(Slider(_slider_name(scene, at), at) for at in scene.points), travel=travel)
     low, high = scene.path_bounds
-    reach = 0.0 if high > low else 1e-3 * max(abs(scene.observe.start), abs(scene.observe.end))
+    reach = 0.0 if high > low else 1e-3 * scene.length
     return Pads(fixed, moving, travel=(low, high + reach))
+
+
+def _slider_name(scene: Scene, offset: float) -> str:
+    if scene.points == (0.0,):
+        return "slider"
+    return f"slider at s{offset:+g} m" if offset else "slider at s"
 
 
 def _ring(ring: PadRing, faces: tuple[str, ...]) -> list[Pad]:
@@ -106,27 +95,35 @@ def _ring(ring: PadRing, faces: tuple[str, ...]) -> list[Pad]:
     ]
 
 
-def _holds(scene: StructureScene) -> tuple[Hold, ...]:
+def _supports(scene: Scene) -> tuple[Support, ...]:
+    """One for each direction that the model knows: nothing moves a planar beam along others."""
+    moves = directions(scene)
     return tuple(
-        Hold(hold.name, hold.on, hold.direction, np.inf if hold.stiffness == "rigid" else hold.stiffness)
-        for hold in scene.holds
+        Support(one.row_name(d), one.on, d, np.inf if one.stiffness == "rigid" else one.stiffness)
+        for one in scene.supports
+        if one.points == "mean"
+        for d in one.held
+        if d in moves
     )
 
 
-def _planar_beam(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
-    box, material = _box(scene), scene.body.material
+def _planar_beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
+    profile = scene.body.profile or _planar_profile(_box(scene), scene.body.material)
+    return Beam2D(profile, beam_nodes(profile.length, scene.mesh))
+
+
+def _planar_profile(box: Box, material: Material) -> Profile:
     section = box_section(BoxProfile(width=box.width, height=box.height, wall=box.wall), material.poisson)
-    profile = Profile(
+    return Profile(
         length=box.length,
         bending_stiffness=material.young * section.second_moment_y,
         mass_per_length=material.density * section.area,
         axial_stiffness=material.young * section.area,
         axial=True,
     )
-    return Beam2D(profile, np.linspace(0.0, box.length, scene.mesh.elements + 1))
 
 
-def _beam(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
+def _beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
     box, body = _box(scene), scene.body
     profile = None if body.section else BoxProfile(width=box.width, height=box.height, wall=box.wall)
     return Beam3D(
@@ -141,7 +138,7 @@ def _beam(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
     )
 
 
-def _shell(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
+def _shell(scene: Scene, comm: MPI.Comm) -> StructuralModel:
     body = scene.body
     thickness = body.box.wall if body.box else body.thickness
     assert thickness is not None  # the scene's check
@@ -156,7 +153,7 @@ def _shell(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
     )
 
 
-def _solid(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
+def _solid(scene: Scene, comm: MPI.Comm) -> StructuralModel:
     body = scene.body
 
     def write(boom: BoxBoom, file: Path) -> None:
@@ -166,7 +163,7 @@ def _solid(scene: StructureScene, comm: MPI.Comm) -> StructuralModel:
     return Solid(SolidBody(material=body.material, regions=regions), _mesh(scene, comm, SOLID_KINDS, write))
 
 
-_MODELS: dict[str, Callable[[StructureScene, MPI.Comm], StructuralModel]] = {
+_MODELS: dict[str, Callable[[Scene, MPI.Comm], StructuralModel]] = {
     "beam2d": _planar_beam,
     "beam3d": _beam,
     "shell": _shell,
@@ -174,9 +171,7 @@ _MODELS: dict[str, Callable[[StructureScene, MPI.Comm], StructuralModel]] = {
 }
 
 
-def _mesh(
-    scene: StructureScene, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]
-) -> NamedMesh:
+def _mesh(scene: Scene, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
     """Read or drawn by rank 0, then the same everywhere."""
     found: NamedMesh | InputError | None = None
     if comm.rank == 0:
@@ -191,7 +186,7 @@ def _mesh(
     return found
 
 
-def _read_or_draw(scene: StructureScene, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
+def _read_or_draw(scene: Scene, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
     if scene.mesh.file is not None:
         return read_mesh(scene.mesh.file, kinds)
     box, mesh = _box(scene), scene.mesh
@@ -213,6 +208,6 @@ def _read_or_draw(scene: StructureScene, kinds: tuple[str, ...], write: Callable
         raise InputError("scene", key or f"body.box.{error.key}", error.value, error.allowed) from None
 
 
-def _box(scene: StructureScene) -> Box:
+def _box(scene: Scene) -> Box:
     assert scene.body.box is not None  # the scene's check
     return scene.body.box

@@ -41,6 +41,8 @@ class FullModel:
         What D is made of, where it is Rayleigh's.
     rigid : RigidMotions, optional
         In closed form.  A model without can be simulated, but not be reduced to free modes.
+    node_stations : (N,) array, m, optional
+        Places of a beam's nodes along its axis.
     """
 
     M: PETSc.Mat
@@ -56,6 +58,7 @@ class FullModel:
     output_units: tuple[str, ...] = ()
     rigid: RigidMotions | None = None
     rayleigh: Rayleigh | None = None
+    node_stations: Array | None = None
 
     @property
     def comm(self) -> Any:

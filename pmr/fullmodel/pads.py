@@ -103,8 +103,8 @@ class Pad:
 
 
 @dataclass(frozen=True)
-class Hold:
-    """What holds the mean displacement of a group along a direction: a cylinder; infinitely stiff by default, N/m."""
+class Support:
+    """What holds the mean motion of a place along a direction: a pin, a cylinder; rigid by default, N/m."""
 
     name: str
     on: str | float
@@ -128,7 +128,7 @@ class Pads:
     ----------
     fixed, moving : tuples of Pad
         Moving ones are centred at s + `at`.
-    holds : tuple of Hold
+    supports : tuple of Support
     sliders : tuple of Slider
     travel : tuple of float, m
         Smallest and largest s.
@@ -136,7 +136,7 @@ class Pads:
 
     fixed: tuple[Pad, ...] = ()
     moving: tuple[Pad, ...] = ()
-    holds: tuple[Hold, ...] = ()
+    supports: tuple[Support, ...] = ()
     sliders: tuple[Slider, ...] = ()
     travel: tuple[float, float] = (0.0, 1.0)
 
@@ -145,14 +145,14 @@ class Pads:
         if not low < high:
             raise InputError("scene", "pads.travel", self.travel, "two places in m, the first one less, are allowed")
         pads = [pad.name for pad in (*self.fixed, *self.moving)]
-        names = [*pads, *(hold.name for hold in self.holds), *(slider.name for slider in self.sliders)]
+        names = [*pads, *(support.name for support in self.supports), *(slider.name for slider in self.sliders)]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError("scene", "pads", twice[0], "names that differ are allowed")
 
 
 @dataclass(frozen=True)
-class Holding:
+class Restraints:
     """What pads are to a structure.
 
     Attributes
@@ -193,8 +193,8 @@ class Holding:
         return [spring.at(spring.breaks[0]) for spring in self.springs]
 
 
-def hold(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Holding:
-    """Rows and springs of all pads and holds on the coordinates z of a structure, q = T z.
+def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints:
+    """Rows and springs of all pads, supports and sliders on the coordinates z of a structure, q = T z.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def hold(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Holding:
     """
     staying = [
         *(fixed_pad(pad, model, T, pads.travel) for pad in pads.fixed),
-        *(_hold(hold, model, T, pads.travel) for hold in pads.holds),
+        *(_support(support, model, T, pads.travel) for support in pads.supports),
     ]
     moving = [
         *(_point(slider, model, T) for slider in pads.sliders),
@@ -211,7 +211,7 @@ def hold(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Holding:
     ]
     springs = [row.compliance > 0.0 and row.clearance is None for row in staying]
     rows = [row for row, spring in zip(staying, springs, strict=True) if not spring]
-    return Holding((*rows, *moving), tuple(row for row, spring in zip(staying, springs, strict=True) if spring))
+    return Restraints((*rows, *moving), tuple(row for row, spring in zip(staying, springs, strict=True) if spring))
 
 
 def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
@@ -242,16 +242,16 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
     return replace(fixed_row(pad.name, mean, travel), compliance=1.0 / pad.stiffness, clearance=pad.free_way)
 
 
-def _hold(hold: Hold, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
-    if hold.direction not in model.directions:
+def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+    if support.direction not in model.directions:
         allowed = f"{', '.join(model.directions)} are allowed"
-        raise InputError("scene", f"pads.{hold.name}.direction", hold.direction, allowed)
-    measured = model.motion(hold.on)[model.directions.index(hold.direction)]
+        raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
+    measured = model.motion(support.on)[model.directions.index(support.direction)]
     left = sp.csr_matrix(measured @ T)
     if np.abs(left.data).max(initial=0.0) <= 1e-12 * np.abs(measured.data).max(initial=0.0):
-        allowed = f"a clamp holds {hold.on} along it already; one of the two is allowed"
-        raise InputError("scene", f"holds.{hold.name}.direction", hold.direction, allowed)
-    return replace(fixed_row(hold.name, left, travel), compliance=1.0 / hold.stiffness)
+        allowed = f"a support of all points holds {support.on} along it already; one of the two is allowed"
+        raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
+    return replace(fixed_row(support.name, left, travel), compliance=1.0 / support.stiffness)
 
 
 def _point(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:

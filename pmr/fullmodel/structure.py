@@ -23,7 +23,7 @@ from pmr.fem.distributed import freed, sparse
 from pmr.fem.matrices import columns
 from pmr.fullmodel.assembly import Operators, assemble_model, projected, rayleigh, reordered, share
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.pads import Holding, Pads, hold
+from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.models import StructuralModel
 from pmr.models.rigid import RigidMotions
 from pmr.scene import Damping
@@ -111,15 +111,15 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     coupling = couple(structure)
     attached = coupling.attached_mass()
     size = coupling.T.shape[1]
-    holding = hold(structure.pads, model, coupling.T)
-    springs = holding.stiffness(size)
+    restraints = restrain(structure.pads, model, coupling.T)
+    springs = restraints.stiffness(size)
     loads = [coupling.load(load, base.M) for load in structure.loads]
     operators = Operators(
         _reduced(base.M, coupling.T, attached),
         _reduced(base.K, coupling.T, _padded(springs, attached)),
     )
     measured = [
-        coupling.row(output) if isinstance(output, Action) else holding.force(output.pad, size)
+        coupling.row(output) if isinstance(output, Action) else restraints.force(output.pad, size)
         for output in structure.outputs
     ]
     return FullModel(
@@ -128,20 +128,21 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         operators.K,
         inputs=columns(operators.M, [_sparse_column(load) for load in loads]),
         outputs=columns(operators.M, [_sparse_column(row) for row in measured]),
-        rows=Rows(holding.rows, size),
+        rows=Rows(restraints.rows, size),
         input_names=tuple(load.name for load in structure.loads),
         output_positions=np.array([_position(output, structure) for output in structure.outputs]),
         output_names=tuple(output.name for output in structure.outputs),
         output_units=tuple(output.unit for output in structure.outputs),
         reference_frequency=model.reference_frequency,
-        rigid=_rigid_motions(coupling, holding, operators.M),
+        rigid=_rigid_motions(coupling, restraints, operators.M),
         rayleigh=rayleigh(structure.damping),
+        node_stations=model.node_stations,
     )
 
 
-def _rigid_motions(coupling: Coupling, holding: Holding, M: PETSc.Mat) -> RigidMotions:
+def _rigid_motions(coupling: Coupling, restraints: Restraints, M: PETSc.Mat) -> RigidMotions:
     """This rank's rows of them, and what clamps and springs measure of each."""
-    springs = [np.asarray(spring @ coupling.rigid) for spring in holding.vectors(coupling.T.shape[1])]
+    springs = [np.asarray(spring @ coupling.rigid) for spring in restraints.vectors(coupling.T.shape[1])]
     return RigidMotions(coupling.rigid[slice(*M.getOwnershipRange())].copy(), np.vstack([coupling.clamped, *springs]))
 
 
@@ -281,7 +282,7 @@ def _position(output: Action | PadForce, structure: Structure) -> float:
     if isinstance(output, Action):
         return float(structure.model.centroid(output.on)[0])
     places = {pad.name: pad.at for pad in structure.pads.fixed}
-    places |= {hold.name: float(structure.model.centroid(hold.on)[0]) for hold in structure.pads.holds}
+    places |= {support.name: float(structure.model.centroid(support.on)[0]) for support in structure.pads.supports}
     return places[output.pad]
 
 

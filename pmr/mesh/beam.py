@@ -10,23 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.scene import Scene
+from pmr.scene import MeshChoice
 
 Array = NDArray[np.float64]
 
 
-def beam_nodes(scene: Scene) -> Array:
-    """Nodes (N,) m of the scene's beam, in increasing order, the same on every rank.
+def beam_nodes(length: float, mesh: MeshChoice) -> Array:
+    """Nodes (N,) m of a beam, in increasing order, the same on every rank.
 
     Raises
     ------
     InputError
         If a mesh file holds anything but a chain of line cells on the x axis from 0 to the beam's length.
     """
-    if scene.mesh.file is not None:
-        return read_nodes(scene.mesh.file, scene.body.length)
-    assert scene.mesh.elements is not None
-    return graded_nodes(scene.body.length, scene.mesh.elements, scene.mesh.grading)
+    return graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
 
 
 def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:
@@ -70,6 +67,6 @@ def read_nodes(file: Path, length: float) -> Array:
     if len(chain) != len(nodes) - 1 or set(map(tuple, chain)) != {(i, i + 1) for i in range(len(nodes) - 1)}:
         raise refuse(f"{len(lines)} lines on {len(nodes)} nodes that form no single chain")
     if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:
-        raise refuse(f"nodes from {nodes[0]:g} to {nodes[-1]:g} m, but body.length = {length:g} m from 0")
+        raise refuse(f"nodes from {nodes[0]:g} to {nodes[-1]:g} m, but the beam has {length:g} m from 0")
     nodes[0], nodes[-1] = 0.0, length
     return np.asarray(nodes, float)

@@ -47,6 +47,11 @@ class StructuralModel(Protocol):
         """Scale of the lowest frequencies in rad/s; eigensolvers shift by it."""
         ...
 
+    @property
+    def node_stations(self) -> Array | None:
+        """Places of a beam's nodes along its axis (N,) m; None of bodies that are no lines."""
+        ...
+
     def domain(self, comm: MPI.Comm) -> Any:
         """The mesh in dolfinx, spread over `comm`; collective."""
         ...

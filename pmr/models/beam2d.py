@@ -68,6 +68,10 @@ class Beam2D:
         return float(2e-17 * (self.body.length / np.diff(self.nodes).min()) ** 4)
 
     @property
+    def node_stations(self) -> Array:
+        return self.nodes
+
+    @property
     def directions(self) -> tuple[str, ...]:
         return ("x", "z", "ry") if self.body.axial else ("z", "ry")
 

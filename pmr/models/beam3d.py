@@ -131,6 +131,10 @@ class Beam3D:
     def directions(self) -> tuple[str, ...]:
         return DIRECTIONS
 
+    @property
+    def node_stations(self) -> Array:
+        return self.axis.stations
+
     @cached_property
     def transformation(self) -> sp.csr_matrix:
         """T: the space works in the frames of the segments, one after the other on one line."""

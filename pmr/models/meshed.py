@@ -29,6 +29,7 @@ class MeshedModel(ABC):
 
     mesh: NamedMesh
     transformation: None = None  # the space's coordinates are the model's
+    node_stations: None = None
 
     @property
     @abstractmethod

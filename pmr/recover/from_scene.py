@@ -14,7 +14,7 @@ from pmr.fullmodel.build import Built
 from pmr.recover.coordinates import Recovery, chosen_states
 from pmr.recover.fields import Seen, View, in_blocks, look
 from pmr.reduced.model import ReducedModel
-from pmr.scene import SceneBase, StructureScene
+from pmr.scene import Scene
 from pmr.simulate import Excitation
 from pmr.simulate.native import simulator as march
 
@@ -46,16 +46,14 @@ class Recovered:
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
 
 
-def recovered_steps(scene: SceneBase) -> NDArray[np.int64]:
+def recovered_steps(scene: Scene) -> NDArray[np.int64]:
     """Numbers (S,) of the steps whose states are recovered; empty where the scene asks for none."""
-    if not isinstance(scene, StructureScene) or scene.recovery is None:
+    if scene.recovery is None:
         return np.empty(0, np.int64)
     return np.arange(0, scene.time.steps + 1, round(scene.recovery.every / scene.time.step))
 
 
-def recover(
-    scene: StructureScene, built: Built, V: Array, reduced: ReducedModel, full_states: Array | None
-) -> Recovered:
+def recover(scene: Scene, built: Built, V: Array, reduced: ReducedModel, full_states: Array | None) -> Recovered:
     """Recover what the scene asks for; collective.
 
     Parameters

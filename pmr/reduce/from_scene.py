@@ -10,7 +10,7 @@ from pmr.reduce.galerkin import reduced_model, with_held_coordinates
 from pmr.reduce.residual.model import flexible_model, modal_model
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
-from pmr.scene import SceneBase
+from pmr.scene import Scene
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
 from pmr.snapshots.free_body import FreeBody
@@ -24,7 +24,7 @@ ENRICHMENT_MODES = 4
 SEARCHED_MODES = 26
 
 
-def take_snapshots(scene: SceneBase, model: FullModel, body: FreeBody | None = None) -> Snapshots:
+def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None) -> Snapshots:
     """Eigenmodes with the slider held at several positions, or with the sliders released.
 
     Raises
@@ -34,12 +34,12 @@ def take_snapshots(scene: SceneBase, model: FullModel, body: FreeBody | None = N
     ConvergenceError
         If a solver fails.
     """
-    if scene.reduction.basis == "free_modes":
+    if not scene.reduction.pooled:
         return free_modes(model, scene.reduction.coordinates, scene.reduction.solver, _enrichment(scene), body)
     return eigenmode_snapshots(model, scene)
 
 
-def build_basis(scene: SceneBase, model: FullModel, snapshots: Snapshots) -> Basis:
+def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     """The POD of the snapshots, with the rigid-body modes where flexibility is added; free modes as they are.
 
     Raises
@@ -48,7 +48,7 @@ def build_basis(scene: SceneBase, model: FullModel, snapshots: Snapshots) -> Bas
         If the snapshots span too little.
     """
     choice = scene.reduction
-    if choice.basis == "free_modes":
+    if not choice.pooled:
         return modal_basis(snapshots)
     if choice.flexibility:
         return with_rigid_modes(model, snapshots, rigid_modes(model), choice.coordinates, choice.product, choice.solver)
@@ -56,7 +56,7 @@ def build_basis(scene: SceneBase, model: FullModel, snapshots: Snapshots) -> Bas
 
 
 def project(
-    scene: SceneBase, model: FullModel, basis: Basis, provenance: dict[str, Any], body: FreeBody | None = None
+    scene: Scene, model: FullModel, basis: Basis, provenance: dict[str, Any], body: FreeBody | None = None
 ) -> ReducedModel:
     """The reduced model, with tables of the flexibility that the basis leaves out where the scene asks for it.
 
@@ -72,20 +72,20 @@ def project(
     if choice.flexibility:
         return flexible_model(model, basis, provenance, choice.solver, body)
     reduced = reduced_model(model, basis, provenance)
-    return with_held_coordinates(reduced) if scene.reduction.support_rows == "hold" else reduced
+    return with_held_coordinates(reduced) if choice.basis == "paper" else reduced
 
 
-def _enrichment(scene: SceneBase) -> int:
+def _enrichment(scene: Scene) -> int:
     """Modes beyond the coordinates: those that estimate the error."""
     if scene.accuracy is not None:
         return SEARCHED_MODES
     return ENRICHMENT_MODES if scene.reduction.needs_inertia else 0
 
 
-def description(scene: SceneBase, basis: Basis) -> str:
+def description(scene: Scene, basis: Basis) -> str:
     """The basis in words."""
     choice = scene.reduction
-    if choice.basis == "free_modes":
+    if not choice.pooled:
         kind = "eigenmodes on the fixed supports with the sliders released, M-orthonormal"
     else:
         rigid = "rigid-body modes of the body without its sliders and " if choice.flexibility else ""

@@ -10,9 +10,10 @@ from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, plain, signed
 from pmr.report.subject import MODELS, loads, moving, rings, weight
 from pmr.results import RunResult
-from pmr.scene import Scene, SceneBase, StructureScene
+from pmr.scene import Body, Scene
 from pmr.scene.choice import choose
 from pmr.scene.signals import SignalBase
+from pmr.scene.structures import Profile
 
 Rows = Iterator[tuple[str, str]]
 _SIGNAL_UNITS = {"time": "s", "times": "s", "frequency": "Hz", "frequencies": "Hz", "phase": "rad"}
@@ -22,8 +23,7 @@ _MOST_KNOTS = 6
 def body(result: RunResult) -> Table:
     """What slides, what holds it, how it is damped."""
     scene = result.scene
-    described = _structure(scene) if isinstance(scene, StructureScene) else _beam(result.beam)
-    return Table("Body and mesh", (*described, *_damping(scene)))
+    return Table("Body and mesh", (*_structure(scene), *_damping(scene)))
 
 
 def motion(result: RunResult) -> Table:
@@ -52,28 +52,41 @@ def described(signal: SignalBase, unit: str) -> str:
     return ", ".join([kind, *parts])
 
 
-def _beam(scene: Scene) -> Rows:
-    body = scene.body
-    yield "length", f"{plain(body.length)}{SPACE}m"
-    yield "stiffness EI", f"{plain(body.bending_stiffness)}{SPACE}N{SPACE}m²"
-    if body.axial_stiffness is not None:
-        yield "stiffness EA", f"{plain(body.axial_stiffness)}{SPACE}N"
-    yield "mass per length", f"{plain(body.mass_per_length)}{SPACE}kg/m"
-    yield "nodal coordinates", ", ".join(body.directions)
-    for support in scene.supports:
-        yield "support", f"{support.kind} at {plain(support.at)}{SPACE}m"
-    if scene.mesh.file is not None:
-        yield "mesh", PurePath(scene.mesh.file).name
+def _structure(scene: Scene) -> Rows:
+    body, mesh, chosen = scene.body, scene.mesh, choose(scene)
+    yield "model", f"{MODELS[chosen.model].split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
+    if body.profile is not None:
+        yield from _profile(body.profile)
     else:
-        graded = f", last over first {plain(scene.mesh.grading)}" if scene.mesh.grading != 1.0 else ""
-        yield "elements", f"{scene.mesh.elements}{graded}"
+        yield from _section(body)
+    if mesh.file is not None:
+        yield "mesh", PurePath(mesh.file).name
+    elif chosen.model.startswith("beam"):
+        graded = f", last over first {plain(mesh.grading)}" if mesh.grading != 1.0 else ""
+        yield "elements", f"{plain(mesh.elements)}{graded}"
+    else:
+        yield "edges", f"{plain(mesh.size)}{SPACE}m, along the axis {plain(mesh.along or mesh.size)}{SPACE}m"
+    for mass in scene.masses:
+        yield f"mass {mass.name}", f"{plain(mass.mass)}{SPACE}kg on {mass.on}"
+    for support in scene.supports:
+        where = f"on {support.on}" if isinstance(support.on, str) else f"at {plain(support.on)}{SPACE}m"
+        along = support.kind if support.directions is None else f"along {', '.join(support.directions)}"
+        stiffness = support.stiffness if isinstance(support.stiffness, str) else f"{plain(support.stiffness)}{SPACE}N/m"
+        yield f"support {support.name}".strip(), f"{along} {where}, {stiffness}"
 
 
-def _structure(scene: StructureScene) -> Rows:
-    body, material, mesh = scene.body, scene.body.material, scene.mesh
-    yield "model", f"{MODELS[choose(scene).model].split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
-    if body.box is not None:
-        box = body.box
+def _profile(profile: Profile) -> Rows:
+    yield "length", f"{plain(profile.length)}{SPACE}m"
+    yield "stiffness EI", f"{plain(profile.bending_stiffness)}{SPACE}N{SPACE}m²"
+    if profile.axial_stiffness is not None:
+        yield "stiffness EA", f"{plain(profile.axial_stiffness)}{SPACE}N"
+    yield "mass per length", f"{plain(profile.mass_per_length)}{SPACE}kg/m"
+    yield "axial coordinates", "yes" if profile.axial else "no"
+
+
+def _section(body: Body) -> Rows:
+    box, material = body.box, body.material
+    if box is not None:
         yield "box", f"{plain(box.length)} × {plain(box.width)} × {plain(box.height)}{SPACE}m"
         yield "wall", f"{plain(1e3 * box.wall)}{SPACE}mm"
     elif body.thickness is not None:
@@ -81,21 +94,9 @@ def _structure(scene: StructureScene) -> Rows:
     yield "Young's modulus", f"{plain(1e-9 * material.young)}{SPACE}GPa"
     yield "Poisson's ratio", plain(material.poisson)
     yield "density", f"{plain(material.density)}{SPACE}kg/m³"
-    if mesh.file is not None:
-        yield "mesh", PurePath(mesh.file).name
-    elif choose(scene).model.startswith("beam"):
-        yield "elements", plain(mesh.elements)
-    else:
-        yield "edges", f"{plain(mesh.size)}{SPACE}m, along the axis {plain(mesh.along or mesh.size)}{SPACE}m"
-    for mass in scene.masses:
-        yield f"mass {mass.name}", f"{plain(mass.mass)}{SPACE}kg on {mass.on}"
-    for clamp in scene.clamps:
-        yield "clamped", f"{clamp.on}: {', '.join(clamp.directions)}"
-    for hold in scene.holds:
-        yield f"held by {hold.name}", f"{hold.on} along {hold.direction}, {hold.stiffness}"
 
 
-def _damping(scene: SceneBase) -> Rows:
+def _damping(scene: Scene) -> Rows:
     rayleigh = scene.damping
     if rayleigh.mass or rayleigh.stiffness:
         yield (
@@ -107,8 +108,8 @@ def _damping(scene: SceneBase) -> Rows:
 def _motion(result: RunResult) -> Rows:
     scene = result.scene
     yield f"{moving(result)} path s", described(scene.slider.path, "m")
-    if scene.slider.offsets != (0.0,):
-        yield "sliders at", ", ".join(f"s {signed(offset)}{SPACE}m" for offset in scene.slider.offsets)
+    if any(scene.points):
+        yield "sliders at", ", ".join(f"s {signed(offset)}{SPACE}m" for offset in scene.points)
     for ring in rings(result):
         where = (f"s {signed(ring.at)}" if ring.at else "s") if ring.moving else plain(ring.at)
         faces = ", ".join(f"{len(places)} {face}" for face, places in ring.faces.items())
@@ -123,21 +124,22 @@ def _motion(result: RunResult) -> Rows:
         yield "gravity", f"{plain(gravity.acceleration)}{SPACE}m/s² along ({along})"
 
 
-def _method(scene: SceneBase) -> Rows:
+def _method(scene: Scene) -> Rows:
     time, reduction = scene.time, scene.reduction
     yield "simulated time", f"{plain(time.end)}{SPACE}s"
     yield "step", f"{plain(1e3 * time.step)}{SPACE}ms, {plain(time.steps)} steps"
     yield "integrator", f"generalised-α, ρ∞ = {plain(time.rho_inf)}"
-    if reduction.basis == "free_modes":
+    if not reduction.pooled:
         yield "basis", f"{reduction.coordinates} eigenmodes on the fixed supports, sliders released"
     else:
         positions = reduction.positions
         where = positions if isinstance(positions, str) else f"{', '.join(plain(s) for s in positions)}{SPACE}m"
         yield "snapshots", f"{reduction.modes} modes at {reduction.snapshots} positions ({where})"
         yield "basis", f"POD, {reduction.coordinates} vectors, {reduction.product} product"
-        yield "satisfied rows of supports", {"drop": "dropped", "hold": "held"}.get(reduction.support_rows, "")
+        if reduction.basis == "paper":
+            yield "rows of supports", "each takes a coordinate, as published"
     if reduction.flexibility:
-        yield "residual flexibility", "added, inertia kept" if reduction.residual_inertia else "added, quasi-static"
+        yield "residual flexibility", "added, with its inertia" if reduction.residual_inertia else "added, quasi-static"
     if "ancf" in scene.compare.against:
         yield "ANCF elements", str(scene.compare.ancf_elements)
 

@@ -17,7 +17,7 @@ from pmr.report.motion import line, player
 from pmr.report.motion.album import album
 from pmr.report.motion.instants import top
 from pmr.report.numbers import SPACE, plain
-from pmr.report.subject import ACROSS, directions, fields_of, loads, moving, rings, tips, weight
+from pmr.report.subject import ACROSS, directions, loads, moving, rings, tips, weight
 from pmr.report.subject import forces as forces_of
 from pmr.report.subject import line as line_of
 from pmr.results import Response, RunResult
@@ -57,7 +57,7 @@ def inputs_over_time(result: RunResult, prefix: str) -> Block:
 
 def motion(result: RunResult, prefix: str) -> Block | None:
     """The motion: that of the fields, where these were recovered, else that of the axis."""
-    fields, data, found = fields_of(result), player.player(result), album(result, prefix)
+    fields, data, found = result.fields, player.player(result), album(result, prefix)
     if fields is None:
         if not len(line_of(result, result.responses["reduced"]).x):
             return None

@@ -6,17 +6,17 @@ Nothing else in the report asks how a scene says them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.numbers import SPACE, plain
-from pmr.results import Fields, Response, RunResult
-from pmr.scene import StructureScene
+from pmr.results import Response, RunResult
+from pmr.scene import Scene
+from pmr.scene.built import Box, Gravity, PadRing
 from pmr.scene.choice import choose, model_of, transverse
 from pmr.scene.signals import SignalBase
-from pmr.scene.space import Box, Gravity, PadRing
 from pmr.scene.structures import PointMass
 from pmr.system.body import force_of
 
@@ -86,16 +86,15 @@ class Model:
 def represented(result: RunResult) -> Model:
     """What the body is represented by."""
     scene = result.scene
-    if not isinstance(scene, StructureScene) or scene.body.model != "auto":
-        model = scene.body.model if isinstance(scene, StructureScene) else result.beam.body.model
-        return Model(MODELS[model], "as the scene names it")
+    if scene.body.model != "auto":
+        return Model(MODELS[scene.body.model], "as the scene names it")
     chosen = choose(scene)
     return Model(MODELS[chosen.model], f"since {'; '.join(chosen.reasons)}")
 
 
 def directions(result: RunResult) -> tuple[str, ...]:
     """Directions in which the body moves across its axis; the vertical is the last one."""
-    return transverse(result.scene) if isinstance(result.scene, StructureScene) else ("z",)
+    return transverse(result.scene)
 
 
 def tips(result: RunResult) -> Mapping[str, Quantity]:
@@ -117,7 +116,7 @@ def line(result: RunResult, response: Response) -> Line:
 def forces(result: RunResult) -> dict[str, list[Force]]:
     """Forces by what they come from, that which stays first: all that the reduced model's response holds."""
     scene, response = result.scene, result.responses["reduced"]
-    if not isinstance(scene, StructureScene):
+    if scene.points:
         count = response.slider_force.shape[1]
         called = response.force_names or ("",) * count
         return {"": [Force(k, f"slider {k + 1}" if count > 1 else "", name) for k, name in enumerate(called)]}
@@ -133,87 +132,69 @@ def forces(result: RunResult) -> dict[str, list[Force]]:
 
 def rings(result: RunResult) -> tuple[PadRing, ...]:
     """Pads, ring by ring."""
-    return result.scene.pads if isinstance(result.scene, StructureScene) else ()
+    return result.scene.pads
 
 
 def moving(result: RunResult) -> str:
     """What moves along the body, in a word."""
-    return "mouth" if rings(result) else "slider"
+    return "slider" if result.scene.points else "mouth"
 
 
 def offsets(result: RunResult) -> tuple[float, ...]:
     """Distances in m ahead of s at which something moves along the body."""
-    ahead = tuple(dict.fromkeys(ring.at for ring in rings(result) if ring.moving))
-    return ahead or result.scene.slider.offsets
+    return result.scene.points or tuple(dict.fromkeys(ring.at for ring in rings(result) if ring.moving))
 
 
 def length(result: RunResult) -> float:
     """Where the body ends along its axis, m."""
     scene = result.scene
-    if not isinstance(scene, StructureScene):
-        return result.beam.body.length
-    if scene.body.box is not None:
-        return scene.body.box.length
-    return float(result.fields.points[:, 0].max()) if result.fields is not None else scene.observe.end
+    if scene.body.length is not None:
+        return scene.body.length
+    return float(result.fields.points[:, 0].max()) if result.fields is not None else scene.observe.end or 0.0
 
 
 def box(result: RunResult) -> Box | None:
     """The box section, where the scene has one."""
-    return result.scene.body.box if isinstance(result.scene, StructureScene) else None
+    return result.scene.body.box
 
 
 def loads(result: RunResult) -> list[Acting]:
     """Loads in the order of the model's inputs; the weight, which may follow them, is none of these."""
     end, found = length(result), []
-    if not isinstance(result.scene, StructureScene):
-        kinds = {"x": "along", "y": "up", "rotation": "turn"}
-        return [
-            Acting(
-                load.name,
-                kinds[load.direction],
-                load.at,
-                f"at {plain(load.at)}{SPACE}m, direction {load.direction}",
-                load.signal,
-            )
-            for load in result.beam.loads
-        ]
     for one in result.scene.loads:
         kind = {"x": "along", "y": "aside", "z": "up"}.get(one.direction, "turn")
-        where = one.on if isinstance(one.on, str) else f"{plain(one.on)}{SPACE}m"
+        where = f"on {one.on}" if isinstance(one.on, str) else f"at {plain(one.on)}{SPACE}m"
         at = end if isinstance(one.on, str) else one.on
-        found.append(Acting(one.name, kind, at, f"on {where} along {one.direction}", one.signal))
+        found.append(Acting(one.name, kind, at, f"{where} along {one.direction}", one.signal))
     return found
 
 
 def weight(result: RunResult) -> Gravity | None:
     """The weight, if it acts."""
-    return result.scene.gravity if isinstance(result.scene, StructureScene) else None
+    return result.scene.gravity
 
 
 def masses(result: RunResult) -> list[PointMass]:
     """What is attached to the body."""
-    return list(result.scene.masses) if isinstance(result.scene, StructureScene) else []
+    return list(result.scene.masses)
 
 
 def held(result: RunResult) -> list[str]:
     """Names of what holds the body along its axis."""
-    holds = result.scene.holds if isinstance(result.scene, StructureScene) else ()
-    return [hold.name for hold in holds if hold.direction == "x"]
+    return [support.name for support in result.scene.supports if support.held == ("x",)]
 
 
 def fixtures(result: RunResult) -> list[Fixture]:
     """What holds the body across its axis without moving along it."""
-    if not isinstance(result.scene, StructureScene):
-        return [Fixture(support.at, support.kind) for support in result.beam.supports]
-    return [Fixture(ring.at, "roller") for ring in rings(result) if not ring.moving]
-
-
-def fields_of(result: RunResult) -> Fields | None:
-    """The fields with the vertical along z, as pictures have it: the planar beam's own vertical is y."""
-    fields = result.fields
-    if fields is None or len(directions(result)) > 1 or np.any(fields.displacement[..., 2]):
-        return fields
-    return replace(fields, displacement=fields.displacement[..., [0, 2, 1]])
+    scene, end = result.scene, length(result)
+    supports = [
+        Fixture(end if support.on == "tip" else 0.0, support.shown)
+        if isinstance(support.on, str)
+        else Fixture(support.on, support.shown)
+        for support in scene.supports
+        if {"y", "z"} & set(support.held)
+    ]
+    return supports + [Fixture(ring.at, "roller") for ring in rings(result) if not ring.moving]
 
 
 def stress_times(result: RunResult) -> Array:
@@ -221,11 +202,11 @@ def stress_times(result: RunResult) -> Array:
     count = max(map(len, result.peak_stress.values()), default=0)
     if result.fields is not None and len(result.fields.t) == count:
         return result.fields.t
-    recovery = result.scene.recovery if isinstance(result.scene, StructureScene) else None
+    recovery = result.scene.recovery
     return np.arange(count) * (recovery.every if recovery else 0.0)
 
 
-def _unnamed(scene: StructureScene) -> list[str]:
+def _unnamed(scene: Scene) -> list[str]:
     """Forces in the order of results that don't say it: outputs before rows, those of rows that move last."""
     faces = ("bottom", "top") if model_of(scene) == "beam2d" else ("bottom", "top", "left", "right")
     staying = [ring for ring in scene.pads if not ring.moving and ring.stiffness != "rigid"]
@@ -235,7 +216,7 @@ def _unnamed(scene: StructureScene) -> list[str]:
 
 def _tip(result: RunResult, direction: str) -> str:
     """What the displacement of the tip along a direction is called."""
-    return result.scene.observe.tip_along(direction) if isinstance(result.scene, StructureScene) else ""
+    return result.scene.observe.tip_along(direction)
 
 
 def _column(name: str, unnamed: int) -> Quantity:

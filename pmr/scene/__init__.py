@@ -1,27 +1,15 @@
-"""What is built and what is asked: a scene (SI units), validated and frozen.
+"""What is built and what is asked: a scene (SI units, z up), validated and frozen.
 
 `load` reads a scene file (TOML), follows ``extends``, applies overrides and returns a `Scene`; anything that is not
 allowed raises `pmr.errors.InputError` with file, key, value and what is allowed.
 """
 
+from pmr.scene.asked import Compare, Damping, Published, Reduction, Simulation, TimeChoice
+from pmr.scene.built import Body, Load, MeshChoice, Support
 from pmr.scene.files import from_data, load, vary, vary_beam
-from pmr.scene.sections import (
-    SUPPORT_ROWS,
-    Body,
-    Compare,
-    Damping,
-    Load,
-    MeshChoice,
-    Published,
-    Reduction,
-    Scene,
-    SceneBase,
-    Simulation,
-)
-from pmr.scene.space import StructureScene
+from pmr.scene.scene import Scene
 
 __all__ = [
-    "SUPPORT_ROWS",
     "Body",
     "Compare",
     "Damping",
@@ -30,9 +18,9 @@ __all__ = [
     "Published",
     "Reduction",
     "Scene",
-    "SceneBase",
     "Simulation",
-    "StructureScene",
+    "Support",
+    "TimeChoice",
     "from_data",
     "load",
     "vary",

@@ -1,4 +1,4 @@
-"""What no section can know by itself."""
+"""What no section can know by itself: time, path, reduction and comparison; bodies are for `structure_checks`."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 
 from pmr.errors import InputError
+from pmr.scene.asked import Damping
+from pmr.scene.choice import fewest_rows, is_pinned_beam
 from pmr.scene.magnitudes import check_magnitudes
-from pmr.scene.sections import SUPPORT_ROWS, Damping, Scene, SceneBase
+from pmr.scene.scene import Scene
 from pmr.scene.simulators import REFERENCE, Needs, refuse
-from pmr.scene.space import StructureScene
-from pmr.scene.space_checks import check_structure
+from pmr.scene.structure_checks import check_structure
 
 MOST_STEPS = 1_000_000
 
 
-def check(scene: SceneBase) -> None:
+def check(scene: Scene) -> None:
     """Refuse a scene whose sections contradict each other.
 
     Raises
@@ -30,20 +31,92 @@ def check(scene: SceneBase) -> None:
     _reduction(scene)
     _accuracy(scene)
     _continuous(scene)
-    if isinstance(scene, StructureScene):
-        check_structure(scene)
-    elif isinstance(scene, Scene):
-        _beam(scene)
+    check_structure(scene)
+    _recovery(scene)
+    _comparison(scene)
     _simulators(scene)
 
 
-def _simulators(scene: SceneBase) -> None:
+def _refusal(key: str, value: Any, allowed: str) -> InputError:
+    return InputError("scene", key, value, allowed)
+
+
+def _time(scene: Scene) -> None:
+    time = scene.time
+    if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
+        raise _refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
+
+    if time.steps > MOST_STEPS:
+        raise _refusal("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
+
+
+def _reduction(scene: Scene) -> None:
+    choice = scene.reduction
+    if choice.basis == "paper" and choice.flexibility:
+        allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility: supports then need no coordinates"
+        raise _refusal("reduction.basis", choice.basis, allowed)
+    if choice.residual_inertia and (choice.pooled or not choice.flexibility):
+        allowed = "free modes with flexibility = true are allowed to have the inertia of what they leave out"
+        raise _refusal("reduction.residual_inertia", True, allowed)
+    if choice.pooled:
+        _pool(scene)
+    if not choice.flexibility and choice.coordinates < fewest_rows(scene):
+        points = len(scene.points)
+        allowed = (
+            f"at least as many as constraint rows are allowed: {fewest_rows(scene)} "
+            f"({fewest_rows(scene) - points} of supports, {points} of sliders)"
+        )
+        raise _refusal("reduction.coordinates", choice.coordinates, allowed)
+
+
+def _pool(scene: Scene) -> None:
+    choice = scene.reduction
+    pool = choice.snapshots * choice.modes
+    if choice.coordinates > pool:
+        raise _refusal("reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed")
+    if isinstance(choice.positions, str):
+        return
+    if len(choice.positions) != choice.snapshots:
+        raise _refusal("reduction.snapshots", choice.snapshots, f"{len(choice.positions)} positions are given")
+    for i, at in enumerate(choice.positions):
+        if scene.body.length is not None and at > scene.body.length:
+            raise _refusal(f"reduction.positions[{i}]", at, f"on the body, 0 to {scene.body.length:g} m, is allowed")
+
+
+def _continuous(scene: Scene) -> None:
+    (low, high), at = scene.path_bounds, np.array(scene.slider.path.breaks)
+    # All at once: one call costs as much as the signal has knots, and a file of them has thousands.
+    before, after = scene.slider.path.value(np.nextafter(at, -np.inf)), scene.slider.path.value(at)
+    for k in np.flatnonzero(np.abs(after - before) > 1e-9 * max(abs(low), abs(high)))[:1]:
+        jump = f"from {before[k]:g} m to {after[k]:g} m at {at[k]:g} s"
+        raise _refusal("slider.path", None, f"the slider jumps {jump}; continuous paths are allowed")
+
+
+def _recovery(scene: Scene) -> None:
+    if scene.recovery is None:
+        return
+    steps = scene.recovery.every / scene.time.step
+    if abs(steps - round(steps)) > 1e-6 or not 1 <= round(steps) <= scene.time.steps:
+        allowed = f"a multiple of time.step = {scene.time.step:g} s up to time.end is allowed"
+        raise _refusal("recovery.every", scene.recovery.every, allowed)
+
+
+def _comparison(scene: Scene) -> None:
+    if "ancf" in scene.compare.against and not _ancf_can(scene):
+        raise _refusal(
+            "compare.against",
+            list(scene.compare.against),
+            "the ANCF reference needs body.profile with axial_stiffness, one slider without offset, no damping, one "
+            "pinned support at x = 0 and loads along z",
+        )
+
+
+def _simulators(scene: Scene) -> None:
     """What can be told before there is a model."""
     choice, (low, high) = scene.reduction, scene.path_bounds
-    rings = scene.pads if isinstance(scene, StructureScene) else ()
-    pushing = tuple(ring.name for ring in rings if ring.unilateral)
-    soft = {ring.name for ring in rings if ring.stiffness != "rigid"}
-    moving = tuple(ring.name for ring in rings if ring.moving) or ("slider",)
+    pushing = tuple(ring.name for ring in scene.pads if ring.unilateral)
+    soft = {ring.name for ring in scene.pads if ring.stiffness != "rigid"}
+    moving = tuple(ring.name for ring in scene.pads if ring.moving) or ("slider",)
     full = Needs(
         pushing=pushing,
         giving=tuple(soft),
@@ -61,133 +134,24 @@ def _simulators(scene: SceneBase) -> None:
         refuse(name, reduced)
 
 
-def _beam(scene: Scene) -> None:
-    if not scene.reduction.flexibility:
-        _row_count(scene)
-    _places(scene)
-    _path(scene)
-    if "ancf" in scene.compare.against and not _ancf_can(scene):
-        raise _refusal(
-            "compare.against",
-            list(scene.compare.against),
-            "the ANCF reference needs axial_stiffness, one slider without offset, no damping, one pinned support at "
-            "x = 0 and loads along y",
-        )
-
-
-def _refusal(key: str, value: Any, allowed: str) -> InputError:
-    return InputError("scene", key, value, allowed)
-
-
-def _time(scene: SceneBase) -> None:
-    time = scene.time
-    if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
-        raise _refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
-
-    if time.steps > MOST_STEPS:
-        raise _refusal("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
-
-
-def _reduction(scene: SceneBase) -> None:
-    choice = scene.reduction
-    if choice.support_rows == "hold" and (choice.flexibility or choice.basis == "free_modes"):
-        allowed = "'drop' is allowed with free modes and with flexibility: their supports hold without coordinates"
-        raise _refusal("reduction.support_rows", choice.support_rows, allowed)
-    if choice.residual_inertia and not (choice.basis == "free_modes" and choice.flexibility):
-        allowed = "free modes with flexibility = true are allowed to keep the inertia of what they leave out"
-        raise _refusal("reduction.residual_inertia", True, allowed)
-    if choice.basis == "eigenmodes":
-        _pool(scene)
-
-
-def _accuracy(scene: SceneBase) -> None:
+def _accuracy(scene: Scene) -> None:
     choice = scene.reduction
     if scene.accuracy is None:
         return
-    if not (choice.basis == "free_modes" and choice.flexibility and choice.estimate):
+    if choice.pooled or not (choice.flexibility and choice.estimate):
         allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"
         raise _refusal("accuracy.tolerance", scene.accuracy.tolerance, allowed)
     if len(set(scene.accuracy.outputs)) < len(scene.accuracy.outputs):
         raise _refusal("accuracy.outputs", list(scene.accuracy.outputs), "each kind once is allowed")
 
 
-def _pool(scene: SceneBase) -> None:
-    choice = scene.reduction
-    pool = choice.snapshots * choice.modes
-    if choice.coordinates > pool:
-        raise _refusal("reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed")
-    if not isinstance(choice.positions, str) and len(choice.positions) != choice.snapshots:
-        raise _refusal("reduction.snapshots", choice.snapshots, f"{len(choice.positions)} positions are given")
-
-
-def _row_count(scene: Scene) -> None:
-    choice, rows, sliders = scene.reduction, scene.row_count, len(scene.slider.offsets)
-    if choice.coordinates < rows:
-        raise _refusal(
-            "reduction.coordinates",
-            choice.coordinates,
-            f"at least as many as constraint rows are allowed: {rows} ({rows - sliders} of supports, "
-            f"{sliders} of sliders)",
-        )
-
-
-def _places(scene: Scene) -> None:
-    length = scene.body.length
-    places = [(f"supports[{i}].at", support.at) for i, support in enumerate(scene.supports)]
-    places += [(f"loads[{i}].at", load.at) for i, load in enumerate(scene.loads)]
-    if not isinstance(scene.reduction.positions, str):
-        places += [(f"reduction.positions[{i}]", at) for i, at in enumerate(scene.reduction.positions)]
-    for key, at in places:
-        if at > length:
-            raise _refusal(key, at, f"on the beam, 0 to {length:g} m, is allowed")
-    for i, load in enumerate(scene.loads):
-        if load.direction not in scene.body.directions:
-            raise _refusal(f"loads[{i}].direction", load.direction, "an axial load needs body.axial = true")
-    names = [load.name for load in scene.loads]
-    if len(set(names)) != len(names):
-        raise _refusal("loads", names, "each load needs a name of its own")
-
-
-def _continuous(scene: SceneBase) -> None:
-    (low, high), at = scene.path_bounds, np.array(scene.slider.path.breaks)
-    # All at once: one call costs as much as the signal has knots, and a file of them has thousands.
-    before, after = scene.slider.path.value(np.nextafter(at, -np.inf)), scene.slider.path.value(at)
-    for k in np.flatnonzero(np.abs(after - before) > 1e-9 * max(abs(low), abs(high)))[:1]:
-        jump = f"from {before[k]:g} m to {after[k]:g} m at {at[k]:g} s"
-        raise _refusal("slider.path", None, f"the slider jumps {jump}; continuous paths are allowed")
-
-
-def _path(scene: Scene) -> None:
-    length, (low, high) = scene.body.length, scene.path_bounds
-    slack = 1e-9 * length
-    held = [support.at for support in scene.supports if "y" in SUPPORT_ROWS[support.kind]]
-    if len(set(scene.slider.offsets)) != len(scene.slider.offsets):
-        raise _refusal("slider.offsets", list(scene.slider.offsets), "sliders must not share an offset")
-    for offset in scene.slider.offsets:
-        which = f" (offset {offset:g} m)" if offset else ""
-        for s in (low + offset, high + offset):
-            if not -slack <= s <= length + slack:
-                raise _refusal(
-                    "slider.path",
-                    None,
-                    f"the slider reaches {s:g} m{which}; on the beam, 0 to {length:g} m, is allowed",
-                )
-        for at in held:
-            if low + offset - slack <= at <= high + offset + slack:
-                raise _refusal(
-                    "slider.path",
-                    None,
-                    f"the slider reaches the support at {at:g} m{which}, where its row repeats the support's; "
-                    "paths that keep clear of it are allowed",
-                )
-
-
 def _ancf_can(scene: Scene) -> bool:
-    supports = [(support.at, support.kind) for support in scene.supports]
+    profile = scene.body.profile
     return (
-        scene.body.axial_stiffness is not None
-        and scene.slider.offsets == (0.0,)
+        is_pinned_beam(scene)
+        and profile is not None
+        and profile.axial_stiffness is not None
+        and scene.gravity is None
         and scene.damping == Damping()
-        and supports == [(0.0, "pinned")]
-        and all(load.direction == "y" for load in scene.loads)
+        and all(load.direction == "z" for load in scene.loads)
     )

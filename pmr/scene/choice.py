@@ -1,4 +1,4 @@
-"""The smallest model that represents what a scene in space asks for, and why."""
+"""The smallest model that represents what a scene asks for, and why."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pmr.scene.built import Box
+from pmr.scene.scene import Scene
+from pmr.scene.section import Direction
 from pmr.scene.signals import Chirp, SignalBase, Sine, Sum
-from pmr.scene.space import Box, StructureScene
 
 #: A wall is taken to answer at once up to this share of its own lowest frequency.
 QUASI_STATIC = 1.0 / 3.0
@@ -23,10 +25,12 @@ class Choice:
     reasons: tuple[str, ...]
 
 
-def choose(scene: StructureScene) -> Choice:
+def choose(scene: Scene) -> Choice:
     """What the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that represents it."""
     if scene.body.model != "auto":
         return Choice(scene.body.model, ("the scene names it",))
+    if scene.body.profile is not None:
+        return Choice("beam2d", ("its stiffnesses are those of a planar beam",))
     if shell := [*_stresses(scene), *_walls(scene)]:
         return Choice("shell", tuple(shell))
     if space := _lateral(scene):
@@ -34,12 +38,38 @@ def choose(scene: StructureScene) -> Choice:
     return Choice("beam2d", ("all loads and masses lie in the vertical plane, and no wall deforms by itself",))
 
 
-def model_of(scene: StructureScene) -> str:
+def model_of(scene: Scene) -> str:
     """The name of that model."""
     return choose(scene).model
 
 
-def transverse(scene: StructureScene) -> tuple[str, ...]:
+def directions(scene: Scene) -> tuple[Direction, ...]:
+    """What a place of the chosen model can do."""
+    if model_of(scene) != "beam2d":
+        return ("x", "y", "z", "rx", "ry", "rz")
+    profile = scene.body.profile
+    return ("x", "z", "ry") if profile is None or profile.axial else ("z", "ry")
+
+
+def is_pinned_beam(scene: Scene) -> bool:
+    """Whether the scene is a planar beam that a pin at x = 0 and one point that slides hold, and nothing else."""
+    held = [(scene.place(one.on), one.stiffness, set(one.held) & {"x", "z", "ry"}) for one in scene.supports]
+    return (
+        scene.body.profile is not None
+        and held == [(0.0, "rigid", {"x", "z"})]
+        and scene.points == (0.0,)
+        and not (scene.pads or scene.masses)
+    )
+
+
+def fewest_rows(scene: Scene) -> int:
+    """Rows of rigid supports and of points that slide; those of pads come on top."""
+    moves = directions(scene)
+    rigid = [support for support in scene.supports if support.stiffness == "rigid" and support.points == "mean"]
+    return sum(direction in moves for support in rigid for direction in support.held) + len(scene.points)
+
+
+def transverse(scene: Scene) -> tuple[str, ...]:
     """Directions in which the chosen model moves across its axis."""
     return ("z",) if model_of(scene) == "beam2d" else ("y", "z")
 
@@ -66,12 +96,12 @@ def highest_frequency(signal: SignalBase) -> float:
     return 0.0
 
 
-def _stresses(scene: StructureScene) -> list[str]:
+def _stresses(scene: Scene) -> list[str]:
     asked = scene.recovery is not None and scene.recovery.stress
     return ["stresses are asked for, which pads and walls decide"] * asked
 
 
-def _walls(scene: StructureScene) -> list[str]:
+def _walls(scene: Scene) -> list[str]:
     """Reasons for which walls deform by themselves."""
     box, material, found = scene.body.box, scene.body.material, []
     if box is None:
@@ -90,7 +120,7 @@ def _walls(scene: StructureScene) -> list[str]:
     return found[:1] + [f"and {len(found) - 1} more of this kind"] * (len(found) > 1)
 
 
-def _lateral(scene: StructureScene) -> list[str]:
+def _lateral(scene: Scene) -> list[str]:
     """Reasons for which the motion leaves the vertical plane."""
     found = [
         f"the load {load.name} acts along {load.direction}"

@@ -8,19 +8,32 @@ from typing import Any
 
 from pmr.errors import InputError
 from pmr.scene.checks import check
-from pmr.scene.sections import Scene, SceneBase
-from pmr.scene.space import StructureScene
+from pmr.scene.scene import Scene
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 
+#: Keys of earlier versions and what they are called now.
+MOVED = {
+    "body.length": "body.profile.length",
+    "body.bending_stiffness": "body.profile.bending_stiffness",
+    "body.axial_stiffness": "body.profile.axial_stiffness",
+    "body.mass_per_length": "body.profile.mass_per_length",
+    "body.axial": "body.profile.axial",
+    "supports.at": "supports.on",
+    "loads.at": "loads.on",
+    "holds": "supports (with their directions)",
+    "clamps": "supports (with points = 'all', and kind = 'clamped' or directions)",
+    "reduction.support_rows": "reduction.basis ('paper' for 'hold', 'eigenmodes' for 'drop')",
+}
 #: Published figures are those of one scene, not of the ones that extend it.
 DIALECT = Dialect(
     "scene file",
     own=("published",),
-    alternatives={"damping": (("mass", "stiffness"), ("ratio", "frequencies"))},
+    alternatives={"damping": (("mass", "stiffness"), ("ratio", "frequencies")), "body": (("box",), ("profile",))},
+    moved=MOVED,
 )
 
 
-def load(path: str | Path, overrides: Sequence[str] = ()) -> SceneBase:
+def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     """Read a scene file.
 
     Parameters
@@ -38,7 +51,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> SceneBase:
     return vary(path, [override(text) for text in overrides])
 
 
-def vary(path: str | Path, changes: Sequence[Change]) -> SceneBase:
+def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
     """Read a scene file and lay changes over it, one after the other.
 
     Raises
@@ -62,7 +75,7 @@ def vary(path: str | Path, changes: Sequence[Change]) -> SceneBase:
 
 
 def vary_beam(path: str | Path, changes: Sequence[Change] = ()) -> Scene:
-    """The same for a scene of a planar beam.
+    """The same for a scene of a planar beam that is described by its stiffnesses, on which points slide.
 
     Raises
     ------
@@ -70,13 +83,13 @@ def vary_beam(path: str | Path, changes: Sequence[Change] = ()) -> Scene:
         As `load`, and for any other scene.
     """
     scene = vary(path, changes)
-    if not isinstance(scene, Scene):
-        raise InputError(str(path), "body.model", None, "a scene with a planar beam is allowed here")
+    if scene.body.profile is None or scene.pads:
+        raise InputError(str(path), "body.profile", None, "a scene with a planar beam, without pads, is allowed here")
     return scene
 
 
-def _scene(file: TomlFile) -> SceneBase:
-    scene = file.validated(kind_of(file.data))
+def _scene(file: TomlFile) -> Scene:
+    scene = file.validated(Scene)
     try:
         check(scene)
     except InputError as error:
@@ -84,13 +97,6 @@ def _scene(file: TomlFile) -> SceneBase:
     return scene
 
 
-def kind_of(data: Mapping[str, Any]) -> type[SceneBase]:
-    """What kind of scene some data describes: planar beams are what has no other model."""
-    body = data.get("body")
-    planar = not isinstance(body, Mapping) or ("box" not in body and body.get("model", "beam2d") == "beam2d")
-    return Scene if planar else StructureScene
-
-
-def from_data(data: Mapping[str, Any]) -> SceneBase:
+def from_data(data: Mapping[str, Any]) -> Scene:
     """The scene that was dumped as `data`."""
-    return kind_of(data).model_validate(data)
+    return Scene.model_validate(data)

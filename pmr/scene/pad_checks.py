@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pmr.errors import InputError
-from pmr.scene.space import Box, Face, PadRing, StructureScene
+from pmr.scene.built import Box, Face, PadRing
+from pmr.scene.scene import Scene
 
 #: Round-off of a user's arithmetic, as a share of the face.
 SLACK = 1e-9
 
 
-def check_pads(scene: StructureScene) -> None:
+def check_pads(scene: Scene) -> None:
     """Refuse a pad that lies beside its face or leaves it in part, at any time; faces that are read check themselves.
 
     Raises
@@ -17,12 +18,13 @@ def check_pads(scene: StructureScene) -> None:
     InputError
         With the pad, where it reaches to and what the face offers.
     """
-    if scene.body.box is None:
-        return
+    length, box = scene.body.length, scene.body.box
     for i, ring in enumerate(scene.pads):
-        _along(scene, scene.body.box, ring, f"pads[{i}].at")
-        for name, face, across in ring.places:
-            _across(scene.body.box, ring, (name, face, across), f"pads[{i}].faces.{face}")
+        if length is not None:
+            _along(scene, length, ring, f"pads[{i}].at")
+        for place in ring.places:
+            if box is not None:
+                _across(box, ring, place, f"pads[{i}].faces.{place[1]}")
 
 
 def flat_breadth(box: Box, face: Face) -> float:
@@ -30,17 +32,17 @@ def flat_breadth(box: Box, face: Face) -> float:
     return (box.width if face in ("bottom", "top") else box.height) - 2.0 * box.radius
 
 
-def _along(scene: StructureScene, box: Box, ring: PadRing, key: str) -> None:
+def _along(scene: Scene, length: float, ring: PadRing, key: str) -> None:
     low, high = scene.path_bounds if ring.moving else (0.0, 0.0)
     start, end = low + ring.at - ring.length / 2.0, high + ring.at + ring.length / 2.0
-    slack = SLACK * box.length
-    if start >= -slack and end <= box.length + slack:
+    slack = SLACK * length
+    if start >= -slack and end <= length + slack:
         return
     name, face, _ = ring.places[0] if ring.places else (ring.name, "any", 0.0)
     moved = f" as s goes from {low:.6g} to {high:.6g} m" if ring.moving else ""
     allowed = (
         f"the pad {name} reaches from {start:.6g} to {end:.6g} m along the axis{moved}; "
-        f"the face {face} offers 0 to {box.length:.6g} m, all of a pad has to be on it"
+        f"the face {face} offers 0 to {length:.6g} m, all of a pad has to be on it"
     )
     raise InputError("scene", "slider.path" if ring.moving else key, None if ring.moving else ring.at, allowed)
 

@@ -1,4 +1,4 @@
-"""Sections of a scene that describe bodies in space: materials, thicknesses, beam sections, attached masses."""
+"""What bodies are made of: materials, thicknesses, sections, profiles; what is attached to them."""
 
 from __future__ import annotations
 
@@ -8,10 +8,21 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from pmr.scene.sections import NotNegative, Positive, _Section
-from pmr.scene.signals import Real
-
-Vector = tuple[Real, Real, Real]
+from pmr.scene.section import (
+    Area,
+    Count,
+    Density,
+    Inertia,
+    Length,
+    Mass,
+    Point,
+    Pressure,
+    Quantity,
+    SecondMoment,
+    Section,
+    Switch,
+    Vector,
+)
 
 
 def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -32,12 +43,14 @@ def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, fl
     return x / length, y / length, z / length
 
 
-class Material(_Section):
+class Material(Section):
     """Isotropic and linear elastic; structural steel by default."""
 
-    young: Positive = 210.0e9  # E, Pa
-    poisson: Annotated[float, Field(gt=-1.0, lt=0.5, strict=True)] = 0.3
-    density: Positive = 7850.0  # kg/m^3
+    young: Pressure = Field(default=210.0e9, description="E")
+    poisson: Annotated[float, Field(gt=-1.0, lt=0.5, strict=True), Quantity("1", -0.99, 0.4999)] = Field(
+        default=0.3, description="nu"
+    )
+    density: Density = Field(default=7850.0, description="rho")
 
     @property
     def shear_modulus(self) -> float:
@@ -45,34 +58,36 @@ class Material(_Section):
         return self.young / (2.0 * (1.0 + self.poisson))
 
 
-class Plate(_Section):
+class Plate(Section):
     """Material and thickness of a region of a shell."""
 
-    material: Material = Material()
-    thickness: Positive  # m
+    material: Material = Field(default=Material(), description="Of the plate")
+    thickness: Length = Field(description="Of the plate")
 
 
-class PointMass(_Section):
+class PointMass(Section):
     """A rigid body attached to a named group (or, on a beam, to a place along it).
 
     `average`: it follows the group's mean motion, which leaves the group free to deform; `rigid`: the group moves
     as one with it.
     """
 
-    name: str
-    on: str
-    mass: NotNegative  # kg
-    inertia: tuple[NotNegative, NotNegative, NotNegative] = (0.0, 0.0, 0.0)  # about its own centre, kg m^2
-    at: Vector | None = None  # its centre, m; by default the group's centroid
-    coupling: Literal["average", "rigid"] = "average"
+    name: str = Field(description="For messages")
+    on: str = Field(description="A named group")
+    mass: Mass = Field(description="Of the body")
+    inertia: tuple[Inertia, Inertia, Inertia] = Field(
+        default=(0.0, 0.0, 0.0), description="Moments about x, y, z through its own centre"
+    )
+    at: Point | None = Field(default=None, description="Its centre, by default the group's centroid")
+    coupling: Literal["average", "rigid"] = Field(default="average", description="How the group follows it")
 
 
-class BoxProfile(_Section):
+class BoxProfile(Section):
     """A rectangular tube, by the dimensions of its mid-surface; width along y, height along z."""
 
-    width: Positive  # m
-    height: Positive  # m
-    wall: Positive  # m
+    width: Length = Field(description="Along y")
+    height: Length = Field(description="Along z")
+    wall: Length = Field(description="Thickness")
 
     @model_validator(mode="after")
     def _hollow(self) -> BoxProfile:
@@ -81,14 +96,20 @@ class BoxProfile(_Section):
         return self
 
 
-class Profile(_Section):
+class Profile(Section):
     """A straight planar beam by its stiffnesses, along x from 0 to `length`."""
 
-    length: Positive = Field(description="m")
-    bending_stiffness: Positive = Field(description="EI, N m^2")
-    mass_per_length: Positive = Field(description="rho A, kg/m")
-    axial_stiffness: Positive | None = Field(default=None, description="EA, N")
-    axial: bool = Field(default=False, description="whether there are axial coordinates")
+    length: Length = Field(description="Along x")
+    bending_stiffness: Annotated[float, Field(gt=0.0, strict=True), Quantity("N m^2", 1e-15, 1e25)] = Field(
+        description="E I"
+    )
+    mass_per_length: Annotated[float, Field(gt=0.0, strict=True), Quantity("kg/m", 1e-12, 1e12)] = Field(
+        description="rho A"
+    )
+    axial_stiffness: Annotated[float, Field(gt=0.0, strict=True), Quantity("N", 1e-9, 1e25)] | None = Field(
+        default=None, description="E A"
+    )
+    axial: Switch = Field(default=False, description="Whether there are axial coordinates")
 
     @model_validator(mode="after")
     def _axial_needs_stiffness(self) -> Profile:
@@ -97,32 +118,34 @@ class Profile(_Section):
         return self
 
 
-class ShellBody(_Section):
+class ShellBody(Section):
     """A shell: its plate, and other ones in named regions of the mesh."""
 
-    model: Literal["shell"] = "shell"
-    plate: Plate
-    regions: dict[str, Plate] = {}
-    shear_correction: Positive = 5.0 / 6.0  # kappa; large: rigid in transverse shear
+    model: Literal["shell"] = Field(default="shell", description="Structural model")
+    plate: Plate = Field(description="Of all that no region says otherwise of")
+    regions: dict[str, Plate] = Field(default={}, description="Named regions of the mesh that differ")
+    shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
+        default=5.0 / 6.0, description="kappa; large: rigid in transverse shear"
+    )
 
 
-class SolidBody(_Section):
+class SolidBody(Section):
     """A solid: its material, and other ones in named regions of the mesh."""
 
-    model: Literal["solid"] = "solid"
-    material: Material = Material()
-    regions: dict[str, Material] = {}
+    model: Literal["solid"] = Field(default="solid", description="Structural model")
+    material: Material = Field(default=Material(), description="Of all that no region says otherwise of")
+    regions: dict[str, Material] = Field(default={}, description="Named regions of the mesh that differ")
 
 
-class BeamSection(_Section):
+class BeamSection(Section):
     """Properties of a cross-section about its centroid; z points up in the section, y across."""
 
-    area: Positive  # A, m^2
-    second_moment_y: Positive  # I_y, m^4: resists bending along z
-    second_moment_z: Positive  # I_z, m^4: resists bending along y
-    torsion_constant: Positive  # m^4
-    shear_area_y: Positive | None = None  # kappa A for forces along y, m^2
-    shear_area_z: Positive | None = None  # kappa A for forces along z, m^2
+    area: Area = Field(description="A")
+    second_moment_y: SecondMoment = Field(description="I_y, which resists bending along z")
+    second_moment_z: SecondMoment = Field(description="I_z, which resists bending along y")
+    torsion_constant: SecondMoment = Field(description="J")
+    shear_area_y: Area | None = Field(default=None, description="kappa A for forces along y")
+    shear_area_z: Area | None = Field(default=None, description="kappa A for forces along z")
 
     @property
     def polar_moment(self) -> float:
@@ -130,17 +153,19 @@ class BeamSection(_Section):
         return self.second_moment_y + self.second_moment_z
 
 
-class Beam3DBody(_Section):
+class Beam3DBody(Section):
     """A beam in space along a polyline, with one section; `shear` adds shear deformation and rotary inertia."""
 
-    model: Literal["beam3d"] = "beam3d"
-    points: Annotated[tuple[Vector, ...], Field(min_length=2)]  # corners of the axis, m
-    up: Vector = (0.0, 0.0, 1.0)  # the section's z axis lies in the plane of this and the beam's axis
-    section: BeamSection | None = None
-    profile: BoxProfile | None = None
-    material: Material = Material()
-    shear: bool = False
-    elements: Annotated[int, Field(ge=1, strict=True)] = 60  # over the whole length
+    model: Literal["beam3d"] = Field(default="beam3d", description="Structural model")
+    points: Annotated[tuple[Point, ...], Field(min_length=2)] = Field(description="Corners of the axis")
+    up: Vector = Field(
+        default=(0.0, 0.0, 1.0), description="The section's z axis lies in the plane of this and the beam's axis"
+    )
+    section: BeamSection | None = Field(default=None, description="By its properties")
+    profile: BoxProfile | None = Field(default=None, description="By its dimensions")
+    material: Material = Field(default=Material(), description="Of the beam")
+    shear: Switch = Field(default=False, description="Shear deformation and rotary inertia")
+    elements: Count = Field(default=60, description="Over the whole length")
 
     @model_validator(mode="after")
     def _described_once(self) -> Beam3DBody:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,12 +37,15 @@ class Dialect:
         Keys that a file which extends this one does not take over.
     alternatives : mapping of a table's name to tuples of its keys
         Different ways to say the same: a file that writes keys of one of them takes over none of the others.
+    moved : mapping of dotted names
+        Keys of earlier versions, wherever they stand in lists, and what to write in their place.
     """
 
     name: str
     references: tuple[str, ...] = ("file",)
     own: tuple[str, ...] = ()
     alternatives: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
+    moved: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -92,8 +95,13 @@ class TomlFile:
         Raises
         ------
         InputError
-            For the first value that the model refuses; unknown keys go first, with the known ones.
+            For the first key that has moved, else the first value that the model refuses; unknown keys go first, with
+            the known ones.
         """
+        for location, name, value in _keys(self.data):
+            if name in self.dialect.moved:
+                allowed = f"this key is called {self.dialect.moved[name]} now"
+                raise InputError(self.origin(location), location, None if _is_table(value) else value, allowed)
         try:
             return model.model_validate(self.data)
         except ValidationError as error:
@@ -296,6 +304,22 @@ def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
     raise InputError(
         source, key, value, f"of the list's entries {f'{known}, or ' if known else ''}{numbers} is allowed"
     )
+
+
+def _keys(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str, str, Any]]:
+    """Where each key of nested tables stands, its name without places in lists, and its value."""
+    if isinstance(data, list):
+        for i, part in enumerate(data):
+            yield from _keys(part, f"{location}[{i}]", name)
+    elif isinstance(data, Mapping):
+        for key, value in data.items():
+            here, called = (f"{prefix}.{key}" if prefix else str(key) for prefix in (location, name))
+            yield here, called, value
+            yield from _keys(value, here, called)
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, (Mapping, list))
 
 
 def _leaf(key: str, value: Any) -> tuple[str, Any]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import DOMAIN_TOLERANCE
 from pmr.errors import InputError
-from pmr.scene import SceneBase
+from pmr.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.simulate.stepping import TimeStepping
 
@@ -38,7 +38,7 @@ class Excitation:
     stepping: TimeStepping
 
     @classmethod
-    def of(cls, scene: SceneBase) -> Excitation:
+    def of(cls, scene: Scene) -> Excitation:
         """Path, loads and time grid of a scene."""
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
         return cls({SLIDER: scene.slider.path}, scene.signals, stepping)

@@ -14,7 +14,7 @@ from pmr.fem.distributed import tall
 from pmr.fullmodel.eigensolvers import EigenSolver, eigensolver
 from pmr.fullmodel.elimination import DependentRowsError
 from pmr.fullmodel.model import FullModel
-from pmr.scene import SceneBase
+from pmr.scene import Scene
 from pmr.snapshots import Snapshots
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
     return 2 + (nodes - 2) * np.arange(snapshots) // (snapshots - 1)
 
 
-def positions(scene: SceneBase, model: FullModel) -> Array:
+def positions(scene: Scene, model: FullModel) -> Array:
     """Path coordinates (snapshots,) in m at which the scene asks for snapshots.
 
     ``nodes``: the paper's node set, with the first slider on nodes that leave all sliders on the beam; ``path``: evenly
@@ -43,9 +43,10 @@ def positions(scene: SceneBase, model: FullModel) -> Array:
     """
     choice, count = scene.reduction.positions, scene.reduction.snapshots
     if choice == "nodes":
+        assert model.node_stations is not None  # the scene's check
         low, high = model.rows.domain
         slack = 1e-9 * (high - low)
-        nodes = model.output_positions - scene.slider.offsets[0]
+        nodes = model.node_stations - next(iter(scene.points), 0.0)
         nodes = nodes[(nodes >= low - slack) & (nodes <= high + slack)]
         numbers = node_set(len(nodes), count)
         if len(set(numbers)) != count:
@@ -57,7 +58,7 @@ def positions(scene: SceneBase, model: FullModel) -> Array:
     return np.array(choice)
 
 
-def eigenmode_snapshots(model: FullModel, scene: SceneBase, solver: EigenSolver | None = None) -> Snapshots:
+def eigenmode_snapshots(model: FullModel, scene: Scene, solver: EigenSolver | None = None) -> Snapshots:
     """The scene's snapshots: `modes` mass-normalised eigenmodes at each of the positions.
 
     Raises

@@ -91,9 +91,8 @@ def driven(scene: Scene) -> Scene:
 
 def resting(scene: Scene) -> Scene:
     """The scene without what eigenmodes and bases do not depend on: loads, damping, sizes, comparison."""
-    loads = tuple(load.model_copy(update={"signal": shared.NOTHING}) for load in scene.loads)
-    kept = Reduction(positions=scene.reduction.positions, solver=scene.reduction.solver)
-    return driven(scene).model_copy(update={"loads": loads, "damping": Damping(), "reduction": kept})
+    deciding = Reduction(basis="eigenmodes", positions=scene.reduction.positions, solver=scene.reduction.solver)
+    return driven(scene).without_loads().model_copy(update={"damping": Damping(), "reduction": deciding})
 
 
 def marched(scene: Scene) -> Scene:

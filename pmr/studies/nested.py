@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
+from pmr.scene.choice import directions, fewest_rows
 from pmr.studies import shared
 from pmr.studies.engine.task import Task, TaskResult
 from pmr.studies.marching import resting
@@ -95,13 +96,13 @@ def check(scene: Scene, snapshots: Sequence[int], modes: Sequence[int], key: str
         With source ``"study"``; the given key where numbers are too large.
     """
     choice = scene.reduction
-    if choice.basis != "eigenmodes" or choice.flexibility or not isinstance(choice.positions, str):
+    if not choice.pooled or choice.flexibility or not isinstance(choice.positions, str):
         allowed = "a scene whose basis is the plain POD of eigenmodes at positions that are not listed is allowed"
         raise InputError("study", "scene", scene.title, allowed)
     elements = scene.mesh.elements
-    if elements is None:
+    if scene.mesh.file is not None:
         return
-    free = len(scene.body.directions) * (elements + 1) - scene.row_count
+    free = len(directions(scene)) * (elements + 1) - fewest_rows(scene)
     if max(snapshots) > elements or max(modes) > free:
         value = max(snapshots) if max(snapshots) > elements else max(modes)
         raise InputError("study", key, value, f"{elements} elements allow up to {elements} snapshots and {free} modes")

@@ -17,8 +17,7 @@ import numpy as np
 
 from pmr.files import records
 from pmr.results import Response
-from pmr.scene import Damping, Reduction, SceneBase, StructureScene, from_data
-from pmr.scene.sections import Compare, Simulation, TimeChoice
+from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice, from_data
 from pmr.scene.signals import Constant
 from pmr.studies.engine.task import Task, TaskFunction, TaskResult
 
@@ -31,7 +30,7 @@ COSTS = {"modes": 0.05, "full": 0.5, "ancf": 3.0, "frequencies": 0.5}
 NOTHING = Constant(amount=0.0)
 
 
-def scene_arguments(scene: SceneBase) -> dict[str, Any]:
+def scene_arguments(scene: Scene) -> dict[str, Any]:
     """A scene as arguments of a task; the hash stands for the content of files that the scene names."""
     plain = scene.model_copy(update={"title": "", "published": None})
     return {"scene": plain.model_dump(mode="json"), "hash": plain.hash}
@@ -42,43 +41,47 @@ def scene_of(arguments: Mapping[str, Any]) -> Any:
     return from_data(arguments["scene"])
 
 
-def model_of(scene: SceneBase) -> FullModel:
+def model_of(scene: Scene) -> FullModel:
     """The scene's full model, kept for the next task of this process that asks for the same one."""
     return _model(_unloaded(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping}))
 
 
 @lru_cache(maxsize=4)
-def _model(scene: SceneBase) -> FullModel:
+def _model(scene: Scene) -> FullModel:
     from pmr.fullmodel.build import build
 
     return build(scene).model
 
 
-def modes_tasks(scene: SceneBase) -> dict[str, Task]:
+def modes_tasks(scene: Scene) -> dict[str, Task]:
     """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions; free modes are one task."""
     choice = scene.reduction
-    kept = Reduction(
+    deciding = Reduction(
         basis=choice.basis,
         solver=choice.solver,
         coordinates=choice.coordinates,
         flexibility=choice.needs_inertia,  # then there are enrichment modes
     )
-    if choice.basis == "eigenmodes":
-        kept = Reduction(
-            snapshots=choice.snapshots, modes=choice.modes, positions=choice.positions, solver=choice.solver
+    if choice.pooled:
+        deciding = Reduction(
+            basis="eigenmodes",
+            snapshots=choice.snapshots,
+            modes=choice.modes,
+            positions=choice.positions,
+            solver=choice.solver,
         )
-    held = _unloaded(scene).model_copy(update={"reduction": kept})
-    planar = not isinstance(scene, StructureScene)  # in space the path says where pads have rows at all
-    if planar and (choice.basis != "eigenmodes" or choice.positions != "path"):  # then the path decides nothing
+    plain = _unloaded(scene).model_copy(update={"reduction": deciding})
+    # The path of pads says where they have rows at all, that of points nothing but where snapshots are taken.
+    if scene.points and not (choice.pooled and choice.positions == "path"):
         update = {"slider": scene.slider.model_copy(update={"path": NOTHING}), "time": TimeChoice(end=1.0, step=1.0)}
-        held = held.model_copy(update=update)
-    if choice.basis != "eigenmodes":
-        return {"modes0": _task(modes_released, "modes", f"{choice.basis}-{choice.coordinates}", held)}
+        plain = plain.model_copy(update=update)
+    if not choice.pooled:
+        return {"modes0": _task(modes_released, "modes", f"{choice.basis}-{choice.coordinates}", plain)}
     named = f"modes-{choice.snapshots}x{choice.modes}"
-    return {f"modes{k}": _task(modes_at, "modes", f"{named}-{k}", held, position=k) for k in range(choice.snapshots)}
+    return {f"modes{k}": _task(modes_at, "modes", f"{named}-{k}", plain, position=k) for k in range(choice.snapshots)}
 
 
-def reference_task(scene: SceneBase, name: str) -> Task:
+def reference_task(scene: Scene, name: str) -> Task:
     """``"full"`` or ``"ancf"``: the response that a reduced model is compared with."""
     is_ancf = name == "ancf"
     alone = scene.model_copy(
@@ -91,12 +94,12 @@ def reference_task(scene: SceneBase, name: str) -> Task:
     return _task(reference, name, name, alone, simulator=name)
 
 
-def frequencies_task(scene: SceneBase) -> Task:
+def frequencies_task(scene: Scene) -> Task:
     """The full model's lowest frequencies over the path."""
     return _task(frequencies, "frequencies", "frequencies", _unloaded(scene))
 
 
-def snapshots_from(scene: SceneBase, needs: Mapping[str, TaskResult]) -> Snapshots:
+def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
     """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
     from pmr.fem.distributed import tall
     from pmr.snapshots import Snapshots
@@ -150,11 +153,12 @@ def frequencies(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -
     from pmr.run import full_frequencies, visited_positions
 
     scene = scene_of(arguments)
-    s = visited_positions(scene)
-    return TaskResult(arrays={"s": s, "omega": full_frequencies(scene, model_of(scene), s)})
+    model = model_of(scene)
+    s = visited_positions(scene, model.size)
+    return TaskResult(arrays={"s": s, "omega": full_frequencies(scene, model, s)})
 
 
-def _unloaded(scene: SceneBase) -> SceneBase:
+def _unloaded(scene: Scene) -> Scene:
     end = scene.time.end  # the path is visited up to it
     return scene.without_loads().model_copy(
         update={
@@ -167,7 +171,7 @@ def _unloaded(scene: SceneBase) -> SceneBase:
     )
 
 
-def _task(function: TaskFunction, kind: str, name: str, scene: SceneBase, **more: Any) -> Task:
+def _task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
     arguments = scene_arguments(scene) | more
     digest = hashlib.sha256(json.dumps(arguments, sort_keys=True).encode()).hexdigest()[:12]
     return Task(f"{name}-{digest}", function, arguments, cost=COSTS[kind])

@@ -22,7 +22,8 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.reduce import from_scene
 from pmr.run import reduce_with
-from pmr.scene import SceneBase, StructureScene
+from pmr.scene import Scene
+from pmr.scene.choice import transverse
 from pmr.simulate import Excitation
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
@@ -57,7 +58,7 @@ def full_motion(form: ModalForm, family: Family, steps: int, times: int) -> Outp
     return Outputs(y, np.zeros_like(y), forces[:, -known:], family.tips)
 
 
-def cases(seed: int, scene: SceneBase | None = None) -> Iterator[Case]:
+def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
     given = scene or sliding_scene(seed)
     scene = given.model_copy(update={"reduction": given.reduction.model_copy(update={"coordinates": 6})})
     model = build(scene, MPI.COMM_SELF).model
@@ -65,7 +66,7 @@ def cases(seed: int, scene: SceneBase | None = None) -> Iterator[Case]:
         patch.setattr(from_scene, "ENRICHMENT_MODES", 26)
         reduced = reduce_with(scene, model, from_scene.take_snapshots(scene, model)).reduced
     excitation = Excitation.of(scene)
-    family = Family(reduced, excitation, 2 if isinstance(scene, StructureScene) else 1)
+    family = Family(reduced, excitation, len(transverse(scene)))
     coarse, form = coarsest(family), modal_form(model.gather())
     groups = (("beam", "tip"), *([] if impulsive(reduced, excitation) else [("pad_force",)]))
     demands = [Demand(tolerance, kinds, inertia=True) for kinds in groups for tolerance in TOLERANCES]

@@ -105,8 +105,8 @@ def test_a_report_that_cant_be_drawn_loses_no_results(tmp_path: Path) -> None:
 
 BAD = [
     (["run", "nowhere.toml"], "nowhere.toml: no such scene file"),
-    (["run", SIMPLE, "--set", "body.lenght=3"], "did you mean 'length'"),
-    (["run", SIMPLE, "--set", "body.bending_stiffness=-1"], "body.bending_stiffness = -1"),
+    (["run", SIMPLE, "--set", "body.profile.lenght=3"], "did you mean 'length'"),
+    (["run", SIMPLE, "--set", "body.profile.bending_stiffness=-1"], "body.profile.bending_stiffness = -1"),
     (["run", SIMPLE, "--set", "reduction.coordinates=31"], "snapshots * modes = 30"),
     (["run", SIMPLE, "--set", "reduction.snapshots=51", "--set", "time.end=0.1"], "at most 50"),
     (["run", SIMPLE, "--set", "mesh.elements=2", "--set", "reduction.modes=10"], "6 free coordinates; ask for fewer"),

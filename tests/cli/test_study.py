@@ -25,7 +25,7 @@ time.end = 0.5
 mesh.elements = 20
 slider.path = {{ kind = "ramp", times = [0.1, 0.4], values = [1.25, 1.6] }}
 [grid]
-reduction.support_rows = ["drop"]
+reduction.basis = ["eigenmodes"]
 reduction.coordinates = [10, 20]
 """
 
@@ -66,7 +66,7 @@ def test_a_study_leaves_what_the_help_says(done: Path) -> None:
     expected = {"report.html", "report.pdf", "runs.csv", "runs.npz", "seconds.csv", "summary.json", "tasks"}
     assert expected == {file.name for file in done.iterdir()}
     results = StudyResults.load(done)
-    assert [run.key for run in results.runs] == ["support_rows=drop,coordinates=10", "support_rows=drop,coordinates=20"]
+    assert [run.key for run in results.runs] == ["basis=eigenmodes,coordinates=10", "basis=eigenmodes,coordinates=20"]
     ten, twenty = results.column("errors.reduced_vs_full.beam")
     assert 0.0 < twenty < 0.1 * ten
 
@@ -81,7 +81,7 @@ def test_called_again_it_goes_on(small: Path, done: Path) -> None:
 
 @pytest.mark.slow
 def test_runs_can_be_named_and_computed_one_by_one(small: Path, done: Path) -> None:
-    names = [f"support_rows=drop,coordinates={r}" for r in (10, 20)]
+    names = [f"basis=eigenmodes,coordinates={r}" for r in (10, 20)]
     assert pmr(str(small), "--list").stdout.split() == names
     before = tables(done)
     one = pmr(str(small), "--out", str(done), "--only", names[1])
@@ -94,7 +94,7 @@ def test_a_failing_run_leaves_exit_code_1_and_the_other_runs(small: Path, done: 
     more = "change.reduction.snapshots=21"  # more than the mesh has nodes for
     failed = pmr(str(small), "--out", str(done.with_name("failed")), "--set", more, "--jobs", "1")
     assert failed.returncode == 1 and "0 of 2 runs are there" in failed.stdout
-    assert "skipped: support_rows=drop,coordinates=10: needs modes-21x6-0-" in failed.stderr
+    assert "skipped: basis=eigenmodes,coordinates=10: needs modes-21x6-0-" in failed.stderr
     assert "at most 20 fit on the mesh's nodes" in failed.stderr and "Traceback" not in failed.stderr
     assert (done.with_name("failed") / "runs.csv").read_text().count("skipped") == 2
 
@@ -103,7 +103,7 @@ BAD = [
     (["nowhere.toml"], "nowhere.toml: no such study file"),
     ([str(COORDINATES), "--set", "grid.reduction.modes=[0]"], "--set: grid.reduction.modes = 0: input should be"),
     ([str(COORDINATES), "--out", "pyproject.toml"], "a folder that can be written to"),
-    ([str(COORDINATES), "--only", "coordinates=10"], "no such run; did you mean 'support_rows="),
+    ([str(COORDINATES), "--only", "coordinates=10"], "no such run; did you mean 'basis="),
 ]
 
 

@@ -91,7 +91,7 @@ def test_damping_that_couples_modes_is_not_covered_but_estimated_without() -> No
 
 
 SHORT = ["time.end=0.4", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.3],values=[1.25,1.6]}"]
-TONE = "loads=[{name='F',at=5.0,signal={kind='sum',terms=[10.0,{kind='sine',amplitude=50.0,frequency=197.0}]}}]"
+TONE = "loads=[{name='F',on=5.0,signal={kind='sum',terms=[10.0,{kind='sine',amplitude=50.0,frequency=197.0}]}}]"
 
 
 @pytest.mark.parametrize("load", [[], [TONE]])

@@ -87,7 +87,7 @@ def response(scale: float) -> Response:
 def test_all_pairs_are_compared_the_later_one_being_the_reference() -> None:
     found = errors({"ancf": response(1.0), "full": response(1.1), "reduced": response(1.21)})
     assert set(found) == {"reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"}
-    assert found["reduced_vs_full"] == pytest.approx({"tip": 0.1, "beam": 0.1, "slider_force": 0.21})
+    assert found["reduced_vs_full"] == pytest.approx({"tip": 0.1, "beam": 0.1, "pad_force": 0.21})
     assert found["reduced_vs_ancf"]["tip"] == pytest.approx(0.21)
     absolute = errors({"full": response(1.0), "reduced": response(1.5)}, absolute_error)["reduced_vs_full"]
     assert absolute["tip"] == pytest.approx(0.5 * np.linalg.norm(np.sin(7 * T)))

@@ -18,7 +18,8 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.reduce.from_scene import take_snapshots
 from pmr.run import reduce_with
-from pmr.scene import SceneBase, StructureScene
+from pmr.scene import Scene
+from pmr.scene.choice import transverse
 from pmr.simulate import Excitation
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
@@ -29,7 +30,7 @@ SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(12)
 SMALLEST = 1e-6
 
 
-def simulated(scene: SceneBase, body: SlidingBody, tips: int) -> Outputs:
+def simulated(scene: Scene, body: SlidingBody, tips: int) -> Outputs:
     form, excitation = modal_form(body), Excitation.of(scene)
     return outputs(form.body, march.simulate_modal(form, excitation), excitation, tips)
 
@@ -39,7 +40,7 @@ def ratios(seed: int) -> Iterator[tuple[str, float, float]]:
     scene = sliding_scene(seed)
     model = build(scene, MPI.COMM_SELF).model
     reduced = reduce_with(scene, model, take_snapshots(scene, model)).reduced
-    tips = 2 if isinstance(scene, StructureScene) else 1
+    tips = len(transverse(scene))
     own, full = (simulated(scene, body, tips) for body in (reduced, model.gather()))
     known = own.force.shape[1]
     full = Outputs(full.displacement, full.velocity, full.force[:, -known:], tips)  # rigid holds are rows of it alone

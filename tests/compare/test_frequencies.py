@@ -48,6 +48,6 @@ def test_closed_form_where_there_is_one(load_scene) -> None:
     bar = np.pi / 10.0 * np.sqrt(2e7 / 78.0)  # between the third and the fourth of bending
     assert closed_form_frequencies(load_scene(), s, 4)[0, 3] == pytest.approx(bar)
     assert closed_form_frequencies(load_scene(), s, 3) == pytest.approx(np.array([CLOSED_FORM[1.25], CLOSED_FORM[2.5]]))
-    for change in ("supports=[{at=0.0,kind='clamped'}]", "slider.offsets=[0.0,0.1]"):
+    for change in ("supports=[{on=0.0,kind='clamped'}]", "slider.offsets=[0.0,0.1]"):
         scene = load_scene("paper_simple", [change, "compare.against=[]", "reduction.coordinates=25"])
         assert closed_form_frequencies(scene, s, 3).shape == (2, 0)

@@ -22,7 +22,7 @@ WORKFLOWS = Path(__file__).parents[2] / "workflows"
 ALONG = {
     "planar": (
         "evolved_residual.toml",
-        "loads=[{name='X',at=5.0,direction='x',signal=1e3}]",
+        "loads=[{name='X',on=5.0,direction='x',signal=1e3}]",
         "mesh.elements=20",
         "simulation.simulators=['march']",
         "time.end=6.0",

@@ -195,7 +195,7 @@ def test_what_the_summary_holds() -> None:
 
 
 COARSE = ["time.end=1.0", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.9],values=[1.25,1.6]}",
-          "loads=[{name='F',at=5.0,signal={kind='sine',amplitude=50.0,frequency=5.0}}]"]  # fmt: skip
+          "loads=[{name='F',on=5.0,signal={kind='sine',amplitude=50.0,frequency=5.0}}]"]  # fmt: skip
 
 
 @pytest.mark.slow

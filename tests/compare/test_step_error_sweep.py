@@ -15,14 +15,14 @@ from pmr.compare.halved_steps import NEGLIGIBLE, SETTLED
 from pmr.compare.responses import simulate_reduced
 from pmr.compare.step_error import step_error
 from pmr.run import reduce
-from pmr.scene import SceneBase
+from pmr.scene import Scene
 from pmr.simulate import Excitation
 
 SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(8)
 COARSE, FURTHER = 10, 4
 
 
-def with_step(scene: SceneBase, step: float) -> SceneBase:
+def with_step(scene: Scene, step: float) -> Scene:
     return scene.model_copy(update={"time": scene.time.model_copy(update={"step": step})})
 
 

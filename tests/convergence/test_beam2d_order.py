@@ -36,7 +36,7 @@ def test_frequencies_converge_with_the_declared_order(load_scene, s: float, grad
 @pytest.mark.parametrize("elements", [400, 1600])
 def test_round_off_is_as_declared(load_scene, elements: int) -> None:
     """Beyond some hundred elements refinement makes it worse, by the fourth power; within a factor of ten."""
-    scene = load_scene("paper_simple", [f"mesh.elements={elements}", "body.axial=false", "compare.against=[]"])
+    scene = load_scene("paper_simple", [f"mesh.elements={elements}", "body.profile.axial=false", "compare.against=[]"])
     model = full_model(scene)
     error = abs(SlepcEigenSolver(model).lowest(2.5, 1).omega[0] / CLOSED_FORM[2.5][0] - 1.0)
     expected = Beam2D(scene.body, model.output_positions).round_off

@@ -80,7 +80,7 @@ def coinciding(load_scene) -> tuple[FullModel, float]:
     axial = np.arange(3, 153, 3)
     first = scipy.linalg.eigh(K[np.ix_(axial, axial)] / 2e7, M[np.ix_(axial, axial)], eigvals_only=True)[0]
     stiffness = float(third / first)
-    return full_model(load_scene("paper_simple", [f"body.axial_stiffness={stiffness!r}"])), stiffness
+    return full_model(load_scene("paper_simple", [f"body.profile.axial_stiffness={stiffness!r}"])), stiffness
 
 
 def test_both_modes_of_a_degenerate_pair_are_found(coinciding: tuple[FullModel, float]) -> None:
@@ -124,7 +124,7 @@ def test_a_pair_cut_in_two_is_said(coinciding: tuple[FullModel, float], solver, 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_rigid_body_mode_is_found_at_zero(load_scene, solver) -> None:
     """Rollers leave the axial motion free: one mode at 0, and the shift keeps the factorisation regular."""
-    rollers = "supports=[{at=0.0,kind='roller'}]"
+    rollers = "supports=[{on=0.0,kind='roller'}]"
     model = full_model(load_scene("paper_simple", [rollers, "compare.against=[]"]))
     modes = solver(model).lowest(2.5, 4)
     assert modes.omega[0] < 1e-2 and modes.omega[1:] == pytest.approx(CLOSED_FORM[2.5], rel=1e-6)

@@ -21,8 +21,8 @@ from pmr.models.shell import Shell
 from pmr.reduce.basis import modal_basis
 from pmr.reduce.residual.model import flexible_model
 from pmr.reduced.model import ReducedModel
+from pmr.scene.built import GRAVITY
 from pmr.scene.signals import Constant
-from pmr.scene.space import GRAVITY
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
 from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate import petsc as fullorder
@@ -203,8 +203,9 @@ faces = { bottom = [-0.1, 0.1], left = [0.0] }
 name = "mouth"
 moving = true
 faces = { bottom = [-0.1, 0.1], left = [0.0] }
-[[holds]]
+[[supports]]
 name = "cylinder"
+directions = ["x"]
 [slider]
 path = { kind = "smooth_ramp", times = [0.1, 0.9], values = [1.5, 2.0] }
 [[loads]]

@@ -1,4 +1,4 @@
-"""A boom in space as a planar beam: what is called differently there acts the same."""
+"""A boom as a planar beam: what it knows acts the same."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
+CLAMP = "{on='tail',kind='clamped',points='all'}"
 PADS = "pads=[{name='mouth',moving=true,faces={bottom=[0.0],left=[0.0]}}]"
-PLAIN = [PADS, "holds=[]", "body.shear=false", "mesh.elements=6", "observe.count=5", "masses=[]"]
+PLAIN = [PADS, "body.shear=false", "mesh.elements=6", "observe.count=5", "masses=[]"]
 
 
-def deflections(model: str, load: str, clamp: str) -> np.ndarray:
+def deflections(model: str, load: str, clamps: str) -> np.ndarray:
     """Vertical displacements in statics under one load, the mouth's pads apart; at five places and the tip."""
     loads = f"loads=[{{name='F',on='tip',direction='{load}',signal=1.0}}]"
-    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*PLAIN, f"body.model={model}", loads, f"clamps=[{clamp}]"])
+    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*PLAIN, f"body.model={model}", loads, f"supports=[{clamps}]"])
     body = build(scene, MPI.COMM_SELF).model.gather()
     assert body is not None
     y = body.outputs @ np.linalg.solve(body.K.toarray(), body.B[:, 0])
@@ -29,13 +30,13 @@ def deflections(model: str, load: str, clamp: str) -> np.ndarray:
 @pytest.mark.parametrize("load", ["z", "ry"])
 def test_planar_beams_answer_forces_and_moments_as_beams_in_space(load: str) -> None:
     """A clamp on all directions holds rotation too; a moment about y turns the tip the same way."""
-    planar, space = (deflections(model, load, "{on='tail'}") for model in ("beam2d", "beam3d"))
+    planar, space = (deflections(model, load, CLAMP) for model in ("beam2d", "beam3d"))
     assert np.abs(space).max() > 0.0
     assert planar == pytest.approx(space, rel=1e-6, abs=1e-9 * np.abs(space).max())
 
 
 def test_a_lateral_clamp_holds_nothing_of_a_planar_beam() -> None:
-    """Its y is the scene's z: what the scene holds along y must not hold the vertical."""
-    both = "{on='tail'},{on='tip',directions=['y']}"
-    alone, beside = (deflections("beam2d", "z", clamps) for clamps in ("{on='tail'}", both))
+    """What a support holds along y must not hold the vertical."""
+    both = CLAMP + ",{on='tip',directions=['y'],points='all'}"
+    alone, beside = (deflections("beam2d", "z", clamps) for clamps in (CLAMP, both))
     assert beside == pytest.approx(alone, rel=1e-12)

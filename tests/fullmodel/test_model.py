@@ -33,7 +33,9 @@ def test_mass_and_stiffness_equal_the_textbook(load_scene, mesh: str) -> None:
 
 
 def test_without_axial_coordinates_the_bending_part_is_left(load_scene) -> None:
-    model = full_model(load_scene("paper_simple", ["body.axial=false", "mesh.elements=7", "compare.against=['full']"]))
+    model = full_model(
+        load_scene("paper_simple", ["body.profile.axial=false", "mesh.elements=7", "compare.against=['full']"])
+    )
     M, K = beam_matrices(model.output_positions)
     kept = np.flatnonzero(np.isin(np.arange(len(M)) % 3, BENDING))
     assert relative(gathered(model.M), M[np.ix_(kept, kept)]) < 1e-12
@@ -42,7 +44,11 @@ def test_without_axial_coordinates_the_bending_part_is_left(load_scene) -> None:
 
 
 def test_other_stiffness_and_mass_reach_the_matrices(load_scene) -> None:
-    changes = ["body.bending_stiffness=1.0e3", "body.axial_stiffness=5.0e5", "body.mass_per_length=3.0"]
+    changes = [
+        "body.profile.bending_stiffness=1.0e3",
+        "body.profile.axial_stiffness=5.0e5",
+        "body.profile.mass_per_length=3.0",
+    ]
     model = full_model(load_scene("paper_simple", changes))
     M, K = beam_matrices(model.output_positions, EI=1.0e3, EA=5.0e5, rho_A=3.0)
     assert relative(gathered(model.M), M) < 1e-12
@@ -64,19 +70,19 @@ def test_rigid_motion_has_the_beams_mass_and_no_stiffness(load_scene) -> None:
 
 
 def test_inputs_and_outputs_are_point_rows(load_scene) -> None:
-    loads = "loads=[{name='F',at=5.0,signal=1.0},{name='T',at=2.03,direction='rotation',signal=1.0}]"
+    loads = "loads=[{name='F',on=5.0,signal=1.0},{name='T',on=2.03,direction='ry',signal=1.0}]"
     model = full_model(load_scene("paper_simple", [loads, "compare.against=[]"]))
     B, O = gathered(model.inputs), gathered(model.outputs).T
     assert model.input_names == ("F", "T")
     assert np.flatnonzero(B[:, 0]).tolist() == [151] and B[151, 0] == 1.0
     rotation = np.zeros(model.size)
     rotation[1::3], rotation[2::3] = model.output_positions, 1.0
-    assert B[:, 1] @ rotation == pytest.approx(1.0, abs=1e-13)  # a unit moment works on a unit slope
+    assert B[:, 1] @ rotation == pytest.approx(-1.0, abs=1e-13)  # a slope upwards turns against the axis y
     assert np.array_equal(O, np.eye(model.size)[1::3])
 
 
 def test_rows_hold_the_supports_and_the_sliders(load_scene) -> None:
-    extra = "supports=[{at=0.0,kind='clamped'}]"
+    extra = "supports=[{on=0.0,kind='clamped'}]"
     model = full_model(load_scene("paper_simple", [extra, "slider.offsets=[0.0,0.3]", "compare.against=[]"]))
     assert model.rows.names == (
         "support x at 0 m", "support z at 0 m", "support ry at 0 m", "slider at s", "slider at s+0.3 m"

@@ -12,7 +12,7 @@ from gathering import gathered
 from pmr.constraints.rows import Row, Rows
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.fullmodel.pads import Hold, Pad, Pads, fixed_pad, hold, moving_pad
+from pmr.fullmodel.pads import Pad, Pads, Support, fixed_pad, moving_pad, restrain
 from pmr.fullmodel.structure import Action, PadForce, Structure, Weight, structural_model
 from pmr.mesh.named import Group
 from pmr.models import StructuralModel
@@ -173,7 +173,7 @@ def test_a_pad_that_only_pushes_is_a_row_wherever_it_sits(model: StructuralModel
     fixed = [Pad(name, "bottom", 0.2, stiffness=k, unilateral=True) for name, k in (("soft", 1e8), ("rigid", np.inf))]
     side = Pad("side", "left", unilateral=True, clearance=1e-3)
     pads = Pads((*fixed, Pad("spring", "top", 0.2)), (side, Pad("mouth", "bottom")), travel=TRAVEL)
-    found = hold(pads, model, free(model))
+    found = restrain(pads, model, free(model))
     assert [row.name for row in found.rows] == ["soft", "rigid", "side", "mouth"]
     assert [row.name for row in found.springs] == ["spring"]
     assert [row.clearance for row in found.rows] == [0.0, 0.0, 1e-3, None]
@@ -195,7 +195,7 @@ def held(model: StructuralModel, stiffness: float = 3e8) -> Structure:
             Pad("edge", "bottom", at=0.2, across=0.1),
         ),
         moving=(Pad("mouth", "bottom"), Pad("beside", "left")),
-        holds=(Hold("cylinder", "tail", stiffness=1e7),),
+        supports=(Support("cylinder", "tail", stiffness=1e7),),
         travel=TRAVEL,
     )
     outputs = (PadForce("tail"), PadForce("edge"), PadForce("cylinder"), Action("tip", "tip", "z"))
@@ -225,7 +225,7 @@ def test_pad_forces_balance_the_weight(model: StructuralModel) -> None:
 
 
 def test_springs_are_what_neither_moves_nor_is_rigid(model: StructuralModel) -> None:
-    found = hold(held(model, stiffness=np.inf).pads, model, free(model))
+    found = restrain(held(model, stiffness=np.inf).pads, model, free(model))
     assert [row.name for row in found.rows] == ["tail", "mouth", "beside"]
     assert [row.name for row in found.springs] == ["side", "edge", "cylinder"]
     with pytest.raises(InputError, match="neither move nor are rigid or unilateral are allowed: side, edge, cylinder"):

@@ -18,7 +18,7 @@ from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
 from pmr.scene import Damping
-from pmr.scene.space import GRAVITY
+from pmr.scene.built import GRAVITY
 from pmr.scene.structures import Beam3DBody, BeamSection, Material, Plate, PointMass, ShellBody, SolidBody
 
 pytestmark = pytest.mark.mpi

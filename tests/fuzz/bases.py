@@ -6,26 +6,33 @@ from typing import Any
 
 BEAM: dict[str, Any] = {
     "title": "Beam",
-    "body": {"model": "beam2d", "length": 5.0, "bending_stiffness": 5.0e4, "mass_per_length": 78.0},
+    "body": {"model": "beam2d", "profile": {"length": 5.0, "bending_stiffness": 5.0e4, "mass_per_length": 78.0}},
     "mesh": {"elements": 10},
-    "supports": [{"at": 0.0, "kind": "pinned"}],
+    "supports": [{"on": 0.0, "kind": "pinned"}],
     "slider": {"path": {"kind": "ramp", "times": [0.05, 0.15], "values": [1.25, 3.75]}},
-    "loads": [{"name": "F", "at": 5.0, "direction": "y", "signal": -50.0}],
+    "loads": [{"name": "F", "on": 5.0, "direction": "z", "signal": -50.0}],
     "time": {"end": 0.2, "step": 2e-3, "rho_inf": 0.9},
-    "reduction": {"snapshots": 4, "modes": 4, "coordinates": 8},
+    "reduction": {"basis": "eigenmodes", "snapshots": 4, "modes": 4, "coordinates": 8, "positions": "nodes"},
     "simulation": {"simulators": ["march"]},
 }
 PAPER: dict[str, Any] = BEAM | {
     "title": "Paper",
-    "body": BEAM["body"] | {"axial": True, "axial_stiffness": 2.0e7},
+    "body": {"model": "beam2d", "profile": BEAM["body"]["profile"] | {"axial": True, "axial_stiffness": 2.0e7}},
     "loads": [
         {
             "name": "F",
-            "at": 5.0,
+            "on": 5.0,
             "signal": {"kind": "chirp", "amplitude": 50.0, "times": [0.0, 0.1, 0.2], "frequencies": [1.0, 10.0, 1.0]},
         }
     ],
-    "reduction": {"snapshots": 5, "modes": 6, "coordinates": 12, "support_rows": "hold", "solver": "dense"},
+    "reduction": {
+        "basis": "paper",
+        "snapshots": 5,
+        "modes": 6,
+        "coordinates": 12,
+        "positions": "nodes",
+        "solver": "dense",
+    },
     "simulation": {"simulators": ["march", "exudyn"]},
     "compare": {"against": ["full", "ancf"], "ancf_elements": 6},
     "published": {"source": "a paper", "errors": {"reduced_vs_full": {"tip": 0.01}}, "max_displacement": 0.05},
@@ -38,11 +45,11 @@ FLEXIBLE: dict[str, Any] = BEAM | {
     },
     "damping": {"ratio": 0.01, "frequencies": [1.0, 50.0]},
     "loads": [
-        {"name": "F", "at": 5.0, "signal": {"kind": "sine", "amplitude": 50.0, "frequency": 3.0, "phase": 0.1}},
-        {"name": "T", "at": 2.5, "direction": "rotation", "signal": {"kind": "step", "time": 0.1, "after": 5.0}},
+        {"name": "F", "on": 5.0, "signal": {"kind": "sine", "amplitude": 50.0, "frequency": 3.0, "phase": 0.1}},
+        {"name": "T", "on": 2.5, "direction": "ry", "signal": {"kind": "step", "time": 0.1, "after": 5.0}},
         {
             "name": "G",
-            "at": 4.0,
+            "on": 4.0,
             "signal": {
                 "kind": "sum",
                 "terms": [{"kind": "table", "times": [0.0, 0.1, 0.2], "values": [0.0, 9.0, 3.0]}],
@@ -70,7 +77,7 @@ BOOM: dict[str, Any] = {
             "faces": {"bottom": [-0.1, 0.1], "top": [0.0], "left": [0.0], "right": [0.0]},
         },
     ],
-    "holds": [{"name": "cylinder", "on": "tail", "direction": "x", "stiffness": "rigid"}],
+    "supports": [{"name": "cylinder", "on": "tail", "directions": ["x"], "stiffness": "rigid"}],
     "masses": [{"name": "payload", "on": "tip", "mass": 250.0}],
     "slider": {"path": {"kind": "smooth_ramp", "times": [0.0, 0.1, 0.2], "values": [1.5, 1.8, 1.5]}},
     "loads": [

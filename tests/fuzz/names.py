@@ -47,7 +47,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
         data["pads"] = [
             pad | {"name": f"{part}{i}"} for i, (pad, part) in enumerate(zip(BOOM["pads"], (name, other), strict=True))
         ]
-        data["holds"], data["masses"] = [BOOM["holds"][0] | {"name": other}], [BOOM["masses"][0] | {"name": name}]
+        data["supports"], data["masses"] = [BOOM["supports"][0] | {"name": other}], [BOOM["masses"][0] | {"name": name}]
     file = folder / f"{_file_name(name)}.toml"
     file.write_text(toml.written(data), encoding="utf-8")
     outcome = run(coarse(scenes.load(file)), MPI.COMM_SELF)

@@ -13,7 +13,7 @@ from fuzz.mutations import STRANGE, Random, mutated, scratched, somewhere, stran
 from fuzz.verdict import NonsenseError, ensure_finite, strictly_read
 
 from pmr import scene as scenes
-from pmr.scene import SceneBase, StructureScene
+from pmr.scene import Scene
 from pmr.scene.checks import check
 
 MOST_STEPS, MOST_ELEMENTS, MOST_CELLS = 200, 24, 40
@@ -45,30 +45,29 @@ def prepare() -> None:
             ran(coarse(scenes.load(Path(folder, "scene.toml"))), Path(folder), drawn=number == 0)
 
 
-def coarse(scene: SceneBase) -> SceneBase:
+def coarse(scene: Scene) -> Scene:
     """The scene on few elements and over few steps."""
-    time, mesh = scene.time, scene.mesh  # type: ignore[attr-defined]
+    time, mesh = scene.time, scene.mesh
     changes: dict[str, Any] = {"simulation": scene.simulation.model_copy(update={"repeats": 1})}
     if time.steps > MOST_STEPS:
         changes["time"] = time = time.model_copy(update={"end": MOST_STEPS * time.step})
-    if (mesh.elements or 0) > MOST_ELEMENTS:
+    if mesh.elements > MOST_ELEMENTS:
         changes["mesh"] = mesh.model_copy(update={"elements": MOST_ELEMENTS})
-    if isinstance(scene, StructureScene):
-        box = scene.body.box
-        if box is not None and scene.body.model in ("auto", "shell", "solid"):
-            around, along = (2.0 * (box.width + box.height)) / 4.0, box.length / MOST_CELLS
-            update = {"size": max(mesh.size, around / 6.0), "along": max(mesh.along or mesh.size, along)}
-            changes["mesh"] = mesh.model_copy(update=update)
-        if scene.recovery is not None:
-            update = {"every": time.step * max(1, time.steps // 2), "frames": 2}
-            changes["recovery"] = scene.recovery.model_copy(update=update)
-        changes["observe"] = scene.observe.model_copy(update={"count": min(scene.observe.count, 29)})
+    box = scene.body.box
+    if box is not None and scene.body.model in ("auto", "shell", "solid"):
+        around, along = (2.0 * (box.width + box.height)) / 4.0, box.length / MOST_CELLS
+        update = {"size": max(mesh.size, around / 6.0), "along": max(mesh.along or mesh.size, along)}
+        changes["mesh"] = mesh.model_copy(update=update)
+    if scene.recovery is not None:
+        update = {"every": time.step * max(1, time.steps // 2), "frames": 2}
+        changes["recovery"] = scene.recovery.model_copy(update=update)
+    changes["observe"] = scene.observe.model_copy(update={"count": min(scene.observe.count, 29)})
     small = scene.model_copy(update=changes)
     check(small)
     return small
 
 
-def ran(scene: SceneBase, folder: Path, drawn: bool) -> str:
+def ran(scene: Scene, folder: Path, drawn: bool) -> str:
     """Run it the whole way; the results are finite, plausible and valid files."""
     from pmr.fem.compat import MPI
     from pmr.reduced.model import ReducedModel
@@ -95,12 +94,9 @@ def ran(scene: SceneBase, folder: Path, drawn: bool) -> str:
     return f"{summary['max_displacement']:.2e} m, {len(summary['warnings'])} warnings"
 
 
-def plausible(scene: SceneBase, result: Any) -> None:
+def plausible(scene: Scene, result: Any) -> None:
     """A linear model says nothing of motions as large as the body; where one comes out, a warning says so."""
-    if isinstance(scene, StructureScene):
-        length = scene.body.box.length if scene.body.box else 2.0  # m, of the meshes that are read
-    else:
-        length = scene.body.length  # type: ignore[attr-defined]
+    length = scene.body.length or 2.0  # m, of the meshes that are read
     largest = max(float(np.abs(response.displacement).max()) for response in result.responses.values())
     if largest > length and not result.summary["warnings"]:
         raise NonsenseError(f"{largest:.2e} m of displacement of a body of {length:g} m, without a warning")

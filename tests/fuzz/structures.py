@@ -55,10 +55,11 @@ def structure(rng: Random) -> dict[str, Any]:
         "damping": pick(rng, ({}, {"mass": 0.1, "stiffness": 1e-5}, {"ratio": 0.01, "frequencies": [5.0, 50.0]})),
     }
     if rng.random() < 0.8:
-        data["holds"] = [{"name": "cylinder", "on": pick(rng, ("tail", "tip")), "direction": "x"}]
+        data["supports"] = [{"name": "cylinder", "on": pick(rng, ("tail", "tip")), "directions": ["x"]}]
     if rng.random() < 0.3:
         directions = [d for d in DIRECTIONS if rng.random() < 0.5]
-        data["clamps"] = [{"on": pick(rng, ("tail", "tip")), "directions": directions}]
+        clamp = {"on": pick(rng, ("tail", "tip")), "directions": directions, "points": "all"}
+        data["supports"] = [*data.get("supports", []), clamp]
     if rng.random() < 0.6:
         data["gravity"] = {"direction": [float(c) for c in rng.normal(size=3)], "rise": pick(rng, (0.0, 0.1))}
     if rng.random() < 0.5:

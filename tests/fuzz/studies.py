@@ -19,7 +19,8 @@ from pmr.studies import files
 from pmr.studies.engine.task import Plan, Task, TaskResult
 
 SCENES = {
-    "beam.toml": BEAM | {"reduction": {"snapshots": 3, "modes": 2, "coordinates": 4}},
+    "beam.toml": BEAM
+    | {"reduction": {"basis": "eigenmodes", "snapshots": 3, "modes": 2, "coordinates": 4, "positions": "nodes"}},
     "paper.toml": PAPER,
     "boom.toml": BOOM,
 }
@@ -29,8 +30,8 @@ STUDIES: dict[str, dict[str, Any]] = {
         "title": "Coordinates",
         "scenes": ["beam.toml"],
         "change": {"compare": {"against": ["full"]}},
-        "cases": [{"name": "soft", "change": {"body": {"bending_stiffness": 1e4}}}, {"name": "as-it-is"}],
-        "grid": {"reduction": {"coordinates": [3, 4], "support_rows": ["drop"]}},
+        "cases": [{"name": "soft", "change": {"body": {"profile": {"bending_stiffness": 1e4}}}}, {"name": "as-it-is"}],
+        "grid": {"reduction": {"coordinates": [3, 4], "basis": ["eigenmodes"]}},
     },
     "boom": {"kind": "scenes", "title": "Boom", "scenes": ["boom.toml"], "grid": {"mesh": {"elements": [12, 16]}}},
     "error_map": {

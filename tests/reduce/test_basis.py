@@ -122,7 +122,7 @@ def test_where_all_snapshots_vanish_the_basis_is_zero(model: FullModel, pool: Sn
 
 def test_accuracy_bounds_the_noise_in_a_relation_that_the_snapshots_satisfy(load_scene) -> None:
     """A support in mid-element: its four entries cancel to about round-off times sigma_1 / sigma_r."""
-    scene = load_scene("paper_simple", ["supports=[{at=0.033}]", "compare.against=[]"])
+    scene = load_scene("paper_simple", ["supports=[{on=0.033}]", "compare.against=[]"])
     model = full_model(scene)
     basis: Basis = pod(model, eigenmode_snapshots(model, scene), 20)
     C = model.rows.at(2.0).toarray()[1]

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.mpi
 
 def reduce(load_scene, *overrides: str) -> tuple[ReducedModel, np.ndarray]:
     """Reduced model and basis (n, r) on every rank."""
-    scene = load_scene("paper_simple", ["reduction.support_rows=drop", *overrides])
+    scene = load_scene("paper_simple", ["reduction.basis=eigenmodes", *overrides])
     model = full_model(scene)
     basis = pod(model, eigenmode_snapshots(model, scene), scene.reduction.coordinates)
     V = np.concatenate(MPI.COMM_WORLD.allgather(np.array(basis.V.getDenseArray())))

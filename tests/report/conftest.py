@@ -58,7 +58,7 @@ def make_result() -> MakeResult:
         title: str = "Case",
         steps: int = 3000,
         offsets: tuple[float, ...] = (0.0,),
-        loads: Sequence[dict[str, Any]] = ({"name": "F", "at": 5.0, "signal": -50.0},),
+        loads: Sequence[dict[str, Any]] = ({"name": "F", "on": 5.0, "signal": -50.0},),
         published: dict[str, Any] | None = None,
         summary: dict[str, Any] | None = None,
         closed_form: bool = True,
@@ -67,7 +67,8 @@ def make_result() -> MakeResult:
         scene = Scene.model_validate(
             {
                 "title": title,
-                "body": {"length": 5.0, "bending_stiffness": 5.0e4, "mass_per_length": 78.0},
+                "body": {"profile": {"length": 5.0, "bending_stiffness": 5.0e4, "mass_per_length": 78.0}},
+                "supports": [{"on": 0.0}],
                 "mesh": {"elements": 10},
                 "slider": {
                     "path": {"kind": "ramp", "times": [1.0, 2.0], "values": [1.25, 3.75]},
@@ -75,6 +76,7 @@ def make_result() -> MakeResult:
                 },
                 "loads": list(loads),
                 "time": {"end": steps * 1e-3, "step": 1e-3},
+                "reduction": {"basis": "eigenmodes"},
                 "published": published,
                 **sections,
             }
@@ -136,11 +138,11 @@ def bare(make_result: MakeResult) -> RunResult:
         summary={},
         offsets=(0.0, -0.5),
         loads=(
-            {"name": "F", "at": 5.0, "signal": -50.0},
-            {"name": "G", "at": 2.5, "signal": {"kind": "sine", "amplitude": 2.0e3, "frequency": 3.0}},
-            {"name": "M", "at": 5.0, "direction": "rotation", "signal": 4.0},
+            {"name": "F", "on": 5.0, "signal": -50.0},
+            {"name": "G", "on": 2.5, "signal": {"kind": "sine", "amplitude": 2.0e3, "frequency": 3.0}},
+            {"name": "M", "on": 5.0, "direction": "ry", "signal": 4.0},
         ),
-        supports=[{"at": 0.0, "kind": "clamped"}],
+        supports=[{"on": 0.0, "kind": "clamped"}],
         damping={"mass": 0.1},
     )
 

@@ -150,7 +150,7 @@ def test_every_case_has_animation_and_strip(page: Page) -> None:
         "simulation, Exudyn 300\u00a0ms",
         "stiffness EI 50\u202f000\u00a0N\u00a0m²",
         "slider path s ramp, times (1, 2)\u00a0s, values (1.25, 3.75)\u00a0m",
-        "load M constant, 4\u00a0N\u00a0m; at 5\u00a0m, direction rotation",
+        "load M constant, 4\u00a0N\u00a0m; at 5\u00a0m along ry",
         "sliders at s + 0\u00a0m, s − 0.5\u00a0m",
         "support clamped at 0\u00a0m",
         "The published value rests on another step size.",

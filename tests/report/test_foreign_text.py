@@ -32,7 +32,7 @@ TEXTS = {
 
 
 def page(make_result, text: str) -> str:
-    loads = [{"name": text, "at": 5.0, "signal": 1.0}, {"name": f"{text}2", "at": 5.0, "signal": 2.0}]
+    loads = [{"name": text, "on": 5.0, "signal": 1.0}, {"name": f"{text}2", "on": 5.0, "signal": 2.0}]
     result = make_result(title=text, loads=loads, summary={"warnings": [text], "notes": [text]}, published=None)
     return render([case(result, "case-1")])
 
@@ -64,6 +64,6 @@ def unescape_once(text: str) -> str:
 @pytest.mark.slow
 def test_a_pdf_is_written_whatever_the_names(make_result, tmp_path: Path) -> None:
     everything = " ".join(text[:60] for text in TEXTS.values())
-    loads = [{"name": f"{everything}{i}", "at": 5.0, "signal": 1.0} for i in range(2)]
+    loads = [{"name": f"{everything}{i}", "on": 5.0, "signal": 1.0} for i in range(2)]
     files = write_report([make_result(title=everything, loads=loads)], tmp_path)
     assert files.pdf.read_bytes().startswith(b"%PDF-")

@@ -39,7 +39,7 @@ def test_a_beam_has_its_length_its_sliders_way_and_its_loads(whole: RunResult, m
 
 def test_a_boom_has_what_is_attached_to_it(boom: RunResult, make_space) -> None:
     assert texts(boom) == ["cylinder", "2 m … 4.5 m beyond the mouth", "g", "payload, 250 kg", "tip force", "gust"]
-    bare = make_space(loads=[], masses=[], holds=[])
+    bare = make_space(loads=[], masses=[], supports=[])
     assert texts(bare) == ["2 m … 4.5 m beyond the mouth", "g"] and coloured(bare, LOAD) == 0
 
 
@@ -48,10 +48,10 @@ def test_a_boom_has_what_is_attached_to_it(boom: RunResult, make_space) -> None:
     [(-50.0, 1), (50.0, 1), ({"kind": "sine", "amplitude": 5.0, "frequency": 3.0}, 2), (0.0, 1)],
 )
 def test_a_load_that_acts_both_ways_has_two_heads(make_result, signal: object, heads: int) -> None:
-    result = make_result(loads=[{"name": "F", "at": 5.0, "signal": signal}])
+    result = make_result(loads=[{"name": "F", "on": 5.0, "signal": signal}])
     assert coloured(result, LOAD) == heads + 1  # and the name
 
 
 def test_a_load_along_the_span_is_named_above_it(make_result) -> None:
-    loads = [{"name": "M", "at": 2.0, "direction": "rotation", "signal": 1.0}, {"name": "P", "at": 5.0, "signal": 1.0}]
+    loads = [{"name": "M", "on": 2.0, "direction": "ry", "signal": 1.0}, {"name": "P", "on": 5.0, "signal": 1.0}]
     assert texts(make_result(loads=loads)) == ["s = 1.25 m … 3.75 m", "5 m", "M", "P"]

@@ -1,10 +1,8 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from pmr.report.subject import fields_of, forces, length, offsets, stress_times, tips
+from pmr.report.subject import forces, length, offsets, stress_times, tips
 
 
 def test_the_tips_directions_are_the_last_columns(boom, make_space) -> None:
@@ -34,13 +32,3 @@ def test_a_planar_beam_feels_no_pads_on_its_sides_and_rigid_pads_that_stay_have_
 def test_places_and_times(boom) -> None:
     assert (offsets(boom), length(boom)) == ((0.0,), 6.0)
     assert np.allclose(stress_times(boom), np.linspace(0.0, 1.0, 21))  # the scene's recovery
-
-
-def test_a_planar_beams_vertical_is_z_in_pictures(boom, make_space, make_fields) -> None:
-    fields = make_fields("line")
-    own = replace(fields, displacement=fields.displacement[..., [0, 2, 1]])  # along the model's y
-    body = {"model": "beam2d", "box": boom.scene.body.box}
-    for given in (fields, own):
-        assert np.array_equal(fields_of(make_space(fields=given, body=body)).displacement, fields.displacement)
-    sideways = make_space(fields=own)  # a shell that moves along y does so
-    assert fields_of(sideways) is own and fields_of(boom) is None

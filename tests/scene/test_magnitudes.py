@@ -16,9 +16,9 @@ MOUTH = "{name='m',moving=true,faces={bottom=[0.0]}}"
 
 #: What to write into a scene, with a size in place of the @.
 PLANAR = [
-    "body.length=@", "body.bending_stiffness=@", "body.mass_per_length=@", "body.axial_stiffness=@",
-    "damping={mass=@}", "damping={stiffness=@}", "time.end=@", "time.step=@", "loads=[{at=5.0,signal=@}]",
-    "slider.path=@", "slider.offsets=[@]", "supports=[{at=@}]",
+    *(f"body.profile.{key}=@" for key in ("length", "bending_stiffness", "mass_per_length", "axial_stiffness")),
+    "damping={mass=@}", "damping={stiffness=@}", "time.end=@", "time.step=@", "loads=[{on=5.0,signal=@}]",
+    "slider.path=@", "slider.offsets=[@]", "supports=[{on=@}]",
 ]  # fmt: skip
 SPACE = [
     "body.box.length=@", "body.box.width=@", "body.box.height=@", "body.box.wall=@", "body.box.radius=@",
@@ -31,7 +31,7 @@ SPACE = [
       ("length", "width", "stiffness", "unilateral=true,clearance")),
     f"pads=[{{name='t',at=@,faces={{bottom=[0.0]}}}},{MOUTH}]",
     f"pads=[{{name='t',at=0.15,faces={{bottom=[@]}}}},{MOUTH}]",
-    "holds=[{name='c',stiffness=@}]", "observe.start=@", "observe.end=@", "recovery.every=@", "time.step=@",
+    "supports=[{name='c',stiffness=@}]", "observe.start=@", "observe.end=@", "recovery.every=@", "time.step=@",
     "loads=[{name='F',signal=@}]", "slider.path=@", "mesh.elements=@", "loads=[{name='F',on=@,signal=1.0}]",
 ]  # fmt: skip
 EXTREMES = ["1e300", "1e-300", "-1e300", "-1e-300", "5e-324", "1.7976931348623157e308", "inf", "nan"]
@@ -65,13 +65,15 @@ def test_sizes_beyond_all_that_is_built_are_refused(file: str, change: str, size
         ("boom_beam", "body.box.wall=1e-5", "body.box.wall: a ratio of the smaller side over the wall from 0 to 10000"),
         ("boom_beam", "body.box.height=1e3", "body.box.width: a ratio of width over height from 0.001 to 1000"),
         ("boom_beam", "body.material.poisson=-0.999", "body.material.poisson = -0.999: a number from -0.99 to 0.4999"),
-        ("boom_beam", "mesh.elements=100000", "mesh.elements = 100000: a number from 1 to 5000 is allowed"),
+        ("boom_beam", "mesh.elements=100000", "mesh.elements = 100000: at most 5000 are allowed for beam3d"),
         ("boom_beam", "loads=[{name='F',signal=1e130}]", "loads[0].signal: at most 1e+120 N or N m are allowed"),
-        ("boom_beam", "holds=[{name='c',stiffness=1e16}]", "holds[0].stiffness = 1e+16: a number from 1e-06 to 1e+15"),
+        ("boom_beam", "supports=[{name='c',stiffness=1e16}]",
+         "supports[0].stiffness = 1e+16: a number from 1e-06 to 1e+15"),
         ("boom_beam", "observe.end=6.1", "observe.end = 6.1: on the body, 0 to 6 m, is allowed"),
         ("boom_beam", "body.section={area=0.01,second_moment_y=1e-4,second_moment_z=1e-4,torsion_constant=1e-4}",
          "body.section: shear_area_y and shear_area_z in m^2 are needed, or body.shear = false"),
-        ("paper_simple", "body.axial_stiffness=1e20", "body.axial_stiffness: a ratio of length over radius of"),
+        ("paper_simple", "body.profile.axial_stiffness=1e20",
+         "body.profile.axial_stiffness: a ratio of length over radius of"),
     ],
 )  # fmt: skip
 def test_what_is_beyond_is_said_with_its_range(file: str, change: str, says: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from pmr import scene
 from pmr.errors import InputError
-from pmr.scene.sections import SimulatorName
+from pmr.scene.asked import SimulatorName
 from pmr.scene.simulators import REFERENCE, SIMULATORS, Needs, refuse
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

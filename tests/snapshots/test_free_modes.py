@@ -34,7 +34,7 @@ def local(snapshots: Snapshots) -> np.ndarray:
 @pytest.mark.parametrize("kind", BENDING)
 def test_frequencies_are_those_of_the_beam_without_slider(load_scene, kind: str, solver: str) -> None:
     """Axial vibration, at 25 Hz among them, is reached by no load and by no slider."""
-    full = model(load_scene, f"supports=[{{at=0.0,kind='{kind}'}}]")
+    full = model(load_scene, f"supports=[{{on=0.0,kind='{kind}'}}]")
     rigid, beta = BENDING[kind]
     found = free_modes(full, rigid + 3, solver)
     bending = np.array(beta) ** 2 / LENGTH**2 * np.sqrt(EI / RHO_A)
@@ -45,7 +45,7 @@ def test_frequencies_are_those_of_the_beam_without_slider(load_scene, kind: str,
 
 
 def test_an_axial_load_brings_axial_modes_in(load_scene) -> None:
-    full = model(load_scene, "loads=[{at=5.0,signal=-50},{name='N',at=5.0,direction='x',signal=3.0}]")
+    full = model(load_scene, "loads=[{on=5.0,signal=-50},{name='N',on=5.0,direction='x',signal=3.0}]")
     axial = np.pi / 2.0 / LENGTH * np.sqrt(EA / RHO_A)
     assert free_modes(full, 6).omega[4] == pytest.approx(axial, rel=1e-3)
 
@@ -61,7 +61,7 @@ def test_dense_and_slepc_find_the_same_modes(load_scene) -> None:
     ("supports", "count"), [("pinned", 1), ("clamped", 0), ("roller", 2), (None, 3)], ids=lambda value: str(value)
 )
 def test_all_rigid_body_motions_are_found(load_scene, supports: str | None, count: int) -> None:
-    full = model(load_scene, "mesh.elements=30", f"supports=[{{at=0.0,kind='{supports or 'roller'}'}}]")
+    full = model(load_scene, "mesh.elements=30", f"supports=[{{on=0.0,kind='{supports or 'roller'}'}}]")
     if supports is None:
         full = replace(full, rows=Rows(full.rows.rows[-1:], full.size))
     Z = rigid_modes(full)
@@ -82,7 +82,7 @@ def axial(full: FullModel) -> np.ndarray:
 @pytest.mark.parametrize("solver", ["dense", "slepc"])
 def test_rigid_bodies_that_nothing_reaches_are_left_out(load_scene, solver: str) -> None:
     """Three are free; nothing moves the beam along its axis, however the three are combined."""
-    full = model(load_scene, "mesh.elements=30", "supports=[{at=0.0,kind='roller'}]")
+    full = model(load_scene, "mesh.elements=30", "supports=[{on=0.0,kind='roller'}]")
     free = replace(full, rows=Rows(full.rows.rows[-1:], full.size))
     found, Z = free_modes(free, 6, solver), rigid_modes(free)
     assert Z.shape[1] == 3 and np.flatnonzero(found.omega == 0.0).tolist() == [0, 1]
@@ -91,17 +91,19 @@ def test_rigid_bodies_that_nothing_reaches_are_left_out(load_scene, solver: str)
     assert np.abs(local(found)[:, :2]).max(initial=0.0, where=axial(free)[:, None]) < 1e-12
 
 
-@pytest.mark.parametrize("change", ["body.bending_stiffness=1e-3", "body.bending_stiffness=1e12", "mesh.elements=400"])
+@pytest.mark.parametrize(
+    "change", ["body.profile.bending_stiffness=1e-3", "body.profile.bending_stiffness=1e12", "mesh.elements=400"]
+)
 def test_rigid_and_soft_are_told_apart_at_any_scale(load_scene, change: str) -> None:
-    full = model(load_scene, change, "body.axial=false", "reduction.solver=dense")
+    full = model(load_scene, change, "body.profile.axial=false", "reduction.solver=dense")
     assert rigid_bodies(full, local(free_modes(full, 4))).tolist() == [True, False, False, False]
-    clamped = model(load_scene, change, "body.axial=false", "supports=[{at=0.0,kind='clamped'}]")
+    clamped = model(load_scene, change, "body.profile.axial=false", "supports=[{on=0.0,kind='clamped'}]")
     assert not rigid_bodies(clamped, local(free_modes(clamped, 4))).any()
 
 
 @pytest.mark.mpi
 def test_a_count_out_of_range_is_refused(load_scene) -> None:
-    full = model(load_scene, "mesh.elements=4", "supports=[{at=0.0,kind='roller'}]", "slider.path=2.0")
+    full = model(load_scene, "mesh.elements=4", "supports=[{on=0.0,kind='roller'}]", "slider.path=2.0")
     # 5 nodes with w and theta, one held: 9 bending modes, and 5 axial ones that nothing reaches
     assert len(free_modes(full, 8).omega) == 8
     with pytest.raises(InputError, match="reduction.coordinates = 9: loads and sliders excite 9 modes"):

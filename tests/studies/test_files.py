@@ -66,7 +66,10 @@ REFUSED = [
     ),
     (GOOD + "[grid]\nreduction.modes = [2]", "paper_base.toml: reduction.coordinates = 20: at most"),
     (GOOD + "[[cases]]\nname = 'a b'", "cases[0].name = 'a b': string should match"),
-    (GOOD + "[[cases]]\nname = 'a'\nchange.body.length = -1", "cases[0].change.body.length = -1: input should be"),
+    (
+        GOOD + "[[cases]]\nname = 'a'\nchange.time.end = -1",
+        "cases[0].change.time.end = -1: input should be",
+    ),
     (GOOD + "[grid]\ntime.end = [1.0, 1.0]", "study.toml: two runs are called end=1.0; scenes"),
     (GOOD + "[[cases]]\nname = 'a'\n[[cases]]\nname = 'a'", "study.toml: two runs are called a; scenes"),
 ]

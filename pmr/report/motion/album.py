@@ -15,7 +15,7 @@ from pmr.report.motion.renderer import NoPictureError, Piece, Shot, develop, fra
 from pmr.report.motion.surface import Surface, surface
 from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import SPACE, plain, quantity
-from pmr.report.subject import box, fields_of
+from pmr.report.subject import box
 from pmr.results import Fields, RunResult
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Album:
 
 def album(result: RunResult, prefix: str) -> Album:
     """Make the pictures; without fields there are none, and nothing is said."""
-    fields = fields_of(result)
+    fields = result.fields
     if fields is None:
         return Album()
     planned = list(_Views(result, fields).shots())

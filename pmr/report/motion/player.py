@@ -20,7 +20,7 @@ from pmr.report.motion.packing import packed, speeds
 from pmr.report.motion.surface import surface
 from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import percent, plain
-from pmr.report.subject import box, fields_of, length
+from pmr.report.subject import box, length
 from pmr.results import RunResult
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def player(result: RunResult) -> dict[str, Any]:
     Points in m, coefficients (frames, k) with shapes (k, 3 P) of the displacement in m and (k, S) of the faces' stress
     over that of the last colour; the first face of each pair of triangles has the same number as the second.
     """
-    fields = fields_of(result)
+    fields = result.fields
     if fields is None or len(fields.t) < 2:
         return {}
     body = surface(fields, box(result))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.results import Fields
-from pmr.scene.space import Box
+from pmr.scene.built import Box
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

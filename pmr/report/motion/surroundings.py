@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pmr.report.motion.surface import Surface
 from pmr.report.subject import rings
 from pmr.results import RunResult
-from pmr.scene.space import Face, PadRing
+from pmr.scene.built import Face, PadRing
 
 Array = NDArray[np.float64]
 

@@ -39,7 +39,7 @@ class Quantity:
 
 
 def key_words(key: str) -> str:
-    """A key of a scene in words: ``reduction.support_rows`` as support rows."""
+    """A key of a scene in words: ``reduction.residual_inertia`` as residual inertia."""
     section, _, last = key.rpartition(".")
     words = last.replace("_", " ")
     return (

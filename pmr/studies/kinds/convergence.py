@@ -48,8 +48,9 @@ class Study(StudyBase):
 
     def plan(self) -> Plan:
         scene = scenes.vary_beam(self.scene)
-        if scene.mesh.file is not None or scene.body.axial_stiffness is None:
-            allowed = "a scene with mesh.elements and body.axial_stiffness is allowed"
+        profile = scene.body.profile
+        if scene.mesh.file is not None or profile is None or profile.axial_stiffness is None:
+            allowed = "a scene with mesh.elements and body.profile.axial_stiffness is allowed"
             raise InputError("study", "scene", str(self.scene), allowed)
         return Plan((*self._runs(scene, "ancf", self.ancf), *self._runs(scene, "full", self.full)))
 
@@ -89,10 +90,9 @@ def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     """Task: as `beam_tip`, for the ANCF cable."""
     scene = shared.scene_of(arguments)
     elements = scene.mesh.elements
-    assert elements is not None  # the plan's check
     compared = scene.compare.model_copy(update={"ancf_elements": elements})
     cable = scene.model_copy(update={"compare": compared})
-    motion = simulate_cable(cable, [scene.body.length], Excitation.of(scene))
+    motion = simulate_cable(cable, [scene.length], Excitation.of(scene))
     return _compared(motion.displacement[:, -1], COORDINATES_PER_NODE * (elements + 1), needs)
 
 

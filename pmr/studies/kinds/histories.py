@@ -83,7 +83,7 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     scene = shared.scene_of(arguments)
     model = shared.model_of(scene)
     snapshots = shared.snapshots_from(scene, needs)
-    dropping = scene.model_copy(update={"reduction": scene.reduction.model_copy(update={"support_rows": "drop"})})
+    dropping = scene.model_copy(update={"reduction": scene.reduction.model_copy(update={"basis": "eigenmodes"})})
     reduction, dropped = (reduce_with(one, model, snapshots) for one in (scene, dropping))
     full = references.reference("full", scene, model)
     assert full is not None

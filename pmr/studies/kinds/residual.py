@@ -162,7 +162,7 @@ def _outputs(body: ReducedModel, run: Trajectory, excitation: Excitation) -> Arr
 def _reduction(scene: Scene, basis: str, largest: int) -> Reduction:
     solver = scene.reduction.solver
     if basis == "pod":
-        return Reduction(coordinates=min(largest, 30), solver=solver)
+        return Reduction(basis="eigenmodes", positions="nodes", coordinates=min(largest, 30), solver=solver)
     return Reduction(basis="free_modes", flexibility=True, coordinates=largest, solver=solver)
 
 

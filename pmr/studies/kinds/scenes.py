@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.results import Response
-from pmr.scene import SceneBase
+from pmr.scene import Scene
 from pmr.scene.tomlfiles import Change
 from pmr.studies import grid, shared
 from pmr.studies.engine.task import KEY, Plan, Scalar, Task, TaskResult, key_of
@@ -71,7 +71,7 @@ class Study(StudyBase):
                     parameters = {**of_scene, **of_case, **point.parameters}
                     yield _Point(key_of(",".join(words) or file.stem), file, (*before, *point.changes), parameters)
 
-    def _scene(self, point: _Point) -> SceneBase:
+    def _scene(self, point: _Point) -> Scene:
         try:
             return scenes.vary(point.file, point.changes)
         except InputError as error:

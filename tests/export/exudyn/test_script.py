@@ -49,7 +49,7 @@ def scene(path: SignalBase, *signals: SignalBase, end: float = 0.2) -> dict[str,
         "title": 'A "sliding" beam',
         "slider": {"path": path.model_dump(mode="json"), "offsets": [0.0, 0.8]},
         "loads": [
-            {"name": f"F{i}", "at": 5.0, "direction": "y", "signal": signal.model_dump(mode="json")}
+            {"name": f"F{i}", "on": 5.0, "direction": "z", "signal": signal.model_dump(mode="json")}
             for i, signal in enumerate(signals)
         ],
         "time": {"end": end, "step": 1e-3, "rho_inf": 0.8},

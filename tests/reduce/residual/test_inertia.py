@@ -24,7 +24,7 @@ RICH = [
     "slider.offsets=[0.0,-0.33]",
     "compare.against=[]",
     "damping={mass=0.3,stiffness=2e-4}",
-    "loads=[{at=5.0,signal=-50},{name='T',at=2.2,direction='rotation',signal=3.0}]",
+    "loads=[{on=5.0,signal=-50},{name='T',on=2.2,direction='ry',signal=3.0}]",
 ]
 
 

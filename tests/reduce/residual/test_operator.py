@@ -27,7 +27,7 @@ HELD = {"pinned": [0, 1], "clamped": [0, 1, 2], "roller": [1]}
 def model(load_scene, kind: str, *overrides: str) -> FullModel:
     scene = load_scene(
         "paper_simple",
-        ["compare.against=[]", "mesh.elements=30", f"supports=[{{at=0.0,kind='{kind}'}}]", *overrides],
+        ["compare.against=[]", "mesh.elements=30", f"supports=[{{on=0.0,kind='{kind}'}}]", *overrides],
     )
     return full_model(scene)
 
@@ -145,7 +145,7 @@ def cholesky_solver(K: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
 @pytest.mark.parametrize(("count", "digits"), [(6, 1e-9), (20, 1e-8)])
 def test_round_off_is_far_below_that_of_the_difference(load_scene, count: int, digits: float) -> None:
     """K^-1 less the modal part cancels: 1e-4 of R are lost on 50 elements with 20 modes; projections keep 1e-9."""
-    full = model(load_scene, "clamped", "mesh.elements=50", "body.axial=false")
+    full = model(load_scene, "clamped", "mesh.elements=50", "body.profile.axial=false")
     V = np.array(free_modes(full, count, "dense").S.getDenseArray())
     found = applied(full, V, "dense")[2:, 2:]
     body, whole = full.gather(), full.comm.allgather(V)

@@ -24,7 +24,7 @@ RICH = [
     "mesh.grading=4.0",
     "slider.offsets=[0.0,-0.33]",
     "compare.against=[]",
-    "loads=[{at=5.0,signal=-50},{name='T',at=2.2,direction='rotation',signal=3.0}]",
+    "loads=[{on=5.0,signal=-50},{name='T',on=2.2,direction='ry',signal=3.0}]",
 ]
 
 

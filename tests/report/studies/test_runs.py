@@ -34,7 +34,7 @@ def sweep() -> list[RunRecord]:
     for way in ("drop", "hold"):
         for r in (10, 12, 20):
             error = (0.1 if way == "drop" else 0.2) / r
-            parameters = {"reduction.support_rows": way, "reduction.coordinates": r}
+            parameters = {"reduction.basis": way, "reduction.coordinates": r}
             figures = {TIP: error / 2.0, BEAM: error, "max_displacement": 0.0479, "max_error": error / 100.0}
             figures |= {"coordinates.full": 153, "coordinates.reduced": r, "basis.kappa": 0.9995}
             found.append(run(f"{way}-{r}", parameters, figures, 1e-4 * r))
@@ -67,7 +67,7 @@ def test_runs_are_called_by_what_was_varied() -> None:
     assert called(one) == "fine-inertia, 10 coordinates, time step 0.001\u00a0s, flexibility yes"
     assert called(one, "reduction.coordinates") == "fine-inertia, time step 0.001\u00a0s, flexibility yes"
     assert called(run("alone", {})) == "alone"
-    assert (key_words("reduction.support_rows"), heading("time.step")) == ("support rows", "time step in s")
+    assert (key_words("reduction.residual_inertia"), heading("time.step")) == ("residual inertia", "time step in s")
 
 
 def test_the_headline_has_the_least_and_the_largest_error() -> None:

@@ -32,13 +32,11 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
 def test_errors_are_those_of_single_runs(small: StudyResults) -> None:
     """With the pin's rows holding coordinates, as the paper's scenes say, and with them dropped."""
     found = small.runs[0].figures
-    for rows, tip, beam in (
-        ("hold", "errors.reduced_vs_full.tip", "errors.reduced_vs_full.beam"),
-        ("drop", "dropped.tip", "dropped.beam"),
+    for basis, tip, beam in (
+        ("paper", "errors.reduced_vs_full.tip", "errors.reduced_vs_full.beam"),
+        ("eigenmodes", "dropped.tip", "dropped.beam"),
     ):
-        scene = load(
-            small.folder / "short.toml", [f"reduction.support_rows={rows}", "simulation.simulators=['exudyn']"]
-        )
+        scene = load(small.folder / "short.toml", [f"reduction.basis={basis}", "simulation.simulators=['exudyn']"])
         reduction = reduce(scene)
         full = reduction.model.gather()
         assert full is not None

@@ -48,7 +48,7 @@ def test_runs_share_what_is_equal(tmp_path: Path) -> None:
     sizes = "[grid]\nreduction.coordinates = [10, 20]\nreduction.product = ['euclidean', 'mass']"
     assert shared(tmp_path, sizes) == once
     assert shared(tmp_path, "[grid]\ntime.rho_inf = [0.5, 0.9]") == once | {"reference": 2}
-    forces = "[grid]\nloads = [[{at = 5.0, signal = 1.0}], [{at = 5.0, signal = 2.0}]]"
+    forces = "[grid]\nloads = [[{on = 5.0, signal = 1.0}], [{on = 5.0, signal = 2.0}]]"
     assert shared(tmp_path, forces) == once | {"reference": 2}
     assert shared(tmp_path, "[grid]\nreduction.modes = [5, 6]") == once | {"modes_at": 10}
     assert shared(tmp_path, "[grid]\nmesh.elements = [20, 30]") == {name: 2 * n for name, n in once.items()}
@@ -67,7 +67,7 @@ def test_who_simulates_is_shared_where_it_matters_only(tmp_path: Path) -> None:
 
 def test_free_modes_depend_on_their_number_alone(tmp_path: Path) -> None:
     free = "[grid]\nreduction.basis = ['free_modes']\nreduction.flexibility = [false, true]\n"
-    free += "reduction.support_rows = ['drop']\nreduction.estimate = [false]\n"
+    free += "reduction.estimate = [false]\n"
     once = {"modes_released": 1, "frequencies": 1, "reference": 1}
     assert shared(tmp_path, free + "reduction.modes = [5, 6]\nreduction.coordinates = [6]") == once
     assert shared(tmp_path, free + "reduction.coordinates = [6, 8]") == once | {"modes_released": 2}
@@ -89,7 +89,7 @@ def test_a_scene_may_have_any_name(tmp_path: Path, name: str) -> None:
 def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     """Three sizes of basis, with the pin's rows held and dropped."""
     folder = tmp_path_factory.mktemp("study")
-    plan(folder, "[grid]\nreduction.coordinates = [4, 10, 20]\nreduction.support_rows = ['hold', 'drop']")
+    plan(folder, "[grid]\nreduction.coordinates = [4, 10, 20]\nreduction.basis = ['paper', 'eigenmodes']")
     with pools.local_pool(1) as pool:
         outcome = compute(files.load(folder / "study.toml"), folder, pool, lambda progress: None)
     assert outcome.is_complete and outcome.computed == 6 + 7
@@ -98,12 +98,12 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
 
 @pytest.mark.slow
 def test_a_study_has_the_figures_of_single_runs(results: StudyResults) -> None:
-    changes = ["time.end=0.5", "mesh.elements=20", "compare.against=['full']", "reduction.support_rows=drop"]
+    changes = ["time.end=0.5", "mesh.elements=20", "compare.against=['full']", "reduction.basis=eigenmodes"]
     changes.append("slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}")
     outcome = run(scene.load(SCENE, changes))
     assert outcome is not None
     summary = outcome.result.summary
-    of_study = next(run for run in results.runs if run.key == "coordinates=20,support_rows=drop")
+    of_study = next(run for run in results.runs if run.key == "coordinates=20,basis=eigenmodes")
     figures = of_study.figures
     for place in ("tip", "beam"):
         assert figures[f"errors.reduced_vs_full.{place}"] == pytest.approx(
@@ -123,28 +123,28 @@ def test_a_study_has_the_figures_of_single_runs(results: StudyResults) -> None:
 
 @pytest.mark.slow
 def test_six_free_modes_with_flexibility_beat_ten_coordinates(results: StudyResults, tmp_path: Path) -> None:
-    choice = "{ basis = 'free_modes', flexibility = true, coordinates = 6, support_rows = 'drop' }"
+    choice = "{ basis = 'free_modes', flexibility = true, coordinates = 6 }"
     plan(tmp_path, f"[[cases]]\nname = 'free'\nchange.reduction = {choice}")
     with pools.local_pool(1) as pool:
         outcome = compute(files.load(tmp_path / "study.toml"), tmp_path, pool, lambda progress: None)
     (six,) = outcome.results[""].runs
-    (ten,) = [run for run in results.runs if run.key == "coordinates=10,support_rows=drop"]
+    (ten,) = [run for run in results.runs if run.key == "coordinates=10,basis=eigenmodes"]
     errors = [run.figures["errors.reduced_vs_full.beam"] for run in (six, ten)]
     assert six.figures["coordinates.reduced"] == 6 and 0.0 < 5.0 * float(errors[0] or 0.0) < float(errors[1] or 0.0)
 
 
 @pytest.mark.slow
 def test_errors_fall_with_the_number_of_coordinates(results: StudyResults) -> None:
-    rows, error = results.column("reduction.support_rows"), results.column("errors.reduced_vs_full.beam")
-    for kind in ("hold", "drop"):
+    rows, error = results.column("reduction.basis"), results.column("errors.reduced_vs_full.beam")
+    for kind in ("paper", "eigenmodes"):
         four, ten, twenty = error[rows == kind]
         assert twenty < 0.1 * ten < 0.1 * four
-    assert np.all(error[rows == "drop"] <= error[rows == "hold"])
+    assert np.all(error[rows == "eigenmodes"] <= error[rows == "paper"])
 
 
 @pytest.mark.slow
 def test_what_too_few_coordinates_lack_is_left_empty(results: StudyResults) -> None:
-    held = next(run for run in results.runs if run.key == "coordinates=4,support_rows=hold")
+    held = next(run for run in results.runs if run.key == "coordinates=4,basis=paper")
     assert held.figures["frequency_error.1"] is not None
     assert held.figures["frequency_error.2"] is None and held.status == "done"  # 4 - 3 rows leave one
 

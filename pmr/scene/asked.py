@@ -1,0 +1,204 @@
+"""What is asked: time steps, what is observed, how the model is reduced, who simulates it, what it is compared with."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from pmr.scene.section import Count, Distance, Place, Quantity, Section, Share, Switch, Time
+
+Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
+OutputKind = Literal["beam", "tip", "pad_force", "velocity"]
+SimulatorName = Literal["march", "exudyn", "exudyn-multiplier", "exudyn-callback"]
+
+
+class Damping(Section):
+    """Rayleigh damping D = mass M + stiffness K; or given as a `ratio` at two `frequencies` in Hz.
+
+    Less in between, more outside: zeta = (a / omega + b omega) / 2 at both gives a = 2 zeta omega_1 omega_2 /
+    (omega_1 + omega_2) and b = 2 zeta / (omega_1 + omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.
+    A scene that extends another one may say it in either way: keys of the other way are not taken over.
+    """
+
+    mass: Annotated[float, Field(ge=0.0, strict=True), Quantity("1/s", 0.0, 1e9)] = Field(
+        default=0.0, description="Share of M"
+    )
+    stiffness: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e6)] = Field(
+        default=0.0, description="Share of K"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _ratio(cls, data: Any) -> Any:
+        if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
+            return data
+        try:
+            ratio, (first, second) = float(data["ratio"]), map(float, data["frequencies"])
+            fits = set(data) == {"ratio", "frequencies"} and ratio >= 0.0 and 0.0 < first < second < math.inf
+        except (KeyError, TypeError, ValueError):
+            fits = False
+        if not fits:
+            raise ValueError("ratio with two ascending frequencies in Hz, or mass and stiffness, are allowed")
+        one, two = 2.0 * math.pi * first, 2.0 * math.pi * second
+        return {"mass": 2.0 * ratio * one * two / (one + two), "stiffness": 2.0 * ratio / (one + two)}
+
+
+class TimeChoice(Section):
+    """Generalized-alpha, index 3, constant step."""
+
+    end: Annotated[float, Field(gt=0.0, strict=True), Quantity("s", 1e-9, 1e9)] = Field(description="Simulated time")
+    step: Time = Field(description="Time step")
+    rho_inf: Annotated[float, Field(ge=0.0, le=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
+        default=0.9, description="Spectral radius at infinite frequency: 1 damps nothing"
+    )
+
+    @property
+    def steps(self) -> int:
+        return round(self.end / self.step)
+
+
+class Observe(Section):
+    """Where the motion is compared and drawn: places along the axis, and a group at the end, whose mean counts.
+
+    Without `start` and `end` the places are a beam's nodes.
+    """
+
+    start: Place | None = Field(default=None, description="First place along the axis")
+    end: Place | None = Field(default=None, description="Last place along the axis")
+    count: Annotated[int, Field(ge=1, strict=True), Quantity("1", 1, 10_000)] = Field(
+        default=29, description="How many places there are from start to end"
+    )
+    tip: str = Field(default="tip", description="The group at the end")
+
+    @model_validator(mode="after")
+    def _both_ends(self) -> Observe:
+        if (self.start is None) != (self.end is None):
+            raise ValueError("start and end are allowed together; without them a beam's nodes are observed")
+        return self
+
+    @property
+    def stations(self) -> tuple[float, ...] | None:
+        """Places along the axis, m; None for a beam's nodes."""
+        if self.start is None or self.end is None:
+            return None
+        return tuple(float(x) for x in np.linspace(self.start, self.end, self.count))
+
+    def tip_along(self, direction: str) -> str:
+        """What the output of the tip's displacement along y or z is called."""
+        return f"{self.tip} {direction}"
+
+
+class Recovery(Section):
+    """Full fields from reduced coordinates: displacement and, if asked for, stress, every so many seconds."""
+
+    every: Time = Field(default=0.02, description="Time between two of them")
+    stress: Switch = Field(default=True, description="Whether stresses are asked for")
+    frames: Count = Field(default=101, description="Of the fields that are stored, for pictures")
+    series: Switch = Field(default=True, description="Whether a series of fields is written that ParaView opens")
+
+
+class Reduction(Section):
+    """What the reduced model's `coordinates` multiply.
+
+    `basis`: ``free_modes``, the lowest eigenmodes with all that slides released (free-interface modes);
+    ``eigenmodes`` takes `modes` of them with the slider held at each of several `positions`, compressed by POD;
+    ``paper`` does the same as Weyrer et al. do, for whom every row of a support costs a coordinate, the weakest of the
+    basis (`pmr.reduce.galerkin`).  Any model can have any of them.
+
+    `flexibility` adds what the basis leaves out, quasi-static, as tables in s: far fewer coordinates do then, 6 being
+    the default for free modes, which have it unless told otherwise.
+
+    For free modes with flexibility, `estimate` adds an error estimate that needs no full model but a second simulation
+    with four modes more, and `residual_inertia` adds the inertia of what the modes leave out: the same coordinates, an
+    order more accurate for smooth motions, at two to three times the cost of a step.
+    """
+
+    basis: Literal["free_modes", "eigenmodes", "paper"] = Field(default="free_modes", description="See above")
+    flexibility: Switch = Field(default=False, description="Residual flexibility; true by default for free modes")
+    residual_inertia: Switch = Field(default=False, description="Inertia of what the modes leave out")
+    estimate: Switch = Field(default=True, description="Whether the error is estimated")
+    snapshots: Count = Field(default=5, description="Slider positions at which eigenmodes are taken")
+    modes: Count = Field(default=6, description="Eigenmodes at each position")
+    coordinates: Count = Field(default=20, description="Of the reduced model; 6 for free modes with flexibility")
+    positions: Literal["nodes", "path"] | Annotated[tuple[Distance, ...], Field(min_length=1)] = Field(
+        default="path", description="Evenly over the path, at a beam's nodes, or as listed"
+    )
+    solver: Literal["auto", "dense", "slepc"] = Field(default="auto", description="Of eigenproblems")
+    product: Literal["euclidean", "mass"] = Field(default="euclidean", description="In which a basis is orthonormal")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _flexibility_goes_with_free_modes(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or data.get("basis", "free_modes") != "free_modes":
+            return data
+        data = {"flexibility": True} | data
+        return {"coordinates": 6} | data if data["flexibility"] is True else data
+
+    @property
+    def pooled(self) -> bool:
+        """Whether the basis is the POD of eigenmodes at several positions."""
+        return self.basis != "free_modes"
+
+    @property
+    def needs_inertia(self) -> bool:
+        """Whether tables of the residual part's inertia are needed: to add it, or to estimate what it would do."""
+        return not self.pooled and self.flexibility and (self.estimate or self.residual_inertia)
+
+
+class Simulation(Section):
+    """Who simulates.
+
+    The reduced model goes through every one of `simulators`: the first one's motion is compared and drawn, the others
+    say how far they agree with it.  ``march`` is the compiled engine, ``exudyn-callback`` the paper's way.  With
+    residual flexibility ``exudyn`` has springs that travel in place of constraints, ``exudyn-multiplier`` constraints.
+    The full model goes through one that fits its size; ``petsc``, for large ones, works on all ranks.
+    """
+
+    simulators: tuple[SimulatorName, ...] = Field(
+        default=("march",), min_length=1, description="Of the reduced model, the first one counts"
+    )
+    repeats: Count = Field(default=3, description="Of each simulator of the reduced model; seconds are their median")
+    full: Literal["auto", "march", "exudyn", "petsc"] = Field(default="auto", description="Of the full model")
+
+    @field_validator("simulators")
+    @classmethod
+    def _different(cls, simulators: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(simulators)) < len(simulators):
+            raise ValueError("each simulator once is allowed")
+        return simulators
+
+
+class Compare(Section):
+    """References to compare the reduced model with."""
+
+    against: tuple[Literal["full", "ancf"], ...] = Field(default=("full",), description="Which ones")
+    ancf_elements: Count = Field(default=20, description="Of the ANCF cable")
+
+
+class Accuracy(Section):
+    """An error that is allowed, instead of coordinates, residual inertia and step, which are chosen to hold it.
+
+    `tolerance` is that of the reduction and the step together, in each of the `outputs`; the search for a step begins
+    at `time.step`.  With `mesh` the part of the mesh is found out, too, by a second one with shorter cells.
+    """
+
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
+        description="Allowed error as a fraction"
+    )
+    outputs: tuple[OutputKind, ...] = Field(
+        default=("beam", "tip"), min_length=1, description="Where it has to be held"
+    )
+    mesh: Switch = Field(default=True, description="Whether the part of the mesh is found out")
+
+
+class Published(Section):
+    """Figures from a publication, shown beside ours."""
+
+    source: str = Field(description="Where they stand")
+    errors: dict[Pair, dict[Literal["tip", "beam"], Share]] = Field(default={}, description="As fractions")
+    max_displacement: Distance | None = Field(default=None, description="Largest displacement")
+    max_error: Distance | None = Field(default=None, description="Largest error")
+    remarks: tuple[str, ...] = Field(default=(), description="Where and why our figures differ, for the report")

@@ -1,0 +1,221 @@
+"""What is built: a body, what holds it, what it carries, and what drives it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
+
+from pmr.scene.section import (
+    Count,
+    Direction,
+    Distance,
+    ExistingFile,
+    Length,
+    Place,
+    Quantity,
+    Section,
+    Size,
+    Stiffness,
+    Switch,
+    Vector,
+)
+from pmr.scene.signals import Constant, Signal, SignalBase, SmoothRamp
+from pmr.scene.structures import BeamSection, Material, Profile, unit_vector
+
+GRAVITY = 9.80665  # m/s^2
+ModelName = Literal["auto", "beam2d", "beam3d", "shell", "solid"]
+Face = Literal["bottom", "top", "left", "right"]
+#: What tells pads of a face apart, if there are two: which side of the middle they are on.
+SIDES = {"bottom": ("right", "left"), "top": ("right", "left"), "left": ("lower", "upper"), "right": ("lower", "upper")}
+#: What each kind of support holds, as far as the body moves that way.
+SUPPORTED: dict[str, tuple[Direction, ...]] = {
+    "pinned": ("x", "y", "z"),
+    "clamped": ("x", "y", "z", "rx", "ry", "rz"),
+    "roller": ("z",),
+}
+#: Places that every body has, as shares of its length.
+ENDS = {"tail": 0.0, "tip": 1.0}
+
+
+class Box(Section):
+    """A rectangular tube along x by the dimensions of its mid-surface; width along y, height along z."""
+
+    length: Length = Field(description="Length along x")
+    width: Length = Field(description="Width along y")
+    height: Length = Field(description="Height along z")
+    wall: Length = Field(description="Thickness of the walls")
+    radius: Distance = Field(default=0.0, description="Radius of the corners")
+    frames: tuple[Size, ...] = Field(
+        default=(), description="Places along x where a shell is stiffened by a transverse plate all around"
+    )
+    frame_depth: Distance = Field(default=0.0, description="How deep these plates are")
+
+
+class Region(Section):
+    """What a named region of the mesh is made of, where it differs from the rest."""
+
+    material: Material | None = Field(default=None, description="Its material")
+    thickness: Length | None = Field(default=None, description="Its thickness, in a shell")
+
+
+class Body(Section):
+    """What slides: a box boom, a beam by its stiffnesses, or whatever the mesh file holds.
+
+    `model` ``auto`` takes the smallest model that represents what the scene asks for (`pmr.scene.choice`).
+    """
+
+    model: ModelName = Field(default="auto", description="Structural model; auto: the smallest that will do")
+    material: Material = Field(default=Material(), description="Of all that no region says otherwise of")
+    box: Box | None = Field(default=None, description="A box boom by its dimensions")
+    profile: Profile | None = Field(default=None, description="A planar beam by its stiffnesses")
+    thickness: Length | None = Field(default=None, description="Of a shell that is read from a file")
+    regions: dict[str, Region] = Field(default={}, description="Named regions of the mesh that differ from the rest")
+    shear: Switch = Field(default=True, description="Shear deformation and rotary inertia of beams in space")
+    shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
+        default=5.0 / 6.0, description="kappa of shells"
+    )
+    section: BeamSection | None = Field(default=None, description="Of a beam in space, by default that of the box")
+
+    @model_validator(mode="after")
+    def _thickness_is_the_walls(self) -> Body:
+        if self.box is not None and self.thickness is not None:
+            raise ValueError("give box.wall or thickness, one of them")
+        if self.box is not None and self.profile is not None:
+            raise ValueError("give box or profile, one of them")
+        return self
+
+    @property
+    def length(self) -> float | None:
+        """Along x in m, where it is known before a mesh is read."""
+        described = self.box or self.profile
+        return described.length if described else None
+
+
+class MeshChoice(Section):
+    """How fine the mesh is, or a file that holds it (anything meshio reads).
+
+    A box boom takes `size` and `along`; beams take `elements`.  A file holds a chain of lines for a planar beam, else
+    cells with named groups: tail and tip, bottom, top, left (+y) and right, as far as pads, loads and supports name
+    them.
+    """
+
+    size: Size = Field(default=0.1, description="Edge length of cells around the section")
+    along: Size | None = Field(default=None, description="Edge length along the axis, by default the same")
+    tail_layer: Distance = Field(default=0.0, description="Length of a layer of cells at the tail")
+    cells: Literal["hexahedra", "tetrahedra"] = Field(default="hexahedra", description="Of a solid")
+    elements: Count = Field(default=60, description="Of a beam")
+    grading: Annotated[float, Field(strict=True), Quantity("1", 1e-3, 1e3)] = Field(
+        default=1.0, description="Length of a planar beam's last element over that of its first"
+    )
+    file: ExistingFile | None = Field(default=None, description="A mesh to read instead")
+
+
+class Support(Section):
+    """What holds a place where it is, whatever slides: some directions of its mean motion, or all of its points.
+
+    On a beam, whose places are points, both is the same but for the coordinates, which ``all`` leaves out.
+    """
+
+    name: str = Field(default="", description="What its rows are called by")
+    on: str | Place = Field(default="tail", description="A named group, or a place along x in m")
+    kind: Literal["pinned", "clamped", "roller"] = Field(default="pinned", description="Directions in one word")
+    directions: tuple[Direction, ...] | None = Field(default=None, description="Directions, in place of the kind")
+    stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Of each direction")
+    points: Literal["mean", "all"] = Field(default="mean", description="Whether the mean motion or every point is held")
+
+    @model_validator(mode="after")
+    def _points_are_rigid(self) -> Support:
+        if self.points == "all" and self.stiffness != "rigid":
+            raise ValueError("points = 'all' is rigid: leave the stiffness out")
+        return self
+
+    @property
+    def held(self) -> tuple[Direction, ...]:
+        """Directions that it holds, as far as the body moves that way."""
+        return SUPPORTED[self.kind] if self.directions is None else self.directions
+
+    @property
+    def shown(self) -> str:
+        """How it is drawn: as a clamp where it holds a rotation across the axis, else as a point."""
+        return "clamped" if {"ry", "rz"} & set(self.held) else "pinned" if "x" in self.held else "roller"
+
+    def row_name(self, direction: str) -> str:
+        """What the row of one direction is called."""
+        if not self.name:
+            return f"support {direction} " + (f"on {self.on}" if isinstance(self.on, str) else f"at {self.on:g} m")
+        return self.name if len(self.held) == 1 else f"{self.name} {direction}"
+
+
+class Slider(Section):
+    """The path s(t) of what slides; where no pads move, points of a planar beam at s + each of the `offsets`."""
+
+    path: Signal = Field(description="s over time, in m")
+    offsets: tuple[Place, ...] | None = Field(default=None, min_length=1, description="Of points, ahead of s")
+
+
+class PadRing(Section):
+    """Pads around the section at one place along the axis, which stay on the body or move along it.
+
+    `faces` says where they are across each face, m: y on bottom and top, z on the sides; 0 is the middle.
+    """
+
+    name: str = Field(description="What its pads are called by")
+    at: Place = Field(default=0.0, description="Centre along the axis; of moving pads the distance ahead of s")
+    moving: Switch = Field(default=False, description="Whether they move along the body")
+    faces: Annotated[dict[Face, tuple[Place, ...]], Field(min_length=1)] = Field(description="Places across each face")
+    length: Length = Field(default=0.3, description="Along the axis")
+    width: Length = Field(default=0.08, description="Across")
+    stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Of each pad")
+    unilateral: Switch = Field(default=False, description="Whether they only push")
+    clearance: Distance | dict[Face, Distance] = Field(
+        default=0.0, description="Between pads that only push and the body at rest"
+    )
+
+    def clearance_on(self, face: Face) -> float:
+        """Of the pads on a face, m."""
+        return self.clearance.get(face, 0.0) if isinstance(self.clearance, dict) else self.clearance
+
+    @property
+    def places(self) -> list[tuple[str, Face, float]]:
+        """Name, face and place across of each pad."""
+        found = []
+        for face, places in self.faces.items():
+            for number, across in enumerate(places, start=1):
+                which = SIDES[face][int(across > 0.0)] if len(places) == 2 and np.prod(places) < 0.0 else str(number)
+                found.append((f"{self.name} {face}" + (f" {which}" if len(places) > 1 else ""), face, float(across)))
+        return found
+
+
+class Load(Section):
+    """A force in N (moment in N m) along a direction, spread over a named group or at a place along the axis."""
+
+    name: str = Field(default="F", description="What the input is called")
+    on: str | Place = Field(default="tip", description="A named group, or a place along x in m")
+    direction: Direction = Field(default="z", description="Of the force, or the axis that a moment turns about")
+    signal: Signal = Field(description="Over time, in N or N m")
+
+
+class Gravity(Section):
+    """The weight of everything; it comes up smoothly within the first `rise` seconds, 0: at once.
+
+    Of `direction` the length does not count: it is stored as a unit vector.
+    """
+
+    acceleration: Annotated[float, Field(gt=0.0, strict=True), Quantity("m/s^2", 1e-9, 1e6)] = Field(
+        default=GRAVITY, description="Of free fall"
+    )
+    direction: Annotated[Vector, AfterValidator(unit_vector)] = Field(
+        default=(0.0, 0.0, -1.0), description="Where down is"
+    )
+    rise: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e9)] = Field(
+        default=1.0, description="Time in which it comes up"
+    )
+
+    @property
+    def signal(self) -> SignalBase:
+        """Acceleration in m/s^2 over time."""
+        if self.rise == 0.0:
+            return Constant(amount=self.acceleration)
+        return SmoothRamp(times=(0.0, self.rise), values=(0.0, self.acceleration))

@@ -1,0 +1,92 @@
+"""A scene: everything that a run is made from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+from pydantic import Field
+
+from pmr.scene.asked import Accuracy, Compare, Damping, Observe, Published, Recovery, Reduction, Simulation, TimeChoice
+from pmr.scene.built import ENDS, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
+from pmr.scene.section import Section
+from pmr.scene.signals import Constant, SignalBase, bounds
+from pmr.scene.structures import PointMass
+
+
+class Scene(Section):
+    """A body that slides, x along it and z up; two scenes with equal `hash` give equal results."""
+
+    title: str = Field(description="For reports")
+    body: Body = Field(description="What slides")
+    mesh: MeshChoice = Field(default=MeshChoice(), description="How fine it is divided")
+    supports: tuple[Support, ...] = Field(default=(), description="What holds it in one place")
+    pads: tuple[PadRing, ...] = Field(default=(), description="Pads that stay on it or move along it")
+    slider: Slider = Field(description="The path of what slides")
+    masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to it")
+    loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
+    gravity: Gravity | None = Field(default=None, description="The weight of everything")
+    damping: Damping = Field(default=Damping(), description="Of the material")
+    time: TimeChoice = Field(description="Simulated time and its steps")
+    observe: Observe = Field(default=Observe(), description="Where motions are compared and drawn")
+    recovery: Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
+    reduction: Reduction = Field(default=Reduction(), description="How the model is reduced")
+    simulation: Simulation = Field(default=Simulation(), description="Who simulates")
+    compare: Compare = Field(default=Compare(), description="What the reduced model is compared with")
+    accuracy: Accuracy | None = Field(default=None, description="An allowed error, in place of coordinates and step")
+    published: Published | None = Field(default=None, description="Figures from a publication")
+
+    def __hash__(self) -> int:
+        return hash(self.hash)  # some sections hold tables
+
+    @property
+    def hash(self) -> str:
+        """Digest of what decides the result: all but title, published figures and who simulates."""
+        content = self.model_dump(mode="json", exclude={"title", "published", "simulation"})
+        if self.accuracy is None:
+            del content["accuracy"]
+        if self.mesh.file is not None:
+            content["mesh"]["file"] = hashlib.sha256(self.mesh.file.read_bytes()).hexdigest()
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def signals(self) -> dict[str, SignalBase]:
+        """What drives each input of the model, by its name."""
+        weight = {"gravity": self.gravity.signal} if self.gravity else {}
+        return {load.name: load.signal for load in self.loads} | weight
+
+    @property
+    def load_places(self) -> dict[str, float]:
+        """Places of loads along the axis in m, by name, as far as they are known before a mesh is read."""
+        places = {load.name: self.place(load.on) for load in self.loads}
+        return {name: at for name, at in places.items() if at is not None}
+
+    def without_loads(self) -> Scene:
+        """The scene with nothing but zeros for loads: what its modes depend on."""
+        loads = tuple(load.model_copy(update={"signal": Constant(amount=0.0)}) for load in self.loads)
+        gravity = self.gravity.model_copy(update={"rise": 0.0}) if self.gravity else None
+        return self.model_copy(update={"loads": loads, "gravity": gravity, "recovery": None})
+
+    @property
+    def path_bounds(self) -> tuple[float, float]:
+        """Smallest and largest s(t) in m over the simulated time."""
+        return bounds(self.slider.path, 0.0, self.time.end)
+
+    @property
+    def points(self) -> tuple[float, ...]:
+        """Distances ahead of s, m, of the points that slide: none where pads do."""
+        if self.slider.offsets is not None:
+            return self.slider.offsets
+        return () if any(ring.moving for ring in self.pads) else (0.0,)
+
+    @property
+    def length(self) -> float:
+        """Of the body in m, or of what is observed of it where a mesh that is read says how long it is."""
+        observed = self.observe.stations or (0.0,)
+        return self.body.length or observed[-1] - observed[0]
+
+    def place(self, on: str | float) -> float | None:
+        """Where a place is along the axis, m; None for groups whose place the mesh decides."""
+        if isinstance(on, str):
+            return ENDS[on] * self.body.length if on in ENDS and self.body.length else None
+        return on

@@ -1,0 +1,89 @@
+"""What all sections of a scene are made of: frozen tables, and numbers that know their unit and their bounds.
+
+The bounds are those of double precision, far from all that is built, so that models in any consistent units pass: what
+lies beyond is a slip of the pen, and ends in figures that mean nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetJsonSchemaHandler
+
+from pmr.scene.tomlfiles import is_file
+
+
+class Section(BaseModel):
+    """A table of a scene file: frozen, and without keys of its own making."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Unit of a number ("1" if it has none), and the smallest and largest one that can be computed with."""
+
+    unit: str
+    low: float
+    high: float
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {**handler(core_schema), "unit": self.unit}
+
+
+_Positive, _NotNegative, _Strict = Field(gt=0.0, strict=True), Field(ge=0.0, strict=True), Field(strict=True)
+_Count = Field(ge=1, strict=True)
+
+Length = Annotated[float, _Positive, Quantity("m", 1e-6, 1e6)]
+Size = Annotated[float, _Positive, Quantity("m", 0.0, 1e6)]  # whoever meshes says how small it may be
+Distance = Annotated[float, _NotNegative, Quantity("m", 0.0, 1e6)]
+Place = Annotated[float, _Strict, Quantity("m", -1e6, 1e6)]
+Area = Annotated[float, _Positive, Quantity("m^2", 1e-14, 1e10)]
+SecondMoment = Annotated[float, _Positive, Quantity("m^4", 1e-26, 1e20)]
+Stiffness = Annotated[float, _Positive, Quantity("N/m", 1e-6, 1e15)]  # what is stiffer is "rigid"
+Pressure = Annotated[float, _Positive, Quantity("Pa", 1e-3, 1e18)]
+Density = Annotated[float, _Positive, Quantity("kg/m^3", 1e-9, 1e9)]
+Mass = Annotated[float, _NotNegative, Quantity("kg", 0.0, 1e12)]
+Inertia = Annotated[float, _NotNegative, Quantity("kg m^2", 0.0, 1e15)]
+Frequency = Annotated[float, _Positive, Quantity("Hz", 1e-9, 1e12)]
+Time = Annotated[float, _Positive, Quantity("s", 1e-12, 1e9)]
+Share = Annotated[float, _NotNegative, Quantity("1", 0.0, 1e9)]
+Count = Annotated[int, _Count, Quantity("1", 1, 1_000_000)]
+Component = Annotated[float, _Strict, Quantity("1", -1e300, 1e300)]
+
+Vector = tuple[Component, Component, Component]
+Point = tuple[Place, Place, Place]
+Direction = Literal["x", "y", "z", "rx", "ry", "rz"]
+Switch = Annotated[bool, Field(strict=True)]
+
+
+def _exists(file: Path) -> Path:
+    if not is_file(file):
+        raise ValueError(f"no such file: {file}")
+    try:
+        with file.open("rb") as stream:
+            stream.read(1)  # a file may open and still not be read
+    except OSError as error:
+        raise ValueError(f"can't be read: {error.strerror}") from None
+    return file
+
+
+ExistingFile = Annotated[Path, AfterValidator(_exists)]
+
+
+@cache
+def quantity_of(section: type[BaseModel], key: str) -> Quantity | None:
+    """Unit and bounds of the numbers that a key of a section holds: one, several, or some by name."""
+    field = section.model_fields[key]
+    return next(_quantities((*field.metadata, field.annotation)), None)
+
+
+def _quantities(parts: tuple[Any, ...]) -> Iterator[Quantity]:
+    for part in parts:
+        if isinstance(part, Quantity):
+            yield part
+        yield from _quantities((*getattr(part, "__metadata__", ()), *get_args(part)))
