@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,13 +81,7 @@ class Factor:
 
         Right-hand sides in Fortran's order are not copied; the result is in that order.
         """
-        result = np.empty(columns.shape, order="F")
-        for k in range(0, columns.shape[1], BLOCK):
-            right = view(np.asfortranarray(columns[:, k : k + BLOCK]), self._factor)
-            answer = view(result[:, k : k + BLOCK], self._factor)
-            self._factor.matSolve(right, answer)
-            freed(right, answer)
-        return result
+        return _solved(self._factor, columns)
 
     def destroy(self) -> None:
         """Give the factor's memory back."""
@@ -102,6 +97,71 @@ def product(A: PETSc.Mat, x: Array) -> Array:
     right.destroy()  # at once: what is only dropped is kept until all ranks clean up together
     result.destroy()
     return found
+
+
+class SequentialFactor:
+    """The same on one rank, by CHOLMOD, whose solve with a single right-hand side takes half as long as MUMPS'.
+
+    Raises
+    ------
+    InputError
+        If the matrix, called `name`, is not positive definite.
+    """
+
+    def __init__(self, A: PETSc.Mat, name: str) -> None:
+        A.setOption(PETSc.Mat.Option.SPD, True)
+        pc = _by_cholmod(A)
+        try:
+            pc.setUp()
+        except PETSc.Error:
+            raise InputError("body", name, None, "a positive definite matrix is allowed") from None
+        self._factor = pc.getFactorMatrix()
+        pc.destroy()
+
+    def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
+        """Answer to one right-hand side."""
+        self._factor.solve(right, answer)
+
+    def solve_columns(self, columns: Array) -> Array:
+        """As `Factor.solve_columns`."""
+        return _solved(self._factor, columns)
+
+    def destroy(self) -> None:
+        """Give the factor's memory back."""
+        self._factor.destroy()
+
+
+AnyFactor = Factor | SequentialFactor
+
+
+def factor_for_steps(A: PETSc.Mat, name: str) -> AnyFactor:
+    """A factor for one right-hand side after another: CHOLMOD's on one rank, where PETSc has it."""
+    if A.comm.size == 1:
+        with suppress(PETSc.Error):
+            freed(_by_cholmod(A))
+            return SequentialFactor(A, name)
+    return Factor(A, name)
+
+
+def _by_cholmod(A: PETSc.Mat) -> PETSc.PC:
+    """Refused by PETSc where it was built without."""
+    pc = PETSc.PC().create(comm=A.comm)
+    pc.setOperators(A)
+    pc.setType("cholesky")
+    pc.setFactorSolverType("cholmod")
+    pc.setFactorSetUpSolverType()
+    return pc
+
+
+def _solved(factor: PETSc.Mat, columns: Array) -> Array:
+    """Answers to a few right-hand sides."""
+    result = np.empty(columns.shape, order="F")
+    for k in range(0, columns.shape[1], BLOCK):
+        right = view(np.asfortranarray(columns[:, k : k + BLOCK]), factor)
+        answer = view(result[:, k : k + BLOCK], factor)
+        factor.matSolve(right, answer)
+        freed(right, answer)
+    return result
 
 
 def _factorised(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:

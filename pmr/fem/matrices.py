@@ -28,7 +28,7 @@ def local_csr(A: PETSc.Mat) -> sp.csr_matrix:
 
 
 def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
-    """A without the zeros that a pattern shared with the stiffness leaves in a mass matrix; A is freed."""
+    """A without the zeros that have a place in its pattern; A is freed."""
     rows: sp.csr_matrix = local_csr(A)
     rows.eliminate_zeros()
     result = sparse(rows, A, columns=A.getLocalSize()[1])

@@ -12,7 +12,7 @@ from pmr.errors import InputError
 from pmr.fem import factor
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import sparse
-from pmr.fem.factor import Factor
+from pmr.fem.factor import Factor, SequentialFactor, factor_for_steps
 from pmr.fullmodel.assembly import share
 
 pytestmark = pytest.mark.mpi
@@ -59,3 +59,18 @@ def test_a_singular_matrix_is_refused() -> None:
     A.zeroRowsColumns([0] if MPI.COMM_WORLD.rank == 0 else [], diag=0.0)
     with pytest.raises(InputError, match="positive definite"):
         Factor(A, "K")
+
+
+def test_whoever_solves_for_steps_says_the_same() -> None:
+    A = laplacian()
+    g = np.asfortranarray(np.random.default_rng(6).normal(size=(A.getLocalSize()[0], 3)))
+    plain, stepping = Factor(A, "S"), factor_for_steps(A, "S")
+    expected = plain.solve_columns(g)
+    assert stepping.solve_columns(g) == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
+    right, answer = A.createVecs()
+    right.getArray()[:] = g[:, 1]
+    stepping.solve(right, answer)
+    assert answer.getArray() == pytest.approx(expected[:, 1], abs=1e-10 * np.abs(expected).max())
+    assert MPI.COMM_WORLD.size == 1 or not isinstance(stepping, SequentialFactor)
+    plain.destroy()
+    stepping.destroy()

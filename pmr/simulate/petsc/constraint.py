@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
-from pmr.fem.factor import BLOCK, Factor
+from pmr.fem.factor import BLOCK, AnyFactor
 from pmr.fullmodel.model import FullModel
 from pmr.simulate.native.rows import SINGULAR
 from pmr.simulate.native.start import dependence
@@ -28,7 +28,7 @@ class Constraint:
     .. math:: (dq\, C S^{-1} C^T + 1/k)\, \lambda = C q_{free}
     """
 
-    def __init__(self, model: FullModel, factor: Factor, q_gain: float, course: Course, step: int) -> None:
+    def __init__(self, model: FullModel, factor: AnyFactor, q_gain: float, course: Course, step: int) -> None:
         self._q_gain, self._factor = q_gain, factor
         self._all_rows, self._pads = model.rows, np.diag(model.rows.compliance)
         shared, share = model.rows.shared, slice(*model.M.getOwnershipRange())
@@ -75,7 +75,7 @@ class Constraint:
         return np.asarray(self._answer.getArray())
 
 
-def _answers(factor: Factor, E: sp.csr_matrix, comm: MPI.Comm, kept: bool) -> tuple[Array, Array]:
+def _answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, kept: bool) -> tuple[Array, Array]:
     """P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E if they are kept.
 
     E is given as this rank's columns of its transpose, (p, n_local).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pmr.fem.compat import PETSc
+from pmr.fem.matrices import without_zeros
 from pmr.fullmodel.model import FullModel
 
 
@@ -12,4 +13,4 @@ def effective_matrix(model: FullModel, v_gain: float, q_gain: float) -> PETSc.Ma
     S.scale(q_gain)
     for factor, A in ((v_gain, model.D), (1.0, model.M)):
         S.axpy(factor, A, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    return S
+    return without_zeros(S)

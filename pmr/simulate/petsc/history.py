@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
-from pmr.fem.factor import product
-from pmr.fem.matrices import local_csr
+from pmr.fem.matrices import local_csr, without_zeros
 from pmr.fullmodel.model import FullModel
 from pmr.results import Energy, Response
 from pmr.simulate import balance
@@ -119,6 +118,8 @@ class Recorder:
         self._model = model
         self._outputs: sp.csr_matrix = local_csr(model.outputs).T.tocsr()[self.chosen]
         self._inputs = local_csr(model.inputs)
+        self._K = without_zeros(model.K.copy())  # of the plane walls of a shell half
+        self._x, self._Ax = model.K.createVecs()
         T, m, i = stepping.steps // recording.every + 1, len(model.rows.rows), len(model.input_names)
         self.multipliers = np.zeros((T, m))
         self._ends = np.cumsum([len(self.chosen), m, m, m, i])
@@ -142,9 +143,11 @@ class Recorder:
 
     def _energy(self, state: State) -> Array:
         def half_form(A: PETSc.Mat, x: Array) -> float:
-            return float(x @ product(A, x)) / 2.0
+            self._x.getArray()[:] = x
+            A.mult(self._x, self._Ax)
+            return float(x @ self._Ax.getArray()) / 2.0
 
-        return np.array([half_form(self._model.M, state.v), half_form(self._model.K, state.q)])
+        return np.array([half_form(self._model.M, state.v), half_form(self._K, state.q)])
 
     def history(self, s: Array, f: Array, seconds: float, preparation: float) -> History:
         """All of it, after steps to s (T,) m under f (T, i) N; collective."""

@@ -13,22 +13,27 @@ in which K is not needed, and lambda follows from the b that it would be without
 .. math::
     (dq\, C S^{-1} C^T + 1/k)\, \lambda = dq\, C b_{free}
 
-Rayleigh damping would allow to do without the product with D too, but its factors can't be had back from D: in the
-entries of a shell the mass' part drowns in that of the stiffness, and is known to six digits only.
+Rayleigh damping does without the product with D too: with D = alpha M + beta K and w = q^* dv / dq - v^*,
+
+.. math::
+    S^{-1} D w = S^{-1} M \bigl(\alpha - g (1 + dv\, \alpha)\bigr) w + g w, \qquad
+    g = \beta / (dq + dv\, \beta)
 """
 
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
-from pmr.fem.compat import MPI, PETSc
-from pmr.fem.factor import Factor
+from pmr.fem.compat import MPI
+from pmr.fem.factor import factor_for_steps
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
+from pmr.reduced.damping import Rayleigh
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulate.balance import refuse_growth
 from pmr.simulate.excitation import Excitation
@@ -123,10 +128,11 @@ class Integrator:
         self._comm, self._method = model.comm, method
         self._q_gain, self._v_gain = method.scheme().z_gain, method.scheme().v_gain
         S = effective_matrix(model, self._v_gain, self._q_gain)
-        self._factor = Factor(S, "M + dv D + dq K")
+        self._factor = factor_for_steps(S, "M + dv D + dq K")
         S.destroy()
         self._M = model.M
-        self._D = model.D if model.D.norm(PETSc.NormType.NORM_INFINITY) > 0.0 else None
+        self._D = model.D if model.rayleigh is None else None
+        self._damped = _Damped.by(model.rayleigh or Rayleigh(0.0, 0.0), self._v_gain, self._q_gain)
         self._B = local_csr(model.inputs)
         self._x, self._right = model.M.createVecs()
         self._b = self._right.duplicate()
@@ -164,18 +170,34 @@ class Integrator:
 
     def _free(self, scaled: Array, v: Array, f: Array) -> Array:
         """Free of the rows' forces: b_free; this rank's rows, overwritten by the next call."""
-        self._x.getArray()[:] = scaled
+        w = self._v_gain * scaled - v
+        self._x.getArray()[:] = scaled + self._damped.of_mass * w
         self._M.mult(self._x, self._right)
         if self._D is not None:
-            self._x.getArray()[:] = self._v_gain * scaled - v
+            self._x.getArray()[:] = w
             self._D.multAdd(self._x, self._right, self._right)
         self._right.getArray()[:] += self._B @ f
         self._factor.solve(self._right, self._b)
-        return np.asarray(self._b.getArray())
+        b = self._b.getArray()
+        b += self._damped.at_once * w
+        return np.asarray(b)
 
     def destroy(self) -> None:
         """Give the factor's memory back."""
         self._factor.destroy()
+
+
+@dataclass(frozen=True)
+class _Damped:
+    """S^-1 D w = S^-1 M (of_mass w) + at_once w of Rayleigh damping."""
+
+    of_mass: float
+    at_once: float
+
+    @classmethod
+    def by(cls, rayleigh: Rayleigh, v_gain: float, q_gain: float) -> _Damped:
+        at_once = rayleigh.beta / (q_gain + v_gain * rayleigh.beta)
+        return cls(rayleigh.alpha - at_once * (1.0 + v_gain * rayleigh.alpha), at_once)
 
 
 def _summed(comm: MPI.Comm, motion: Array, total: float, flag: bool) -> tuple[Array, float, bool]:
