@@ -267,7 +267,8 @@ def _estimated(scene: Scene, reduced: ReducedModel, omega: Array, clock: Clock) 
             except SimulationError as error:
                 failed = str(error)
     asked = {"estimate": estimate.summary(reduced, found, left_out, failed)} if scene.reduction.estimate else {}
-    said = resolution.unseen(driven, stepping) + estimate.warnings(reduced, stepping, found)
+    said = resolution.unseen(driven, stepping) + resolution.overshooting(driven, stepping)
+    said += estimate.warnings(reduced, stepping, found)
     said += coverage.warnings(left_out)
     step, reason = _step_error(scene, reduced, clock)
     if step is not None and scene.accuracy is None:  # otherwise the search has chosen it

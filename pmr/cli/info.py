@@ -15,7 +15,7 @@ from pmr.cli.files import scene_file
 from pmr.files.swap import finished
 from pmr.reduced.model import ReducedModel
 from pmr.scene.choice import choose
-from pmr.system.body import force_outputs
+from pmr.system.body import force_outputs, pushing_rows
 from pmr.text import visible
 
 
@@ -100,12 +100,18 @@ def described_model(model: ReducedModel) -> dict[str, str]:
         "basis": str(model.provenance.get("basis", "unknown")),
         "inputs": ", ".join(model.input_names),
         "outputs": _describe_outputs(model),
-        "rows": f"{', '.join(model.row_names)}; s from {low:g} to {high:g} m",
+        "rows": f"{', '.join(_rows(model))}; s from {low:g} to {high:g} m",
         "rows left out": ", ".join(model.left_out) or "none",
         "made with": ", ".join(
             f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
         ),
     }
+
+
+def _rows(model: ReducedModel) -> list[str]:
+    """Names of the rows, and which of them only push."""
+    pushing = set(pushing_rows(model))
+    return [f"{name} (only pushes)" if k in pushing else name for k, name in enumerate(model.row_names)]
 
 
 def _describe_outputs(model: ReducedModel) -> str:

@@ -42,6 +42,7 @@ def simulate_saved(reduced: ReducedModel, scene: Scene, clock: Clock | None = No
     simulations = simulate(scene, reduced, {}, clock)
     response = simulations.responses["reduced"]
     said = resolution.unseen(excitation.signals, excitation.stepping)
+    said += resolution.overshooting(excitation.signals, excitation.stepping)
     said += pad_forces.warnings(scene, response) + contact_step.warnings(reduced, excitation)
     summary: dict[str, Any] = {
         "title": scene.title,

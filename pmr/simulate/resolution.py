@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pmr.scene.signals import SignalBase
+from pmr.scene.signals import SignalBase, Table
 from pmr.simulate.stepping import TimeStepping
 from pmr.text import rounded, rounded_down
 
@@ -24,6 +24,11 @@ STEPS_A_PERIOD = 7
 def unseen(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
     """What of the signals, each with its name, is lost between the steps; a line each, empty where nothing is."""
     return [f"{name}: {what}" for name, signal in signals for what in _lost(signal, stepping)]
+
+
+def overshooting(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
+    """Tables whose curve leaves what they hold by more than `UNSEEN` of its range; a line each."""
+    return [f"{name}: {what}" for name, signal in signals for part in signal.parts for what in _beyond(part, stepping)]
 
 
 def aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
@@ -46,6 +51,21 @@ def _lost(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
         yield (
             f"what it does about t = {at:.6g} s passes between two steps of {h:.4g} s, "
             f"{rounded(100.0 * share)} % of its whole range; smaller steps see it"
+        )
+
+
+def _beyond(part: SignalBase, stepping: TimeStepping) -> Iterator[str]:
+    if not isinstance(part, Table):
+        return
+    knots = [0.0, *(t for t in part.times if 0.0 < t < stepping.end), stepping.end]
+    held, (low, high) = part.value(knots), part.bounds(0.0, stepping.end)
+    least, most = float(held.min()), float(held.max())
+    beyond = max(least - low, high - most)
+    if beyond > UNSEEN * (most - least):
+        yield (
+            f"the curve through its table ({part.interpolation}) goes from {low:.6g} to {high:.6g}, "
+            f"{rounded(100.0 * beyond / (most - least))} % of the table's range beyond it; interpolation = "
+            "'linear', or more rows where it turns, keep to the table"
         )
 
 

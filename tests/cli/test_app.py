@@ -7,7 +7,11 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from on_pads import beam_on_pads, modes_on_pads
+from oracle import flexible, full_body
 from processes import called, python
+
+from pmr.cli.info import described_model
 
 SIMPLE = "workflows/paper_simple.toml"
 SHORT = [
@@ -73,6 +77,12 @@ def test_info_says_what_a_file_holds(folder: Path) -> None:
     assert "dolfinx" in stack.stdout and "float64" in stack.stdout
     assert "20 coordinates" in model.stdout and "slider" in model.stdout
     assert "153" not in scene.stdout and "s from 1.25 to 3.75 m" in scene.stdout
+
+
+def test_info_says_which_rows_only_push() -> None:
+    rows = described_model(modes_on_pads(beam_on_pads(1e-3), 4))["rows"]
+    assert "mouth top (only pushes)" in rows and described_model(flexible(full_body(4), 3))["rows"].startswith("slider")
+    assert "only pushes" not in described_model(flexible(full_body(4), 3))["rows"]
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, S
 from pmr.simulate import TimeStepping
 from pmr.simulate.excitation import path_at
 from pmr.simulate.native import simulator as march
-from pmr.simulate.resolution import STEPS_A_PERIOD, UNSEEN, aliased, unseen
+from pmr.simulate.resolution import STEPS_A_PERIOD, UNSEEN, aliased, overshooting, unseen
 
 STEPPING = TimeStepping(1.0, 1e-3)
 SLOW = Ramp(times=(0.0, 1.0), values=(0.0, 100.0))
@@ -79,3 +79,25 @@ def test_a_path_that_leaves_the_beam_between_the_steps_is_refused(frequency: flo
     model = flexible(full_body(10), 4)
     with pytest.raises(InputError, match="left between two steps"):
         march.simulate(model, driven(path, Constant(amount=1.0), STEPPING))
+
+
+#: Flat, then two rows on either side of a top that no row holds.
+TURNING = Table(times=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0), values=(0.0, 0.3, 1.0, 1.0, 0.3, 0.0))
+
+
+def test_a_table_whose_curve_leaves_its_values_is_told_with_the_amount() -> None:
+    high = float(TURNING.value(np.linspace(0.0, 1.0, 10_001)).max())
+    assert high - 1.0 > UNSEEN
+    for signal in (TURNING, Sum(terms=(Constant(amount=3.0), TURNING))):
+        (line,) = overshooting([("load F", signal)], STEPPING)
+        assert line.startswith(f"load F: the curve through its table (akima) goes from 0 to {high:.4g}")
+        assert f" {100.0 * (high - 1.0):.2g} % of the table's range" in line
+    straight = TURNING.model_copy(update={"interpolation": "linear"})
+    assert overshooting([("load F", straight), ("load G", Constant(amount=1.0))], STEPPING) == []
+    assert overshooting([("load F", TURNING)], TimeStepping(0.4, 1e-3)) == []  # nothing of that is reached
+
+
+def test_a_table_with_rows_where_it_turns_keeps_to_them() -> None:
+    t = np.linspace(0.0, 1.0, 51)
+    fine = Table(times=tuple(t), values=tuple(np.sin(2.0 * np.pi * t)))
+    assert overshooting([("load F", fine)], STEPPING) == []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,8 +144,15 @@ class Room:
         z, v, multipliers = (array[: self._filled] for array in self._kept)
         self._march.check_finite(z, self._march.parts, self._first)
         peaks = None if self._peaks is None else self._peaks[: self._filled]
+        for forces in (multipliers, *([] if peaks is None else [peaks])):
+            without_pull(forces, self._pushing)
         part = Trajectory(self._t[rows], z, v, multipliers, self._s[rows], seconds=0.0, peaks=peaks)
         self._take(self._first, part, self._f[rows])
         for array in (*self._kept, *([] if self._peaks is None else [self._peaks])):
             array[0] = array[self._filled - 1]
         self._first, self._filled = self._first + self._filled - 1, 1
+
+
+def without_pull(multipliers: Array, pushing: Sequence[int]) -> None:
+    """Rows that only push, by their numbers, have round-off of the others' forces at most where they let go: none."""
+    multipliers[:, pushing] = np.maximum(multipliers[:, pushing], 0.0)

@@ -24,10 +24,10 @@ from pmr.simulate.modal import ModalForm, modal_form, support_forces
 from pmr.simulate.native import residual_inertia as inertial
 from pmr.simulate.native import step as kernel
 from pmr.simulate.native import system as march_system
-from pmr.simulate.native.marching import March, Room
+from pmr.simulate.native.marching import March, Room, without_pull
 from pmr.simulate.start import InitialState, consistent_start
 from pmr.simulate.stepping import Progress
-from pmr.system.body import SlidingBody, Trajectory, displacement
+from pmr.system.body import SlidingBody, Trajectory, displacement, pushing_rows
 
 Array = NDArray[np.float64]
 
@@ -151,6 +151,7 @@ def observe(
 
     seconds = march.advance(steps, parts_kept, None)
     march.check_finite(y, parts_kept)
+    without_pull(multipliers, pushing_rows(form.body))
     return Observation(excitation.times[::every][:count], y, multipliers, seconds)
 
 

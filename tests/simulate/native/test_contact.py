@@ -26,10 +26,11 @@ from pmr.simulate.exudyn import simulator as exudyn
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import contact as contact_rows
 from pmr.simulate.native import simulator as march
+from pmr.simulate.native.marching import without_pull
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.start import reason
 from pmr.simulate.native.stepper import Stepper
-from pmr.system.body import Trajectory, displacement
+from pmr.system.body import Trajectory, displacement, pushing_rows
 
 Array = NDArray[np.float64]
 CLEARANCE = 1e-3
@@ -327,6 +328,17 @@ def test_what_is_not_settled_is_named_with_time_and_place(few: ReducedModel, mon
     monkeypatch.setattr(march.kernel, "run", lambda *arguments: (2, contact_rows.UNSETTLED))
     with pytest.raises(SimulationError, match=rf"step 3, t = 0\.003 s, slider at 3 m: which of the rows {names}"):
         march.simulate(few, driven(PATH, LOADS, STEPPING))
+
+
+def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel) -> None:
+    """Which of them hold is decided to round-off of the largest force; what they report is decided at zero."""
+    found = march.simulate(few, driven(PATH, LOADS, STEPPING))
+    seen = march.observe(modal_form(few), driven(PATH, LOADS, STEPPING))
+    pushing = pushing_rows(few)
+    assert found.multipliers[:, pushing].min() == 0.0 == seen.multipliers[:, pushing].min()
+    forces = np.array([[-1e-10, -2.0, 3.0]])
+    without_pull(forces, [0, 2])
+    assert forces.tolist() == [[0.0, -2.0, 3.0]]
 
 
 def test_what_does_not_fit_is_refused(few: ReducedModel) -> None:
