@@ -19,6 +19,9 @@ from pmr.system.body import force_outputs, released_rows
 
 Array = NDArray[np.float64]
 
+#: Modes that only serve to tell the errors of others, up to a quarter of all.
+BEYOND = 8
+
 
 @dataclass(frozen=True)
 class Member:
@@ -53,6 +56,11 @@ class Family:
         self.fewest = max(1, int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1])))
         self._forms: dict[Member, ModalForm] = {}
         self._motions: dict[tuple[Member, int, int], Outputs] = {}
+
+    @property
+    def most(self) -> int:
+        """Coordinates of the largest member that all modes are much better than."""
+        return max(self.fewest, self.size - min(BEYOND, self.size // 4))
 
     @property
     def keeps_inertia(self) -> bool:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from pmr.accuracy.errors import Demand
 from pmr.accuracy.family import Family
-from pmr.accuracy.search import Demand, Found, search
+from pmr.accuracy.search import Found, search
 from pmr.accuracy.steps import coarsest
 from pmr.compare.coverage import BLOWS
 from pmr.compare.estimate import no_estimate

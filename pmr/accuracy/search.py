@@ -13,42 +13,21 @@ in every kind of output that is asked for.  The first part is the error estimate
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+from pmr.accuracy.errors import Demand, Errors
 from pmr.accuracy.family import Family, Member
 from pmr.accuracy.steps import Rung, coarser, rungs
-from pmr.compare.outputs import Outputs, differences
 from pmr.errors import SimulationError
 from pmr.text import rounded
 
-#: Of all errors; they are known better than an estimate by a few enrichment modes, whose margin is 1.25.
-MARGIN = 1.1
 #: Share of the tolerance that the reduction may take before a step is chosen.
 OF_REDUCTION = 0.97
 #: Coordinates that keeping the residual inertia has to save to be worth its time a step.
 WORTH = 2
 #: Steps up to which a member is simulated to be compared with all modes.
 COMPARED = 16_000
-
-
-@dataclass(frozen=True)
-class Demand:
-    """What is asked for.
-
-    Attributes
-    ----------
-    tolerance : float
-        Largest error in each of the `kinds`, a fraction.
-    kinds : sequence of str
-        Of `pmr.compare.outputs.KINDS`.
-    inertia : bool
-        Whether the residual inertia may be kept, which only ``march`` simulates.
-    """
-
-    tolerance: float
-    kinds: Sequence[str]
-    inertia: bool
 
 
 @dataclass(frozen=True)
@@ -95,7 +74,7 @@ def search(family: Family, demand: Demand, coarse: int) -> Found:
         finer = _comparable(rung.steps, coarse)
         if finer <= steps:
             break
-        steps, member = finer, one.enlarged(member, finer)
+        steps, member = finer, one.fitted(member, finer)
     return one.found(member, rung, steps, reached, time.perf_counter() - begin)
 
 
@@ -109,39 +88,11 @@ def _comparable(steps: int, coarse: int) -> int:
 class _Search:
     def __init__(self, family: Family, demand: Demand, coarse: int) -> None:
         self.family, self.demand, self.coarse = family, demand, coarse
-        self.floors = family.floors(coarse)
-        self.plain = family.size
-        self._best: dict[int, Outputs] = {}
-        self._missing: dict[tuple[Member, int], Outputs | None] = {}
-
-    def best(self, steps: int) -> Outputs:
-        """Motion of all modes."""
-        if steps not in self._best:
-            self._best[steps] = self.family.motion(self.family.best, steps, self.coarse)
-        return self._best[steps]
-
-    def missing(self, member: Member, steps: int) -> Outputs | None:
-        """What all modes have beyond a member; None where its motion can't be computed."""
-        if (member, steps) not in self._missing:
-            try:
-                own = self.family.motion(member, steps, self.coarse)
-                self._missing[member, steps] = self.best(steps).minus(own)
-            except SimulationError:
-                self._missing[member, steps] = None
-        return self._missing[member, steps]
-
-    def size(self, missing: Outputs, steps: int) -> dict[str, float]:
-        """Error by kind, with margin."""
-        best = self.best(steps)
-        found = differences(best.minus(missing), best, self.floors, self.demand.kinds)
-        return {kind: MARGIN * share for kind, share in found.items()}
+        self.errors, self.plain = Errors(family, demand, coarse), family.size
 
     def within(self, member: Member, steps: int) -> bool:
         """Whether the reduction leaves room for the step."""
-        missing = self.missing(member, steps)
-        if missing is None:
-            return False
-        return max(self.size(missing, steps).values()) <= OF_REDUCTION * self.demand.tolerance
+        return max(self.errors.reduction(member, steps).values()) <= OF_REDUCTION * self.demand.tolerance
 
     def fewest(self, steps: int) -> Member:
         """The member with fewest coordinates that is within; the largest one if none is."""
@@ -152,34 +103,31 @@ class _Search:
         inertial = self._smallest(True, steps)
         return inertial if inertial.coordinates <= plain.coordinates - WORTH else plain
 
-    def enlarged(self, member: Member, steps: int) -> Member:
-        """The first one from `member` on that is within; the largest one if none is."""
-        while member.coordinates < self.family.size - 1 and not self.within(member, steps):
-            member = Member(member.coordinates + 1, member.residual_inertia)
-        return member
+    def fitted(self, member: Member, steps: int) -> Member:
+        """The first one from `member` up that is within, or the last one down; the largest one if none is."""
+        one, kept = member.coordinates, member.residual_inertia
+        if self.within(member, steps):
+            while one > self.family.fewest and self.within(Member(one - 1, kept), steps):
+                one -= 1
+            return Member(one, kept)
+        while one < self.family.most and not self.within(Member(one, kept), steps):
+            one += 1
+        return Member(one, kept)
 
     def _smallest(self, inertia: bool, steps: int) -> Member:
         """By doubling and halving; every size between the last that fails and the first that holds is tried."""
-        low, high = self.family.fewest - 1, max(self.family.fewest, 4)
-        top = self.family.size - 1
+        top = self.family.most
+        low, high = self.family.fewest - 1, min(max(self.family.fewest, 4), top)
         while high < top and not self.within(Member(high, inertia), steps):
             low, high = high, min(2 * high, top)
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (low, middle) if self.within(Member(middle, inertia), steps) else (middle, high)
-        return Member(min(high, top), inertia)
-
-    def total(self, member: Member, rung: Rung, steps: int) -> dict[str, float]:
-        """Both parts together, by kind; no less than the larger one."""
-        missing = self.missing(member, steps)
-        if missing is None:
-            return dict.fromkeys(self.demand.kinds, float("inf"))
-        sizes = [self.size(part, steps) for part in (missing, rung.missing, missing.plus(rung.missing))]
-        return {kind: max(size[kind] for size in sizes) for kind in self.demand.kinds}
+        return Member(high, inertia)
 
     def holds(self, member: Member, rung: Rung, steps: int) -> bool:
         """Whether model and step are within the tolerance together."""
-        return rung.settled and max(self.total(member, rung, steps).values()) <= self.demand.tolerance
+        return rung.settled and max(self.errors.total(member, rung, steps).values()) <= self.demand.tolerance
 
     def longest_step(self, member: Member, at: int) -> tuple[Rung, bool]:
         """The first rung that holds, beside the reduction's part with `at` steps, and True; else the last and False."""
@@ -194,13 +142,12 @@ class _Search:
 
     def found(self, member: Member, rung: Rung, steps: int, reached: bool, seconds: float) -> Found:
         """The result, with reasons."""
-        unknown, missing = dict.fromkeys(self.demand.kinds, float("inf")), self.missing(member, steps)
-        total = self.total(member, rung, steps)
+        total = self.errors.total(member, rung, steps)
         return Found(
             member=member,
             steps=rung.steps,
-            reduction=unknown if missing is None else self.size(missing, steps),
-            step=self.size(rung.missing, steps),
+            reduction=self.errors.reduction(member, steps),
+            step=self.errors.size(rung.missing, steps),
             total=total,
             holds=reached and max(total.values()) <= self.demand.tolerance,
             reasons=(*self._why(member, steps), *self._why_steps(rung, steps)),
@@ -209,14 +156,11 @@ class _Search:
 
     def _why(self, member: Member, steps: int) -> Iterator[str]:
         r, kept = member.coordinates, member.residual_inertia
-        tried = sorted(one.coordinates for one, at in self._missing if one.residual_inertia == kept and one != member)
-        fewer = [one for one in tried if one < r]
-        missing = self.missing(Member(fewer[-1], kept), steps) if fewer else None
-        if missing is not None:
-            size = rounded(100.0 * max(self.size(missing, steps).values()))
-            yield f"{r} coordinates: with {fewer[-1]} the reduction alone is off by {size} %"
+        if r > self.family.fewest:
+            size = rounded(100.0 * max(self.errors.reduction(Member(r - 1, kept), steps).values()))
+            yield f"{r} coordinates: with {r - 1} the reduction alone is off by {size} %"
         else:
-            yield f"{r} coordinates: the fewest that were tried"
+            yield f"{r} coordinates: all rigid-body modes, and one mode at least"
         if kept:
             yield f"residual inertia kept: without it {self.plain} coordinates are needed"
         elif not self.demand.inertia:
@@ -225,9 +169,11 @@ class _Search:
             yield f"residual inertia not kept: it would save fewer than {WORTH} coordinates, and cost more a step"
 
     def _why_steps(self, rung: Rung, steps: int) -> Iterator[str]:
-        if rung.steps == self.coarse:
+        before = None
+        for one in coarser(self.family, rung, self.coarse):
+            before = one
+        if before is None:
             yield f"{rung.steps} steps: fewer don't follow path and loads"
         else:
-            before = next(one for one in coarser(self.family, rung, self.coarse) if 2 * one.steps == rung.steps)
-            size = rounded(100.0 * max(self.size(before.missing, steps).values()))
-            yield f"{rung.steps} steps: half as many are off by {size} %"
+            size = rounded(100.0 * max(self.errors.size(before.missing, steps).values()))
+            yield f"{rung.steps} steps: {before.steps} are off by {size} %"

@@ -21,7 +21,7 @@ from pmr.snapshots.rigid import rigid_modes
 #: part's inertia with four.
 ENRICHMENT_MODES = 4
 #: The same where a tolerance is given: among so many the smallest model is looked for.
-SEARCHED_MODES = 26
+SEARCHED_MODES = 34
 
 
 def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None) -> Snapshots:

@@ -10,7 +10,7 @@ from pmr.report import parameters, provenance, sentences
 from pmr.report.blocks import Block, Chapter, Drawing, Player, drawing
 from pmr.report.errors import error_table
 from pmr.report.errors import rows as error_rows
-from pmr.report.figures import captions, forces, histories, inputs, shapes, sketch, spectra
+from pmr.report.figures import budget, captions, forces, histories, inputs, shapes, sketch, spectra
 from pmr.report.figures.colours import ramp
 from pmr.report.figures.timeline import Array
 from pmr.report.motion import line, player
@@ -44,6 +44,20 @@ def errors(result: RunResult, prefix: str) -> Block | None:
     """Errors against what the run was compared with, beside published ones."""
     table = error_table(result)
     return Block(heading="Errors", errors=table) if table.rows else None
+
+
+def accuracy(result: RunResult, prefix: str) -> Block | None:
+    """What was chosen to hold a tolerance and why, and what takes how much of it."""
+    found = result.summary.get("accuracy")
+    if found is None:
+        return None
+    first = result.summary["budget"]["first"]
+    missing = result.summary["budget"]["mesh_reason"]
+    caption = f"What reduction, step and mesh take of the tolerance; the {first} is to be improved first."
+    unknown = f" The part of the mesh is not known: {missing}." if missing else ""
+    drawn = drawing(f"{prefix}-budget", budget.budget, caption + unknown, result)
+    text = "; ".join(found["reasons"])
+    return Block(heading="Accuracy on order", rows=((drawn,),), text=f"{text[:1].upper()}{text[1:]}.")
 
 
 def inputs_over_time(result: RunResult, prefix: str) -> Block:
@@ -152,7 +166,7 @@ def origin(result: RunResult, prefix: str) -> Block:
 
 #: In the order in which they stand in the page.
 SECTIONS: tuple[Show, ...] = (
-    errors, motion, inputs_over_time, tip, stress, contact, energy, constraint, basis, origin,
+    errors, accuracy, motion, inputs_over_time, tip, stress, contact, energy, constraint, basis, origin,
 )  # fmt: skip
 
 

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from random_scenes import sliding_scene
 
+from pmr.accuracy.errors import Demand
 from pmr.accuracy.family import Family, Member
-from pmr.accuracy.search import Demand, Found, search
+from pmr.accuracy.search import Found, search
 from pmr.accuracy.steps import coarsest
 from pmr.compare.outputs import Outputs, differences, impulsive
 from pmr.errors import SimulationError
@@ -63,7 +64,7 @@ def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
     scene = given.model_copy(update={"reduction": given.reduction.model_copy(update={"coordinates": 6})})
     model = build(scene, MPI.COMM_SELF).model
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(from_scene, "ENRICHMENT_MODES", 26)
+        patch.setattr(from_scene, "ENRICHMENT_MODES", from_scene.SEARCHED_MODES)
         reduced = reduce_with(scene, model, from_scene.take_snapshots(scene, model)).reduced
     excitation = Excitation.of(scene)
     family = Family(reduced, excitation, len(transverse(scene)))

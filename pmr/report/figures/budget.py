@@ -1,0 +1,36 @@
+"""What reduction, step and mesh take of a tolerance."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from pmr.report.figures.canvas import INK, WIDE, key, sheet
+from pmr.results import RunResult
+
+COLOURS = {"reduction": "#d55e00", "step": "#56b4e9", "mesh": "#00664b"}
+NAMES = {"beam": "along the body", "tip": "tip", "pad_force": "pad forces", "velocity": "velocities"}
+
+
+def budget(result: RunResult) -> Figure:
+    """A bar for each part and kind of output in %, and the tolerance."""
+    summary = result.summary
+    kinds, parts = summary["accuracy"]["outputs"], [name for name in COLOURS if summary["budget"][name] is not None]
+    height = 0.16 * len(kinds) * (len(parts) + 1)
+    figure, axes = sheet(WIDE, 0.7 + height, margins={"left": 1.0, "top": 0.3, "bottom": 0.4})
+    ax, pitch, ticks = axes[0, 0], len(parts) + 1, []
+    for row, kind in enumerate(kinds):
+        for number, name in enumerate(parts):
+            share = 100.0 * summary["budget"][name][kind]
+            ax.barh(-row * pitch - number, share, height=0.85, color=COLOURS[name], linewidth=0.0)
+        ticks.append(-row * pitch - (len(parts) - 1) / 2.0)
+    tolerance = 100.0 * summary["accuracy"]["tolerance"]
+    ax.axvline(tolerance, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
+    ax.set_yticks(ticks, [NAMES[kind] for kind in kinds])
+    ax.grid(False, axis="y")
+    ax.set_xlim(left=0.0, right=max(1.05 * tolerance, ax.get_xlim()[1]))
+    ax.set_xlabel("Part of the error in %")
+    handles = [Patch(color=COLOURS[name], label=name) for name in parts]
+    key(figure, [*handles, Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (4, 2)), label="tolerance")])
+    return figure
