@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pmr.report.decimation import extremes, onto
 from pmr.report.figures.canvas import INK, PENS, SHADE, STEPS, bins_of
 from pmr.report.numbers import unit_for
+from pmr.report.subject import moving
 from pmr.results import Response, RunResult
 
 Array = NDArray[np.float64]
@@ -164,4 +165,4 @@ class Timeline:
 
     def shade(self) -> list[Any]:
         """Legend entry of the phases in which the slider moves, where there are any."""
-        return [Patch(facecolor=SHADE, label="slider moves")] if self.phases else []
+        return [Patch(facecolor=SHADE, label=f"{moving(self.result)} moves")] if self.phases else []

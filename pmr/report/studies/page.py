@@ -9,6 +9,7 @@ from dataclasses import replace
 from pmr.report.blocks import Block, Chapter
 from pmr.report.studies import runs, sections
 from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.names import called
 from pmr.report.studies.statements import comparison
 
 
@@ -22,5 +23,5 @@ def chapter(study: FinishedStudy, anchor: str) -> Chapter:
     published = comparison(study)
     if published.rows and not any(block.errors for block in found.blocks):
         found = replace(found, blocks=[*found.blocks, Block("Beside the publication", errors=published)])
-    unfinished = [f"{run.key} ({run.status}: {run.reason})" for run in study.unfinished]
+    unfinished = [f"{called(run)} ({run.status}: {run.reason})" for run in study.unfinished]
     return replace(found, unfinished=unfinished)
