@@ -95,10 +95,10 @@ def run(
     outcomes = []
     for name, file, scene in loaded:
         where = folder if len(loaded) == 1 else folder / name
-        kept = Checkpoint(where / f"full-{scene.hash}.checkpoint")
+        checkpoint = Checkpoint(where / f"full-{scene.hash}.checkpoint")
         with _progress(name, shown=first) as progress:
             try:
-                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), kept)
+                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), checkpoint)
             except InputError as error:
                 raise error.found_in(str(file)) from None
             except (np.linalg.LinAlgError, ArithmeticError) as error:
@@ -108,7 +108,7 @@ def run(
             if where != folder:
                 removed(folder, REPORT_FILES)  # the one of all scenes, which no longer belongs to what is there
             _save(outcome, where)
-            kept.file.unlink(missing_ok=True)
+            checkpoint.file.unlink(missing_ok=True)
             outcomes.append(outcome)
     if outcomes:
         for outcome in outcomes:

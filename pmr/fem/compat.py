@@ -52,7 +52,7 @@ slepc4py.init()
 from slepc4py import SLEPc
 
 from pmr.errors import InputError
-from pmr.files.built import kept
+from pmr.files.built import stored
 
 __all__ = [
     "MPI", "PETSc", "SLEPc", "assemble", "cell_coordinates", "cell_dofs", "cell_topology", "cellwise", "comm_of",
@@ -291,7 +291,7 @@ def _space(mesh: Any, element: Any) -> Any:
 
 
 def _compiled(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any:
-    """What `create` returns, the code it compiles kept in a folder of its own in dolfinx' cache; collective.
+    """What `create` returns, the code it compiles stored in a folder of its own in dolfinx' cache; collective.
 
     FFCx marks what it has begun by a file that nobody takes away if its process is killed: from then on each run that
     needs the same code waits for it and fails.  So it compiles in a folder that counts only once it is whole.
@@ -304,7 +304,7 @@ def _compiled(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any
     decides = (signature, ffcx.codegeneration.get_signature(), _form_options(), options, built_for)
     name = hashlib.sha256(repr(decides).encode()).hexdigest()[:32]
     try:
-        return kept(place / name, _is_whole, lambda folder: create(**{keyword: {"cache_dir": folder}}), comm)
+        return stored(place / name, _is_whole, lambda folder: create(**{keyword: {"cache_dir": folder}}), comm)
     except PermissionError as error:
         allowed = f"a folder that can be written to is allowed, for compiled forms ({error.strerror})"
         raise InputError("environment", "XDG_CACHE_HOME", str(place), allowed) from None

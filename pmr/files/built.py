@@ -1,4 +1,4 @@
-"""Folders that take long to make and are kept: whole under their name or not there, whoever is killed meanwhile.
+"""Folders that take long to make and are stored: whole under their name or not there, whoever is killed meanwhile.
 
 A folder is made under another name and then renamed.  A lock, which the system takes from a process that dies, lets
 one process make it while the others wait for it, and tells what a dead process left from what a living one is making.
@@ -19,7 +19,7 @@ from pmr.files.locks import locked
 Made = TypeVar("Made")
 
 
-def kept(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
+def stored(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
     """What `make` returns, given `folder` if it is whole, or an empty folder that then takes its place; collective.
 
     Parameters

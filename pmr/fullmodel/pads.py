@@ -8,7 +8,7 @@ The row of a pad centred at x is a weighted mean over stations :math:`x_k`, a la
 
 b is a cubic B-spline over all but :math:`2 \Delta` of the pad's length, :math:`\varphi` a hat, v a cubic B-spline over
 the width.  Between two breaks a row is a cubic in s, on any mesh, and C2 throughout: its third derivative jumps at
-every :math:`\Delta`.  C2 is what keeps the acceleration of a body that slides free of jumps.  For every s the weights
+every :math:`\Delta`.  C2 is what frees the acceleration of a body that slides of jumps.  For every s the weights
 add up to one, their centroid is the pad's centre and their spread does not change, so a rigid motion is measured as
 one, and a parabola along the axis without a ripple.
 

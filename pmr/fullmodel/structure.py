@@ -256,7 +256,7 @@ def _inertia(mass: PointMass, directions: Sequence[str]) -> Array:
 
 
 def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
-    """T^T A T + added, distributed in consecutive shares; entries of `added` keep their place even if zero.
+    """T^T A T + added, distributed in consecutive shares; entries of `added` have a place even if zero.
 
     A is freed.  Where nothing is coupled there is no product: T only leaves coordinates out, or none.
     """
@@ -295,5 +295,5 @@ def _padded(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
 
 
 def _sparse_column(row: sp.csr_matrix) -> tuple[Indices, Array]:
-    kept = row.data != 0.0
-    return row.indices[kept].astype(np.int64), row.data[kept]
+    used = row.data != 0.0
+    return row.indices[used].astype(np.int64), row.data[used]

@@ -103,9 +103,9 @@ def face_strip(mesh: NamedMesh, nodes: Nodes, face: str, window: Window) -> Stri
     points = trace(cut, nodes, face, degree=2, parts=max(1, parts))
     place = points.points[:, [axis, beside]]
     low, high = np.array([window.along, window.across]).T
-    kept = np.flatnonzero(((place > low) & (place < high)).all(axis=1))
-    displacement = sum(c * component[kept] for c, component in zip(normal, points.values, strict=True))
-    return Strip(place[kept, 0], place[kept, 1], points.weights[kept], sp.csr_matrix(displacement), extent)
+    within = np.flatnonzero(((place > low) & (place < high)).all(axis=1))
+    displacement = sum(c * component[within] for c, component in zip(normal, points.values, strict=True))
+    return Strip(place[within, 0], place[within, 1], points.weights[within], sp.csr_matrix(displacement), extent)
 
 
 def line_points(window: Window, stations: Array) -> tuple[Array, Array]:

@@ -93,7 +93,7 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
     blocks : iterable of (k, n_local) arrays
         This rank's rows of the states, in order: `pmr.recover.coordinates.Recovery.blocks`, or `in_blocks`.
     pictures : sequence of int
-        Numbers of the states whose fields are kept.
+        Numbers of the states whose fields are stored.
     """
     rows, cells, chosen = view.stress_rows, len(view.grid.cells), np.unique(np.asarray(pictures, np.int64))
     largest, point = np.zeros(len(t)), np.zeros(len(t), np.int64)
@@ -102,15 +102,15 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
     first, at_peak = 0, np.zeros(0)
     for q in blocks:
         last = first + len(q)
-        kept = np.flatnonzero((chosen >= first) & (chosen < last))
-        displacement[kept] = view.displacements(q[chosen[kept] - first])
+        found = np.flatnonzero((chosen >= first) & (chosen < last))
+        displacement[found] = view.displacements(q[chosen[found] - first])
         if rows is not None:
             values = rows.von_mises(view.stresses(q))
             largest[first:last], point[first:last] = values.max(axis=1), values.argmax(axis=1)
             if not at_peak.size or values.max() > at_peak.max():
                 at_peak = values[values.max(axis=1).argmax()].copy()
-            for face, part in rows.by_cell(values[chosen[kept] - first], cells).items():
-                fields[face][kept] = part
+            for face, part in rows.by_cell(values[chosen[found] - first], cells).items():
+                fields[face][found] = part
         first = last
     history = None if rows is None else stress_history(rows, view.grid, t, largest, point, at_peak)
     return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields))

@@ -79,8 +79,8 @@ def recover(scene: Scene, built: Built, V: Array, reduced: ReducedModel, full_st
     frames = min(scene.recovery.frames, len(steps))
     pictures = np.unique(np.rint(np.linspace(0, len(steps) - 1, frames)).astype(np.int64))
 
-    def seen(blocks: Iterable[Array], kept: NDArray[np.int64]) -> Seen:
-        return look(view, states.t, blocks, kept.tolist())
+    def seen(blocks: Iterable[Array], pictured: NDArray[np.int64]) -> Seen:
+        return look(view, states.t, blocks, pictured.tolist())
 
     whole = None if full_states is None else seen(in_blocks(full_states), pictures[:0])
     few = seen(Recovery(model, V, reduced, scene.reduction.solver).blocks(states), pictures)

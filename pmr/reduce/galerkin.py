@@ -87,9 +87,9 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
 
 def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:
     """The model without some of its rows, which it names as left out."""
-    keep = [i for i in range(len(model.row_names)) if i not in numbers]
+    rest = [i for i in range(len(model.row_names)) if i not in numbers]
     left_out = (*model.left_out, *(model.row_names[i] for i in numbers))
-    return replace(model.with_rows(keep), left_out=left_out)
+    return replace(model.with_rows(rest), left_out=left_out)
 
 
 def with_held_coordinates(model: ReducedModel) -> ReducedModel:

@@ -91,7 +91,7 @@ def round_number(largest: float) -> float:
     return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= largest * (1.0 + 1e-12))
 
 
-def share_kept(kappa: float, count: int) -> str:
+def share_captured(kappa: float, count: int) -> str:
     """What `count` vectors hold; close to 1 the missing part says more than a row of nines."""
     missing = 1.0 - kappa
     if missing < 1e-15:

@@ -127,7 +127,7 @@ def energy(result: RunResult, prefix: str) -> Block:
 
 
 def constraint(result: RunResult, prefix: str) -> Block | None:
-    """How well the rows that move are kept at both levels; where velocities are free, positions hold to round-off."""
+    """How well the rows that move hold at both levels; where velocities are free, positions do to round-off."""
     if not np.isfinite(result.responses["reduced"].residual_velocity).all():
         return None
     row = []

@@ -55,7 +55,7 @@ def motion(body: SlidingBody, excitation: Excitation) -> Motion:
 
 
 def still(like: Motion) -> Motion:
-    """No motion at all, over the same steps: what a beam does whose coordinates are all held."""
+    """No motion at all, over the same steps: what a beam does whose coordinates are all at rest."""
     return Motion(np.zeros_like(like.displacement), np.zeros_like(like.strain))
 
 

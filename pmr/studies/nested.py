@@ -3,11 +3,11 @@ r"""Reduced models of every size on one global basis: POD bases are nested, so o
 Supports make the difference between three ways to count coordinates, because POD vectors of eigenmodes vanish there
 (`pmr.reduce.galerkin`):
 
-drop
-    The supports' rows say nothing and are left out; r coordinates move.
-hold
-    Each such row holds one of the last coordinates; r - 2 move under a pin.
-kept
+dropped
+    The supports' rows say nothing and are left out; r coordinates move: ``basis = "eigenmodes"`` of a scene.
+last
+    Each such row holds one of the last coordinates; r - 2 move under a pin: ``basis = "paper"``.
+round_off
     The rows stay in as the singular value decomposition of the whole pool leaves them, which is what the paper does.
     Their entries are round-off, eps sigma_1 / sigma_j and less, but a row holds whatever its entries say, however
     small: *some* combination of the coordinates is held.  If the singular values fall quickly it is one of the last
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 #: What becomes of the supports' rows.
-TREATMENTS = ("kept", "hold", "drop")
+TREATMENTS = ("round_off", "last", "dropped")
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def check(scene: Scene, snapshots: Sequence[int], modes: Sequence[int], key: str
 
 
 def note(treatment: str, error: SimulationError) -> None:
-    """Keep with the result, for the report, why a model could not be simulated."""
+    """Store with the result, for the report, why a model could not be simulated."""
     logger.warning("support rows %s: %s", treatment, error)
 
 
@@ -145,9 +145,9 @@ def global_basis(scene: Scene, library: TaskResult, snapshots: int, modes: int) 
     assert body is not None
     vectors = np.linalg.svd(np.array(pool.S.getDenseArray()), full_matrices=False)[0]
     models = {
-        "kept": NestedModels(projected(body, vectors)),
-        "hold": NestedModels(dropped, spent=len(dropped.left_out)),
-        "drop": NestedModels(dropped),
+        "round_off": NestedModels(projected(body, vectors)),
+        "last": NestedModels(dropped, spent=len(dropped.left_out)),
+        "dropped": NestedModels(dropped),
     }
     return GlobalBasis(models, basis.sigma, basis.size)
 

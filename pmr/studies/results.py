@@ -56,7 +56,7 @@ class RunRecord:
 
 @dataclass(frozen=True)
 class StudyResults:
-    """All runs of one study, in the order of its plan, and the folder in which they are kept."""
+    """All runs of one study, in the order of its plan, and the folder in which they are stored."""
 
     folder: Path
     runs: tuple[RunRecord, ...]

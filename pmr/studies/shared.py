@@ -1,6 +1,6 @@
 """Tasks that runs of many kinds have in common: eigenmodes at a slider position, references, frequencies.
 
-Each is planned from a scene that keeps only what decides the result.  So runs that differ in anything else share it,
+Each is planned from a scene with only what decides the result.  So runs that differ in anything else share it,
 within a study and across the studies of a collection.  The functions import the finite-element world when they are
 called: planning does without it.
 """
@@ -42,7 +42,7 @@ def scene_of(arguments: Mapping[str, Any]) -> Any:
 
 
 def model_of(scene: Scene) -> FullModel:
-    """The scene's full model, kept for the next task of this process that asks for the same one."""
+    """The scene's full model, stored for the next task of this process that asks for the same one."""
     return _model(_unloaded(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping}))
 
 

@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 
 from pmr.fem.compat import MPI
-from pmr.files.built import kept
+from pmr.files.built import stored
 
 #: Takes the lock of a folder, begins to make it, and is killed.
 KILLED = """
 import os, sys, signal
 from pathlib import Path
-from pmr.files.built import kept
+from pmr.files.built import stored
 from pmr.fem.compat import MPI
 def make(folder):
     (folder / "half").write_text("")
     os.kill(os.getpid(), signal.SIGKILL)
-kept(Path(sys.argv[1]), Path.is_dir, make, MPI.COMM_SELF)
+stored(Path(sys.argv[1]), Path.is_dir, make, MPI.COMM_SELF)
 """
 
 
@@ -36,8 +36,8 @@ def filled(folder: Path) -> str:
 
 def test_a_folder_is_made_once_and_read_from_then_on(tmp_path: Path) -> None:
     folder = tmp_path / "deep" / "folder"
-    assert kept(folder, whole, filled, MPI.COMM_SELF) == "made"
-    assert kept(folder, whole, filled, MPI.COMM_SELF) == "made once"
+    assert stored(folder, whole, filled, MPI.COMM_SELF) == "made"
+    assert stored(folder, whole, filled, MPI.COMM_SELF) == "made once"
 
 
 def test_nothing_is_left_of_what_fails(tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_nothing_is_left_of_what_fails(tmp_path: Path) -> None:
         raise RuntimeError("no compiler")
 
     with pytest.raises(RuntimeError, match="no compiler"):
-        kept(tmp_path / "folder", whole, fail, MPI.COMM_SELF)
+        stored(tmp_path / "folder", whole, fail, MPI.COMM_SELF)
     assert [path.name for path in tmp_path.iterdir()] == ["folder.lock"]
 
 
@@ -55,7 +55,7 @@ def test_what_a_dead_process_left_is_removed_and_its_lock_is_free(tmp_path: Path
     died = subprocess.run([sys.executable, "-c", KILLED, str(folder)], check=False)
     assert died.returncode < 0
     assert list(tmp_path.glob("*.part"))
-    assert kept(folder, whole, filled, MPI.COMM_SELF) == "made"
+    assert stored(folder, whole, filled, MPI.COMM_SELF) == "made"
     assert not list(tmp_path.glob("*.part"))
 
 
@@ -63,7 +63,7 @@ def test_a_folder_that_is_not_whole_is_made_anew(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "half").write_text("")
-    assert kept(folder, whole, filled, MPI.COMM_SELF) == "made"
+    assert stored(folder, whole, filled, MPI.COMM_SELF) == "made"
     assert [path.name for path in folder.iterdir()] == ["content"]
 
 
@@ -78,4 +78,4 @@ def test_all_ranks_read_what_the_first_has_made(tmp_path: Path) -> None:
         comm.barrier()
         return (place / "content").read_text()
 
-    assert [kept(folder, whole, make, comm) for _ in range(2)] == ["made once"] * 2
+    assert [stored(folder, whole, make, comm) for _ in range(2)] == ["made once"] * 2

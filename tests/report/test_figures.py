@@ -119,8 +119,8 @@ def test_each_slider_has_its_force_and_each_load_its_unit(written) -> None:
     assert {"s", "s − 0.5 m"} <= set(written.texts(BARE, "position"))
 
 
-def test_singular_values_say_what_is_kept(written) -> None:
-    assert {"kept, r = 3", "left out", "κ(3) = 0.998750"} <= set(written.texts(WHOLE, "singular-values"))
+def test_singular_values_say_what_is_taken(written) -> None:
+    assert {"taken, r = 3", "left out", "κ(3) = 0.998750"} <= set(written.texts(WHOLE, "singular-values"))
 
 
 def test_vectors_without_transverse_part_are_drawn_flat(written) -> None:

@@ -77,5 +77,5 @@ def test_round_number_is_not_above(largest: float, step: float) -> None:
         (1.0, "1 − κ(20) < 10⁻¹⁵"),
     ],
 )
-def test_share_kept(kappa: float, text: str) -> None:
-    assert numbers.share_kept(kappa, 20) == text
+def test_share_captured(kappa: float, text: str) -> None:
+    assert numbers.share_captured(kappa, 20) == text

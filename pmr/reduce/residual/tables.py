@@ -104,8 +104,8 @@ class Polynomials:
         if powers == 1:
             return Polynomials(self.entries * 0.0, self.shape)
         exponents = np.tile(np.arange(powers - 1.0, -1.0, -1.0), k * m)
-        kept = np.flatnonzero(exponents)
-        return Polynomials(sp.csr_matrix(sp.diags(exponents[kept]) @ self.entries[kept]), (k, m, powers - 1))
+        rising = np.flatnonzero(exponents)
+        return Polynomials(sp.csr_matrix(sp.diags(exponents[rising]) @ self.entries[rising]), (k, m, powers - 1))
 
 
 def stacked(shared: SharedCarriers) -> Polynomials:

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from pmr.report.decimation import spread
 from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, key, log_axis, octave_axis, sheet
-from pmr.report.numbers import share_kept
+from pmr.report.numbers import share_captured
 from pmr.report.subject import length, moving
 from pmr.results import RunResult
 
@@ -20,27 +20,27 @@ TURN = 2.0 * np.pi  # rad
 
 def singular_values(result: RunResult) -> Figure:
     """Singular values over the first of them; those of the basis are filled, kappa(r) is what they hold."""
-    sigma, kept = result.shapes.singular_values, result.shapes.shapes.shape[1]
+    sigma, taken = result.shapes.singular_values, result.shapes.shapes.shape[1]
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
     number, relative = np.arange(1, len(sigma) + 1), sigma / sigma[0]
     positive = relative > 0.0
     for chosen, fill, label in (
-        (positive & (number <= kept), PENS["reduced"].colour, f"kept, r = {kept}"),
-        (positive & (number > kept), "white", "left out"),
+        (positive & (number <= taken), PENS["reduced"].colour, f"taken, r = {taken}"),
+        (positive & (number > taken), "white", "left out"),
     ):
         if chosen.any():
             look = _dots(PENS["reduced"].colour, fill, 3.2)
             ax.plot(number[chosen], relative[chosen], label=label, **look)
-    if kept < len(sigma):
-        ax.axvline(kept + 0.5, color=MUTED, linewidth=0.7, linestyle=(0, (3, 2)))
+    if taken < len(sigma):
+        ax.axvline(taken + 0.5, color=MUTED, linewidth=0.7, linestyle=(0, (3, 2)))
     log_axis(ax, float(relative[positive].min()), 1.0)
     ax.set_xlim(0.0, len(sigma) + 1.0)
     ax.set_xlabel("Number k (–)")
     ax.set_ylabel("Singular value σ(k) / σ(1) (–)")
     kappa = result.summary.get("basis", {}).get("kappa")
     if kappa is not None:
-        ax.text(0.03, 0.06, share_kept(kappa, kept), transform=ax.transAxes)
+        ax.text(0.03, 0.06, share_captured(kappa, taken), transform=ax.transAxes)
     key(figure, ax.get_legend_handles_labels()[0])
     return figure
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 NAMES = {
-    "kept": "rows kept, as published",
-    "hold": "rows holding the last two",
-    "drop": "rows dropped",
+    "round_off": "rows left to round-off, as published",
+    "last": "rows holding the last two",
+    "dropped": "rows dropped",
 }
 EXPLAINED = (
-    "Basis vectors vanish at the pin, so its two rows say nothing, except for their round-off. Kept in, as the "
+    "Basis vectors vanish at the pin, so its two rows say nothing, except for their round-off. Left in, as the "
     "publication does to judge by its figures, they hold two combinations of coordinates that round-off decides on: of "
     "the last ones where the singular values fall quickly, of any where they fall slowly. Made to hold the last two, "
     "they do the least harm. Dropped, they leave all coordinates free."

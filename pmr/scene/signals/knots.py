@@ -18,7 +18,7 @@ from pmr.scene.tomlfiles import is_file
 CLOSEST = 1e-12
 
 
-class _KeptKnots:
+class _KnotArrays:
     """Knots as arrays, and the curve through them: what a simulator that asks step by step would make anew each time.
 
     Compared by identity, so that two signals that are equal stay so once one of them has been evaluated.
@@ -60,13 +60,13 @@ class _Knots(SignalBase):
         return self.times
 
     @cached_property
-    def _kept(self) -> _KeptKnots:
-        return _KeptKnots(self.times, self.values)
+    def _cached(self) -> _KnotArrays:
+        return _KnotArrays(self.times, self.values)
 
     def _interval(self, t: ArrayLike) -> tuple[Array, NDArray[np.intp], Array, Array, Array]:
         """Local coordinate in [0, 1], interval, its duration and rise, and whether t lies within the knots."""
         t = np.asarray(t, dtype=float)
-        knots, values = self._kept.arrays
+        knots, values = self._cached.arrays
         i = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
         duration = np.diff(knots)[i]
         x = np.clip((t - knots[i]) / duration, 0.0, 1.0)
@@ -80,7 +80,7 @@ class Ramp(_Knots):
     kind: Literal["ramp"] = "ramp"
 
     def value(self, t: ArrayLike) -> Array:
-        return np.interp(np.asarray(t, dtype=float), *self._kept.arrays)
+        return np.interp(np.asarray(t, dtype=float), *self._cached.arrays)
 
     def rate(self, t: ArrayLike) -> Array:
         _, _, duration, rise, inside = self._interval(t)
@@ -148,14 +148,14 @@ class Table(_Knots):
 
     def value(self, t: ArrayLike) -> Array:
         if self.interpolation == "linear" or len(self.times) == 2:
-            return np.interp(np.asarray(t, dtype=float), *self._kept.arrays)
-        return np.asarray(self._kept.akima(self._held(t)), dtype=float)
+            return np.interp(np.asarray(t, dtype=float), *self._cached.arrays)
+        return np.asarray(self._cached.akima(self._held(t)), dtype=float)
 
     def rate(self, t: ArrayLike) -> Array:
         _, _, duration, rise, inside = self._interval(t)
         if self.interpolation == "linear" or len(self.times) == 2:
             return np.where(inside, rise / duration, 0.0)
-        slope = self._kept.akima_rate(self._held(t))
+        slope = self._cached.akima_rate(self._held(t))
         return np.where(inside, slope, 0.0)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:

@@ -27,7 +27,7 @@ from pmr.studies.engine.orders import Answer, Order
 from pmr.studies.engine.store import Store, Stored
 from pmr.studies.engine.task import Scalar, TaskFunction, TaskResult
 
-REMEMBERED = 256 * 2**20  # bytes of results that a child keeps in memory for the next tasks that need them
+REMEMBERED = 256 * 2**20  # bytes of results that a child remembers for the next tasks that need them
 
 
 def main() -> None:
@@ -101,15 +101,15 @@ class _Memory:
     """The results read last, up to `REMEMBERED` bytes."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[str, TaskResult] = OrderedDict()
+        self._remembered: OrderedDict[str, TaskResult] = OrderedDict()
 
     def result(self, store: Store, digest: str) -> TaskResult:
-        if digest not in self._kept:
-            self._kept[digest] = store.read(digest).result
-        self._kept.move_to_end(digest)
-        while len(self._kept) > 1 and sum(map(_size, self._kept.values())) > REMEMBERED:
-            self._kept.popitem(last=False)
-        return self._kept[digest]
+        if digest not in self._remembered:
+            self._remembered[digest] = store.read(digest).result
+        self._remembered.move_to_end(digest)
+        while len(self._remembered) > 1 and sum(map(_size, self._remembered.values())) > REMEMBERED:
+            self._remembered.popitem(last=False)
+        return self._remembered[digest]
 
 
 def _size(result: TaskResult) -> int:

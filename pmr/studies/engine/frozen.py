@@ -68,14 +68,14 @@ def sources() -> Sources:
     return Sources(str(root), files)
 
 
-def use(kept: Sources) -> None:
+def use(frozen: Sources) -> None:
     """Import the package from these sources, in this process and from now on."""
-    sys.meta_path.insert(0, _Finder(kept))
+    sys.meta_path.insert(0, _Finder(frozen))
 
 
 class _Finder(MetaPathFinder):
-    def __init__(self, kept: Sources) -> None:
-        self._kept = kept
+    def __init__(self, frozen: Sources) -> None:
+        self._sources = frozen
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -84,9 +84,9 @@ class _Finder(MetaPathFinder):
             return None
         name = "/".join(fullname.split(".")[1:])
         for file in (f"{name}.py", f"{name}/__init__.py".lstrip("/")):
-            if file in self._kept.files:
-                place = os.path.join(self._kept.root, file)
-                loader = _Loader(fullname, place, self._kept)
+            if file in self._sources.files:
+                place = os.path.join(self._sources.root, file)
+                loader = _Loader(fullname, place, self._sources)
                 folder = [os.path.dirname(place)] if file.endswith("__init__.py") else None
                 return spec_from_file_location(fullname, place, loader=loader, submodule_search_locations=folder)
         raise ModuleNotFoundError(f"No module named {fullname!r}", name=fullname)
@@ -95,12 +95,12 @@ class _Finder(MetaPathFinder):
 class _Loader(SourceFileLoader):
     """Compiles the text it was given: what is compiled already may be of another version that looks as old."""
 
-    def __init__(self, fullname: str, path: str, kept: Sources) -> None:
+    def __init__(self, fullname: str, path: str, frozen: Sources) -> None:
         super().__init__(fullname, path)
-        self._kept = kept
+        self._sources = frozen
 
     def get_data(self, path: Any) -> bytes:
-        text = self._kept.files.get(Path(os.path.relpath(path, self._kept.root)).as_posix())
+        text = self._sources.files.get(Path(os.path.relpath(path, self._sources.root)).as_posix())
         return super().get_data(path) if text is None else text.encode()
 
     def get_code(self, fullname: str) -> CodeType:

@@ -57,7 +57,7 @@ class TaskResult:
     arrays : mapping of str to array
         Whatever tasks that need this one, or the report, read; numbers or strings, no objects.
     seconds : mapping of str to float
-        Measured times, kept apart from the record because they differ from run to run.
+        Measured times, apart from the record because they differ from run to run.
     """
 
     record: Mapping[str, Scalar] = field(default_factory=dict)

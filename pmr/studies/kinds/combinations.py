@@ -2,8 +2,8 @@
 
 Weyrer et al., section "Selected Combinations Investigation".  Errors are those against the full model's motion:
 e_NRMS of the transverse displacement along the beam, and the absolute error of the strain energy summed over all
-steps, in J.  Each is given for the three treatments of the supports' rows (`pmr.studies.nested`): ``kept`` is the
-paper's.
+steps, in J.  Each is given for the three treatments of the supports' rows (`pmr.studies.nested`): ``round_off``
+is the paper's.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ STATED = 20
 class Study(StudyBase):
     """`combinations` of snapshots and modes, from `fewest` coordinates on.
 
-    Figures, for each combination and treatment, such as ``10x10.kept``: ``.first`` number of coordinates whose error is
-    below the maximum, ``.beam`` and ``.strain`` errors with all coordinates; for each combination ``.kappa``.
+    Figures, for each combination and treatment, such as ``10x10.round_off``: ``.first`` number of coordinates whose
+    error is below the maximum, ``.beam`` and ``.strain`` errors with all coordinates; for each combination ``.kappa``.
     """
 
     kind: Literal["combinations"]

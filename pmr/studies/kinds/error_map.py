@@ -2,7 +2,7 @@
 
 Weyrer et al., section "Optimal Combinations for Maximum Budget": for each combination the e_NRMS of the transverse
 displacement along the beam, averaged over the largest few numbers of coordinates, so that a lucky one does not decide.
-All three treatments of the supports' rows are mapped (`pmr.studies.nested`): ``kept`` is the paper's.
+All three treatments of the supports' rows are mapped (`pmr.studies.nested`): ``round_off`` is the paper's.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ class Study(StudyBase):
             raise InputError("study", "largest_pool", self.largest_pool, allowed)
         library = nested.library_task(scene, counts, self.most_modes)
         reference = marching.full_task(scene)
-        kept = marching.resting(scene).reduction
-        arguments = shared.scene_arguments(marching.driven(scene).model_copy(update={"reduction": kept}))
+        choice = marching.resting(scene).reduction
+        arguments = shared.scene_arguments(marching.driven(scene).model_copy(update={"reduction": choice}))
         needs = {"library": library.key, "full": reference.key}
         runs = []
         for n, m in chosen:

@@ -30,7 +30,7 @@ from pmr.studies.study import Statement, StudyBase
 if TYPE_CHECKING:
     from pmr.run import Reduction
 
-#: Energies and tips are what is drawn; displacements along the beam are compared here and not kept.
+#: Energies and tips are what is drawn; displacements along the beam are compared here and not stored.
 SIMULATORS = ("reduced", "full", "ancf")
 
 

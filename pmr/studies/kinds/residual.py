@@ -189,8 +189,8 @@ def _flexible(case: _Case) -> _Models:
 
     def of(r: int) -> ReducedModel:
         """With as many enrichment modes as the longest model has."""
-        kept = every if r + more == every.size else replace(truncated(every, r + more), enrichment=None)
-        return truncated(kept, r) if more else kept
+        found = every if r + more == every.size else replace(truncated(every, r + more), enrichment=None)
+        return truncated(found, r) if more else found
 
     return _Models(of, longest.size)
 

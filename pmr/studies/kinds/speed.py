@@ -58,7 +58,7 @@ def _in_exudyn(formulation: Formulation) -> Simulator:
     return simulate
 
 
-#: ``callbacks`` is the paper's way: dense matrices, rows and loads asked for in every iteration.  Whether it keeps a
+#: ``callbacks`` is the paper's way: dense matrices, rows and loads asked for in every iteration.  Whether it reuses a
 #: Jacobian (``modified`` Newton) it does not say; the ratios that it states are close to those of one that does.
 _CALLBACKS = _in_exudyn("callbacks")
 _MODIFIED = _in_exudyn("callbacks-modified-newton")

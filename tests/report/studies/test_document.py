@@ -92,7 +92,7 @@ def test_published_figures_stand_beside_ours(folder: Path, page: str) -> None:
 def test_marked_tiles_are_listed_best_first(folder: Path, page: str) -> None:
     figures = json.loads((folder / "error_map" / "summary.json").read_text())["figures"]
     table = page.split("mean error of the marked combinations")[1].split("</table>")[0]
-    for treatment in ("kept", "hold", "drop"):
+    for treatment in ("round_off", "last", "dropped"):
         places = [table.index(f"({key.replace('x', ',')})") for key in figures[f"{treatment}.marked"].split()]
         assert len(places) == 2
 

@@ -31,14 +31,14 @@ def said(*runs: RunRecord) -> Chapter:
 def sweep() -> list[RunRecord]:
     """Two treatments, three sizes; the last run failed."""
     found = []
-    for way in ("drop", "hold"):
+    for way in ("eigenmodes", "paper"):
         for r in (10, 12, 20):
-            error = (0.1 if way == "drop" else 0.2) / r
+            error = (0.1 if way == "eigenmodes" else 0.2) / r
             parameters = {"reduction.basis": way, "reduction.coordinates": r}
             figures = {TIP: error / 2.0, BEAM: error, "max_displacement": 0.0479, "max_error": error / 100.0}
             figures |= {"coordinates.full": 153, "coordinates.reduced": r, "basis.kappa": 0.9995}
             found.append(run(f"{way}-{r}", parameters, figures, 1e-4 * r))
-    return [*found[:-1], run("hold-20", found[-1].parameters)]
+    return [*found[:-1], run("paper-20", found[-1].parameters)]
 
 
 @pytest.mark.parametrize(
@@ -73,13 +73,13 @@ def test_runs_are_called_by_what_was_varied() -> None:
 def test_the_headline_has_the_least_and_the_largest_error() -> None:
     chapter = said(*sweep())
     assert chapter.headline == (
-        "The error along the beam is 0.500\u00a0% at least (support rows drop, 20 coordinates) and 2.00\u00a0% at most "
-        "(support rows hold, 10 coordinates). 5 of 6 runs are there."
+        "The error along the beam is 0.500\u00a0% at least (basis eigenmodes, 20 coordinates) and 2.00\u00a0% at most "
+        "(basis paper, 10 coordinates). 5 of 6 runs are there."
     )
     numbers = {number.label: (number.value, number.note) for number in chapter.key_numbers}
     assert numbers["largest difference to full, at best"][0] == "0.0500\u00a0mm"
     assert numbers["largest displacement"] == ("47.9\u00a0mm", "in all runs")
-    assert numbers["fastest simulation"] == ("1.00\u00a0ms", "support rows drop, 10 coordinates")
+    assert numbers["fastest simulation"] == ("1.00\u00a0ms", "basis eigenmodes, 10 coordinates")
 
 
 def test_figures_are_drawn_over_the_coordinates_and_over_seconds() -> None:
@@ -89,7 +89,7 @@ def test_figures_are_drawn_over_the_coordinates_and_over_seconds() -> None:
     first, second = over.drawings
     texts = re.findall(r"<text[^>]*>([^<]+)</text>", first.svg)
     assert {"Error along the beam in %", "Error at the tip in %", "Largest difference to full in µm"} <= set(texts)
-    assert {"support rows drop", "support rows hold", "Coordinates (–)"} <= set(texts)
+    assert {"basis eigenmodes", "basis paper", "Coordinates (–)"} <= set(texts)
     assert not any("displacement" in text for text in texts)  # the same in all runs
     assert "Time of one simulation in ms" in second.svg
 
@@ -97,14 +97,14 @@ def test_figures_are_drawn_over_the_coordinates_and_over_seconds() -> None:
 def test_tables_fit_the_page_and_say_what_is_alike_once() -> None:
     (grid,) = said(*sweep()[:-1]).blocks[-1].grids
     assert grid.head == (
-        "support rows",
+        "basis",
         "coordinates",
         *(quantity_of(n).label for n in (TIP, BEAM, "max_error")),
         "time, reduced",
     )
     assert grid.caption.endswith("In all runs: largest displacement: 47.9\u00a0mm; coordinates, full: 153; "
                                  "left out by the basis, 1 − κ: 0.00050.")  # fmt: skip
-    assert grid.rows[0] == ("drop", "10", "0.500\u00a0%", "1.00\u00a0%", "0.100\u00a0mm", "1.00\u00a0ms")
+    assert grid.rows[0] == ("eigenmodes", "10", "0.500\u00a0%", "1.00\u00a0%", "0.100\u00a0mm", "1.00\u00a0ms")
     many = [run(f"r{k}", {"a": k}, {f"figure.{i}": float(k + i) for i in range(40)}) for k in range(3)]
     grids = said(*many).blocks[-1].grids
     assert {len(grid.head) for grid in grids} == {MOST_COLUMNS} and len(grids) == 3
@@ -113,7 +113,7 @@ def test_tables_fit_the_page_and_say_what_is_alike_once() -> None:
 
 def test_a_run_without_a_result_has_an_empty_row() -> None:
     rows = {row[:2]: row[2:] for grid in said(*sweep()).blocks[-1].grids for row in grid.rows}
-    assert set(rows["hold", "20"]) == {"–"}
+    assert set(rows["paper", "20"]) == {"–"}
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_a_tile_is_the_mean_of_simulations_made_elsewhere(
     reference = motion(full)
     top = min(8, snapshots * modes)
     run = next(run for run in small.runs if run.key == f"{snapshots}x{modes}")
-    for treatment, held in (("drop", 0), ("hold", 2)):
+    for treatment, held in (("dropped", 0), ("last", 2)):
         errors = [
             nrms_error(motion(project(full, paper_basis(full, snapshots, modes, r - held))), reference)
             for r in (top - 1, top)
@@ -73,7 +73,9 @@ def test_a_tile_is_the_mean_of_simulations_made_elsewhere(
 
 def test_kept_rows_leave_no_better_model(small: StudyResults) -> None:
     """Which combinations they hold is a matter of round-off, but two are gone, where all of them had served."""
-    drop, kept = (np.array([of(run.figures[f"{name}.error"]) for run in small.runs]) for name in ("drop", "kept"))
+    drop, kept = (
+        np.array([of(run.figures[f"{name}.error"]) for run in small.runs]) for name in ("dropped", "round_off")
+    )
     assert (drop < 0.05).sum() >= 8 and np.all(kept[drop < 0.05] > drop[drop < 0.05])
 
 
@@ -83,7 +85,7 @@ def test_kept_rows_hold_what_their_entries_say(tmp_path: Path, snapshots: int, m
     scene = marching.driven(load(short_scene(tmp_path)))
     task = nested.library_task(scene, (snapshots,), modes)
     basis = nested.global_basis(scene, task.function(task.arguments, {}), snapshots, modes)
-    model, drive = basis.models["kept"].of(coordinates), Excitation.of(scene)
+    model, drive = basis.models["round_off"].of(coordinates), Excitation.of(scene)
     pin = [row for row in range(len(model.row_names)) if row not in model.moving]
     entries = model.C(1.3)[pin]
     assert len(pin) == 2 and 0.0 < np.abs(entries).max() < 1e-8
@@ -96,12 +98,12 @@ def test_kept_rows_hold_what_their_entries_say(tmp_path: Path, snapshots: int, m
 
 def test_the_lowest_errors_are_named(small: StudyResults) -> None:
     figures = json.loads((small.folder / "summary.json").read_text())["figures"]
-    errors = {run.key: run.figures["drop.error"] for run in small.runs if run.figures["drop.error"] is not None}
+    errors = {run.key: run.figures["dropped.error"] for run in small.runs if run.figures["dropped.error"] is not None}
     lowest = sorted(errors, key=errors.__getitem__)[:3]
-    assert figures["drop.marked"].split() == lowest and figures["drop.best"] == lowest[0]
-    assert figures["drop.error"] == errors[lowest[0]]
+    assert figures["dropped.marked"].split() == lowest and figures["dropped.best"] == lowest[0]
+    assert figures["dropped.error"] == errors[lowest[0]]
     sizes = [int(n) * int(m) for n, m in (key.split("x") for key in lowest)]
-    assert figures["drop.pool"] == np.median(sizes)
+    assert figures["dropped.pool"] == np.median(sizes)
 
 
 def test_a_single_position_vanishes_where_the_slider_passes_it(tmp_path: Path) -> None:
@@ -110,8 +112,8 @@ def test_a_single_position_vanishes_where_the_slider_passes_it(tmp_path: Path) -
     scene.write_text(scene.read_text() + 'reduction.positions = "path"\n')
     scene.write_text(scene.read_text().replace("values = [1.25, 1.6]", "values = [1.25, 1.25]"))
     found = finished(tmp_path, SMALL.replace("most_snapshots = 4", "most_snapshots = 1"))
-    assert all(run.figures["drop.error"] is None for run in found.runs)
-    assert json.loads((tmp_path / "summary.json").read_text())["figures"]["drop.singular"] == len(found.runs)
+    assert all(run.figures["dropped.error"] is None for run in found.runs)
+    assert json.loads((tmp_path / "summary.json").read_text())["figures"]["dropped.singular"] == len(found.runs)
 
 
 @pytest.mark.parametrize(
@@ -147,22 +149,28 @@ def test_the_map_of_the_paper(tmp_path: Path) -> None:
     found = compute(tmp_path, files.load(WORKFLOWS / "studies" / "error_map.toml"))
     figures = json.loads((tmp_path / "summary.json").read_text())["figures"]
     assert figures["combinations"] == 270 == len(found.runs)
-    assert len(figures["kept.marked"].split()) == len(figures["drop.marked"].split()) == 15
-    assert figures["drop.best"] == "25x2" and figures["drop.error"] == pytest.approx(0.0097, abs=1e-4)
-    assert figures["hold.best"] == "29x2" and figures["hold.error"] == pytest.approx(0.0134, abs=1e-4)
+    assert len(figures["round_off.marked"].split()) == len(figures["dropped.marked"].split()) == 15
+    assert figures["dropped.best"] == "25x2" and figures["dropped.error"] == pytest.approx(0.0097, abs=1e-4)
+    assert figures["last.best"] == "29x2" and figures["last.error"] == pytest.approx(0.0134, abs=1e-4)
     errors = {run.key: run.figures for run in found.runs}
-    assert errors["5x6"]["drop.error"] == pytest.approx(0.02018, abs=1e-5)
-    assert errors["5x6"]["hold.error"] == pytest.approx(0.02830, abs=1e-5)
-    assert errors["10x10"]["drop.error"] == pytest.approx(0.80, abs=0.03)
+    assert errors["5x6"]["dropped.error"] == pytest.approx(0.02018, abs=1e-5)
+    assert errors["5x6"]["last.error"] == pytest.approx(0.02830, abs=1e-5)
+    assert errors["10x10"]["dropped.error"] == pytest.approx(0.80, abs=0.03)
     # A budget of five positions says what more modes cost: 5 x 16 is lost, 5 x 7 is not.
-    assert errors["5x16"]["drop.error"] > 0.99 and errors["5x7"]["drop.error"] < 0.02
-    drop, kept = (np.array([of(run.figures[f"{name}.error"]) for run in found.runs]) for name in ("drop", "kept"))
+    assert errors["5x16"]["dropped.error"] > 0.99 and errors["5x7"]["dropped.error"] < 0.02
+    drop, kept = (
+        np.array([of(run.figures[f"{name}.error"]) for run in found.runs]) for name in ("dropped", "round_off")
+    )
     pools = np.array([int(run.parameters["snapshots"]) * int(run.parameters["modes"]) for run in found.runs])
     useful = drop < 0.05
     assert useful.sum() > 100 and np.all(kept[useful] > drop[useful])
     small, large = (np.median(kept[few] / drop[few]) for few in (useful & (pools < 30), useful & (pools >= 80)))
     assert small < 4.0 < 10.0 < large
-    assert 20 <= figures["kept.pool"] <= 40 < 50 <= figures["drop.pool"]
+    assert 20 <= figures["round_off.pool"] <= 40 < 50 <= figures["dropped.pool"]
+
+
+def errors_of(study: StudyResults, treatment: str) -> np.ndarray:
+    return np.array([of(run.figures[f"{treatment}.error"]) for run in study.runs])
 
 
 def of(error: Scalar) -> float:

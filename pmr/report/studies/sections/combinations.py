@@ -19,7 +19,7 @@ from pmr.report.studies.treatments import EXPLAINED, NAMES
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 
-COLUMNS = ("kept", "drop")
+COLUMNS = ("round_off", "dropped")
 ROWS = {"beam": "e_NRMS of the beam (–)", "strain": "Strain energy error in J"}
 STATED = 20
 
@@ -52,7 +52,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         title=study.title,
         headline=_headline(at_budget),
         key_numbers=[
-            KeyNumber(percent(study.figure(f"{name}.kept.beam")), f"{combination(name)}, all coordinates, rows kept")
+            KeyNumber(percent(study.figure(f"{name}.round_off.beam")), f"{combination(name)}, all, rows left in")
             for name in names
         ],
         paragraphs=[
@@ -70,8 +70,9 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def _headline(at_budget: Mapping[str, RunRecord]) -> str:
-    kept, drop = ([f"{combination(name)} {_percent(run, t)}" for name, run in at_budget.items()] for t in COLUMNS)
-    return f"With {STATED} coordinates: {listed(kept)} with the pin's rows kept, {listed(drop)} with them dropped."
+    left_in, dropped = ([f"{combination(name)} {_percent(run, t)}" for name, run in at_budget.items()] for t in COLUMNS)
+    ways = f"{listed(left_in)} with the pin's rows left in, {listed(dropped)} with them dropped"
+    return f"With {STATED} coordinates: {ways}."
 
 
 def _first(study: FinishedStudy, name: str, treatment: str) -> str:

@@ -37,21 +37,22 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     )
     white = "White: not investigated; crosses: a model that can't be simulated."
     captions = {
-        "kept": f"{what}; the pin's rows kept, as published. {white}",
-        "hold": "The same with the pin's rows holding the last two coordinates.",
-        "drop": "The same with the pin's rows dropped.",
+        "round_off": f"{what}; the pin's rows left in, as published. {white}",
+        "last": "The same with the pin's rows holding the last two coordinates.",
+        "dropped": "The same with the pin's rows dropped.",
     }
-    wide = drawing(f"{prefix}-kept", error_map, captions["kept"], study, "kept", WIDE)
+    wide = drawing(f"{prefix}-round-off", error_map, captions["round_off"], study, "round_off", WIDE)
     halves = tuple(
-        drawing(f"{prefix}-{name}", error_map, captions[name], study, name, HALF) for name in ("hold", "drop")
+        drawing(f"{prefix}-{name}", error_map, captions[name], study, name, HALF) for name in ("last", "dropped")
     )
-    best, kept = str(figures["drop.best"]), str(figures["kept.best"])
-    singular = number(figures["kept.singular"])
+    best, left_in = str(figures["dropped.best"]), str(figures["round_off.best"])
+    singular = number(figures["round_off.singular"])
     return Chapter(
         anchor=prefix,
         title=study.title,
-        headline=f"{combination(kept)} is best with the pin's rows kept, at {percent(study.figure('kept.error'))}; "
-        f"with them dropped it is {combination(best)}, at {percent(study.figure('drop.error'))}.",
+        headline=f"{combination(left_in)} is best with the pin's rows left in, at "
+        f"{percent(study.figure('round_off.error'))}; with them dropped it is {combination(best)}, at "
+        f"{percent(study.figure('dropped.error'))}.",
         key_numbers=[
             KeyNumber(
                 f"{combination(str(figures[f'{name}.best']))}: {percent(study.figure(f'{name}.error'))}",
@@ -62,9 +63,9 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         paragraphs=[
             f"{plain(number(figures['combinations']))} combinations are simulated, each with up to "
             f"{asked['averaged']} numbers of coordinates and in three ways. {EXPLAINED}",
-            f"The pools of the {asked['marked']} best combinations hold {_pool(study, 'kept')} snapshots with the "
-            f"rows kept, {_pool(study, 'hold')} with two coordinates held and {_pool(study, 'drop')} with the rows "
-            "dropped (median).",
+            f"The pools of the {asked['marked']} best combinations hold {_pool(study, 'round_off')} snapshots with the "
+            f"rows left in, {_pool(study, 'last')} with two coordinates held and {_pool(study, 'dropped')} with the "
+            "rows dropped (median).",
             *_singular(singular),
         ],
         blocks=[
@@ -152,7 +153,7 @@ def _singular(count: float) -> list[str]:
     if not count:
         return []
     return [
-        f"{plain(count)} combinations can't be simulated with the rows kept, most of them with a single slider "
+        f"{plain(count)} combinations can't be simulated with the rows left in, most of them with a single slider "
         "position: all their vectors vanish there, and when the slider passes it, its row is zero. The compiled "
         "simulator says so; round-off may carry other solvers across."
     ]

@@ -20,11 +20,11 @@ from pmr.studies.results import RunRecord
 
 LABELS = {
     "ancf": "ANCF cable",
-    "full-callbacks-modified": "full, callbacks, kept Jacobian",
+    "full-callbacks-modified": "full, callbacks, Jacobian reused",
     "full-callbacks": "full, callbacks",
     "full-updates": "full, updates",
     "full-march": "full, compiled",
-    "reduced-callbacks-modified": "reduced, callbacks, kept Jacobian",
+    "reduced-callbacks-modified": "reduced, callbacks, Jacobian reused",
     "reduced-callbacks": "reduced, callbacks",
     "reduced-updates": "reduced, updates",
     "reduced-march": "reduced, compiled",
@@ -60,12 +60,12 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
                 f"compiled against callbacks{how}, reduced, {case_name(name)}",
             )
             for name in scenes
-            for ratio, how in (("callbacks_over_march", ""), ("modified_over_march", " with a kept Jacobian"))
+            for ratio, how in (("callbacks_over_march", ""), ("modified_over_march", " with a Jacobian that is reused"))
         ],
         paragraphs=[
             "Callbacks are the paper's way: dense matrices, and Python called for rows, their Jacobian and loads in "
             "every iteration. Rows and loads are looked up there, not evaluated, which favours it. Whether the paper "
-            "takes a new Jacobian in each iteration or keeps it as long as Newton's method converges (modified "
+            "takes a new Jacobian in each iteration or reuses it as long as Newton's method converges (modified "
             "Newton) it does not say; both are timed. Updates set rows and loads once a step. The compiled simulator "
             "takes the modes of the beam's matrices as coordinates, once, and steps from there. Nothing else runs "
             "beside a measurement; loading and compiling are not measured.",
