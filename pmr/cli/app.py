@@ -12,6 +12,7 @@ from pmr import environment
 from pmr.cli.console import VisibleText, err, leave, out, ranks, say
 from pmr.cli.export import export
 from pmr.cli.info import info
+from pmr.cli.matrices import matrices
 from pmr.cli.new import new
 from pmr.cli.run import run
 from pmr.cli.schema import schema
@@ -27,7 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (new, run, study, simulate, export, info, schema):
+for command in (new, run, study, simulate, export, matrices, info, schema):
     app.command()(command)
 
 

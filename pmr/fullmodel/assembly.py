@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fem.compat import PETSc, assemble, cell_dofs, comm_of, original_cells
+from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, original_cells
 from pmr.fem.distributed import free_dropped, freed, moved, sparse
 from pmr.fem.matrices import without_zeros
 from pmr.models import StructuralModel
+from pmr.models.matrices import Matrices
 from pmr.reduced.damping import Rayleigh
 from pmr.scene import Damping
 
@@ -39,6 +40,21 @@ class Operators:
 def rayleigh(damping: Damping) -> Rayleigh:
     """What `Operators.damping` makes D of."""
     return Rayleigh(damping.mass, damping.stiffness)
+
+
+def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
+    """Mass and stiffness of a model: assembled, or as they were given; collective."""
+    if not isinstance(model, Matrices):
+        return assemble_model(model, model.domain(comm))
+    first, last = share(model.size, comm)
+    sizes = (int(last - first), model.size)
+    made = []
+    for A in (model.given.M, model.given.K):
+        own = A[first:last].sorted_indices()
+        parts = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
+        made.append(PETSc.Mat().createAIJ((sizes, sizes), csr=parts, comm=comm))
+        made[-1].assemble()
+    return Operators(*made)
 
 
 def assemble_model(model: StructuralModel, domain: Any) -> Operators:

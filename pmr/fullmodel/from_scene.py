@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
+from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.structure import Action, Clamp, PadForce, Structure, Weight
 from pmr.mesh.beam import beam_nodes
@@ -21,6 +22,7 @@ from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
+from pmr.models.matrices import Matrices
 from pmr.models.profile import box_section
 from pmr.models.shell import KINDS as SHELL_KINDS
 from pmr.models.shell import Shell
@@ -163,11 +165,18 @@ def _solid(scene: Scene, comm: MPI.Comm) -> StructuralModel:
     return Solid(SolidBody(material=body.material, regions=regions), _mesh(scene, comm, SOLID_KINDS, write))
 
 
+def _matrices(scene: Scene, comm: MPI.Comm) -> StructuralModel:
+    """Read by every rank: they are its own."""
+    assert scene.mesh.file is not None  # the scene's check
+    return Matrices(GivenMatrices.load(scene.mesh.file))
+
+
 _MODELS: dict[str, Callable[[Scene, MPI.Comm], StructuralModel]] = {
     "beam2d": _planar_beam,
     "beam3d": _beam,
     "shell": _shell,
     "solid": _solid,
+    "matrices": _matrices,
 }
 
 

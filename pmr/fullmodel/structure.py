@@ -21,7 +21,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, sparse
 from pmr.fem.matrices import columns
-from pmr.fullmodel.assembly import Operators, assemble_model, projected, rayleigh, reordered, share
+from pmr.fullmodel.assembly import Operators, operators_of, projected, rayleigh, reordered, share
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.models import StructuralModel
@@ -107,7 +107,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         If a place does not exist, a rigid coupling meets a clamp or another one, or a pad leaves its face.
     """
     model = structure.model
-    base = assemble_model(model, model.domain(comm))
+    base = operators_of(model, comm)
     coupling = couple(structure)
     attached = coupling.attached_mass()
     size = coupling.T.shape[1]

@@ -23,7 +23,13 @@ from pmr.system.body import force_of
 Array = NDArray[np.float64]
 Quantity = Callable[[Response], Array]
 
-MODELS = {"beam2d": "a planar beam", "beam3d": "a beam in space", "shell": "a shell", "solid": "a solid"}
+MODELS = {
+    "beam2d": "a planar beam",
+    "beam3d": "a beam in space",
+    "shell": "a shell",
+    "solid": "a solid",
+    "matrices": "given matrices",
+}
 #: Directions across the axis, as they are called.
 ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 

@@ -25,7 +25,7 @@ from pmr.scene.signals import Constant, Signal, SignalBase, SmoothRamp
 from pmr.scene.structures import BeamSection, Material, Profile, unit_vector
 
 GRAVITY = 9.80665  # m/s^2
-ModelName = Literal["auto", "beam2d", "beam3d", "shell", "solid"]
+ModelName = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices"]
 Face = Literal["bottom", "top", "left", "right"]
 #: What tells pads of a face apart, if there are two: which side of the middle they are on.
 SIDES = {"bottom": ("right", "left"), "top": ("right", "left"), "left": ("lower", "upper"), "right": ("lower", "upper")}
@@ -109,7 +109,9 @@ class MeshChoice(Section):
     grading: Annotated[float, Field(strict=True), Quantity("1", 1e-3, 1e3)] = Field(
         default=1.0, description="Length of a planar beam's last element over that of its first"
     )
-    file: ExistingFile | None = Field(default=None, description="A mesh to read instead")
+    file: ExistingFile | None = Field(
+        default=None, description="A mesh to read instead; of model matrices what pmr matrices wrote"
+    )
 
 
 class Support(Section):

@@ -95,6 +95,10 @@ def _body(scene: Scene) -> None:
         raise _refusal("mesh.file", str(file), "a beam of a box is divided into mesh.elements; others read files")
     if file is not None and body.model == "auto" and body.profile is None:
         raise _refusal("body.model", "auto", "shell or solid is allowed for a mesh that is read")
+    if model == "matrices" and file is None:
+        raise _refusal("mesh.file", None, "body.model = 'matrices' needs a file that pmr matrices wrote")
+    if model == "matrices" and scene.recovery is not None:
+        raise _refusal("recovery", None, "given matrices have no cells and no stresses: leave it out")
     if file is not None and model == "shell" and body.thickness is None:
         raise _refusal("body.thickness", None, "a thickness in m is needed for a shell that is read")
     if body.box is not None and body.box.wall >= min(body.box.width, body.box.height):

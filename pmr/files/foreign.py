@@ -1,0 +1,197 @@
+"""Files of other programs: matrices, which coordinate is whose, nodes and named groups.
+
+CalculiX writes ``*.sti``, ``*.mas`` and ``*.dof`` of a ``*FREQUENCY, SOLVER=MATRIXSTORAGE`` step; nodes and their sets
+stand in its input file, as in Abaqus's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.files.matrices import DIRECTIONS, GivenMatrices
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ForeignFiles:
+    """Where another program left its model.
+
+    Attributes
+    ----------
+    stiffness, mass : Path
+        ``.sti`` and ``.mas``; ``.mtx`` (Matrix Market), ``.npz`` (SciPy), ``.rb`` or ``.hb`` (Harwell-Boeing).
+    dofs : Path
+        Node and direction of each row: ``.dof``, lines ``node.direction`` with 1 to 6, or ``.csv``, ``node,direction``.
+    nodes : Path
+        ``.inp``: ``*NODE`` and ``*NSET``; or ``.csv``, ``node,x,y,z`` and names of groups behind them.
+    """
+
+    stiffness: Path
+    mass: Path
+    dofs: Path
+    nodes: Path
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    numbers: Indices
+    points: Array
+    groups: dict[str, Indices]  # by numbers
+
+
+def read_foreign(files: ForeignFiles) -> GivenMatrices:
+    """Matrices and what is known of their coordinates.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or of another kind, does not say what it should, or they do not fit each other.
+    """
+    K, M = (_guarded(path, _MATRICES) for path in (files.stiffness, files.mass))
+    pairs, nodes = _guarded(files.dofs, _DOFS), _guarded(files.nodes, _NODES)
+    if len(pairs) != K.shape[0]:
+        allowed = f"a line for each of the {K.shape[0]} rows of {files.stiffness.name} is allowed"
+        raise InputError(str(files.dofs), "", len(pairs), allowed)
+    place = {int(number): k for k, number in enumerate(nodes.numbers)}
+    _refuse_unknown(str(files.dofs), "node", pairs[:, 0], place, files.nodes)
+    for name, members in nodes.groups.items():
+        _refuse_unknown(str(files.nodes), f"group {name}", members, place, files.nodes)
+    wrong = pairs[(pairs[:, 1] < 1) | (pairs[:, 1] > len(DIRECTIONS)), 1]
+    if wrong.size:
+        raise InputError(str(files.dofs), "direction", int(wrong[0]), f"1 to {len(DIRECTIONS)} is allowed")
+    return GivenMatrices(
+        M,
+        K,
+        nodes.points,
+        np.array([place[int(number)] for number in pairs[:, 0]], dtype=np.int64),
+        pairs[:, 1] - 1,
+        {name: np.array([place[int(number)] for number in members]) for name, members in nodes.groups.items()},
+        str(files.stiffness),
+    )
+
+
+def _guarded(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
+    """What the reader for a file's suffix makes of it."""
+    suffix = path.suffix.lower()
+    if suffix not in readers:
+        raise InputError(str(path), "", None, f"files that end in {', '.join(readers)} are allowed")
+    if not path.is_file():
+        raise InputError(str(path), "", None, "no such file")
+    try:
+        return readers[suffix](path)
+    except (ValueError, TypeError, KeyError, IndexError, OSError, OverflowError, UnicodeDecodeError) as error:
+        raise InputError(str(path), "", None, f"a readable {suffix} file is allowed ({error})") from None
+
+
+def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
+    """A matrix of which only one triangle is stored, whole."""
+    A = sp.csr_matrix(A, dtype=float)
+    lower, upper = sp.tril(A, -1), sp.triu(A, 1)
+    if lower.nnz and upper.nnz:
+        return A
+    return sp.csr_matrix(A + (lower + upper).T)
+
+
+def _triplets(path: Path) -> sp.csr_matrix:
+    table = np.loadtxt(path, ndmin=2)
+    if table.shape[1] != 3:
+        raise ValueError(f"lines of row, column and entry, not of {table.shape[1]} numbers")
+    rows, columns = table[:, 0].astype(np.int64) - 1, table[:, 1].astype(np.int64) - 1
+    n = int(max(rows.max(), columns.max())) + 1
+    return _symmetric(sp.coo_matrix((table[:, 2], (rows, columns)), shape=(n, n)))
+
+
+def _dof(path: Path) -> Indices:
+    pairs = [line.strip().split(".") for line in path.read_text().splitlines() if line.strip()]
+    return np.array([[int(node), int(direction)] for node, direction in pairs], dtype=np.int64).reshape(-1, 2)
+
+
+def _dof_csv(path: Path) -> Indices:
+    lines = [line.split(",") for line in path.read_text().splitlines()[1:] if line.strip()]
+    return np.array([[int(node), int(direction)] for node, direction in lines], dtype=np.int64).reshape(-1, 2)
+
+
+def _nodes_csv(path: Path) -> _Nodes:
+    numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
+    for line in filter(None, map(str.strip, path.read_text().splitlines()[1:])):
+        number, x, y, z, *names = line.split(",")
+        numbers.append(int(number))
+        points.append([float(x), float(y), float(z)])
+        for name in filter(None, map(str.strip, names)):
+            groups.setdefault(name, []).append(int(number))
+    return _nodes(numbers, points, groups)
+
+
+def _inp(path: Path) -> _Nodes:
+    numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
+    for keyword, options, lines in _cards(path):
+        if keyword == "*NODE":
+            for line in lines:
+                number, *xyz = [part for part in line.split(",") if part.strip()]
+                numbers.append(int(number))
+                points.append([float(one) for one in [*xyz, "0", "0"][:3]])
+        elif keyword == "*NSET":
+            members = groups.setdefault(options["NSET"].lower(), [])
+            for line in lines:
+                found = [part.strip() for part in line.split(",") if part.strip()]
+                if "GENERATE" in options:
+                    first, last, step = [*map(int, found), 1][:3]
+                    members.extend(range(first, last + 1, step))
+                else:
+                    for name in found:
+                        members.extend([int(name)] if name.isdigit() else groups[name.lower()])
+    return _nodes(numbers, points, groups)
+
+
+def _cards(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
+    """Keyword, its options and its lines, of an input file of CalculiX or Abaqus."""
+    keyword, options, lines = "", dict[str, str](), list[str]()
+    for line in path.read_text().splitlines():
+        if line.startswith("**") or not line.strip():
+            continue
+        if not line.startswith("*"):
+            lines.append(line)
+            continue
+        if keyword:
+            yield keyword, options, lines
+        keyword, *rest = (part.strip() for part in line.split(","))
+        keyword, lines = keyword.upper(), []
+        options = {name.strip().upper(): value.strip() for name, _, value in (part.partition("=") for part in rest)}
+    if keyword:
+        yield keyword, options, lines
+
+
+def _nodes(numbers: list[int], points: list[list[float]], groups: dict[str, list[int]]) -> _Nodes:
+    if not numbers:
+        raise ValueError("no nodes")
+    found = {name: np.unique(np.array(members, dtype=np.int64)) for name, members in groups.items() if members}
+    return _Nodes(np.array(numbers, dtype=np.int64), np.array(points), found)
+
+
+def _refuse_unknown(source: str, key: str, numbers: Indices, place: dict[int, int], nodes: Path) -> None:
+    unknown = [int(number) for number in numbers if int(number) not in place]
+    if unknown:
+        raise InputError(source, key, unknown[0], f"nodes that {nodes.name} has are allowed")
+
+
+_MATRICES: dict[str, Callable[[Path], object]] = {
+    ".sti": _triplets,
+    ".mas": _triplets,
+    ".mtx": lambda path: _symmetric(scipy.io.mmread(path)),
+    ".npz": lambda path: _symmetric(sp.load_npz(path)),
+    ".rb": lambda path: _symmetric(scipy.io.hb_read(path)),
+    ".hb": lambda path: _symmetric(scipy.io.hb_read(path)),
+}
+_DOFS: dict[str, Callable[[Path], object]] = {".dof": _dof, ".csv": _dof_csv}
+_NODES: dict[str, Callable[[Path], object]] = {".inp": _inp, ".csv": _nodes_csv}

@@ -1,0 +1,146 @@
+"""Mass and stiffness of another program's model, and what is known of its coordinates: one file, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.files import npz
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+FORMAT, FORMAT_VERSION = "pmr-matrices", 1
+#: Of a coordinate: displacements along the axes and rotations about them.
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+#: Share of the largest entry that M and K may differ by from their transposed.
+SYMMETRY = 1e-9
+_PARTS = ("data", "indices", "indptr")
+
+
+@dataclass(frozen=True)
+class GivenMatrices:
+    """M q'' + K q = f of a body whose n coordinates are displacements and rotations of N nodes.
+
+    Attributes
+    ----------
+    M, K : sparse (n, n)
+        Symmetric; SI units.  Free of the supports that slide.
+    points : (N, 3) array, m
+    node : (n,) array
+        Number of each coordinate's node, from 0.  A node without a coordinate along a direction stands still there.
+    direction : (n,) array
+        0 to 5, as `DIRECTIONS`.
+    groups : mapping of name to (g,) array
+        Named nodes: the faces that pads slide on, tail and tip.
+    source : str
+        File, for messages.
+
+    Raises
+    ------
+    InputError
+        If matrices are not square, of one size, finite and symmetric, M has a diagonal entry that is not positive or K
+        one that is negative, or node, direction or groups name what is not there.
+    """
+
+    M: sp.csr_matrix
+    K: sp.csr_matrix
+    points: Array
+    node: Indices
+    direction: Indices
+    groups: Mapping[str, Indices] = field(default_factory=dict)
+    source: str = "matrices"
+
+    def __post_init__(self) -> None:
+        n = self.K.shape[0]
+        for name, A in (("K", self.K), ("M", self.M)):
+            self._check_matrix(name, A, n)
+        if self.points.ndim != 2 or self.points.shape[1] != 3 or not np.isfinite(self.points).all():
+            raise self._refusal("points", None, f"finite (N, 3) coordinates are allowed, not {self.points.shape}")
+        for name, least, most, values in (
+            ("node", 0, len(self.points) - 1, self.node),
+            ("direction", 0, len(DIRECTIONS) - 1, self.direction),
+        ):
+            if values.shape != (n,):
+                raise self._refusal(name, len(values), f"one for each of the {n} coordinates is allowed")
+            outside = values[(values < least) | (values > most)]
+            if outside.size:
+                raise self._refusal(name, int(outside[0]), f"{least} to {most} is allowed")
+        if len(np.unique(self.node * len(DIRECTIONS) + self.direction)) != n:
+            raise self._refusal("node", None, "one coordinate for each node and direction is allowed")
+        for name, nodes in self.groups.items():
+            if not nodes.size or nodes.min() < 0 or nodes.max() >= len(self.points):
+                raise self._refusal(
+                    f"groups.{name}", None, f"at least one node, 0 to {len(self.points) - 1}, is allowed"
+                )
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates n."""
+        return int(self.K.shape[0])
+
+    def save(self, path: Path) -> Path:
+        """Write all of it as npz, without pickle."""
+        arrays: dict[str, Any] = {"points": self.points, "node": self.node, "direction": self.direction}
+        for name in ("M", "K"):
+            arrays |= {f"{name}.{part}": getattr(getattr(self, name), part) for part in _PARTS}
+        arrays |= {f"groups.{k}": nodes for k, nodes in enumerate(self.groups.values())}
+        npz.write(path, arrays, {"format": FORMAT, "version": FORMAT_VERSION, "groups": list(self.groups)})
+        return path
+
+    @classmethod
+    def load(cls, path: Path) -> GivenMatrices:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, is another one, or what it holds is not sound.
+        """
+        if not path.is_file():
+            raise InputError(str(path), "", None, "no such file; pmr matrices writes one")
+        try:
+            found = npz.read(path)
+            header = npz.without_header(found)
+            if header.get("format") != FORMAT or int(header["version"]) > FORMAT_VERSION:
+                raise ValueError(f"{FORMAT} of version {FORMAT_VERSION} or less is allowed")
+            n = len(found["node"])
+            M, K = (sp.csr_matrix(tuple(found[f"{name}.{part}"] for part in _PARTS), (n, n)) for name in ("M", "K"))
+            for A in (M, K):
+                A.check_format()
+            groups = {str(name): found[f"groups.{k}"].astype(np.int64) for k, name in enumerate(header["groups"])}
+            points, node, direction = (found[name] for name in ("points", "node", "direction"))
+        except InputError:
+            raise
+        except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError) as error:
+            raise InputError(str(path), "", None, f"matrices that pmr wrote are allowed ({error})") from None
+        return cls(M, K, points.astype(float), node.astype(np.int64), direction.astype(np.int64), groups, str(path))
+
+    def _check_matrix(self, name: str, A: sp.csr_matrix, n: int) -> None:
+        if A.shape != (n, n) or n == 0:
+            raise self._refusal(name, list(A.shape), f"a square matrix of the size of K, {n}, is allowed")
+        if not np.isfinite(A.data).all():
+            row = int(np.repeat(np.arange(n), np.diff(A.indptr))[~np.isfinite(A.data)][0])
+            raise self._refusal(name, None, f"finite entries are allowed; row {row + 1} has another")
+        asymmetry = float(np.abs(A - A.T).max())
+        if asymmetry > SYMMETRY * np.abs(A.data).max(initial=0.0):
+            raise self._refusal(
+                name, None, f"a symmetric matrix is allowed; it differs by {asymmetry:.3g} from its own"
+            )
+        diagonal = A.diagonal()
+        if name == "K" and diagonal.min() < 0.0:
+            raise self._refusal(name, float(diagonal.min()), "diagonal entries from 0 on are allowed")
+        if name == "M" and diagonal.min() <= 0.0:
+            at = int(np.argmin(diagonal))
+            allowed = f"positive diagonal entries are allowed: coordinate {at + 1} has none, and no mass"
+            raise self._refusal(name, float(diagonal[at]), allowed)
+
+    def _refusal(self, key: str, value: Any, allowed: str) -> InputError:
+        return InputError(self.source, key, value, allowed)

@@ -1,0 +1,203 @@
+"""A structural model that another program assembled: matrices on nodes, and places on these."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay
+
+from pmr.errors import InputError
+from pmr.fem.compat import MPI
+from pmr.fields.grid import Grid
+from pmr.fields.stress import StressRows
+from pmr.files.matrices import GivenMatrices
+from pmr.mesh.strip import Extent, Strip, Window
+from pmr.mesh.trace import Trace
+from pmr.models import DIRECTIONS, Forms
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: A face's nodes lie in a plane within this share of the face's extent.
+FLAT = 1e-3
+#: A section reaches so many levels of nodes to either side.
+REACH = 1.01
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """M and K as they are given; the mean over a group counts every node alike.
+
+    A face that pads slide on is a group of nodes in a plane, between which displacements are linear on the triangles of
+    Delaunay.
+    """
+
+    given: GivenMatrices
+    transformation: None = None
+    node_stations: None = None
+
+    @property
+    def size(self) -> int:
+        return self.given.size
+
+    @property
+    def directions(self) -> tuple[str, ...]:
+        return DIRECTIONS
+
+    @property
+    def axis(self) -> int:
+        """The axis of the body: its longest extent."""
+        return int(np.ptp(self.given.points, axis=0).argmax())
+
+    @property
+    def reference_frequency(self) -> float:
+        r"""Rayleigh's quotient of a beam that bends, w = x^2 about its middle, by the softer of both ways across."""
+        x = self.given.points - self.given.points.mean(axis=0)
+        found = []
+        for across in range(3):
+            if across == self.axis:
+                continue
+            motion = np.zeros((len(x), 6))
+            motion[:, across] = x[:, self.axis] ** 2
+            slope = 2.0 * x[:, self.axis]
+            motion[:, self.axis] = -slope * x[:, across]
+            turn = np.cross(np.eye(3)[self.axis], np.eye(3)[across])
+            motion[:, 3:] = slope[:, None] * turn
+            q = motion[self.given.node, self.given.direction]
+            found.append(float(q @ (self.given.K @ q)) / float(q @ (self.given.M @ q)))
+        return float(np.sqrt(max(min(found), 1e-12 * max(found))))
+
+    def domain(self, comm: MPI.Comm) -> Any:
+        raise NotImplementedError("given matrices have no mesh")
+
+    def space(self, domain: Any) -> Any:
+        raise NotImplementedError("given matrices have no function space")
+
+    def forms(self, space: Any) -> Forms:
+        raise NotImplementedError("given matrices have no forms")
+
+    def element_coordinates(self, cells: Indices) -> list[Indices]:
+        raise NotImplementedError("given matrices have no elements")
+
+    def displacement(self, place: str | float) -> sp.csr_matrix:
+        return self._trace(place).mean()
+
+    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        return self._trace(place).motion(about)
+
+    def centroid(self, place: str | float) -> Array:
+        return self._trace(place).centroid
+
+    def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        on = np.isin(self.given.node, self._group(place))
+        along = np.isin(self.given.direction, [DIRECTIONS.index(direction) for direction in directions])
+        return np.flatnonzero(on & along)
+
+    def rigid_motions(self) -> Array:
+        given, points = self.given, self.given.points[self.given.node]
+        motions = np.zeros((given.size, 6))
+        motions[np.arange(given.size), given.direction] = 1.0
+        moved = given.direction < 3
+        for k in range(3):
+            swept = np.cross(np.eye(3)[k], points)
+            motions[moved, 3 + k] = swept[moved, given.direction[moved]]
+        return motions
+
+    def strip(self, face: str, window: Window) -> Strip:
+        nodes, axis = self._group(face), self.axis
+        points = self.given.points[nodes]
+        normal = self._normal(face, points)
+        beside = int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
+        if abs(normal[axis]) > np.sqrt(FLAT):
+            raise InputError("scene", "pads.on", face, "this face lies across the body's axis; others are allowed")
+        flat = points[:, [axis, beside]]
+        (low, left), (high, right) = flat.min(axis=0), flat.max(axis=0)
+        extent = Extent((float(low), float(high)), (float(left), float(right)))
+        cells = [
+            _middles(max(least, start), min(most, end), spacing)
+            for (least, most), (start, end), spacing in zip(
+                ((low, high), (left, right)), (window.along, window.across), window.spacing, strict=True
+            )
+        ]
+        (x, width), (y, breadth) = cells
+        places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        triangles = Delaunay(flat)
+        found = triangles.find_simplex(places, tol=1e-9)
+        places, found = places[found >= 0], found[found >= 0]
+        corners, T = triangles.simplices[found], triangles.transform[found]
+        shares = np.einsum("qij,qj->qi", T[:, :2], places - T[:, 2])
+        shares = np.hstack([shares, 1.0 - shares.sum(axis=1, keepdims=True)])
+        rows = np.repeat(np.arange(len(places)), 3)
+        interpolation = sp.csr_matrix((shares.ravel(), (rows, corners.ravel())), shape=(len(places), len(nodes)))
+        value = sum(c * self._values(nodes)[k] for k, c in enumerate(normal))
+        weights = np.full(len(places), width * breadth)
+        return Strip(places[:, 0], places[:, 1], weights, sp.csr_matrix(interpolation @ value), extent)
+
+    @property
+    def grid(self) -> Grid:
+        raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")
+
+    def point_displacements(self) -> sp.csr_matrix:
+        raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")
+
+    def stresses(self) -> StressRows | None:
+        return None
+
+    def _group(self, name: str) -> Indices:
+        if name not in self.given.groups:
+            allowed = f"groups of the file are allowed: {', '.join(self.given.groups) or 'it has none'}"
+            raise InputError(self.given.source, "groups", name, allowed)
+        return self.given.groups[name]
+
+    def _values(self, nodes: Indices) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
+        """Displacements of nodes along x, y and z, each (g, n)."""
+        x, y, z = (self._of_direction[k][nodes] for k in range(3))
+        return x, y, z
+
+    @cached_property
+    def _of_direction(self) -> list[sp.csr_matrix]:
+        given, shape = self.given, (len(self.given.points), self.given.size)
+        numbers = [np.flatnonzero(given.direction == k) for k in range(3)]
+        return [sp.csr_matrix((np.ones(len(own)), (given.node[own], own)), shape=shape) for own in numbers]
+
+    def _trace(self, place: str | float) -> Trace:
+        if isinstance(place, str):
+            nodes = self._group(place)
+            return Trace(place, self.given.points[nodes], np.ones(len(nodes)), self._values(nodes))
+        x = self.given.points[:, self.axis]
+        slack = 1e-9 * float(np.ptp(x))
+        if not x.min() - slack <= place <= x.max() + slack:
+            raise InputError(
+                "scene", "place", place, f"a group or a number from {x.min():g} to {x.max():g} m is allowed"
+            )
+        levels = np.unique(np.round(x / max(slack, 1e-300)).astype(np.int64)) * slack
+        gaps = np.diff(levels)
+        near = (levels[1:] >= place - slack) & (levels[:-1] <= place + slack)
+        reach = REACH * float(gaps[near].max())
+        nodes = np.flatnonzero(np.abs(x - place) < reach)
+        weights = 1.0 - np.abs(x[nodes] - place) / reach
+        return Trace(f"section at {place:g} m", self.given.points[nodes], weights, self._values(nodes))
+
+    def _normal(self, face: str, points: Array) -> Array:
+        """Unit vector out of the body, of nodes that lie in a plane."""
+        middle = points.mean(axis=0)
+        _, sizes, ways = np.linalg.svd(points - middle, full_matrices=False)
+        if len(points) < 3 or sizes[1] <= FLAT * sizes[0] or sizes[2] > FLAT * sizes[1]:
+            raise InputError("scene", "pads.on", face, "nodes that lie in a plane, not on a line, are allowed")
+        whole = self.given.points
+        outward = middle - (whole.min(axis=0) + whole.max(axis=0)) / 2.0
+        return np.asarray(ways[2] * np.sign(ways[2] @ outward)) + 0.0
+
+
+def _middles(start: float, end: float, spacing: float) -> tuple[Array, float]:
+    """Middles of equal intervals, at most `spacing` wide, and their width."""
+    if end <= start:
+        return np.empty(0), 0.0
+    count = max(1, int(np.ceil((end - start) / spacing)))
+    return start + (np.arange(count) + 0.5) * (end - start) / count, (end - start) / count

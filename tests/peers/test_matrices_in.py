@@ -1,0 +1,62 @@
+"""Matrices that CalculiX assembled of the reference boom, the whole way; needs ``ccx``."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from peers.solid_boom import SolidBoom, solid_boom
+
+from pmr import run as whole
+from pmr import scene as scenes
+from pmr.files.foreign import ForeignFiles, read_foreign
+from pmr.files.matrices import GivenMatrices
+from pmr.fullmodel.eigensolvers import eigensolver
+from pmr.fullmodel.structure import Clamp, Structure, structural_model
+from pmr.models.matrices import Matrices
+
+pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+
+
+def read(boom: SolidBoom, folder: Path) -> GivenMatrices:
+    stiffness = boom.matrices(folder)
+    return read_foreign(ForeignFiles(stiffness, *(stiffness.with_suffix(s) for s in (".mas", ".dof", ".inp"))))
+
+
+def scene_on(given: GivenMatrices, folder: Path, **sections: object) -> scenes.SceneBase:
+    """The scene of the reference boom on given matrices."""
+    data = tomllib.loads((WORKFLOWS / "boom.toml").read_text())
+    del data["body"]["box"]
+    data["body"]["model"], data["mesh"] = "matrices", {"file": str(given.save(folder / "boom.npz"))}
+    return scenes.from_data(data | sections)
+
+
+def test_frequencies_are_those_of_calculix(tmp_path: Path) -> None:
+    """Files of 14 digits leave 1e-6: entries of 4e11 N/m are off by 1e-3, and 3e6 of them add up."""
+    boom = solid_boom(60, 6, 8)
+    given = read(boom, tmp_path)
+    (tmp_path / "clamped").mkdir()
+    expected = boom.frequencies(4, tmp_path / "clamped")
+    full = structural_model(Structure(Matrices(given), clamps=(Clamp("tail"),)))
+    found = eigensolver(full, "slepc").lowest(0.5, 4).omega / (2.0 * np.pi)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_the_whole_way_and_beside_a_shell(tmp_path: Path) -> None:
+    """Reduced against full 0.1 % at most; the lowest frequencies on pads are within 2 % of a shell as fine."""
+    given = read(solid_boom(60, 6, 8), tmp_path)
+    path = {"kind": "smooth_ramp", "times": [0.0, 0.4], "values": [1.5, 2.5]}
+    compare = {"against": ["full"]}
+    case = scene_on(given, tmp_path, time={"end": 0.4, "step": 1e-3}, slider={"path": path}, compare=compare)
+    outcome = whole.run(case)
+    assert outcome is not None
+    errors = outcome.result.summary["errors"]["reduced_vs_full"]
+    assert max(errors["tip"], errors["beam"]) < 1e-3
+    assert outcome.result.summary["coordinates"] == {"full": given.size, "reduced": 10}
+    shell = scenes.load(WORKFLOWS / "boom_shell.toml", ["mesh.size=0.05", "mesh.along=0.1"])
+    lowest = [eigensolver(whole.build(one).model, "slepc").lowest(2.0, 2).omega for one in (case, shell)]
+    np.testing.assert_allclose(lowest[0], lowest[1], rtol=0.02)
