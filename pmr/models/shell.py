@@ -92,21 +92,20 @@ class Shell(MeshedModel):
         plates = ((p.material.young, p.material.poisson, p.material.density, p.thickness) for p in self.plates)
         return [cellwise(mesh, np.array(values)) for values in zip(*plates, strict=True)]
 
+    def plane_stresses(self, space: Any) -> Any:
+        """A : epsilon in Pa and A : kappa in Pa/m of a trial function: along, across and shear of `frames`."""
+        mesh, axes = space.mesh, frames(self.mesh)
+        frame = [ufl.as_vector([cellwise(mesh, axes[:, k, i]) for i in range(3)]) for k in range(3)]
+        E, nu, *_ = self._cellwise(mesh)
+        u, theta = ufl.TrialFunctions(space)
+        found = Strains(u, theta, frame)
+        both = [_plane_stress(E, nu, strain) for strain in (found.membrane, found.curvature)]
+        return ufl.as_vector([sigma[i, j] for sigma in both for i, j in ((0, 0), (1, 1), (0, 1))])
+
     def stresses(self) -> StressRows:
-        axes = frames(self.mesh)
-
-        def plane_stresses(space: Any) -> Any:
-            mesh = space.mesh
-            frame = [ufl.as_vector([cellwise(mesh, axes[:, k, i]) for i in range(3)]) for k in range(3)]
-            E, nu, *_ = self._cellwise(mesh)
-            u, theta = ufl.TrialFunctions(space)
-            found = Strains(u, theta, frame)
-            both = [_plane_stress(E, nu, strain) for strain in (found.membrane, found.curvature)]
-            return ufl.as_vector([sigma[i, j] for sigma in both for i, j in ((0, 0), (1, 1), (0, 1))])
-
-        at_centroid = cell_values(self, plane_stresses, rule_points("triangle", 1))
+        at_centroid = cell_values(self, self.plane_stresses, rule_points("triangle", 1))
         thickness = np.array([plate.thickness for plate in self.plates])
-        return stress_rows(self.mesh, axes, thickness, at_centroid, self.size)
+        return stress_rows(self.mesh, thickness, at_centroid, self.size)
 
 
 class Strains:

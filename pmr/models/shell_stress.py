@@ -25,24 +25,22 @@ FACES = ("outer", "middle", "inner")
 ACROSS = 0.9
 
 
-def stress_rows(mesh: NamedMesh, frames: Array, thickness: Array, stresses: CellValues, size: int) -> StressRows:
+def stress_rows(mesh: NamedMesh, thickness: Array, stresses: CellValues, size: int) -> StressRows:
     """Plane stress at the centroid of each triangle: on the outer face, the middle (membrane) and the inner face.
 
     Parameters
     ----------
     mesh : NamedMesh
-    frames : (C, 3, 3) array
-        As `frames` gives them.
     thickness : (C,) array, m
     stresses : CellValues
-        A : epsilon in Pa, then A : kappa in Pa/m, at the centroid; along, across and shear of the frames.
+        A : epsilon in Pa, then A : kappa in Pa/m, at the centroid; along, across and shear of `frames`.
     size : int
         Number of the model's coordinates.
     """
     half = thickness / 2.0
     membrane, bent = stresses.entries[:, 0, :3], half[:, None, None] * stresses.entries[:, 0, 3:]
     entries = np.concatenate([membrane - bent, membrane, membrane + bent])
-    offsets = np.array([1.0, 0.0, -1.0])[:, None, None] * half[:, None] * frames[:, 2]
+    offsets = np.array([1.0, 0.0, -1.0])[:, None, None] * half[:, None] * frames(mesh)[:, 2]
     cells = len(mesh.cells)
     return StressRows(
         rows=as_rows(entries, np.tile(stresses.coordinates, (3, 1)), size),

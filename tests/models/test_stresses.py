@@ -22,6 +22,7 @@ from pmr.models import StructuralModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
+from pmr.models.shell_stress import frames
 from pmr.models.solid import Solid
 from pmr.models.tabulation import cell_values
 from pmr.scene.structures import Beam3DBody, BeamSection, BoxProfile, Material, Plate, Profile, ShellBody, SolidBody
@@ -175,6 +176,44 @@ def test_the_outer_face_of_a_box_is_its_outside_whichever_way_the_triangles_turn
 
 def stiffness(model: StructuralModel) -> np.ndarray:
     return gathered(assemble_model(model, model.domain(MPI.COMM_WORLD)).K)
+
+
+def surface_energy(model: Shell, q: np.ndarray) -> tuple[float, float]:
+    """Membrane and bending part of q^T K q, at the points of the rule that the weak form takes."""
+    found, t = cell_values(model, model.plane_stresses, rule_points("triangle", 2)), model.body.plate.thickness
+    sigma = np.einsum("cqvd,cd->cqv", found.entries, q[found.coordinates])
+    compliance = np.array([[1.0, -NU, 0.0], [-NU, 1.0, 0.0], [0.0, 0.0, 2.0 * (1.0 + NU)]]) / E
+    corners = model.mesh.points[model.mesh.cells]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    membrane, bending = (
+        factor * np.einsum("c,cqv,vw,cqw->", areas / 3, part, compliance, part)
+        for factor, part in ((t, sigma[..., :3]), (t**3 / 12, sigma[..., 3:]))
+    )
+    return float(membrane), float(bending)
+
+
+def without_shear(mesh: NamedMesh, thickness: float) -> Shell:
+    plate = Plate(material=MATERIAL, thickness=thickness)
+    return Shell(ShellBody(plate=plate, shear_correction=1e-15), mesh)
+
+
+def test_a_shells_membrane_stresses_have_the_energy_of_its_weak_form() -> None:
+    """Bending and drilling grow with t^3, so that two thicknesses tell them from the membrane."""
+    thick, thin = (without_shear(turned(box(skew=0.3)), t) for t in (THICKNESS, THICKNESS / 2))
+    q = np.random.default_rng(1).normal(size=thick.size)
+    whole, half = (float(q @ stiffness(model) @ q) for model in (thick, thin))
+    assert 8 * half - whole == pytest.approx(3 * surface_energy(thick, q)[0], rel=1e-8)
+
+
+def test_a_shells_bending_stresses_have_the_energy_of_its_weak_form() -> None:
+    """Rotations within a flat plate leave its drilling term at rest."""
+    model = without_shear(turned(plate()), THICKNESS)
+    normal = frames(model.mesh)[0, 2]
+    at, component = model.nodes.at, model.nodes.component
+    turns = np.cross(normal, np.sin(3.0 * at + at[:, ::-1] ** 2))
+    q = np.where(component < 3, 0.0, turns[np.arange(model.size), component % 3])
+    membrane, bending = surface_energy(model, q)
+    assert membrane == 0.0 and q @ stiffness(model) @ q == pytest.approx(bending, rel=1e-9)
 
 
 def test_a_solids_stresses_have_the_energy_of_its_weak_form() -> None:
