@@ -54,15 +54,20 @@ class Nested:
     compliance: float = 1.0 / 3e8
     clearance: float | None = None
 
+    @property
+    def boxes(self) -> list[Box]:
+        """The sections from the base out."""
+        return [box(k, k == self.count - 1, self.elements) for k in range(self.count)]
+
 
 def full(boom: Nested) -> System:
     """All sections in full order."""
-    return joined(boom, [full_section(k, k == boom.count - 1, boom.elements) for k in range(boom.count)])
+    return joined(boom, [full_section(one) for one in boom.boxes])
 
 
 def reduced(boom: Nested, elastic: int) -> System:
     """Each on so many elastic modes, and all rigid-body modes, with residual flexibility."""
-    return joined(boom, [reduced_section(k, k == boom.count - 1, boom.elements, elastic) for k in range(boom.count)])
+    return joined(boom, [reduced_section(one, elastic) for one in boom.boxes])
 
 
 def plain(boom: Nested, elastic: int) -> System:
@@ -91,53 +96,74 @@ def joined(boom: Nested, bodies: Sequence[SlidingBody]) -> System:
     return System(dict(zip(NAMES, bodies, strict=False)), tuple(contacts))
 
 
-@cache
-def section(number: int, last: bool, elements: int) -> FullModel:
-    """A section with the row "w", its deflection at x; the first one clamped, the last one with the mass."""
+@dataclass(frozen=True)
+class Box:
+    """A section: length, outer width and height, wall in m; material; its elements, and what stands at its ends."""
+
+    length: float
+    width: float
+    height: float
+    wall: float
+    E: float
+    rho: float
+    elements: int
+    clamped: bool = False
+    tip_mass: float = 0.0  # kg; a tip force acts where there is one
+
+    @property
+    def bending_stiffness(self) -> float:
+        inner = self.width - 2.0 * self.wall, self.height - 2.0 * self.wall
+        return self.E * (self.width * self.height**3 - inner[0] * inner[1] ** 3) / 12.0
+
+    @property
+    def mass_per_length(self) -> float:
+        return self.rho * 2.0 * self.wall * (self.width + self.height - 2.0 * self.wall)
+
+
+def box(number: int, last: bool, elements: int) -> Box:
+    """A section of the steel booms."""
     width, height, wall = BOXES[number]
+    return Box(LENGTH, width + wall, height + wall, wall, E, RHO, elements, number == 0, TIP_MASS if last else 0.0)
+
+
+@cache
+def section(box: Box) -> FullModel:
+    """In PETSc, with the row "w", its deflection at x."""
     body = Body(
-        length=LENGTH,
-        bending_stiffness=E * (_cube(width + wall, height + wall) - _cube(width - wall, height - wall)),
-        mass_per_length=RHO * 2.0 * wall * (width + height),
+        length=box.length,
+        bending_stiffness=box.bending_stiffness,
+        mass_per_length=box.mass_per_length,
         axial=False,
     )
-    beam = Beam2D(body, np.linspace(0.0, LENGTH, elements + 1))
+    beam = Beam2D(body, np.linspace(0.0, box.length, box.elements + 1))
     operators = assemble_model(beam, beam.domain(MPI.COMM_SELF))
-    M, tip = operators.M, beam.size - 2
-    if last:
-        M.setValue(tip, tip, M.getValue(tip, tip) + TIP_MASS)
-        M.assemble()
+    M, tip, observed = operators.M, beam.size - 2, np.linspace(0.0, box.length, 11)
+    M.setValue(tip, tip, M.getValue(tip, tip) + box.tip_mass)
+    M.assemble()
     up = M.createVecRight()
     up.setArray(np.arange(beam.size) % 2 == 0)
-    weight = np.arange(beam.size), -(M * up).getArray()
-    clamps = {"clamp deflection": 0, "clamp rotation": 1} if number == 0 else {}
-    held = [fixed_row(name, carrier(dof, 1.0, beam.size), (0.0, LENGTH)) for name, dof in clamps.items()]
+    loads = {"gravity": (np.arange(beam.size), -(M * up).getArray())}
+    loads |= {"F": beam.point(box.length, "y")} if box.tip_mass else {}
+    clamps = {"clamp deflection": 0, "clamp rotation": 1} if box.clamped else {}
+    held = [fixed_row(name, carrier(dof, 1.0, beam.size), (0.0, box.length)) for name, dof in clamps.items()]
     return FullModel(
         M,
         0.0 * M,
         operators.K,
-        inputs=columns(M, [weight, *([beam.point(LENGTH, "y")] if last else [])]),
-        outputs=columns(M, [beam.point(x, "y") for x in _observed(beam)]),
+        inputs=columns(M, list(loads.values())),
+        outputs=columns(M, [beam.point(x, "y") for x in observed]),
         rows=Rows((*held, beam.slider(0.0, "w")), beam.size),
-        input_names=("gravity", "F") if last else ("gravity",),
-        output_positions=_observed(beam),
+        input_names=tuple(loads),
+        output_positions=observed,
         reference_frequency=beam.reference_frequency,
         rigid=RigidMotions.unheld(beam.rigid_motions()),
     )
 
 
-def _cube(width: float, height: float) -> float:
-    return width * height**3 / 12.0
-
-
-def _observed(beam: Beam2D) -> Array:
-    return np.linspace(0.0, LENGTH, 11)
-
-
 @cache
-def full_section(number: int, last: bool, elements: int) -> FullBody:
+def full_section(box: Box) -> FullBody:
     """In full order."""
-    body = section(number, last, elements).gather()
+    body = section(box).gather()
     assert body is not None
     form = modal_form(body)
     damping = form.inverse.T @ np.diag(2.0 * DAMPING * np.sqrt(np.maximum(form.omega2, 0.0))) @ form.inverse
@@ -145,8 +171,8 @@ def full_section(number: int, last: bool, elements: int) -> FullBody:
 
 
 @cache
-def reduced_section(number: int, last: bool, elements: int, elastic: int) -> ReducedModel:
+def reduced_section(box: Box, elastic: int) -> ReducedModel:
     """On its lowest modes."""
-    model, count = section(number, last, elements), elastic + (0 if number == 0 else 2)
+    model, count = section(box), elastic + (0 if box.clamped else 2)
     found = section_model(model, modal_basis(free_modes(model, count)), {}, count)
     return replace(found, D=2.0 * DAMPING * np.diag(np.sqrt(np.maximum(np.diagonal(found.K), 0.0))))

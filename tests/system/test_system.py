@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.optimize
-from nested import FROM_END, LENGTH, Nested, full, plain, reduced
+from nested import FROM_END, LENGTH, Box, Nested, full, full_section, plain, reduced, reduced_section
 
 from pmr.errors import InputError
 from pmr.system.assembly import Assembly
@@ -44,6 +44,40 @@ def test_four_sections_extended() -> None:
     assert found == pytest.approx((1.000, 4.857, 13.30), rel=7e-4)
 
 
+#: MathWorks' boom lift: outer sizes of base, mid and fly; the tip mass fits its first frequency with rigid overlaps.
+LIFT = [
+    Box(5.090, 0.2515, 0.3216, 6.35e-3, 70e9, 2700.0, 60, clamped=True),
+    Box(4.785, 0.2007, 0.2666, 6.35e-3, 70e9, 2700.0, 60),
+    Box(4.478, 0.1626, 0.2307, 6.43e-3, 70e9, 2700.0, 60, tip_mass=182.0),
+]
+#: Overlap as a share of the fly, first frequency in Hz with two rigid pads at the ends of each overlap.
+RIGID_PADS = [
+    (0.05, 0.8888),
+    (0.10, 0.9407),
+    (0.15, 0.9978),
+    (0.20, 1.0609),
+    (0.25, 1.1306),
+    (0.30, 1.2082),
+    (0.35, 1.2948),
+]
+
+
+@pytest.mark.parametrize(("share", "frequency"), RIGID_PADS)
+def test_a_published_boom_lift_on_rigid_pads(share: float, frequency: float) -> None:
+    """Rigid contacts in full order; a stiffness of 1e12 N/m in its place with two elastic modes a section."""
+    overlap, names, contacts = share * LIFT[2].length, ("base", "mid", "fly"), []
+    for outer, inner, one in zip(names[:-1], names[1:], LIFT[:-1], strict=True):
+        contacts += [
+            Contact(f"tail {inner}", Place(inner, "w"), Place(outer, "w", one.length - overlap)),
+            Contact(f"mouth {outer}", Place(inner, "w", overlap), Place(outer, "w", one.length)),
+        ]
+    system = System({name: full_section(one) for name, one in zip(names, LIFT, strict=True)}, tuple(contacts))
+    assert Assembly(system).frequencies(system.coordinates({}), 1)[0] == pytest.approx(frequency, rel=1e-4)
+    small = {name: reduced_section(one, 2) for name, one in zip(names, LIFT, strict=True)}
+    stiff = System(small, tuple(replace(contact, compliance=1e-12) for contact in contacts))
+    assert Assembly(stiff).frequencies(stiff.coordinates({}), 1)[0] == pytest.approx(frequency, rel=2e-4)
+
+
 def loads(system: System, gravity: float, tip: float) -> np.ndarray:
     return np.array([tip if name.endswith(".F") else gravity for name in system.input_names])
 
@@ -68,7 +102,7 @@ def test_contacts_carry_the_weight() -> None:
     for system in (full(Nested(3, elements=10)), reduced(Nested(3), 2)):
         found = equilibrium(Assembly(system), coordinates(system, overlap), loads(system, g, F)).forces
         forces = dict(zip(system.contact_names, found, strict=True))
-        weight = {name: -body_mass(name, system) * g for name in ("1", "2")}
+        weight = {name: -one.mass_per_length * LENGTH * g for name, one in zip("12", Nested(3).boxes[1:], strict=True)}
         for name, outer in (("1", "0"), ("2", "1")):
             tail, mouth, at = forces[f"tail {name}"], forces[f"mouth {outer}"], overlap - FROM_END
             up, moment = weight[name], weight[name] * LENGTH / 2.0
@@ -80,12 +114,6 @@ def test_contacts_carry_the_weight() -> None:
             # lambda pushes the inner section down where it has come up
             assert tail + mouth == pytest.approx(up, rel=1e-9)
             assert tail * FROM_END + mouth * at == pytest.approx(moment, rel=1e-9)
-
-
-def body_mass(name: str, system: System) -> float:
-    number = int(name)
-    width, height, wall = ((0.30, 0.40, 8e-3), (0.26, 0.36, 7e-3), (0.22, 0.32, 6e-3), (0.18, 0.28, 5e-3))[number]
-    return 7850.0 * 2.0 * wall * (width + height) * LENGTH
 
 
 def by_least_squares(system: System, x: np.ndarray, f: np.ndarray) -> np.ndarray:

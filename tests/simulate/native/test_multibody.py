@@ -113,7 +113,7 @@ def test_rigid_contacts_against_a_sparse_saddle_point_each_step() -> None:
 
 def test_a_damper_between_modes() -> None:
     boom = Nested(2, elements=8)
-    tip = full_section(1, True, 8)
+    tip = full_section(boom.boxes[1])
     D = tip.D.tolil()
     D[-2, -2] += 2e3
     system = System({"0": full(boom).bodies["0"], "1": replace(tip, D=D.tocsr())}, full(boom).contacts)
@@ -161,8 +161,8 @@ def test_newton_and_euler_hold_for_every_section_at_every_step(clearance: float 
     found, h = from_statics(system, given), given.stepping.step
     f = dict(zip(system.input_names, found.loads.T, strict=True))
     for name in ("1", "2"):
-        number, body, motion = int(name), system.bodies[name], found.bodies[name]
-        whole = section(number, name == "2", 20).gather()
+        body, motion = system.bodies[name], found.bodies[name]
+        whole = section(boom.boxes[int(name)]).gather()
         assert whole is not None
         shapes = np.zeros((whole.size, 2))  # a translation, and a rotation about the tail
         shapes[0::2, 0] = 1.0
