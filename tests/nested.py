@@ -24,7 +24,7 @@ from pmr.models.rigid import RigidMotions
 from pmr.reduce.basis import modal_basis
 from pmr.reduce.residual.model import section_model
 from pmr.reduced.model import ReducedModel
-from pmr.scene import Body
+from pmr.scene.structures import Profile
 from pmr.simulate.modal import modal_form
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.body import FullBody, SlidingBody
@@ -129,7 +129,7 @@ def box(number: int, last: bool, elements: int) -> Box:
 @cache
 def section(box: Box) -> FullModel:
     """In PETSc, with the row "w", its deflection at x."""
-    body = Body(
+    body = Profile(
         length=box.length,
         bending_stiffness=box.bending_stiffness,
         mass_per_length=box.mass_per_length,
@@ -143,7 +143,7 @@ def section(box: Box) -> FullModel:
     up = M.createVecRight()
     up.setArray(np.arange(beam.size) % 2 == 0)
     loads = {"gravity": (np.arange(beam.size), -(M * up).getArray())}
-    loads |= {"F": beam.point(box.length, "y")} if box.tip_mass else {}
+    loads |= {"F": beam.point(box.length, "z")} if box.tip_mass else {}
     clamps = {"clamp deflection": 0, "clamp rotation": 1} if box.clamped else {}
     held = [fixed_row(name, carrier(dof, 1.0, beam.size), (0.0, box.length)) for name, dof in clamps.items()]
     return FullModel(
@@ -151,7 +151,7 @@ def section(box: Box) -> FullModel:
         0.0 * M,
         operators.K,
         inputs=columns(M, list(loads.values())),
-        outputs=columns(M, [beam.point(x, "y") for x in observed]),
+        outputs=columns(M, [beam.point(x, "z") for x in observed]),
         rows=Rows((*held, beam.slider(0.0, "w")), beam.size),
         input_names=tuple(loads),
         output_positions=observed,
