@@ -35,7 +35,7 @@ def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None)
         If a solver fails.
     """
     if not scene.reduction.pooled:
-        return free_modes(model, scene.reduction.coordinates, scene.reduction.solver, _enrichment(scene), body)
+        return free_modes(model, scene.reduction.coordinates, scene.reduction.solver, _enrichment(scene, model), body)
     return eigenmode_snapshots(model, scene)
 
 
@@ -75,10 +75,12 @@ def project(
     return with_held_coordinates(reduced) if choice.basis == "paper" else reduced
 
 
-def _enrichment(scene: Scene) -> int:
+def _enrichment(scene: Scene, model: FullModel) -> int:
     """Modes beyond the coordinates: those that estimate the error."""
-    if scene.accuracy is not None:
-        return SEARCHED_MODES
+    if (
+        scene.accuracy is not None
+    ):  # of a coarse mesh all of them would leave no flexibility by which rows are told apart
+        return max(ENRICHMENT_MODES, min(SEARCHED_MODES, model.size // 2 - scene.reduction.coordinates))
     return ENRICHMENT_MODES if scene.reduction.needs_inertia else 0
 
 
