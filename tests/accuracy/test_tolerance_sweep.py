@@ -112,6 +112,6 @@ def test_what_is_said_to_hold_does() -> None:
     lines = "\n".join(map(told, found))
     known = [case for case in found if case.reference < 0.2 * case.tolerance]
     held = [case for case in known if case.found.holds]
-    assert len(held) >= 0.6 * len(found), lines
+    assert len(held) >= 0.5 * len(found), lines
     assert np.mean([case.true <= case.tolerance for case in held]) >= 0.97, lines
     assert np.mean([case.fewer for case in held]) <= 0.03, lines
