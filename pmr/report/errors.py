@@ -9,18 +9,19 @@ from typing import Any
 
 from pmr.report.marks import SAME, WITHIN, ErrorTable, Row, apart, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, length, percent, quantity
+from pmr.report.subject import forces_called
 from pmr.results import RunResult
 from pmr.scene import Published
 
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
 ORDER = ("reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf")
-PLACES = {"tip": "tip", "beam": "beam", "pad_force": "pad forces"}
+PLACES = ("tip", "beam", "pad_force")
 
 
 def error_table(result: RunResult) -> ErrorTable:
     """The error table of a run, with notes on it."""
     found, published = rows(result), result.scene.published
-    forces = " and pad forces" if any(row.place == PLACES["pad_force"] for row in found) else ""
+    forces = f" and {forces_called(result)}" if any(row.place == forces_called(result) for row in found) else ""
     source = f"; published: {published.source}" if published else ""
     return ErrorTable(
         f"Normalised RMS errors of transverse displacements{forces}, and largest values{source}.",
@@ -52,14 +53,15 @@ def _errors(result: RunResult) -> Iterator[Row]:
     published = result.scene.published
     decimals = _decimals(published) if published else 0
     printed: Mapping[str, Any] = published.model_dump()["errors"] if published else {}
+    names = {"pad_force": forces_called(result)}
     errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
     for pair in (*(p for p in ORDER if p in errors), *(p for p in errors if p not in ORDER)):
         first, _, second = pair.partition("_vs_")
         comparison = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}"
-        for place, called in PLACES.items():
+        for place in PLACES:
             if place not in errors[pair]:
                 continue
-            here = float(errors[pair][place])
+            here, called = float(errors[pair][place]), names.get(place, place)
             other = printed.get(pair, {}).get(place)
             row = Row(comparison, called, percent(here))
             if other is not None:

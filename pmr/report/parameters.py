@@ -8,7 +8,7 @@ from typing import Any
 
 from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, plain, signed
-from pmr.report.subject import MODELS, loads, moving, rings, weight
+from pmr.report.subject import MODELS, loads, moving
 from pmr.results import RunResult
 from pmr.scene import Body, Scene
 from pmr.scene.choice import choose
@@ -28,7 +28,7 @@ def body(result: RunResult) -> Table:
 
 def motion(result: RunResult) -> Table:
     """What moves along it, and what acts on it."""
-    return Table(f"{'Pads' if rings(result) else 'Slider'} and loads", tuple(_motion(result)))
+    return Table(f"{'Pads' if result.scene.pads else 'Slider'} and loads", tuple(_motion(result)))
 
 
 def method(result: RunResult) -> Table:
@@ -110,7 +110,7 @@ def _motion(result: RunResult) -> Rows:
     yield f"{moving(result)} path s", described(scene.slider.path, "m")
     if any(scene.points):
         yield "sliders at", ", ".join(f"s {signed(offset)}{SPACE}m" for offset in scene.points)
-    for ring in rings(result):
+    for ring in result.scene.pads:
         where = (f"s {signed(ring.at)}" if ring.at else "s") if ring.moving else plain(ring.at)
         faces = ", ".join(f"{len(places)} {face}" for face, places in ring.faces.items())
         stiffness = ring.stiffness if isinstance(ring.stiffness, str) else f"{plain(1e-6 * ring.stiffness)}{SPACE}kN/mm"
@@ -119,7 +119,7 @@ def _motion(result: RunResult) -> Rows:
     for load in loads(result):
         unit = load.unit.replace(" ", SPACE)
         yield f"load {load.name}", f"{described(load.signal, unit)}; {load.where}"
-    if (gravity := weight(result)) is not None:
+    if (gravity := result.scene.gravity) is not None:
         along = ", ".join(plain(round(c, 3) + 0.0) for c in gravity.direction)
         yield "gravity", f"{plain(gravity.acceleration)}{SPACE}m/s² along ({along})"
 

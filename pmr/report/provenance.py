@@ -7,7 +7,6 @@ from typing import Any
 
 from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, plain, quantity
-from pmr.report.subject import rings
 from pmr.results import RunResult
 
 Rows = Iterator[tuple[str, str]]
@@ -57,8 +56,8 @@ def _sizes(result: RunResult) -> Rows:
         yield "mesh", f"{plain(len(result.fields.cells))} {CELLS[result.fields.kind]}"
         yield "vertices", plain(len(result.fields.points))
         yield "recovered fields", f"{plain(len(result.fields.t))} times"
-    if rings(result):
-        yield "pads", plain(sum(len(ring.places) for ring in rings(result)))
+    if result.scene.pads:
+        yield "pads", plain(sum(len(ring.places) for ring in result.scene.pads))
     if contact := result.summary.get("contact"):
         said = f"{plain(contact['parts'])}, each with h omega = {plain(round(contact['h_omega'], 3))}"
         yield "parts of a step, for pads that only push", said

@@ -17,10 +17,11 @@ from pmr.report.motion import line, player
 from pmr.report.motion.album import album
 from pmr.report.motion.instants import top
 from pmr.report.numbers import SPACE, plain
-from pmr.report.subject import ACROSS, directions, loads, moving, rings, tips, weight
+from pmr.report.subject import ACROSS, forces_called, loads, moving, tips
 from pmr.report.subject import forces as forces_of
 from pmr.report.subject import line as line_of
 from pmr.results import Response, RunResult
+from pmr.scene.choice import transverse
 
 Show = Callable[[RunResult, str], Block | None]
 
@@ -114,7 +115,7 @@ def contact(result: RunResult, prefix: str) -> Block | None:
         (drawing(f"{prefix}-forces-{number}", forces.forces, _of_forces(result, name, len(group)), result, group),)
         for number, (name, group) in enumerate(groups.items(), start=1)
     )
-    return Block(heading="Pad forces" if rings(result) else "Slider force", rows=rows) if rows else None
+    return Block(heading=forces_called(result).capitalize(), rows=rows) if rows else None
 
 
 def energy(result: RunResult, prefix: str) -> Block:
@@ -141,7 +142,7 @@ def constraint(result: RunResult, prefix: str) -> Block | None:
 def basis(result: RunResult, prefix: str) -> Block | None:
     """Shapes of the basis, singular values of what it was made from, frequencies."""
     rows: list[tuple[Drawing, ...]] = []
-    if len(directions(result)) == 1:
+    if len(transverse(result.scene)) == 1:
         rows.append((drawing(f"{prefix}-basis", shapes.basis, captions.basis(result), result),))
     row = []
     if result.scene.reduction.basis != "free_modes":  # M-orthonormal modes have singular values of 1, all of them
@@ -183,7 +184,7 @@ def _residual(name: str) -> Callable[[Response], Array]:
 
 
 def _weight(result: RunResult) -> str:
-    gravity = weight(result)
+    gravity = result.scene.gravity
     if gravity is None:
         return ""
     rise = f", which comes up within the first {plain(gravity.rise)}{SPACE}s" if gravity.rise else ""
@@ -191,7 +192,7 @@ def _weight(result: RunResult) -> str:
 
 
 def _of_forces(result: RunResult, group: str, count: int) -> str:
-    if not rings(result):
+    if not result.scene.pads:
         return "Slider force: the multiplier λ of the constraint. The slider pushes with −λ on the body."
     most = f" The first {forces.MOST_FORCES} of {count}." if count > forces.MOST_FORCES else ""
     in_parts = result.responses["reduced"].force_peaks is not None  # a step was made in parts, for pads that only push

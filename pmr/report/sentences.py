@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pmr.report.blocks import KeyNumber, Point
 from pmr.report.marks import Row, verdicts
 from pmr.report.numbers import MINUS, SPACE, length, percent, plain, quantity, significant
+from pmr.report.subject import forces_called, moving, offsets, represented
 from pmr.report.subject import length as reach
-from pmr.report.subject import moving, offsets, represented
 from pmr.results import RunResult
 
 #: Places beside the first one that are named, if they share the largest stress; more are counted.
@@ -16,7 +16,6 @@ MOST_PLACES = 2
 SIMULATORS = {"march": "compiled", "petsc": "by PETSc"} | dict.fromkeys(
     ("exudyn", "exudyn-multiplier", "exudyn-callback"), "by Exudyn"
 )
-_PLACES = {"tip": "error at the tip", "beam": "error along the beam", "pad_force": "error of the pad forces"}
 
 
 def key_numbers(result: RunResult) -> list[KeyNumber]:
@@ -64,7 +63,7 @@ def estimate(result: RunResult) -> str:
     tip, beam = percent(found["tip"]), percent(found["beam"])
     said = f"The estimate, which needs no full model, is {tip} at the tip and {beam} along the beam"
     if found.get("pad_force") is not None:
-        said = f"{said.replace(' and ', ', ')} and {percent(found['pad_force'])} in the forces of sliders and pads"
+        said = f"{said.replace(' and ', ', ')} and {percent(found['pad_force'])} in the {forces_called(result)}"
     known = (
         f", {significant(found['beam'] / true, 3)} times the true error"
         if true
@@ -113,7 +112,8 @@ def _numbers(result: RunResult) -> Iterator[KeyNumber]:
         share = f"{percent(most / largest, 2)} of {length(largest)}, the largest displacement" if largest else ""
         yield KeyNumber(length(most), "largest difference to full", share)
     errors = summary.get("errors", {}).get("reduced_vs_full", {})
-    for place, label in _PLACES.items():
+    forces = f"error of the {forces_called(result)}"
+    for place, label in (("tip", "error at the tip"), ("beam", "error along the beam"), ("pad_force", forces)):
         if place in errors:
             yield KeyNumber(percent(errors[place]), label, "RMS over time" if place == "tip" else "")
     estimated = summary.get("estimate", {}).get("beam")
@@ -155,7 +155,7 @@ def accuracy(result: RunResult) -> Iterator[str]:
         error = f"a normalised RMS error of {tip} at the tip and {beam} along the beam"
         yield f"It follows the full model with {error}."
     if (force := errors.get("reduced_vs_full", {}).get("pad_force")) is not None:
-        yield f"The forces of all pads are within {percent(force)}."
+        yield f"The error of the {forces_called(result)} is {percent(force)}."
     largest, most = result.summary.get("max_displacement"), result.summary.get("max_error")
     if largest is not None and most is not None:
         yield f"The largest difference is {length(most)} where displacements reach {length(largest)}."

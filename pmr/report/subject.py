@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from pmr.report.numbers import SPACE, plain
 from pmr.results import Response, RunResult
 from pmr.scene import Scene
-from pmr.scene.built import Box, Gravity, PadRing
 from pmr.scene.choice import choose, model_of, transverse
 from pmr.scene.signals import SignalBase
-from pmr.scene.structures import PointMass
 from pmr.system.body import force_of
 
 Array = NDArray[np.float64]
@@ -98,20 +96,15 @@ def represented(result: RunResult) -> Model:
     return Model(MODELS[chosen.model], f"since {'; '.join(chosen.reasons)}")
 
 
-def directions(result: RunResult) -> tuple[str, ...]:
-    """Directions in which the body moves across its axis; the vertical is the last one."""
-    return transverse(result.scene)
-
-
 def tips(result: RunResult) -> Mapping[str, Quantity]:
     """The tip's displacement, (T,) m, along each of these directions: the last columns, where none has a name."""
-    across = directions(result)
+    across = transverse(result.scene)
     return {d: _column(_tip(result, d), k - len(across)) for k, d in enumerate(across)}
 
 
 def line(result: RunResult, response: Response) -> Line:
     """Where a response has the body's displacement along the vertical; nowhere, if it says nothing of columns."""
-    across, names = directions(result), response.output_names
+    across, names = transverse(result.scene), response.output_names
     if len(across) == 1:
         return Line(response.x, np.arange(len(response.x)))
     tip = [_tip(result, across[-1])]
@@ -136,19 +129,20 @@ def forces(result: RunResult) -> dict[str, list[Force]]:
     return found
 
 
-def rings(result: RunResult) -> tuple[PadRing, ...]:
-    """Pads, ring by ring."""
-    return result.scene.pads
-
-
 def moving(result: RunResult) -> str:
     """What moves along the body, in a word."""
     return "slider" if result.scene.points else "mouth"
 
 
+def forces_called(result: RunResult) -> str:
+    """Forces between the body and what holds it, in words."""
+    sliders = len(result.scene.points)
+    return "pad forces" if not sliders else "slider force" if sliders == 1 else "slider forces"
+
+
 def offsets(result: RunResult) -> tuple[float, ...]:
     """Distances in m ahead of s at which something moves along the body."""
-    return result.scene.points or tuple(dict.fromkeys(ring.at for ring in rings(result) if ring.moving))
+    return result.scene.points or tuple(dict.fromkeys(ring.at for ring in result.scene.pads if ring.moving))
 
 
 def length(result: RunResult) -> float:
@@ -157,11 +151,6 @@ def length(result: RunResult) -> float:
     if scene.body.length is not None:
         return scene.body.length
     return float(result.fields.points[:, 0].max()) if result.fields is not None else scene.observe.end or 0.0
-
-
-def box(result: RunResult) -> Box | None:
-    """The box section, where the scene has one."""
-    return result.scene.body.box
 
 
 def loads(result: RunResult) -> list[Acting]:
@@ -173,16 +162,6 @@ def loads(result: RunResult) -> list[Acting]:
         at = end if isinstance(one.on, str) else one.on
         found.append(Acting(one.name, kind, at, f"{where} along {one.direction}", one.signal))
     return found
-
-
-def weight(result: RunResult) -> Gravity | None:
-    """The weight, if it acts."""
-    return result.scene.gravity
-
-
-def masses(result: RunResult) -> list[PointMass]:
-    """What is attached to the body."""
-    return list(result.scene.masses)
 
 
 def held(result: RunResult) -> list[str]:
@@ -200,7 +179,7 @@ def fixtures(result: RunResult) -> list[Fixture]:
         for support in scene.supports
         if {"y", "z"} & set(support.held)
     ]
-    return supports + [Fixture(ring.at, "roller") for ring in rings(result) if not ring.moving]
+    return supports + [Fixture(ring.at, "roller") for ring in result.scene.pads if not ring.moving]
 
 
 def stress_times(result: RunResult) -> Array:

@@ -13,19 +13,7 @@ from numpy.typing import NDArray
 from pmr.report.figures.canvas import INK, MUTED
 from pmr.report.figures.paper import LOAD, Paper
 from pmr.report.numbers import SPACE, plain
-from pmr.report.subject import (
-    Acting,
-    box,
-    fixtures,
-    held,
-    length,
-    loads,
-    masses,
-    moving,
-    offsets,
-    rings,
-    weight,
-)
+from pmr.report.subject import Acting, fixtures, held, length, loads, moving, offsets
 from pmr.results import RunResult
 
 BODY, STEEL, PAD = "#0b5c99", "#d5e3ee", "#3b4a57"
@@ -87,16 +75,16 @@ def _on_supports(result: RunResult, stretch: _Stretch) -> Figure:
 def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
     """A body that slides out of a mouth at 0, as far out as it goes."""
     end = length(result)
-    ahead = max((ring.at + ring.length / 2.0 for ring in rings(result) if ring.moving), default=0.0)
+    ahead = max((ring.at + ring.length / 2.0 for ring in result.scene.pads if ring.moving), default=0.0)
     paper = Paper(-stretch.high - 0.1, end - stretch.low, 1.5)
-    inch, shape = paper.inch, box(result)
+    inch, shape = paper.inch, result.scene.body.box
     tall = float(np.clip(shape.height if shape else 0.0, THIN * inch, THICK * inch))
     gap = 0.06 * inch
     tail, tip, outer = -stretch.low, end - stretch.low, tall / 2.0 + gap
     for side in (-1.0, 1.0):
         paper.ax.plot([-stretch.high - 0.1, ahead], [side * outer] * 2, color=MUTED, linewidth=1.6)
     paper.box(tail, -tall / 2.0, end, tall, facecolor=STEEL, edgecolor=BODY, linewidth=0.9)
-    for ring in rings(result):
+    for ring in result.scene.pads:
         centre = ring.at if ring.moving else tail + ring.at
         wide = max(ring.length, 0.05 * inch)
         sides = [side for side, face in ((1.0, "top"), (-1.0, "bottom")) if face in ring.faces]
@@ -113,7 +101,7 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
         paper.ax.plot([0.0, 0.0], [-outer - 0.3 * inch, -outer], color=MUTED, linewidth=0.5)
     out = stretch.words(end - stretch.high, tip) if stretch.moves else f"{plain(tip)}{SPACE}m"
     paper.range(-outer - 0.24 * inch, 0.0, tip, f"{out} beyond the mouth")
-    if weight(result) is not None:
+    if result.scene.gravity is not None:
         middle = tail + 0.62 * end
         paper.arrow(middle, tall / 2.0 + ARROW * inch, 0.0, -ARROW * inch, MUTED)
         paper.write(middle + 0.1 * inch, tall / 2.0 + 0.2 * inch, "g", MUTED)
@@ -160,7 +148,7 @@ def _loads(paper: Paper, result: RunResult, tail: float, tip: float, above: floa
 
 
 def _masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[str, str]]:
-    for mass in masses(result):
+    for mass in result.scene.masses:
         paper.disc(tip, 0.0, 0.07 * paper.inch, facecolor=INK, edgecolor="none")
         yield f"{mass.name}, {plain(mass.mass)}{SPACE}kg", INK
 

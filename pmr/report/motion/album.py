@@ -15,7 +15,6 @@ from pmr.report.motion.renderer import NoPictureError, Piece, Shot, develop, fra
 from pmr.report.motion.surface import Surface, surface
 from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import SPACE, plain, quantity
-from pmr.report.subject import box
 from pmr.results import Fields, RunResult
 
 Array = NDArray[np.float64]
@@ -57,7 +56,7 @@ class _Views:
 
     def __init__(self, result: RunResult, fields: Fields) -> None:
         self.result, self.fields = result, fields
-        self.body: Surface = surface(fields, box(result))
+        self.body: Surface = surface(fields, result.scene.body.box)
         self.stage = stage(result, self.body)
         self.scale = scale(result, fields)
         self.limits = (0.0, top(fields) / 1e6 if fields.von_mises else 1.0)

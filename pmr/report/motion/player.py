@@ -20,7 +20,7 @@ from pmr.report.motion.packing import packed, speeds
 from pmr.report.motion.surface import surface
 from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import percent, plain
-from pmr.report.subject import box, length
+from pmr.report.subject import length
 from pmr.results import RunResult
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def player(result: RunResult) -> dict[str, Any]:
     fields = result.fields
     if fields is None or len(fields.t) < 2:
         return {}
-    body = surface(fields, box(result))
+    body = surface(fields, result.scene.body.box)
     if len(body.faces) > MOST_FACES:
         return {}
     moved = body.moved(fields, fields.displacement).reshape(len(fields.t), -1)

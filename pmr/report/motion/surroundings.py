@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.motion.surface import Surface
-from pmr.report.subject import rings
 from pmr.results import RunResult
 from pmr.scene.built import Face, PadRing
 
@@ -42,7 +41,7 @@ class Stage:
 def stage(result: RunResult, body: Surface) -> Stage:
     """The surroundings of a body, at s = 0."""
     low, high = body.points.min(axis=0), body.points.max(axis=0)
-    found = {moving: [ring for ring in rings(result) if ring.moving is moving] for moving in (False, True)}
+    found = {moving: [ring for ring in result.scene.pads if ring.moving is moving] for moving in (False, True)}
     near, tail = (
         tuple(block for ring in found[moving] for block in _pads(ring, low, high)) for moving in (True, False)
     )

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any, get_args
+
+from pydantic import BaseModel
 
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.scene import Scene
+from pmr.scene.section import quantity_of as quantity_in
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import RunRecord
 
@@ -14,10 +19,9 @@ _PLACES = {
     "tip": "at the tip",
     "beam": "along the beam",
     "slider_force": "of the slider force",
-    "pad_force": "of the pad forces",
+    "pad_force": "of the forces",
 }
 _AGAINST = {"full": "", "ancf": " against ANCF"}
-_UNITS = {"step": "s", "end": "s", "size": "m", "along": "m", "at": "m", "mass": "kg", "thickness": "m", "wall": "m"}
 
 
 @dataclass(frozen=True)
@@ -55,8 +59,23 @@ def worded(value: Scalar) -> str:
 
 
 def unit_of(key: str) -> str:
-    """Unit of a scene's key; empty for a plain number or a word."""
-    return _UNITS.get(key.rpartition(".")[2], "")
+    """Unit of a scene's key, as the scene declares it; empty for a plain number, a word, or what is no such key."""
+    section: type[BaseModel] = Scene
+    *path, last = key.split(".")
+    for part in path:
+        inside = section.model_fields.get(part.partition("[")[0])  # what is no key names an entry of a list
+        if inside is not None:
+            section = next(_sections(inside.annotation), section)
+    found = quantity_in(section, last) if last in section.model_fields else None
+    return "" if found is None or found.unit == "1" else found.unit.replace("^2", "²").replace("^3", "³")
+
+
+def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Sections that a field may hold."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _sections(part)
 
 
 def heading(key: str) -> str:

@@ -9,7 +9,7 @@ import pytest
 
 from pmr.report.blocks import Chapter
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.names import called, heading, key_words, quantity_of
+from pmr.report.studies.names import called, heading, key_words, quantity_of, unit_of
 from pmr.report.studies.runs import MOST_COLUMNS, content, varied
 from pmr.studies.results import RunRecord, StudyResults
 
@@ -68,6 +68,24 @@ def test_runs_are_called_by_what_was_varied() -> None:
     assert called(one, "reduction.coordinates") == "fine-inertia, time step 0.001\u00a0s, flexibility yes"
     assert called(run("alone", {})) == "alone"
     assert (key_words("reduction.residual_inertia"), heading("time.step")) == ("residual inertia", "time step in s")
+
+
+@pytest.mark.parametrize(
+    ("key", "unit"),
+    [
+        ("time.step", "s"),
+        ("body.box.wall", "m"),
+        ("masses.payload.mass", "kg"),
+        ("pads[0].stiffness", "N/m"),
+        ("body.material.density", "kg/m³"),
+        ("reduction.coordinates", ""),
+        ("reduction.basis", ""),
+        ("case", ""),
+        ("no.such.key", ""),
+    ],
+)
+def test_keys_have_the_units_that_a_scene_declares(key: str, unit: str) -> None:
+    assert unit_of(key) == unit
 
 
 def test_the_headline_has_the_least_and_the_largest_error() -> None:
