@@ -8,11 +8,34 @@ from numpy.typing import NDArray
 
 from pmr.compare import closed_form
 from pmr.reduced.model import ReducedModel
+from pmr.results import FrequencyCurves
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam
 from pmr.system.compliant_rows import CompliantRows
 
 Array = NDArray[np.float64]
+
+
+#: Frequencies that are compared, and places at which: beyond so many coordinates each of these costs some tenths of a
+#: second and more.
+CURVES, POSITIONS, FEWER_POSITIONS, LARGE = 6, 49, 11, 300
+
+
+def visited_positions(scene: Scene, size: int) -> Array:
+    """Path coordinates (S,) in m, evenly over the path, at which frequencies of `size` coordinates are compared."""
+    low, high = scene.path_bounds
+    return np.linspace(low, high, POSITIONS if size <= LARGE else FEWER_POSITIONS) if high > low else np.array([low])
+
+
+def frequency_curves(scene: Scene, reduced: ReducedModel, s: Array, full: Array) -> FrequencyCurves:
+    """Those of the reduced model, and in closed form where there is one, beside the full model's (S, f) at s (S,)."""
+    count = full.shape[1]
+    return FrequencyCurves(
+        s,
+        full,
+        reduced=reduced_frequencies(reduced, s, count),
+        closed_form=closed_form_frequencies(scene, s, count),
+    )
 
 
 def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from pmr import environment
-from pmr.compare import pad_forces
 from pmr.compare.frequencies import reduced_frequencies
 from pmr.compare.responses import check_installed, simulate
+from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated
 from pmr.environment import Clock
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, RunResult, Shapes
 from pmr.scene import Scene
-from pmr.simulate import Excitation, contact_step, resolution
+from pmr.simulate import Excitation
 
 #: Frequencies, and places along the path at which they are found.
 FREQUENCIES, POSITIONS = 6, 11
@@ -41,31 +38,27 @@ def simulate_saved(reduced: ReducedModel, scene: Scene, clock: Clock | None = No
     excitation.along(reduced.domain)
     simulations = simulate(scene, reduced, {}, clock)
     response = simulations.responses["reduced"]
-    said = resolution.unseen(excitation.signals, excitation.stepping)
-    said += resolution.overshooting(excitation.signals, excitation.stepping)
-    said += pad_forces.warnings(scene, response) + contact_step.warnings(reduced, excitation)
-    summary: dict[str, Any] = {
-        "title": scene.title,
-        "scene_hash": scene.hash,
-        "model": {name: reduced.provenance.get(name) for name in ("scene_hash", "basis", "versions")},
+    made = {name: reduced.provenance.get(name) for name in ("scene_hash", "basis", "versions")}
+    figures = {
+        "model": made,
         "max_displacement": float(np.abs(response.displacement).max()),
         "coordinates": {"reduced": reduced.size},
-        "seconds": {"simulate": dict(simulations.seconds)},
         "simulators": {"reduced": simulations.first},
-        "agreement": dict(simulations.agreement),
-        "versions": environment.versions(),
-        "commit": environment.commit(),
-        "date": environment.today(),
-        "machine": environment.machine(),
-        "warnings": said,
     }
-    summary |= pad_forces.summary(scene, response) | contact_step.summary(reduced, excitation)
+    parts = [
+        made_with(scene),
+        Part(figures),
+        simulated(simulations, {}),
+        driven(excitation),
+        pads(scene, response),
+        contact(reduced, excitation),
+    ]
     s = np.unique(np.linspace(excitation.s.min(), excitation.s.max(), POSITIONS))
     found = reduced_frequencies(reduced, s, min(FREQUENCIES, reduced.size))
     nothing = np.zeros((len(s), 0))
     return RunResult(
         scene,
-        summary,
+        gathered(parts),
         simulations.responses,
         excitation.s[:, 0],
         excitation.path_rate,

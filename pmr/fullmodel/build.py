@@ -35,21 +35,23 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
         If the scene's mesh does not fit what stands on it.
     """
     structure = structure_of(scene, comm)
-    if comm.rank == 0:
-        _say_round_off(structure)
     return Built(structural_model(structure, comm), structure)
 
 
 def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
-    """The full model alone; as `build`."""
-    return build(scene, comm).model
+    """The full model alone; as `build`, with its warnings in the log."""
+    built = build(scene, comm)
+    for said in warnings(built.structure) if comm.rank == 0 else ():
+        logger.warning("%s", said)
+    return built.model
 
 
-def _say_round_off(structure: Structure) -> None:
+def warnings(structure: Structure) -> list[str]:
+    """A line where elements are so short that round-off in the stiffness can be seen in the frequencies."""
     model = structure.model
-    if isinstance(model, Beam2D) and model.round_off > NOTICED_ROUND_OFF:
-        logger.warning(
-            "round-off in the stiffness of so short elements changes the lowest frequency by about %.0e of its value; "
-            "fewer elements are more accurate",
-            model.round_off,
-        )
+    if not isinstance(model, Beam2D) or model.round_off <= NOTICED_ROUND_OFF:
+        return []
+    return [
+        "round-off in the stiffness of so short elements changes the lowest frequency by about "
+        f"{model.round_off:.0e} of its value; fewer elements are more accurate"
+    ]

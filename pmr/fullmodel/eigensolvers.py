@@ -138,6 +138,19 @@ class SlepcEigenSolver:
         return solved(eps, count)
 
 
+def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> Array:
+    """The `count` lowest (S, f) in rad/s, or all there are, with the sliders at s (S,) m; collective.
+
+    Raises
+    ------
+    ConvergenceError
+        If SLEPc finds too few.
+    """
+    found = eigensolver(model, solver)
+    count = min(count, model.size - len(model.rows.names))
+    return np.array([found.lowest(float(at), count).omega for at in s])
+
+
 def _check_count(count: int, dimension: int) -> None:
     if count > dimension:
         raise ConvergenceError(

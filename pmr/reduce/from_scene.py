@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pmr import environment
+from pmr.fem.compat import versions
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduce.galerkin import reduced_model, with_held_coordinates
@@ -53,6 +55,34 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     if choice.flexibility:
         return with_rigid_modes(model, snapshots, rigid_modes(model), choice.coordinates, choice.product, choice.solver)
     return pod(model, snapshots, choice.coordinates, choice.product, choice.solver)
+
+
+def provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
+    """What a reduced model says of where it comes from."""
+    described = scene.model_dump(mode="json", exclude={"published"})
+    if scene.mesh.file is not None:
+        # The model travels; its folders stay, the hash has the content.
+        described["mesh"]["file"] = scene.mesh.file.name
+    return {
+        "scene": described,
+        "scene_hash": scene.hash,
+        "basis": description(scene, basis),
+        "kappa": basis.kappa(),
+        "versions": environment.versions() | versions(),
+    }
+
+
+def summary(scene: Scene, snapshots: Snapshots, basis: Basis, reduced: ReducedModel) -> dict[str, Any]:
+    """``basis`` of summary.json."""
+    return {
+        "basis": {
+            "kind": description(scene, basis),
+            "kappa": basis.kappa(),
+            "singular_values": basis.sigma.tolist(),
+            "largest_residual": float(snapshots.residuals.max()),
+            "rows_left_out": list(reduced.left_out),
+        }
+    }
 
 
 def project(

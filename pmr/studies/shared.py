@@ -48,9 +48,9 @@ def model_of(scene: Scene) -> FullModel:
 
 @lru_cache(maxsize=4)
 def _model(scene: Scene) -> FullModel:
-    from pmr.fullmodel.build import build
+    from pmr.fullmodel.build import full_model
 
-    return build(scene).model
+    return full_model(scene)
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:
@@ -150,12 +150,13 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
 
 def frequencies(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: the full model's lowest frequencies in rad/s, ``omega`` (S, f), over the path, ``s`` (S,)."""
-    from pmr.run import full_frequencies, visited_positions
+    from pmr.compare.frequencies import CURVES, visited_positions
+    from pmr.fullmodel.eigensolvers import lowest_frequencies
 
     scene = scene_of(arguments)
     model = model_of(scene)
     s = visited_positions(scene, model.size)
-    return TaskResult(arrays={"s": s, "omega": full_frequencies(scene, model, s)})
+    return TaskResult(arrays={"s": s, "omega": lowest_frequencies(model, s, CURVES, scene.reduction.solver)})
 
 
 def _unloaded(scene: Scene) -> Scene:

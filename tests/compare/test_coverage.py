@@ -111,7 +111,7 @@ def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch)
     def fails(*_: object) -> None:
         raise SimulationError("march failed at step 7")
 
-    monkeypatch.setattr("pmr.run.estimate.estimate", fails)
+    monkeypatch.setattr("pmr.compare.estimated.estimate.estimate", fails)
     outcome = run(load_scene("evolved_residual", [*SHORT, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     found = outcome.result.summary["estimate"]

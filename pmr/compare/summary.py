@@ -1,0 +1,111 @@
+"""What a run says in summary.json: each part adds its figures and what a user should know, here they are gathered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pmr import environment
+from pmr.compare import errors, pad_forces, trust, validity
+from pmr.compare.responses import Simulations, full_simulator, quantities
+from pmr.files import jsonfile
+from pmr.reduced.model import ReducedModel
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.simulate import Excitation, contact_step, resolution
+
+
+@dataclass(frozen=True)
+class Part:
+    """Figures by their keys in summary.json, and warnings, a line each."""
+
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
+
+
+def gathered(parts: Iterable[Part]) -> dict[str, Any]:
+    """All figures, and all warnings in the order of the parts under ``warnings``.
+
+    Raises
+    ------
+    ValueError
+        If two parts have figures of the same key.
+    """
+    summary, warnings = dict[str, Any](), list[str]()
+    for part in parts:
+        if twice := summary.keys() & part.figures.keys():
+            raise ValueError(f"two parts of a summary have {', '.join(sorted(twice))}")
+        summary |= part.figures
+        warnings += part.warnings
+    return summary | {"warnings": warnings + jsonfile.remarks(summary)}
+
+
+def made_with(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
+    """What the result is of, and what it was made with: `libraries` are those beside pmr's own."""
+    return Part(
+        {
+            "title": scene.title,
+            "scene_hash": scene.hash,
+            "versions": environment.versions() | dict(libraries or {}),
+            "commit": environment.commit(),
+            "date": environment.today(),
+            "machine": environment.machine(),
+            "notes": list(scene.published.remarks) if scene.published else [],
+        }
+    )
+
+
+def simulated(simulations: Simulations, stages: Mapping[str, float]) -> Part:
+    """Seconds of the `stages` and of the simulators, and how far those agree."""
+    return Part(
+        {
+            "seconds": {**stages, "simulate": dict(simulations.seconds)},
+            "agreement": dict(simulations.agreement),
+        }
+    )
+
+
+def compared(scene: Scene, simulations: Simulations, size: int) -> Part:
+    """Errors beside the references; `size` is that of the full model."""
+    responses, measured = simulations.responses, quantities(scene)
+    reduced = responses["reduced"].displacement
+    reference = responses["full"].displacement if "full" in responses else reduced
+    full = {"full": full_simulator(scene, size)} if "full" in responses else {}
+    return Part(
+        {
+            "errors": errors.errors(responses, quantities=measured),
+            "absolute_errors": errors.errors(responses, errors.absolute_error, quantities=measured),
+            "max_displacement": float(np.abs(reference).max()),
+            "max_error": float(np.abs(reduced - reference).max()) if full else None,
+            "simulators": {"reduced": simulations.first} | full,
+        }
+    )
+
+
+def driven(excitation: Excitation) -> Part:
+    """What of path and loads the simulation does not see, or sees otherwise than they were given."""
+    signals, stepping = excitation.signals, excitation.stepping
+    return Part(warnings=resolution.unseen(signals, stepping) + resolution.overshooting(signals, stepping))
+
+
+def pads(scene: Scene, response: Response) -> Part:
+    """Forces of the pads."""
+    return Part(pad_forces.summary(scene, response), pad_forces.warnings(scene, response))
+
+
+def contact(reduced: ReducedModel, excitation: Excitation) -> Part:
+    """How fine the step is for rows that only push."""
+    return Part(contact_step.summary(reduced, excitation), contact_step.warnings(reduced, excitation))
+
+
+def trusted(missing: Mapping[str, str], responses: Mapping[str, Response]) -> Part:
+    """References that are `missing`, and whether the reduced motion is to be trusted."""
+    return Part({"no_reference": dict(missing)}, trust.warnings(missing, responses["reduced"]))
+
+
+def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
+    """Motions beyond what the models' theory describes."""
+    return Part(warnings=validity.large_motion(scene.length, responses.values()))
