@@ -19,10 +19,14 @@ def export(
     model: Annotated[Path, typer.Argument(metavar="reduced.npz", help="A reduced model that `pmr run` wrote.")],
     to: Annotated[str, typer.Option("--to", metavar="FORMAT", help=f"{_SAYS}.")] = "exudyn",
     out_file: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="[default: sliding_body.* beside the model]")
+        Path | None, typer.Option("--out", metavar="FILE", help="[default: a name of the format beside the model]")
     ] = None,
     fmi: Annotated[
         str | None, typer.Option("--fmi", metavar="2|3", help="Version of the interface, for fmu.  [default: 3]")
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option("--at", metavar="S,...", help="Places of the sliders in m, for state spaces.  [default: a grid]"),
     ] = None,
 ) -> None:
     """Write a reduced model as something a user can build on, without pmr.
@@ -32,9 +36,11 @@ def export(
         pmr export reports/paper_simple/reduced.npz --to exudyn
 
         pmr export reports/boom_shell/reduced.npz --to fmu --fmi 2
+
+        pmr export reports/boom_shell/reduced.npz --to matlab --at 1.5,2.5,4
     """
     if out_file is not None and out_file.is_dir():
         raise InputError("command line", "--out", str(out_file), "the name of a file is allowed")
     ensure_writable((out_file or model).parent)
     finished(model.parent)
-    say(out, str(write(to, model, out_file, Options(fmi))))
+    say(out, str(write(to, model, out_file, Options(fmi, at))))

@@ -18,9 +18,12 @@ class Options:
     ----------
     fmi : str or None
         Version of the Functional Mock-up Interface.
+    at : str or None
+        Places of the sliders in m, separated by commas.
     """
 
     fmi: str | None = None
+    at: str | None = None
 
 
 @dataclass(frozen=True)
@@ -46,9 +49,31 @@ def _fmu(model: Path, target: Path, options: Options) -> Path:
     return write_fmu(model, target, options.fmi or "3")
 
 
+def _matlab(model: Path, target: Path, options: Options) -> Path:
+    from pmr.export.control import write_matlab
+
+    return write_matlab(model, target, options.at)
+
+
+def _python_control(model: Path, target: Path, options: Options) -> Path:
+    from pmr.export.control import write_python_control
+
+    return write_python_control(model, target, options.at)
+
+
+def _frequency_response(model: Path, target: Path, options: Options) -> Path:
+    from pmr.export.control import write_frequency_response
+
+    return write_frequency_response(model, target, options.at)
+
+
+_AT = frozenset({"at"})
 FORMATS = {
     "exudyn": Format("a standalone Python script", "sliding_body.py", frozenset(), _exudyn),
     "fmu": Format("a functional mock-up unit", "sliding_body.fmu", frozenset({"fmi"}), _fmu),
+    "matlab": Format("state space on a grid of s", "state_space.mat", _AT, _matlab),
+    "python-control": Format("the same, read by a script", "state_space.py", _AT, _python_control),
+    "frequency-response": Format("a table and a picture over s", "frequency_response.csv", _AT, _frequency_response),
 }
 
 

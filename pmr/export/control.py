@@ -1,0 +1,155 @@
+"""State space on a grid of s for MATLAB and python-control, and its frequency response as a table and a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.export.state_space import StateSpace, places, state_space
+from pmr.files.whole import replaced
+from pmr.reduced.model import ReducedModel
+
+Array = NDArray[np.float64]
+#: Frequencies of a response.
+FREQUENCIES = 400
+#: Gains below this share of the largest are round-off of what symmetry keeps apart, and drawn alike.
+FLOOR = 1e-12
+
+_SCRIPT = '''\
+"""A reduced model with its sliders held at places, as state spaces of python-control.
+
+    from {module} import S, nearest, system
+
+S (m) are the places; `system(k)` is the state space at S[k], `nearest(s)` that at the place next to s.
+Needs numpy, scipy and control, and the file {data} in this folder.
+"""
+
+from pathlib import Path
+
+import control
+import numpy as np
+from scipy.io import loadmat
+
+_DATA = loadmat(Path(__file__).with_name({data!r}))
+S = _DATA["s"].ravel()
+
+
+def _names(key):
+    return [str(cell[0]).replace(".", "_") for cell in _DATA[key].ravel()]  # control allows no dots
+
+
+def system(k):
+    """x' = A x + B f, y = C x + D f with the sliders at S[k] m."""
+    parts = [_DATA[name][:, :, k] for name in "ABCD"]
+    return control.ss(*parts, inputs=_names("inputs"), outputs=_names("outputs"), states=_names("states"))
+
+
+def nearest(s):
+    """The state space at the place next to s (m)."""
+    return system(int(np.argmin(np.abs(S - s))))
+
+
+if __name__ == "__main__":
+    for k, s in enumerate(S):
+        poles = system(k).poles()
+        hertz = np.sort(np.abs(poles[poles.imag > 0.0])) / (2.0 * np.pi)
+        print(f"s = {{s:.4g}} m: {{', '.join(f'{{f:.4g}}' for f in hertz[:4])}} Hz")
+'''
+
+
+def write_matlab(npz_path: Path, target: Path, at: str | None) -> Path:
+    """Write A, B, C, D as arrays (., ., S) over the places s, as MATLAB's ``ss`` takes them, with all names.
+
+    Raises
+    ------
+    InputError
+        As `pmr.export.state_space.state_space` and `places`.
+    """
+    return _written(_space(npz_path, at), target)
+
+
+def write_python_control(npz_path: Path, target: Path, at: str | None) -> Path:
+    """Write a script for python-control, and beside it the file that it reads.
+
+    Raises
+    ------
+    InputError
+        As `write_matlab`, or if the script's name ends in ``.mat``.
+    """
+    data = target.with_suffix(".mat")
+    if data == target or not target.stem.isidentifier():
+        raise InputError("command line", "--out", str(target), "a name that Python can import, .py, is allowed")
+    _written(_space(npz_path, at), data)
+    with replaced(target) as part:
+        part.write_text(_SCRIPT.format(module=target.stem, data=data.name), encoding="utf-8")
+    return target
+
+
+def write_frequency_response(npz_path: Path, target: Path, at: str | None) -> Path:
+    """Write gain (output's unit over the input's) and phase (degrees) as a table, and a picture of the gain over s.
+
+    Of the outputs the last displacement is taken, that of the tip.
+
+    Raises
+    ------
+    InputError
+        As `write_matlab`.
+    """
+    space = _space(npz_path, at)
+    output = max(k for k, unit in enumerate(space.units) if unit != "N")
+    r = space.A.shape[1] // 2
+    natural = np.sqrt(np.abs(np.linalg.eigvals(-space.A[:, r:, :r]).real))
+    f = np.geomspace(0.1 * natural.min(), 1.2 * natural.max(), FREQUENCIES) / (2.0 * np.pi)
+    response = space.frequency_response(2.0 * np.pi * f)[:, :, output]
+    with replaced(target) as part:
+        part.write_text(_table(space, f, response, space.outputs[output]), encoding="utf-8")
+    _draw(space, f, np.abs(response), space.outputs[output], target.with_suffix(".png"))
+    return target
+
+
+def _space(npz_path: Path, at: str | None) -> StateSpace:
+    model = ReducedModel.load(npz_path)
+    return state_space(model, places(model, at), npz_path.name)
+
+
+def _written(space: StateSpace, target: Path) -> Path:
+    matrices = {name: np.moveaxis(getattr(space, name), 0, 2) for name in "ABCD"}
+    names = {name: np.array(getattr(space, name), dtype=object) for name in ("inputs", "outputs", "units", "states")}
+    with replaced(target) as part, part.open("wb") as stream:
+        scipy.io.savemat(stream, {"s": space.s, **matrices, **names})
+    return target
+
+
+def _table(space: StateSpace, f: Array, response: NDArray[np.complex128], output: str) -> str:
+    of = [f"{output} / {name}" for name in space.inputs]
+    lines = [",".join(["s in m", "f in Hz", *(f'"{what} of {pair}"' for pair in of for what in ("gain", "phase"))])]
+    gain, phase = np.abs(response), np.degrees(np.angle(response))
+    for k, s in enumerate(space.s):
+        for w, hertz in enumerate(f):
+            numbers = np.column_stack([gain[k, w], phase[k, w]]).ravel()
+            lines.append(",".join(f"{x:.9g}" for x in (s, hertz, *numbers)))
+    return "\n".join([*lines, ""])
+
+
+def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.0 * len(space.inputs), 4.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    for k, name in enumerate(space.inputs):
+        axes = figure.add_subplot(1, len(space.inputs), k + 1, yscale="log", xlabel="s in m", ylabel="f in Hz")
+        level = 20.0 * np.log10(np.maximum(gain[:, :, k], FLOOR * gain.max())).T
+        if len(space.s) > 1:
+            mesh = axes.pcolormesh(space.s, f, level, shading="nearest", rasterized=True)
+            figure.colorbar(mesh, label="gain in dB")
+        else:
+            axes.plot(level[:, 0], f)
+            axes.set_xlabel("gain in dB")
+        axes.set_title(f"{output} over {name}")
+    with replaced(target) as part, part.open("wb") as stream:
+        figure.savefig(stream, format="png", dpi=150)

@@ -1,0 +1,112 @@
+"""State space and frequency response with the sliders held, read back and against the equations as they are."""
+
+from __future__ import annotations
+
+import runpy
+from dataclasses import replace
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+import scipy.io
+from numpy.typing import NDArray
+from on_pads import beam_on_pads, flexible_on_pads
+from oracle import flexible, project, rich_body
+from processes import called
+
+from pmr.compare.frequencies import reduced_frequencies
+from pmr.errors import InputError
+from pmr.export.state_space import places, state_space
+from pmr.reduced.model import ReducedModel
+
+S = np.array([1.7, 2.3, 2.9])
+
+
+@pytest.fixture(scope="module")
+def model() -> ReducedModel:
+    """Two sliders, a force and a moment, damping."""
+    return replace(flexible(rich_body(), 6), pads=np.array([2e-6, 3e-6]))
+
+
+@pytest.fixture
+def saved(model: ReducedModel, tmp_path: Path) -> Path:
+    return model.save(tmp_path / "reduced.npz")
+
+
+def response(model: ReducedModel, s: float, w: float) -> NDArray[np.complex128]:
+    """Outputs and forces (q, i) from the equations with their multipliers, in the model's own coordinates."""
+    tables, C, r = model.flexibility, model.C(s), model.size
+    assert tables is not None
+    F = tables.rows(s) + np.diag(model.row_compliance)
+    dynamic = model.K + 1j * w * model.D - w**2 * model.M
+    x = np.linalg.solve(np.block([[dynamic, C.T], [C, -F]]), np.vstack([model.B, -tables.inputs(s)]))
+    y = model.outputs @ x[:r] + tables.direct - tables.outputs(s) @ x[r:]
+    return np.vstack([y, x[r:]])
+
+
+def test_the_response_is_that_of_the_equations(model: ReducedModel) -> None:
+    omega = np.array([0.0, 3.0, 40.0, 700.0])
+    found = state_space(model, S, "model").frequency_response(omega)
+    for k, s in enumerate(S):
+        for j, w in enumerate(omega):
+            expected = response(model, s, w)
+            np.testing.assert_allclose(found[k, j], expected, rtol=1e-9, atol=1e-10 * np.abs(expected).max())
+
+
+def test_undamped_poles_are_the_frequencies(model: ReducedModel) -> None:
+    bare = replace(model, D=np.zeros_like(model.D), rayleigh=None)
+    space = state_space(bare, S, "model")
+    expected = reduced_frequencies(bare, S, 4)
+    for A, omega in zip(space.A, expected, strict=True):
+        found = np.sort(np.abs(np.linalg.eigvals(A).imag))[::2][:4]
+        np.testing.assert_allclose(found, omega, rtol=1e-8)
+
+
+def test_matlab_and_python_control_read_the_same(saved: Path, model: ReducedModel, monkeypatch, capsys) -> None:
+    target = saved.with_name("boom.py")
+    done = called(
+        monkeypatch, capsys, "export", str(saved), "--to", "python-control", "--at", "2.3,1.7,2.9", "--out", str(target)
+    )
+    assert done.returncode == 0, done.stderr
+    space, data = state_space(model, S, "model"), scipy.io.loadmat(target.with_suffix(".mat"))
+    np.testing.assert_array_equal(data["s"].ravel(), S)
+    for name in "ABCD":
+        np.testing.assert_array_equal(np.moveaxis(data[name], 2, 0), getattr(space, name))
+    assert [str(cell[0]) for cell in data["outputs"].ravel()] == list(space.outputs)
+    script = runpy.run_path(str(target))
+    for k, s in enumerate(S):
+        one = script["nearest"](s + 0.01)
+        assert isinstance(one, control.StateSpace) and one.ninputs == 2 and one.noutputs == len(space.outputs)
+        expected = response(model, s, 40.0)
+        np.testing.assert_allclose(one(40.0j), expected, rtol=1e-9, atol=1e-10 * np.abs(expected).max())
+        assert k == int(np.argmin(np.abs(script["S"] - s)))
+
+
+def test_a_table_and_a_picture(saved: Path, model: ReducedModel, monkeypatch, capsys) -> None:
+    done = called(monkeypatch, capsys, "export", str(saved), "--to", "frequency-response", "--at", "1.7,2.3")
+    assert done.returncode == 0, done.stderr
+    table = np.genfromtxt(saved.with_name("frequency_response.csv"), delimiter=",", skip_header=1)
+    assert table.shape == (800, 6) and saved.with_name("frequency_response.png").read_bytes()[:4] == b"\x89PNG"
+    for row in table[[0, 399, 650]]:
+        expected = response(model, row[0], 2.0 * np.pi * row[1])[len(model.outputs) - 1]
+        np.testing.assert_allclose(row[[2, 4]], np.abs(expected), rtol=1e-6)
+        np.testing.assert_allclose(row[[3, 5]], np.degrees(np.angle(expected)), rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("asked", ["1.7;2", "9", "nan", ""])
+def test_places_off_the_path_are_refused(model: ReducedModel, asked: str) -> None:
+    with pytest.raises(InputError, match=r"--at = .*: places from 0 to "):
+        places(model, asked)
+
+
+def test_what_leaves_no_state_space_is_refused(monkeypatch, capsys, tmp_path: Path) -> None:
+    rich = rich_body()
+    for model, says in (
+        (project(rich, np.eye(rich.size)[:, 2:]), "slider.* are rigid"),
+        (flexible_on_pads(beam_on_pads(1e-4), 6), "only push"),
+    ):
+        with pytest.raises(InputError, match=says):
+            state_space(model, np.array([2.0]), "model")
+    done = called(monkeypatch, capsys, "export", "reduced.npz", "--to", "exudyn", "--at", "2")
+    assert done.returncode == 2 and "it is allowed with --to matlab" in done.stderr
