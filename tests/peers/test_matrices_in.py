@@ -46,8 +46,11 @@ def test_frequencies_are_those_of_calculix(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
-def test_the_whole_way_and_beside_a_shell(tmp_path: Path) -> None:
-    """Reduced against full 0.1 % at most; the lowest frequencies on pads are within 2 % of a shell as fine."""
+def test_the_whole_way_and_beside_a_solid(tmp_path: Path) -> None:
+    """Reduced against full 0.1 % at most; on pads the lowest frequencies of a solid of FEniCSx with cells of that size.
+
+    These are 4 % and 1.4 % lower: its cells have 27 nodes, CalculiX's 20, and walls under pads are what a mesh decides.
+    """
     given = read(solid_boom(60, 6, 8), tmp_path)
     path = {"kind": "smooth_ramp", "times": [0.0, 0.4], "values": [1.5, 2.5]}
     compare = {"against": ["full"]}
@@ -57,6 +60,6 @@ def test_the_whole_way_and_beside_a_shell(tmp_path: Path) -> None:
     errors = outcome.result.summary["errors"]["reduced_vs_full"]
     assert max(errors["tip"], errors["beam"]) < 1e-3
     assert outcome.result.summary["coordinates"] == {"full": given.size, "reduced": 10}
-    shell = scenes.load(WORKFLOWS / "boom_shell.toml", ["mesh.size=0.05", "mesh.along=0.1"])
-    lowest = [eigensolver(whole.build(one).model, "slepc").lowest(2.0, 2).omega for one in (case, shell)]
-    np.testing.assert_allclose(lowest[0], lowest[1], rtol=0.02)
+    solid = scenes.load(WORKFLOWS / "boom_solid.toml", ["mesh.size=0.05", "mesh.along=0.1"])
+    found, beside = (eigensolver(whole.build(one).model, "slepc").lowest(2.0, 2).omega for one in (case, solid))
+    assert np.all((found > beside) & (found < 1.05 * beside))
