@@ -139,6 +139,11 @@ class ReducedModel:
         """None: all rows of a reduced model are treated alike."""
         return {}
 
+    @property
+    def lasting(self) -> tuple[str, ...]:
+        """None: the basis satisfies such rows."""
+        return ()
+
     def dense_rows(self, s: Array) -> Array:
         """C(s) (T, m, r) at several path coordinates (T,)."""
         return self.C(s)

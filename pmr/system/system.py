@@ -108,7 +108,8 @@ class System:
     Raises
     ------
     InputError
-        If a contact names a body or row that there is none of, or two contacts have the same name.
+        If a contact names a body or row that there is none of, two contacts have the same name, or a support that
+        holds more than one coordinate of a full body is no contact.
     """
 
     bodies: Mapping[str, SlidingBody]
@@ -130,6 +131,11 @@ class System:
             if body.carriers is None:
                 allowed = "a model with carriers is allowed (`pmr.reduce.residual.model.section_model`)"
                 raise InputError("system", f"bodies.{name}", None, allowed)
+            used = {side.place.row for side in self.sides if side.place.body == name}
+            missing = [row for row in body.lasting if row not in used]
+            if missing:
+                allowed = f"the row {missing[0]} always holds {name}: a contact of it with the ground is needed"
+                raise InputError("system", "contacts", None, allowed)
 
     @property
     def contact_names(self) -> tuple[str, ...]:

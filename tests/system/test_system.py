@@ -10,6 +10,7 @@ import scipy.linalg
 import scipy.optimize
 from nested import FROM_END, LENGTH, Box, Nested, full, full_section, plain, reduced, reduced_section
 
+from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.errors import InputError
 from pmr.system.assembly import Assembly
 from pmr.system.statics import Equilibrium, equilibrium
@@ -199,6 +200,20 @@ def test_places_beyond_a_body_and_paths_that_are_missing() -> None:
         system.coordinates({"1": 6.0})
     with pytest.raises(InputError, match="contacts.tail 1.path = '1': a path for it is needed; given: none"):
         system.coordinates({})
+
+
+def test_a_support_of_several_coordinates_is_a_contact() -> None:
+    system = full(Nested(2, elements=10))
+    body = system.bodies["1"]
+    held = fixed_row("axle", carrier([3, 7], [1.0, -2.0], body.size), (0.0, LENGTH))
+    bodies = dict(system.bodies) | {"1": replace(body, rows=Rows((*body.rows.rows, held), body.size))}
+    with pytest.raises(InputError, match="the row axle always holds 1: a contact of it with the ground is needed"):
+        System(bodies, system.contacts)
+    joined = System(bodies, (*system.contacts, Contact("axle", Place("1", "axle"))))
+    x, f = joined.coordinates({"1": 1.0}), loads(joined, 9.81, 0.0)
+    a = Assembly(joined)
+    q = equilibrium(a, x, f).q[a.coordinates["1"]]
+    assert q[3] - 2.0 * q[7] == pytest.approx(0.0, abs=1e-10 * np.abs(q).max())
 
 
 def test_bodies_without_carriers_are_refused() -> None:
