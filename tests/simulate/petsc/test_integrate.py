@@ -17,6 +17,7 @@ from pmr.compare.evaluation import respond as responded
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
+from pmr.reduced.damping import Rayleigh
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulate import InitialState, TimeStepping
 from pmr.simulate.native import simulator as march
@@ -90,6 +91,22 @@ def test_any_damping(rich: FullBody, kind: str) -> None:
     q, _, multipliers = generalized_alpha(body, PATH.value(t), loads_at(LOADS, t), STEPPING, start)
     assert_close(found.y, q @ body.outputs.T, 1e-11)
     assert_close(found.multipliers, multipliers, 1e-10)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("alpha", "beta"), [(0.0, 0.0), (40.0, 0.0), (0.0, 1e-3), (40.0, 1e-3)])
+def test_damping_that_is_known_as_rayleighs_is_the_same_without_its_matrix(
+    rich: FullBody, alpha: float, beta: float
+) -> None:
+    body = replace(rich, D=sp.csr_matrix(alpha * rich.M + beta * rich.K))
+    plain = distributed(body)
+    excitation, start = driven(PATH, LOADS, STEPPING), some_state(body)
+    known, unknown = (
+        observe(model, excitation, EVERYTHING, start)
+        for model in (replace(plain, rayleigh=Rayleigh(alpha, beta)), plain)
+    )
+    assert_close(known.y, unknown.y, 1e-9)
+    assert_close(known.multipliers, unknown.multipliers, 1e-8)
 
 
 @pytest.mark.mpi
