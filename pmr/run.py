@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr import environment
 from pmr.accuracy import mesh as meshes
@@ -30,6 +32,7 @@ from pmr.recover.from_scene import Recovered, recover, recovered_steps
 from pmr.reduce.basis import Basis
 from pmr.reduce.from_scene import build_basis, project, provenance, take_snapshots
 from pmr.reduce.from_scene import summary as describe_basis
+from pmr.reduce.kept import Kept, Reduced, kept_in, with_provenance
 from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
@@ -66,10 +69,12 @@ def run(
     comm: MPI.Comm = MPI.COMM_WORLD,
     clock: Clock | None = None,
     checkpoint: Checkpoint | None = None,
+    cache: Path | None = None,
 ) -> Outcome | None:
     """Run a scene on `comm`; what is not distributed runs on rank 0, the other ranks get None.
 
-    With a `checkpoint` a full-order simulation that was cut off goes on.
+    With a `checkpoint` a full-order simulation that was cut off goes on.  In a `cache`, a folder, reductions and
+    frequencies of full models are kept and found.
 
     Raises
     ------
@@ -85,12 +90,13 @@ def run(
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     size, outputs = built.model.size, built.model.outputs.getSize()[1]
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
-    reduction = _reduce(scene, built.model, clock)
+    kept = None if cache is None else kept_in(cache, built.model)
+    reduction = _kept_or_reduced(scene, built.model, clock, kept)
     choice, on_finer = _chosen(scene, reduction, clock)
     if choice is not None:
         scene, reduction = choice.scene, replace(reduction, reduced=choice.reduced)
     with clock.stage("frequencies"):
-        curves = _frequency_curves(scene, reduction)
+        curves = _frequency_curves(scene, reduction, kept)
     found = references(scene, reduction.model, clock, recovered_steps(scene).tolist(), checkpoint)
     seen = _recovered(scene, built, reduction, found, clock)
     if comm.rank > 0:
@@ -165,6 +171,20 @@ def _reduce(scene: Scene, model: FullModel, clock: Clock) -> Reduction:
     return reduce_with(scene, model, snapshots, clock, body)
 
 
+def _kept_or_reduced(scene: Scene, model: FullModel, clock: Clock, kept: Kept | None) -> Reduction:
+    if kept is None:
+        return _reduce(scene, model, clock)
+
+    def make() -> Reduced:
+        made = _reduce(scene, model, clock)
+        return Reduced(made.snapshots, made.basis, made.reduced)
+
+    asked = scene.reduction.model_dump(mode="json") | {"path": scene.path_bounds}
+    found = kept.reduced(asked, make)
+    found = with_provenance(found, provenance(scene, found.basis))
+    return Reduction(model, found.snapshots, found.basis, found.model)
+
+
 def _chosen(scene: Scene, reduction: Reduction, clock: Clock) -> tuple[order.Choice | None, dict[str, float] | str]:
     """Model and step for the scene's tolerance, if it gives one, and the part of the mesh, or why it isn't known."""
     if scene.accuracy is None:
@@ -183,10 +203,15 @@ def _chosen(scene: Scene, reduction: Reduction, clock: Clock) -> tuple[order.Cho
         )
 
 
-def _frequency_curves(scene: Scene, reduction: Reduction) -> FrequencyCurves:
+def _frequency_curves(scene: Scene, reduction: Reduction, kept: Kept | None) -> FrequencyCurves:
     """Lowest frequencies over the stretch that the path visits."""
     model, s = reduction.model, visited_positions(scene, reduction.model.size)
-    full = lowest_frequencies(model, s, CURVES, scene.reduction.solver)
+
+    def compute() -> NDArray[np.float64]:
+        return lowest_frequencies(model, s, CURVES, scene.reduction.solver)
+
+    asked = {"s": s.tolist(), "count": CURVES, "solver": scene.reduction.solver}
+    full = compute() if kept is None else kept.arrays("frequencies", asked, compute)
     return frequency_curves(scene, reduction.reduced, s, full)
 
 

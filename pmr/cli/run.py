@@ -49,6 +49,13 @@ def run(
         str | None,
         typer.Option(metavar="PERCENT", help="An error that is allowed, 1% say: model and step are chosen to hold it."),
     ] = None,
+    cache: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Keep reductions there, and take those that other loads or another way along the path don't change.",
+        ),
+    ] = None,
 ) -> None:
     """Run scenes the whole way: operators, snapshots, basis, reduced model, simulations, comparison, report.
 
@@ -66,6 +73,8 @@ def run(
         pmr run workflows/paper_evolved.toml --simulators march,exudyn,exudyn-callback
 
         pmr run paper_evolved --tolerance 1%
+
+        pmr run boom_shell --cache reports/cache --set "compare.against=[]"
 
         mpirun -n 2 pmr run SCENE.toml --set reduction.solver=slepc
     """
@@ -98,7 +107,7 @@ def run(
         checkpoint = Checkpoint(where / f"full-{scene.hash}.checkpoint")
         with _progress(name, shown=first) as progress:
             try:
-                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), checkpoint)
+                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), checkpoint, cache)
             except InputError as error:
                 raise error.found_in(str(file)) from None
             except (np.linalg.LinAlgError, ArithmeticError) as error:
