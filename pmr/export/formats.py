@@ -67,6 +67,12 @@ def _frequency_response(model: Path, target: Path, options: Options) -> Path:
     return write_frequency_response(model, target, options.at)
 
 
+def _dmig(model: Path, target: Path, options: Options) -> Path:
+    from pmr.export.nastran import write_dmig
+
+    return write_dmig(model, target, options.at)
+
+
 _AT = frozenset({"at"})
 FORMATS = {
     "exudyn": Format("a standalone Python script", "sliding_body.py", frozenset(), _exudyn),
@@ -74,6 +80,7 @@ FORMATS = {
     "matlab": Format("state space on a grid of s", "state_space.mat", _AT, _matlab),
     "python-control": Format("the same, read by a script", "state_space.py", _AT, _python_control),
     "frequency-response": Format("a table and a picture over s", "frequency_response.csv", _AT, _frequency_response),
+    "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _dmig),
 }
 
 

@@ -1,0 +1,82 @@
+"""A reduced model with its sliders held at places, as matrices of Nastran: DMIG entries on scalar points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.export.state_space import StateSpace, places, state_space
+from pmr.files.whole import replaced
+from pmr.reduced.model import ReducedModel
+
+Array = NDArray[np.float64]
+#: Letters of a wide field: 10 to 12 digits fit.
+FIELD = 16
+_SQUARE, _SYMMETRIC, _RECTANGULAR = 1, 6, 9
+_DOUBLE = 2
+
+
+def write_dmig(npz_path: Path, target: Path, at: str | None) -> Path:
+    """Write M, D and for each place K and the loads, in modal coordinates on the scalar points 1 to r.
+
+    A field holds ten digits or more; what it leaves of a matrix stands in a second one, so that their sum, as Nastran
+    takes it (``K2GG = K1, KL1``), has all digits.
+
+    Raises
+    ------
+    InputError
+        As `pmr.export.state_space.state_space` and `places`.
+    """
+    model = ReducedModel.load(npz_path)
+    space = state_space(model, places(model, at), npz_path.name)
+    with replaced(target) as part:
+        part.write_text("\n".join([*_deck(space), ""]), encoding="utf-8")
+    return target
+
+
+def _deck(space: StateSpace) -> Iterator[str]:
+    r = space.A.shape[1] // 2
+    yield "$ A reduced model in modal coordinates (modal mass 1 kg), SI units; each matrix is the sum of two."
+    yield "$ M2GG = M, ML    B2GG = D, DL    K2GG = K1, KL1 at the first place, and so on; F1, FL1: loads."
+    yield f"$ Loads: {', '.join(space.inputs)}".encode("ascii", "replace").decode()
+    for k, s in enumerate(space.s, start=1):
+        yield f"$ Place {k}: s = {float(s)!r} m"
+    yield f"SPOINT  {1:<8d}THRU    {r:<8d}"
+    yield from _both("M", "", np.eye(r), _SYMMETRIC)
+    damping = -space.A[0, r:, r:]
+    yield from _both("D", "", damping, _SYMMETRIC if np.array_equal(damping, damping.T) else _SQUARE)
+    for k in range(len(space.s)):
+        stiffness = -space.A[k, r:, :r]
+        yield from _both("K", str(k + 1), (stiffness + stiffness.T) / 2.0, _SYMMETRIC)
+        yield from _both("F", str(k + 1), space.B[k, r:], _RECTANGULAR)
+
+
+def _both(letter: str, number: str, A: Array, form: int) -> Iterator[str]:
+    """A matrix, and what its fields leave of it."""
+    rounded = np.vectorize(lambda x: float(_field(x).replace("D", "e")), otypes=[float])(A)
+    yield from _matrix(f"{letter}{number}", A, form)
+    yield from _matrix(f"{letter}L{number}", A - rounded, form)
+
+
+def _matrix(name: str, A: Array, form: int) -> Iterator[str]:
+    columns = f"{A.shape[1]:<8d}" if form == _RECTANGULAR else ""
+    yield f"DMIG    {name:<8}{0:<8d}{form:<8d}{_DOUBLE:<8d}{_DOUBLE:<8d}{'':<16}{columns}".rstrip()
+    for j in range(A.shape[1]):
+        rows = [i for i in range(j if form == _SYMMETRIC else 0, len(A)) if A[i, j] != 0.0 or (i == j)]
+        if rows:
+            yield f"{'DMIG*':<8}{name:<16}{j + 1:<16d}{0:<16d}"
+        for i in rows:
+            yield f"{'*':<8}{i + 1:<16d}{0:<16d}{_field(A[i, j]):<16}"
+
+
+def _field(x: float) -> str:
+    """A number with as many digits as a field has room for."""
+    for digits in range(FIELD, 0, -1):
+        mantissa, exponent = f"{x:.{digits}e}".split("e")
+        text = f"{mantissa}D{int(exponent):+d}"
+        if len(text) <= FIELD:
+            return text
+    raise AssertionError("every double fits")
