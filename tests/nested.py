@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,7 +29,8 @@ from pmr.scene.structures import Profile
 from pmr.simulate.modal import modal_form
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.body import FullBody, SlidingBody
-from pmr.system.system import Contact, Place, System
+from pmr.system.joints import Joint, JointPad
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -80,20 +82,24 @@ def plain(boom: Nested, elastic: int) -> System:
 
 def joined(boom: Nested, bodies: Sequence[SlidingBody]) -> System:
     """Sections that extend by the paths "1" to "3"."""
-    contacts = []
-    for k in range(1, boom.count):
-        inner, outer, path = NAMES[k], NAMES[k - 1], NAMES[k]
-        pads = {
-            f"tail {inner}": (Place(inner, "w", FROM_END), Place(outer, "w", FROM_END, path)),
-            f"mouth {outer}": (Place(inner, "w", LENGTH - FROM_END, path, -1.0), Place(outer, "w", LENGTH - FROM_END)),
-        }
-        ways = {"": 1.0} if boom.clearance is None else {" top": 1.0, " bottom": -1.0}
-        contacts += [
-            Contact(name + way, *places, direction, boom.compliance, boom.clearance)
-            for name, places in pads.items()
-            for way, direction in ways.items()
-        ]
+    contacts = [contact for one in joints(boom) for contact in one.contacts]
     return System(dict(zip(NAMES, bodies, strict=False)), tuple(contacts))
+
+
+def joints(boom: Nested) -> list[Joint]:
+    """One for each section but the first."""
+    ways = {"": 1.0} if boom.clearance is None else {" top": 1.0, " bottom": -1.0}
+
+    def pads(name: str) -> tuple[JointPad, ...]:
+        return tuple(
+            JointPad(name + way, "w", FROM_END, direction, boom.compliance, boom.clearance)
+            for way, direction in ways.items()
+        )
+
+    return [
+        Joint(inner, outer, LENGTH, LENGTH, inner, pads(f"tail {inner}"), pads(f"mouth {outer}"))
+        for outer, inner in pairwise(NAMES[: boom.count])
+    ]
 
 
 @dataclass(frozen=True)

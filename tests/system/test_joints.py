@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pmr.errors import InputError
+from pmr.system.joints import Joint, JointPad
+
+TAIL, MOUTH = JointPad("t", "w", 0.2), JointPad("m", "w", 0.3, -1.0, 1e-8, 1e-3)
+JOINT = Joint("inner", "outer", 4.0, 5.0, "e", (TAIL,), (MOUTH,))
+
+
+@pytest.mark.parametrize("s", [1.0, 2.5, 4.4])
+def test_both_places_of_a_pad_are_one_place_of_the_boom(s: float) -> None:
+    """Wherever the inner tail is: along the axis, x of the inner section and s are x of the outer one."""
+    for contact in JOINT.contacts:
+        assert contact.outer is not None and (contact.inner.body, contact.outer.body) == ("inner", "outer")
+        assert contact.inner.coordinate({"e": s}) + s == pytest.approx(float(contact.outer.coordinate({"e": s})))
+    tail, mouth = JOINT.contacts
+    assert tail.inner.coordinate({"e": s}) == 0.2 and mouth.outer is not None and mouth.outer.at == 4.7
+    assert (mouth.direction, mouth.compliance, mouth.clearance) == (-1.0, 1e-8, 1e-3)
+
+
+def test_places_that_pads_allow() -> None:
+    JOINT.check(np.array([0.7, 4.49]))
+    with pytest.raises(InputError, match="joints.inner = -0.1: 0 m or more is allowed"):
+        replace(JOINT, inner_length=9.0).check(np.array([-0.1, 3.0]))
+    with pytest.raises(InputError, match="less than 4.5 m is allowed: the overlap is 0.4 m, and pads reach 0.5 m"):
+        JOINT.check(np.array([1.0, 4.6]))
+    with pytest.raises(
+        InputError, match="0.7 m or more is allowed: else inner ends before a pad at the mouth of outer"
+    ):
+        JOINT.check(np.array([0.6, 4.0]))
