@@ -62,6 +62,8 @@ class Response:
         Wall time of the solver alone.
     output_names, output_units : tuples of str
         Of the columns of `displacement`, (o,); empty in results of version 0.1 and where nobody named them.
+    others : (T, k) array or None
+        Outputs that are neither in m nor in N, `other_names` in `other_units`.
     force_names : tuple of str
         Of the columns of `slider_force`, (m,), likewise.
     round_off : float, m
@@ -90,6 +92,14 @@ class Response:
     force_round_off: float = 0.0
     force_peaks: Array | None = None
     surplus: float = np.nan
+    others: Array | None = None
+    other_names: tuple[str, ...] = ()
+    other_units: tuple[str, ...] = ()
+
+    def other(self, name: str) -> Array:
+        """One of the other outputs, (T,)."""
+        assert self.others is not None
+        return self.others[:, self.other_names.index(name)]
 
     def force(self, name: str, unnamed: int) -> Array:
         """A force by its name, (T,) N, NaN if it isn't known; column `unnamed` where the response has no names.

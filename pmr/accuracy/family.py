@@ -15,7 +15,7 @@ from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.blocks import Kept
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
-from pmr.system.body import force_outputs, released_rows
+from pmr.system.body import force_outputs, length_outputs, released_rows
 
 Array = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ class Family:
             return outputs(form.body, run, excitation.with_stepping(self.with_steps(times).stepping), self.tips)
         seen, is_force = march.observe(form, excitation, every=every), force_outputs(form.body)
         forces = np.hstack([seen.y[:, is_force], seen.multipliers[:, released_rows(form.body)]])
-        y = seen.y[:, ~is_force]
+        y = seen.y[:, length_outputs(form.body)]
         return Outputs(y, np.zeros_like(y), forces, self.tips)
 
     def floors(self, steps: int) -> Floors:

@@ -20,7 +20,7 @@ from pmr.scene.choice import model_of
 from pmr.simulate import Excitation
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
-from pmr.system.body import force_outputs
+from pmr.system.body import length_outputs
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def _motion(model: ReducedModel, excitation: Excitation, tips: int) -> Outputs:
 
 def _places(model: ReducedModel, on_finer: ReducedModel) -> NDArray[np.intp]:
     """Which displacements of the finer model are those of the other one: nodes of a beam are twice as many there."""
-    x, finer_x = (one.output_positions[~force_outputs(one)] for one in (model, on_finer))
+    x, finer_x = (one.output_positions[length_outputs(one)] for one in (model, on_finer))
     if len(x) == len(finer_x):
         return np.arange(len(x))
     nearest = np.abs(finer_x[None, :] - x[:, None]).argmin(axis=1)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.results import Response
-from pmr.system.body import SlidingBody, force_outputs, released_rows
+from pmr.system.body import SlidingBody, force_outputs, length_outputs, released_rows
 
 Array = NDArray[np.float64]
 #: Error of a signal against a reference of the same shape.
@@ -126,7 +126,7 @@ def errors(
     """Errors of all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
 
     `measure` is `nrms` (fractions) or `absolute_error` (m, and N for the force).  The later one in `order` is the
-    reference.  The pinned node, which does not move, counts in no pair.
+    reference.  The pinned node, which does not move, counts in no pair.  Outputs in other units are compared by name.
 
     A kink of the path strikes the beam, and what of the blow a reduced model can't follow rings on at frequencies
     above its own; the force sees that, displacements hardly do.  Evolved case of the paper with residual flexibility,
@@ -139,6 +139,8 @@ def errors(
     for a, b in combinations(present, 2):
         one, other = _without_round_off(*with_common_forces(responses[a], responses[b]), least, least_force)
         found[f"{a}_vs_{b}"] = {name: measure(what(one), what(other)) for name, what in quantities.items()}
+        common = [name for name in one.other_names if name in other.other_names]
+        found[f"{a}_vs_{b}"] |= {name: measure(one.other(name), other.other(name)) for name in common}
     return found
 
 
@@ -183,7 +185,7 @@ def round_off(body: SlidingBody, loads: Array, end: float) -> float:
     """
     if (A := _released(body, end)) is None:
         return 0.0
-    outputs = np.asarray(body.outputs)[~force_outputs(body)]
+    outputs = np.asarray(body.outputs)[length_outputs(body)]
     return float(ROUND_OFF * _norms(A, outputs).max(initial=0.0) * _reach(A, body, loads))
 
 

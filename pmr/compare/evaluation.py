@@ -9,7 +9,7 @@ from pmr.compare.errors import force_round_off, refuse_infinite, round_off
 from pmr.results import Energy, Response
 from pmr.simulate.balance import blocks, energy, part_of
 from pmr.simulate.blocks import Block, Ended
-from pmr.system.body import SlidingBody, Trajectory, called, displacement, force_outputs, released_rows
+from pmr.system.body import SlidingBody, Trajectory, called, displacement, force_outputs, length_outputs, released_rows
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class Evaluation:
 
     def __init__(self, body: SlidingBody, t: Array, path_rate: Array, loads: Array) -> None:
         self._body, self._t, self._path_rate, self._loads = body, t, path_rate, loads
-        self._force, self._released = force_outputs(body), released_rows(body)
+        self._force, self._length, self._released = force_outputs(body), length_outputs(body), released_rows(body)
         self._columns: dict[str, Array] = {}
         self._start = 0.0  # path coordinate in m
 
@@ -75,7 +75,9 @@ class Evaluation:
         refuse_infinite(outputs, part.multipliers, energies.kinetic, energies.strain, energies.external)
         violation, drift = _residuals(body, part, self._path_rate[rows], block.loads)
         forces = outputs[:, self._force]
-        self._keep("displacement", rows, outputs[:, ~self._force])
+        self._keep("displacement", rows, outputs[:, self._length])
+        if not np.all(self._force | self._length):
+            self._keep("others", rows, outputs[:, ~(self._force | self._length)])
         self._keep("slider_force", rows, np.hstack([forces, part.multipliers[:, self._released]]))
         self._keep("residual_position", rows, np.abs(violation).max(axis=1))
         self._keep("residual_velocity", rows, np.abs(drift).max(axis=1))
@@ -92,15 +94,17 @@ class Evaluation:
         energies = Energy(*(columns.pop(name) for name in ("kinetic", "strain", "external")))
         return Response(
             t=self._t,
-            x=body.output_positions[~self._force],
+            x=body.output_positions[self._length],
             energy=energies,
             seconds=ended.seconds,
             round_off=round_off(body, self._loads, end),
             force_round_off=force_round_off(body, self._loads, end, self._start),
             surplus=ended.surplus,
             output_names=names.moved,
-            output_units=names.units,
+            output_units=("m",) * len(names.moved),
             force_names=names.forces,
+            other_names=names.others,
+            other_units=names.other_units,
             **columns,
         )
 

@@ -13,7 +13,7 @@ from pmr.simulate.modal import ModalForm
 from pmr.simulate.native import simulator as march
 from pmr.simulate.resolution import aliased
 from pmr.simulate.stepping import TimeStepping
-from pmr.system.body import displacement, force_outputs, pushing_rows
+from pmr.system.body import displacement, length_outputs, pushing_rows
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Runs:
 
     def __init__(self, form: ModalForm, excitation: Excitation) -> None:
         self._form, self._excitation, stepping = form, excitation, excitation.stepping
-        self._moved = np.flatnonzero(~force_outputs(form.body))
+        self._moved = np.flatnonzero(length_outputs(form.body))
         # As many parts a step in every run: were they fewer in a shorter step, impacts would be the same in all.
         self._given = contact_step.with_parts(form.body, excitation)
         self._stride = -(-stepping.steps // COMPARED)

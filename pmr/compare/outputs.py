@@ -16,7 +16,7 @@ from pmr.compare.errors import force_round_off, relative_error, round_off, settl
 from pmr.compare.velocities import velocity
 from pmr.reduced.model import ReducedModel
 from pmr.simulate import Excitation
-from pmr.system.body import Trajectory, displacement, force_outputs, released_rows
+from pmr.system.body import Trajectory, displacement, force_outputs, length_outputs, released_rows
 
 Array = NDArray[np.float64]
 
@@ -90,11 +90,11 @@ class Floors:
 
 def outputs(model: ReducedModel, run: Trajectory, excitation: Excitation, tips: int) -> Outputs:
     """Of a trajectory in the coordinates of the model, all steps of its excitation."""
-    is_force = force_outputs(model)
+    is_force, is_length = force_outputs(model), length_outputs(model)
     y = displacement(model, run.q, run.s, run.deforming, excitation.forces(model.input_names))
     return Outputs(
-        displacement=y[:, ~is_force],
-        velocity=velocity(model, run, excitation)[:, ~is_force],
+        displacement=y[:, is_length],
+        velocity=velocity(model, run, excitation)[:, is_length],
         force=np.hstack([y[:, is_force], run.multipliers[:, released_rows(model)]]),
         tips=tips,
     )

@@ -141,15 +141,18 @@ class Called:
 
     Attributes
     ----------
-    moved, units : tuples of str
-        Of the outputs that are no forces, with their units.
+    moved : tuple of str
+        Of the outputs in m.
     forces : tuple of str
-        Of those that are, then of rows, each by `force_of` what pushes.
+        Of those in N, then of rows, each by `force_of` what pushes.
+    others, other_units : tuples of str
+        Of all other outputs, and their units.
     """
 
     moved: tuple[str, ...]
-    units: tuple[str, ...]
     forces: tuple[str, ...]
+    others: tuple[str, ...]
+    other_units: tuple[str, ...]
 
 
 def force_of(name: str) -> str:
@@ -161,20 +164,23 @@ def called(body: Observed, rows: Sequence[str]) -> Called:
     """Names of a body's outputs, and of the forces of `rows`, given by their names."""
     count = len(body.output_positions)
     names = body.output_names or tuple(f"output {k}" for k in range(count))
-    units, force = body.output_units or ("m",) * count, force_outputs(body)
+    of = list(zip(names, body.output_units or ("m",) * count, strict=True))
     return Called(
-        moved=tuple(name for name, is_force in zip(names, force, strict=True) if not is_force),
-        units=tuple(unit for unit, is_force in zip(units, force, strict=True) if not is_force),
-        forces=(
-            *(name for name, is_force in zip(names, force, strict=True) if is_force),
-            *(force_of(row) for row in rows),
-        ),
+        moved=tuple(name for name, unit in of if unit == "m"),
+        forces=(*(name for name, unit in of if unit == "N"), *(force_of(row) for row in rows)),
+        others=tuple(name for name, unit in of if unit not in ("m", "N")),
+        other_units=tuple(unit for _, unit in of if unit not in ("m", "N")),
     )
 
 
 def force_outputs(body: Observed) -> NDArray[np.bool_]:
     """Which of the outputs (o,) are forces; without units none is."""
     return np.array([unit == "N" for unit in body.output_units] or [False] * len(body.output_positions), dtype=bool)
+
+
+def length_outputs(body: Observed) -> NDArray[np.bool_]:
+    """Which of the outputs (o,) are displacements; without units all are."""
+    return np.array([unit == "m" for unit in body.output_units] or [True] * len(body.output_positions), dtype=bool)
 
 
 def pushing_rows(body: SlidingBody) -> list[int]:

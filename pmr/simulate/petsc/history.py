@@ -18,7 +18,7 @@ from pmr.simulate import balance
 from pmr.simulate.petsc.rows import PathRows
 from pmr.simulate.petsc.start import State
 from pmr.simulate.stepping import TimeStepping
-from pmr.system.body import called, force_outputs
+from pmr.system.body import called, force_outputs, length_outputs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -191,12 +191,12 @@ class Recorder:
 def respond(model: FullModel, history: History) -> Response:
     """What `pmr.compare.errors` and the report ask of a simulator; of all outputs, with energies."""
     assert history.energy is not None
-    force, moving = force_outputs(model), model.rows.moving
+    force, length, moving = force_outputs(model), length_outputs(model), model.rows.moving
     names = called(model, [model.rows.names[k] for k in moving])
     return Response(
         t=history.t,
-        x=model.output_positions[~force],
-        displacement=history.y[:, ~force],
+        x=model.output_positions[length],
+        displacement=history.y[:, length],
         energy=history.energy,
         slider_force=np.hstack([history.y[:, force], history.multipliers[:, moving]]),
         residual_position=history.residual_position,
@@ -204,6 +204,9 @@ def respond(model: FullModel, history: History) -> Response:
         seconds=history.preparation + history.seconds,
         surplus=history.surplus,
         output_names=names.moved,
-        output_units=names.units,
+        output_units=("m",) * len(names.moved),
         force_names=names.forces,
+        others=None if np.all(force | length) else history.y[:, ~(force | length)],
+        other_names=names.others,
+        other_units=names.other_units,
     )
