@@ -57,13 +57,14 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     line = [Action(f"{d} at {x:g} m", float(x), d) for d in across for x in stations]
     tip = [Action(observe.tip_along(d), observe.tip, d) for d in across]
     forces = [PadForce(pad.name) for pad in pads.fixed if np.isfinite(pad.stiffness) and not pad.unilateral]
+    turned = [Action(f"{observe.tip} ry", observe.tip, "ry")] if observe.rotation else []
     weight = [Weight(scene.gravity.direction)] if scene.gravity else []
     return Structure(
         model,
         clamps=tuple(Clamp(str(one.on), one.held) for one in scene.supports if one.points == "all"),
         masses=scene.masses,
         loads=(*(Action(load.name, load.on, load.direction) for load in scene.loads), *weight),
-        outputs=(*line, *tip, *forces),
+        outputs=(*line, *tip, *forces, *turned),
         damping=scene.damping,
         pads=replace(pads, supports=_supports(scene)),
     )

@@ -72,6 +72,7 @@ class Observe(Section):
         default=29, description="How many places there are from start to end"
     )
     tip: str = Field(default="tip", description="The group at the end")
+    rotation: Switch = Field(default=False, description="Whether the tip's rotation is observed too")
 
     @model_validator(mode="after")
     def _both_ends(self) -> Observe:

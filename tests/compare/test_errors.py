@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -92,6 +94,15 @@ def test_all_pairs_are_compared_the_later_one_being_the_reference() -> None:
     absolute = errors({"full": response(1.0), "reduced": response(1.5)}, absolute_error)["reduced_vs_full"]
     assert absolute["tip"] == pytest.approx(0.5 * np.linalg.norm(np.sin(7 * T)))
     assert set(errors({"full": response(1.0), "reduced": response(1.0)})) == {"reduced_vs_full"}
+
+
+def test_outputs_in_other_units_are_compared_by_their_names() -> None:
+    turned = {"others": np.sin(5 * T)[:, None], "other_names": ("tip ry",), "other_units": ("rad",)}
+    full = replace(response(1.0), **turned)
+    reduced = replace(response(1.0), **(turned | {"others": 1.03 * turned["others"]}))
+    found = errors({"ancf": response(1.0), "full": full, "reduced": reduced})
+    assert found["reduced_vs_full"]["tip ry"] == pytest.approx(0.03) and found["reduced_vs_full"]["beam"] == 0.0
+    assert "tip ry" not in found["full_vs_ancf"]  # the cable says nothing of it
 
 
 @pytest.fixture

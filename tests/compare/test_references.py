@@ -61,3 +61,17 @@ def test_states_are_the_same_by_all_that_know_them(load_scene) -> None:
     size = MPI.COMM_WORLD.allreduce(np.abs(found["march"]).max(), op=MPI.MAX)
     assert size > 1e-6
     np.testing.assert_allclose(found["petsc"], found["march"], rtol=0.0, atol=1e-6 * size)
+
+
+def test_a_rotation_is_observed_by_all_that_simulate_it(load_scene) -> None:
+    found = {}
+    for simulator in ("march", "petsc"):
+        changes = ["mesh.elements=8", "time.end=0.3", f"simulation.full={simulator}", "observe.rotation=true"]
+        scene = load_scene("evolved_residual", changes)
+        found[simulator] = references(scene, full_model(scene)).responses
+    if MPI.COMM_WORLD.rank > 0:
+        return
+    one, other = (found[simulator]["full"] for simulator in found)
+    assert one.other_names == other.other_names == ("tip ry",) and one.other_units == ("rad",)
+    assert np.abs(one.others).max() > 0.0 and one.displacement.shape[1] == 9
+    assert np.abs(one.others - other.others).max() < 1e-8 * np.abs(one.others).max()

@@ -40,3 +40,20 @@ def test_a_lateral_clamp_holds_nothing_of_a_planar_beam() -> None:
     both = CLAMP + ",{on='tip',directions=['y'],points='all'}"
     alone, beside = (deflections("beam2d", "z", clamps) for clamps in (CLAMP, both))
     assert beside == pytest.approx(alone, rel=1e-12)
+
+
+@pytest.mark.parametrize("model", ["beam2d", "beam3d"])
+def test_the_tips_rotation_is_an_output_in_rad(model: str) -> None:
+    """- F L^2 / (2 EI) under a force upwards: positive about y is downwards along x."""
+    loads = "loads=[{name='F',on='tip',direction='z',signal=1.0}]"
+    changes = [*PLAIN, f"body.model={model}", loads, f"supports=[{CLAMP}]", "observe.rotation=true"]
+    scene = scenes.load(WORKFLOWS / "boom_beam.toml", changes)
+    body = build(scene, MPI.COMM_SELF).model.gather()
+    assert body is not None
+    number = body.output_names.index("tip ry")
+    assert body.output_units[number] == "rad"
+    box = scene.body.box
+    outer, inner = (box.width + box.wall, box.height + box.wall), (box.width - box.wall, box.height - box.wall)
+    EI = scene.body.material.young * (outer[0] * outer[1] ** 3 - inner[0] * inner[1] ** 3) / 12.0
+    turned = body.outputs[number] @ np.linalg.solve(body.K.toarray(), body.B[:, 0])
+    assert turned == pytest.approx(-(box.length**2) / (2.0 * EI), rel=1e-6)
