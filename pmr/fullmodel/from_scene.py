@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -24,14 +25,10 @@ from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.matrices import Matrices
 from pmr.models.profile import box_section
-from pmr.models.shell import KINDS as SHELL_KINDS
-from pmr.models.shell import Shell
-from pmr.models.solid import KINDS as SOLID_KINDS
-from pmr.models.solid import Solid
 from pmr.scene import Scene
 from pmr.scene.built import Box, PadRing
 from pmr.scene.choice import directions, model_of, transverse
-from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Plate, Profile, ShellBody, SolidBody
+from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Profile
 
 Array = NDArray[np.float64]
 
@@ -48,7 +45,7 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     InputError
         If the mesh can't be had, or lacks a group.
     """
-    model, pads = _MODELS[model_of(scene)](scene, comm), _pads(scene)
+    model, pads = _MODELS.get(model_of(scene), _meshed)(scene, comm), _pads(scene)
     across, observe = transverse(scene), scene.observe
     stations: Sequence[float] | Array | None = observe.stations
     if stations is None:
@@ -141,29 +138,18 @@ def _beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
     )
 
 
-def _shell(scene: Scene, comm: MPI.Comm) -> StructuralModel:
-    body = scene.body
-    thickness = body.box.wall if body.box else body.thickness
-    assert thickness is not None  # the scene's check
-    regions = {
-        name: Plate(material=region.material or body.material, thickness=region.thickness or thickness)
-        for name, region in body.regions.items()
-    }
-    plate = Plate(material=body.material, thickness=thickness)
-    return Shell(
-        ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction),
-        _mesh(scene, comm, SHELL_KINDS, write_shell),
-    )
-
-
-def _solid(scene: Scene, comm: MPI.Comm) -> StructuralModel:
-    body = scene.body
+def _meshed(scene: Scene, comm: MPI.Comm) -> StructuralModel:
+    """A shell or solid: its module, named as the scene names the model, says of which cells it is, and makes it."""
+    kind = import_module(f"pmr.models.{model_of(scene)}")
 
     def write(boom: BoxBoom, file: Path) -> None:
-        write_solid(boom, file, hexahedra=scene.mesh.cells == "hexahedra")
+        if "triangle" in kind.KINDS:
+            write_shell(boom, file)
+        else:
+            write_solid(boom, file, hexahedra=scene.mesh.cells == "hexahedra")
 
-    regions = {name: region.material or body.material for name, region in body.regions.items()}
-    return Solid(SolidBody(material=body.material, regions=regions), _mesh(scene, comm, SOLID_KINDS, write))
+    model: StructuralModel = kind.of(scene.body, _mesh(scene, comm, kind.KINDS, write))
+    return model
 
 
 def _matrices(scene: Scene, comm: MPI.Comm) -> StructuralModel:
@@ -175,8 +161,6 @@ def _matrices(scene: Scene, comm: MPI.Comm) -> StructuralModel:
 _MODELS: dict[str, Callable[[Scene, MPI.Comm], StructuralModel]] = {
     "beam2d": _planar_beam,
     "beam3d": _beam,
-    "shell": _shell,
-    "solid": _solid,
     "matrices": _matrices,
 }
 

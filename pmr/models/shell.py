@@ -40,6 +40,7 @@ from pmr.models.meshed import MeshedModel
 from pmr.models.regions import by_region, frequency_scale
 from pmr.models.shell_stress import frames, stress_rows
 from pmr.models.tabulation import cell_values
+from pmr.scene import Body
 from pmr.scene.structures import Plate, ShellBody
 
 KINDS = ("triangle",)
@@ -145,3 +146,15 @@ def _frame(mesh: Any) -> tuple[Any, Any, Any]:
     normal = ufl.cross(first, second)
     e1, e3 = first / ufl.sqrt(ufl.dot(first, first)), normal / ufl.sqrt(ufl.dot(normal, normal))
     return e1, ufl.cross(e3, e1), e3
+
+
+def of(body: Body, mesh: NamedMesh) -> Shell:
+    """The shell that a scene's body is."""
+    thickness = body.box.wall if body.box else body.thickness
+    assert thickness is not None  # the scene's check
+    regions = {
+        name: Plate(material=region.material or body.material, thickness=region.thickness or thickness)
+        for name, region in body.regions.items()
+    }
+    plate = Plate(material=body.material, thickness=thickness)
+    return Shell(ShellBody(plate=plate, regions=regions, shear_correction=body.shear_correction), mesh)

@@ -30,6 +30,7 @@ from pmr.models.meshed import MeshedModel
 from pmr.models.regions import by_region, frequency_scale
 from pmr.models.solid_stress import DEGREE, stress_rows
 from pmr.models.tabulation import cell_values
+from pmr.scene import Body
 from pmr.scene.structures import Material, SolidBody
 
 KINDS = ("tetrahedron", "hexahedron")
@@ -84,3 +85,9 @@ class Solid(MeshedModel):
     def stresses(self) -> StressRows:
         at_points = cell_values(self, self.stress_components, rule_points(self.mesh.cell, DEGREE[self.mesh.cell]))
         return stress_rows(self.mesh, at_points, self.size)
+
+
+def of(body: Body, mesh: NamedMesh) -> Solid:
+    """The solid that a scene's body is."""
+    regions = {name: region.material or body.material for name, region in body.regions.items()}
+    return Solid(SolidBody(material=body.material, regions=regions), mesh)

@@ -8,7 +8,7 @@ from typing import Any
 
 from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, plain, signed
-from pmr.report.subject import MODELS, loads, moving
+from pmr.report.subject import loads, moving, spoken
 from pmr.results import RunResult
 from pmr.scene import Body, Scene
 from pmr.scene.choice import choose
@@ -54,7 +54,7 @@ def described(signal: SignalBase, unit: str) -> str:
 
 def _structure(scene: Scene) -> Rows:
     body, mesh, chosen = scene.body, scene.mesh, choose(scene)
-    yield "model", f"{MODELS[chosen.model].split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
+    yield "model", f"{spoken(chosen.model).split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
     if body.profile is not None:
         yield from _profile(body.profile)
     else:

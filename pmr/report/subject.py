@@ -87,13 +87,18 @@ class Model:
     because: str
 
 
+def spoken(model: str) -> str:
+    """A model in words."""
+    return MODELS.get(model, f"a {model.replace('_', ' ')}")
+
+
 def represented(result: RunResult) -> Model:
     """What the body is represented by."""
     scene = result.scene
     if scene.body.model != "auto":
-        return Model(MODELS[scene.body.model], "as the scene names it")
+        return Model(spoken(scene.body.model), "as the scene names it")
     chosen = choose(scene)
-    return Model(MODELS[chosen.model], f"since {'; '.join(chosen.reasons)}")
+    return Model(spoken(chosen.model), f"since {'; '.join(chosen.reasons)}")
 
 
 def tips(result: RunResult) -> Mapping[str, Quantity]:

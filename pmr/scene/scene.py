@@ -41,10 +41,11 @@ class Scene(Section):
 
     @property
     def hash(self) -> str:
-        """Digest of what decides the result: all but title, published figures and who simulates."""
-        content = self.model_dump(mode="json", exclude={"title", "published", "simulation"})
-        if self.accuracy is None:
-            del content["accuracy"]
+        """Digest of what decides the result: all but title, published figures and who simulates.
+
+        A key at its default counts as one that is not there: what was computed stays valid when there is a new key.
+        """
+        content = self.model_dump(mode="json", exclude={"title", "published", "simulation"}, exclude_defaults=True)
         if self.mesh.file is not None:
             content["mesh"]["file"] = hashlib.sha256(self.mesh.file.read_bytes()).hexdigest()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

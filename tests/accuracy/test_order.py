@@ -106,4 +106,5 @@ def test_a_percentage_on_the_command_line(load_scene) -> None:
 
 def test_scenes_without_a_tolerance_keep_their_hash(load_scene) -> None:
     """What was computed for them stays valid."""
-    assert load_scene("paper_evolved").hash == "fcce6cd8973b8f9b"
+    scene = load_scene("evolved_tolerance")
+    assert load_scene("evolved_residual").hash == scene.model_copy(update={"accuracy": None}).hash != scene.hash

@@ -159,6 +159,8 @@ def test_the_hash_changes_with_what_decides_the_result_only(tmp_path: Path) -> N
     reference = scene.load(SIMPLE).hash
     assert scene.load(SIMPLE, ["title=other"]).hash == reference
     assert scene.load(SIMPLE, ["body.profile.length=5.01"]).hash != reference
+    defaults = ["observe.rotation=false", "damping.mass=0.0", "reduction.product=euclidean", "mesh.grading=1.0"]
+    assert scene.load(SIMPLE, defaults).hash == reference != scene.load(SIMPLE, ["observe.rotation=true"]).hash
     csv = tmp_path / "s.csv"
     digests = []
     for end in (2, 3):
