@@ -187,20 +187,20 @@ def _kept_or_reduced(scene: Scene, model: FullModel, clock: Clock, kept: Kept | 
 
 def _chosen(scene: Scene, reduction: Reduction, clock: Clock) -> tuple[order.Choice | None, dict[str, float] | str]:
     """Model and step for the scene's tolerance, if it gives one, and the part of the mesh, or why it isn't known."""
-    if scene.accuracy is None:
+    asked, comm = scene.ordered, reduction.model.comm
+    if asked is None:
         return None, ""
     with clock.stage("search"):
         choice = order.choose(scene, reduction.reduced, len(transverse(scene)))
-    if not scene.accuracy.mesh:
+        choice = comm.bcast(choice)  # what takes how long differs from rank to rank
+    if not asked.mesh:
         return choice, "the scene leaves it out"
     finer = meshes.finer(choice.scene)
     if finer is None:
         return choice, "a mesh that is read from a file has no finer one"
     with clock.stage("finer mesh"):
-        on_finer = reduce(finer, reduction.model.comm).reduced
-        return choice, meshes.mesh_error(
-            choice.reduced, on_finer, choice.scene, len(transverse(scene)), scene.accuracy.outputs
-        )
+        on_finer = reduce(finer, comm).reduced
+        return choice, meshes.mesh_error(choice.reduced, on_finer, choice.scene, len(transverse(scene)), asked.outputs)
 
 
 def _frequency_curves(scene: Scene, reduction: Reduction, kept: Kept | None) -> FrequencyCurves:

@@ -58,6 +58,11 @@ class Family:
         self._motions: dict[tuple[Member, int, int], Outputs] = {}
 
     @property
+    def end(self) -> float:
+        """Simulated time in s."""
+        return self.excitation.stepping.end
+
+    @property
     def most(self) -> int:
         """Coordinates of the largest member that all modes are much better than."""
         return max(self.fewest, self.size - min(BEYOND, self.size // 4))

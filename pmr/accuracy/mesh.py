@@ -39,7 +39,7 @@ def finer(scene: Scene) -> Scene | None:
     along = None if cells.along is None else cells.along / CELLS
     changed = {"elements": int(BEAM * cells.elements), "size": cells.size / CELLS, "along": along}
     mesh = cells.model_copy(update=changed | {"tail_layer": cells.tail_layer / CELLS})
-    return scene.model_copy(update={"mesh": mesh, "accuracy": None})
+    return scene.model_copy(update={"mesh": mesh, "accuracy": None, "budget": None})
 
 
 def mesh_error(

@@ -7,6 +7,7 @@ from typing import Any
 
 from pmr.accuracy.errors import Demand
 from pmr.accuracy.family import Family
+from pmr.accuracy.limits import best_within
 from pmr.accuracy.search import Found, search
 from pmr.accuracy.steps import coarsest
 from pmr.compare.coverage import BLOWS
@@ -15,6 +16,7 @@ from pmr.compare.outputs import impulsive
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
+from pmr.scene.asked import Accuracy
 from pmr.simulate import Excitation
 from pmr.text import rounded
 
@@ -32,15 +34,15 @@ class Choice:
 
 
 def prepared(scene: Scene) -> Scene:
-    """The scene whose reduction holds all models among which is chosen; as it is where no tolerance is given."""
-    if scene.accuracy is None:
+    """The scene whose reduction holds all models among which is chosen; as it is where it orders none."""
+    if scene.ordered is None:
         return scene
     reduction = scene.reduction.model_copy(update={"coordinates": COORDINATES, "residual_inertia": False})
     return scene.model_copy(update={"reduction": reduction})
 
 
 def choose(scene: Scene, reduced: ReducedModel, tips: int) -> Choice:
-    """The smallest model among those of a `prepared` scene's reduction, and the longest step, that hold its tolerance.
+    """The smallest model and the longest step that hold a `prepared` scene's tolerance; or the best within its budget.
 
     Raises
     ------
@@ -49,17 +51,21 @@ def choose(scene: Scene, reduced: ReducedModel, tips: int) -> Choice:
     SimulationError
         If its motion can't be computed.
     """
-    asked, excitation = scene.accuracy, Excitation.of(scene)
+    asked, excitation = scene.ordered, Excitation.of(scene)
     assert asked is not None
+    key = "accuracy" if isinstance(asked, Accuracy) else "budget"
     if why := no_estimate(reduced):
-        raise InputError("scene", "accuracy.tolerance", asked.tolerance, f"there is no estimate to go by: {why}")
+        raise InputError("scene", key, None, f"there is no estimate to go by: {why}")
     if "pad_force" in asked.outputs and impulsive(reduced, excitation):
         allowed = f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}"
-        raise InputError("scene", "accuracy.outputs", list(asked.outputs), allowed)
+        raise InputError("scene", f"{key}.outputs", list(asked.outputs), allowed)
     family = Family(reduced, excitation, tips, rates="velocity" in asked.outputs)
     recovery = scene.recovery
-    demand = Demand(asked.tolerance, asked.outputs, inertia=scene.simulation.simulators == ("march",))
-    found = search(family, demand, coarsest(family, recovery.every if recovery else None))
+    coarse, inertia = coarsest(family, recovery.every if recovery else None), scene.simulation.simulators == ("march",)
+    if isinstance(asked, Accuracy):
+        found = search(family, Demand(asked.tolerance, asked.outputs, inertia), coarse)
+    else:
+        found = best_within(family, Demand(1.0, asked.outputs, inertia), asked, coarse)
     member = found.member
     update = {"coordinates": member.coordinates, "residual_inertia": member.residual_inertia}
     chosen = scene.model_copy(
@@ -78,7 +84,7 @@ def summary(choice: Choice, mesh: dict[str, float] | str) -> dict[str, Any]:
     ``seconds`` of the search; ``budget``: ``reduction``, ``step`` and ``mesh`` by kind of output (fractions), their
     ``sum`` and which is ``first`` to be improved.  `mesh` is its part, or why that isn't known.
     """
-    found, asked = choice.found, choice.scene.accuracy
+    found, asked = choice.found, choice.scene.ordered
     assert asked is not None
     parts = {"reduction": found.reduction, "step": found.step} | ({"mesh": mesh} if isinstance(mesh, dict) else {})
     chosen = {
@@ -87,7 +93,7 @@ def summary(choice: Choice, mesh: dict[str, float] | str) -> dict[str, Any]:
         "step": choice.scene.time.step,
     }
     accuracy = {
-        "tolerance": asked.tolerance,
+        "tolerance": asked.tolerance if isinstance(asked, Accuracy) else None,
         "outputs": list(asked.outputs),
         "holds": found.holds,
         "chosen": chosen,
@@ -106,7 +112,8 @@ def summary(choice: Choice, mesh: dict[str, float] | str) -> dict[str, Any]:
 def warnings(choice: Choice, mesh: dict[str, float] | str) -> list[str]:
     """What a user should know: a tolerance that isn't held, by the model or by its mesh; a line each."""
     found, asked = choice.found, choice.scene.accuracy
-    assert asked is not None
+    if asked is None:
+        return []
     limit, said = _percent(asked.tolerance), list[str]()
     if not found.holds:
         sizes = ", ".join(f"{_percent(share)} in {_named(kind)}" for kind, share in found.total.items())

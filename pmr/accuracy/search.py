@@ -67,18 +67,18 @@ def search(family: Family, demand: Demand, coarse: int) -> Found:
         As for `pmr.simulate.Simulator`, if even the motion of all modes can't be had.
     """
     begin, one = time.perf_counter(), _Search(family, demand, coarse)
-    steps = _comparable(family.excitation.stepping.steps, coarse)
+    steps = comparable(family.excitation.stepping.steps, coarse)
     member = one.fewest(steps)
     while True:
         rung, reached = one.longest_step(member, steps)
-        finer = _comparable(rung.steps, coarse)
+        finer = comparable(rung.steps, coarse)
         if finer <= steps:
             break
         steps, member = finer, one.fitted(member, finer)
     return one.found(member, rung, steps, reached, time.perf_counter() - begin)
 
 
-def _comparable(steps: int, coarse: int) -> int:
+def comparable(steps: int, coarse: int) -> int:
     """So many steps, or fewer if that is more than `COMPARED`: a multiple of the coarsest number."""
     while steps > max(coarse, COMPARED):
         steps //= 2

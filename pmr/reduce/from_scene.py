@@ -108,7 +108,7 @@ def project(
 def _enrichment(scene: Scene, model: FullModel) -> int:
     """Modes beyond the coordinates: those that estimate the error."""
     if (
-        scene.accuracy is not None
+        scene.ordered is not None
     ):  # of a coarse mesh all of them would leave no flexibility by which rows are told apart
         return max(ENRICHMENT_MODES, min(SEARCHED_MODES, model.size // 2 - scene.reduction.coordinates))
     return ENRICHMENT_MODES if scene.reduction.needs_inertia else 0

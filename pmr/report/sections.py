@@ -54,7 +54,7 @@ def accuracy(result: RunResult, prefix: str) -> Block | None:
         return None
     first = result.summary["budget"]["first"]
     missing = result.summary["budget"]["mesh_reason"]
-    caption = f"What reduction, step and mesh take of the tolerance; the {first} is to be improved first."
+    caption = f"What reduction, step and mesh are off by; the {first} is to be improved first."
     unknown = f" The part of the mesh is not known: {missing}." if missing else ""
     drawn = drawing(f"{prefix}-budget", budget.budget, caption + unknown, result)
     text = "; ".join(found["reasons"])

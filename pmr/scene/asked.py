@@ -179,7 +179,12 @@ class Compare(Section):
     ancf_elements: Count = Field(default=20, description="Of the ANCF cable")
 
 
-class Accuracy(Section):
+class _Ordered(Section):
+    outputs: tuple[OutputKind, ...] = Field(default=("beam", "tip"), min_length=1, description="Where errors count")
+    mesh: Switch = Field(default=True, description="Whether the part of the mesh is found out")
+
+
+class Accuracy(_Ordered):
     """An error that is allowed, instead of coordinates, residual inertia and step, which are chosen to hold it.
 
     `tolerance` is that of the reduction and the step together, in each of the `outputs`; the search for a step begins
@@ -189,10 +194,27 @@ class Accuracy(Section):
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
         description="Allowed error as a fraction"
     )
-    outputs: tuple[OutputKind, ...] = Field(
-        default=("beam", "tip"), min_length=1, description="Where it has to be held"
+
+
+class Budget(_Ordered):
+    """The other way round: what a model may cost, one of three; the best one within it is chosen, and its error said.
+
+    `real_time` is simulated over computed time; both times are those of `march` on the machine in use.
+    """
+
+    coordinates: Count | None = Field(default=None, description="Most coordinates")
+    microseconds_per_step: Annotated[float, Field(gt=0.0, strict=True), Quantity("us", 0.0, 1e9)] | None = Field(
+        default=None, description="Longest time of a step"
     )
-    mesh: Switch = Field(default=True, description="Whether the part of the mesh is found out")
+    real_time: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 0.0, 1e12)] | None = Field(
+        default=None, description="Least multiple of real time"
+    )
+
+    @model_validator(mode="after")
+    def _one(self) -> Budget:
+        if sum(limit is not None for limit in (self.coordinates, self.microseconds_per_step, self.real_time)) != 1:
+            raise ValueError("give coordinates, microseconds_per_step or real_time, one of them")
+        return self
 
 
 class Published(Section):

@@ -135,14 +135,17 @@ def _simulators(scene: Scene) -> None:
 
 
 def _accuracy(scene: Scene) -> None:
-    choice = scene.reduction
-    if scene.accuracy is None:
+    choice, asked = scene.reduction, scene.ordered
+    if asked is None:
         return
+    key = "accuracy" if scene.accuracy is not None else "budget"
+    if scene.accuracy is not None and scene.budget is not None:
+        raise _refusal("budget", None, "accuracy or budget is allowed, not both")
     if choice.pooled or not (choice.flexibility and choice.estimate):
         allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"
-        raise _refusal("accuracy.tolerance", scene.accuracy.tolerance, allowed)
-    if len(set(scene.accuracy.outputs)) < len(scene.accuracy.outputs):
-        raise _refusal("accuracy.outputs", list(scene.accuracy.outputs), "each kind once is allowed")
+        raise _refusal(key, None, allowed)
+    if len(set(asked.outputs)) < len(asked.outputs):
+        raise _refusal(f"{key}.outputs", list(asked.outputs), "each kind once is allowed")
 
 
 def _ancf_can(scene: Scene) -> bool:

@@ -7,7 +7,18 @@ import json
 
 from pydantic import Field
 
-from pmr.scene.asked import Accuracy, Compare, Damping, Observe, Published, Recovery, Reduction, Simulation, TimeChoice
+from pmr.scene.asked import (
+    Accuracy,
+    Budget,
+    Compare,
+    Damping,
+    Observe,
+    Published,
+    Recovery,
+    Reduction,
+    Simulation,
+    TimeChoice,
+)
 from pmr.scene.built import ENDS, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.section import Section
 from pmr.scene.signals import Constant, SignalBase, bounds
@@ -34,6 +45,7 @@ class Scene(Section):
     simulation: Simulation = Field(default=Simulation(), description="Who simulates")
     compare: Compare = Field(default=Compare(), description="What the reduced model is compared with")
     accuracy: Accuracy | None = Field(default=None, description="An allowed error, in place of coordinates and step")
+    budget: Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
     published: Published | None = Field(default=None, description="Figures from a publication")
 
     def __hash__(self) -> int:
@@ -49,6 +61,11 @@ class Scene(Section):
         if self.mesh.file is not None:
             content["mesh"]["file"] = hashlib.sha256(self.mesh.file.read_bytes()).hexdigest()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def ordered(self) -> Accuracy | Budget | None:
+        """What decides coordinates and step in place of the scene."""
+        return self.accuracy or self.budget
 
     @property
     def signals(self) -> dict[str, SignalBase]:

@@ -104,6 +104,52 @@ def test_a_percentage_on_the_command_line(load_scene) -> None:
             _to(text)
 
 
+BUDGET = ["simulation.simulators=['march']", *SHORT, "compare.against=[]"]
+
+
+def budgeted(load_scene, limit: str):
+    outcome = run(load_scene("evolved_residual", [*BUDGET, "budget.mesh=false", f"budget.{limit}"]))
+    assert outcome is not None
+    return outcome
+
+
+def test_a_budget_of_coordinates_is_used_up(load_scene) -> None:
+    few, more = (budgeted(load_scene, f"coordinates={count}") for count in (3, 6))
+    assert (few.reduced.size, more.reduced.size) == (3, 6)
+    totals = [one.result.summary["budget"]["sum"]["beam"] for one in (few, more)]
+    assert totals[1] < totals[0] / 3.0
+    budget = more.result.summary["budget"]
+    assert budget["step"]["beam"] <= 1.001 * max(budget["reduction"].values())
+
+
+def test_a_budget_of_time_is_kept(load_scene) -> None:
+    slow, fast = (budgeted(load_scene, f"real_time={ratio}") for ratio in (300.0, 30_000.0))
+    for outcome, ratio in ((slow, 300.0), (fast, 30_000.0)):
+        took = outcome.result.summary["seconds"]["simulate"]["march"]
+        assert 0.6 / took > 0.1 * ratio  # a busy machine takes several times as long
+    assert slow.result.summary["budget"]["sum"]["beam"] < fast.result.summary["budget"]["sum"]["beam"]
+    assert budgeted(load_scene, "microseconds_per_step=50.0").reduced.size > 20
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("budget.microseconds_per_step=1e-6", "the smallest model takes .* us a step here"),
+        ("budget.real_time=1e12", "the smallest model takes .* us a step here"),
+        ("budget={coordinates=3,real_time=5.0}", "one of them"),
+        ("budget={mesh=false}", "one of them"),
+    ],
+)
+def test_budgets_that_cannot_be_kept_are_refused(load_scene, override: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        run(load_scene("evolved_residual", [*BUDGET, override]))
+
+
+def test_tolerance_and_budget_are_not_had_at_once(load_scene) -> None:
+    with pytest.raises(InputError, match="not both"):
+        load_scene("evolved_tolerance", ["budget.coordinates=3"])
+
+
 def test_scenes_without_a_tolerance_keep_their_hash(load_scene) -> None:
     """What was computed for them stays valid."""
     scene = load_scene("evolved_tolerance")

@@ -8,10 +8,12 @@ from oracle import full_body, inertial
 
 from pmr.accuracy.errors import MARGIN, Demand
 from pmr.accuracy.family import Family, Member
+from pmr.accuracy.limits import best_within
 from pmr.accuracy.search import search
 from pmr.accuracy.steps import coarsest, rungs
 from pmr.compare.outputs import Floors, Outputs, differences, outputs
 from pmr.errors import SimulationError
+from pmr.scene.asked import Budget
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
 from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.modal import modal_form
@@ -119,3 +121,13 @@ def test_members_are_those_of_the_reduction() -> None:
     excitation = driven(100, Constant(amount=5.0))
     own = outputs(model, march.simulate(model, excitation), excitation, 1)
     assert np.allclose(own.displacement, family.motion(Member(4, True), 100, 100).displacement, rtol=0.0, atol=1e-12)
+
+
+def test_of_what_a_budget_allows_the_best_is_taken() -> None:
+    family = Family(MODEL, driven(), 1)
+    plain, best = (
+        best_within(family, Demand(1.0, ("beam",), inertia), Budget(coordinates=6), coarsest(family))
+        for inertia in (False, True)
+    )
+    assert plain.member == Member(6, False) and best.member == Member(6, True)
+    assert best.total["beam"] < 0.8 * plain.total["beam"]

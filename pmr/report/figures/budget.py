@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -25,12 +28,15 @@ def budget(result: RunResult) -> Figure:
             share = 100.0 * summary["budget"][name][kind]
             ax.barh(-row * pitch - number, share, height=0.85, color=COLOURS[name], linewidth=0.0)
         ticks.append(-row * pitch - (len(parts) - 1) / 2.0)
-    tolerance = 100.0 * summary["accuracy"]["tolerance"]
-    ax.axvline(tolerance, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
+    handles: list[Artist] = [Patch(color=COLOURS[name], label=name) for name in parts]
+    tolerance = summary["accuracy"]["tolerance"]
     ax.set_yticks(ticks, [NAMES[kind] for kind in kinds])
     ax.grid(False, axis="y")
-    ax.set_xlim(left=0.0, right=max(1.05 * tolerance, ax.get_xlim()[1]))
+    ax.set_xlim(left=0.0, right=max(105.0 * (tolerance or 0.0), ax.get_xlim()[1]))
     ax.set_xlabel("Part of the error in %")
-    handles = [Patch(color=COLOURS[name], label=name) for name in parts]
-    key(figure, [*handles, Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (4, 2)), label="tolerance")])
+    if tolerance is not None:
+        look: dict[str, Any] = {"color": INK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+        ax.axvline(100.0 * tolerance, **look)
+        handles.append(Line2D([], [], label="tolerance", **look))
+    key(figure, handles)
     return figure
