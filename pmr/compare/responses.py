@@ -159,7 +159,9 @@ def _repeated(
 def _in_exudyn(formulation: Formulation) -> Respond:
     def response(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
         excitation = Excitation.of(scene)
-        trajectory = exudyn.simulate(body, excitation, progress=done, formulation=formulation)
+        trajectory = exudyn.simulate(
+            body, excitation, progress=done, formulation=formulation, newton=scene.simulation.newton
+        )
         return respond(body, trajectory, excitation.path_rate, excitation.forces(body.input_names))
 
     return response

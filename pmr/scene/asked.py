@@ -163,6 +163,9 @@ class Simulation(Section):
     )
     repeats: Count = Field(default=3, description="Of each simulator of the reduced model; seconds are their median")
     full: Literal["auto", "march", "exudyn", "petsc"] = Field(default="auto", description="Of the full model")
+    newton: dict[str, bool | int | float] = Field(
+        default={}, description="Exudyn's settings of Newton's method by their own names, as relativeTolerance"
+    )
 
     @field_validator("simulators")
     @classmethod

@@ -23,7 +23,7 @@ from pmr.simulate.excitation import Excitation
 from pmr.simulate.exudyn.ancf_items import CableItems, add_force, add_sliding_cable
 from pmr.simulate.exudyn.cable import Cable, curvature, values
 from pmr.simulate.exudyn.items import add_pre_step_function
-from pmr.simulate.exudyn.solver import settings, solve, stored
+from pmr.simulate.exudyn.solver import solve, solver_settings, stored
 from pmr.simulate.stepping import Progress, TimeStepping
 
 __all__ = ["Cable", "CableMotion", "energy", "simulate"]
@@ -176,7 +176,7 @@ def _settings(cable: Cable, stepping: TimeStepping) -> Any:
     Axial forces come from differences of positions of the order of the length L, over elements of length h:
     their round-off is eps EA L / h, in N.
     """
-    chosen = settings(stepping, exu.LinearSolverType.EigenSparse)
+    chosen = solver_settings(stepping, exu.LinearSolverType.EigenSparse)
     newton = chosen.timeIntegration.newton
     newton.useModifiedNewton = True
     newton.absoluteTolerance = 10.0 * np.finfo(float).eps * cable.axial_stiffness * cable.elements

@@ -22,7 +22,7 @@ from pmr.simulate.excitation import Excitation, path_at
 from pmr.simulate.exudyn.bodies import add_called_body, add_kept_body, add_updated_body
 from pmr.simulate.exudyn.inputs import Inputs, SignalInputs, TabulatedInputs
 from pmr.simulate.exudyn.items import SlidingBodyItems, add_pre_step_function
-from pmr.simulate.exudyn.solver import settings, solve, stored
+from pmr.simulate.exudyn.solver import change, solve, solver_settings, stored
 from pmr.simulate.needs import needs_of, needs_on
 from pmr.simulate.start import InitialState, consistent_start
 from pmr.simulate.stepping import Progress
@@ -103,6 +103,7 @@ def simulate(
     initial: InitialState | None = None,
     progress: Progress | None = None,
     formulation: Formulation = "springs",
+    newton: Mapping[str, bool | float] | None = None,
 ) -> Trajectory:
     """Simulate a reduced (dense) or full (sparse) body; rows and loads are set once a step.
 
@@ -110,7 +111,8 @@ def simulate(
     slider (`pmr.system.compliant_rows`); of a sparse body they keep their multiplier.  All formulations follow the same
     trajectory, to Newton's tolerance; those with callbacks refuse rows that give way.
 
-    Arguments and errors as for `pmr.simulate.Simulator`.  The initial accelerations are Exudyn's, which leave
+    Arguments and errors as for `pmr.simulate.Simulator`; `newton` holds Exudyn's settings of Newton's method by
+    their own names.  The initial accelerations are Exudyn's, which leave
     out what moving rows add to them (2 s' C' v and more): exact where the slider starts at rest, or the body
     undeformed and still; the method stays of second order elsewhere.
     """
@@ -132,8 +134,9 @@ def simulate(
     ]
     sensors = [mbs.AddSensor(sensor) for sensor in (*of_coordinates, *of_forces)]
     linear_solver = exu.LinearSolverType.EigenSparse if sp.issparse(body.K) else exu.LinearSolverType.EigenDense
-    chosen = settings(stepping, linear_solver)
+    chosen = solver_settings(stepping, linear_solver)
     chosen.timeIntegration.newton.useModifiedNewton = formulation == "callbacks-modified-newton"
+    change(chosen.timeIntegration.newton, newton or {})
     seconds = solve(mbs, chosen, inputs.position, progress)
     q, v, *forces = (stored(mbs, sensor, stepping, inputs.position) for sensor in sensors)
     multipliers, held = np.empty((len(q), len(body.row_names))), [*items.rows, *body.held]

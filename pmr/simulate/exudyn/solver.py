@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from typing import Any
@@ -14,7 +14,7 @@ import exudyn as exu
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import SimulationError
+from pmr.errors import InputError, SimulationError
 from pmr.simulate.exudyn.items import add_pre_step_function
 from pmr.simulate.stepping import Progress, TimeStepping
 
@@ -26,7 +26,7 @@ _NO_CONVERGENCE = (
 )
 
 
-def settings(stepping: TimeStepping, linear_solver: Any) -> Any:
+def solver_settings(stepping: TimeStepping, linear_solver: Any) -> Any:
     """Generalized-alpha, constant step, index-3 constraints; sensors keep every step, no file is written."""
     chosen = exu.SimulationSettings()
     chosen.solution.file.write = False
@@ -41,6 +41,24 @@ def settings(stepping: TimeStepping, linear_solver: Any) -> Any:
     integration.newton.useModifiedNewton = False
     integration.verboseMode = 0
     return chosen
+
+
+def change(newton: Any, settings: Mapping[str, bool | float]) -> None:
+    """Lay settings over Exudyn's own of Newton's method, by their names.
+
+    Raises
+    ------
+    InputError
+        If Exudyn knows no such setting, or refuses the value.
+    """
+    known = [name for name, value in newton.GetDictionary().items() if not isinstance(value, Mapping)]
+    for name, value in settings.items():
+        if name not in known:
+            raise InputError("scene", f"simulation.newton.{name}", value, f"one of {', '.join(known)} is allowed")
+        try:
+            setattr(newton, name, value)
+        except exu.ExudynError as error:
+            raise InputError("scene", f"simulation.newton.{name}", value, str(error).splitlines()[0]) from None
 
 
 def solve(mbs: Any, chosen: Any, position: Callable[[float], float], progress: Progress | None = None) -> float:

@@ -260,3 +260,17 @@ def test_items_are_what_their_names_say(rich: FullBody) -> None:
     assert int(own.mbs.GetMarker(items.mGround)["nodeNumber"]) == int(items.nGround)
     joined = own.mbs.GetObject(items.oSlider)["markerNumbers"]
     assert [int(m) for m in joined] == [int(items.mGround), int(items.mBody)]
+
+
+def test_newtons_method_takes_exudyns_own_settings(rich: FullBody) -> None:
+    """A single iteration is too few for a tolerance that nothing meets, and enough for one that anything does."""
+    excitation = driven(PATH, LOADS, TimeStepping(end=0.02, step=1e-3))
+    few = {"maxIterations": 1, "relativeTolerance": 1e-300, "absoluteTolerance": 1e-300}
+    with pytest.raises(SimulationError, match="Newton's method does not converge"):
+        simulator.simulate(rich, excitation, newton=few)
+    found = simulator.simulate(rich, excitation, newton={"relativeTolerance": 1.0, "absoluteTolerance": 1.0})
+    assert found.t[-1] == 0.02
+    for wrong, said in (({"tolerance": 1e-9}, "one of .*relativeTolerance"), ({"maxIterations": 0.5}, "maxIterations")):
+        with pytest.raises(InputError, match=said) as refused:
+            simulator.simulate(rich, excitation, newton=wrong)
+        assert refused.value.key == f"simulation.newton.{next(iter(wrong))}" and "\n" not in str(refused.value)
