@@ -21,6 +21,8 @@ PLACES = ("tip", "beam", "pad_force")
 def error_table(result: RunResult) -> ErrorTable:
     """The error table of a run, with notes on it."""
     found, published = rows(result), result.scene.published
+    if not compared(result):
+        return ErrorTable("Largest values.", found, reasons(result, found))
     forces = f" and {forces_called(result)}" if any(row.place == forces_called(result) for row in found) else ""
     source = f"; published: {published.source}" if published else ""
     return ErrorTable(
@@ -28,6 +30,11 @@ def error_table(result: RunResult) -> ErrorTable:
         found,
         reasons(result, found),
     )
+
+
+def compared(result: RunResult) -> bool:
+    """Whether there is anything that the run was, or should have been, compared with."""
+    return bool(result.summary.get("errors") or result.summary.get("no_reference"))
 
 
 def rows(result: RunResult) -> list[Row]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pmr.report import parameters, provenance, sentences
 from pmr.report.blocks import Block, Chapter, Drawing, Player, drawing
-from pmr.report.errors import error_table
+from pmr.report.errors import compared, error_table
 from pmr.report.errors import rows as error_rows
 from pmr.report.figures import budget, captions, forces, histories, inputs, shapes, sketch, spectra
 from pmr.report.figures.colours import ramp
@@ -42,9 +42,9 @@ def chapter(result: RunResult, anchor: str) -> Chapter:
 
 
 def errors(result: RunResult, prefix: str) -> Block | None:
-    """Errors against what the run was compared with, beside published ones."""
+    """Errors against what the run was compared with, beside published ones, or the largest values alone."""
     table = error_table(result)
-    return Block(heading="Errors", errors=table) if table.rows else None
+    return Block(heading="Errors" if compared(result) else "Largest values", errors=table) if table.rows else None
 
 
 def accuracy(result: RunResult, prefix: str) -> Block | None:

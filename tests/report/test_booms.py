@@ -66,6 +66,14 @@ def test_what_a_run_lacks_is_left_out(make_space) -> None:
     assert "stress" not in figures(page) and "von Mises" not in page and "Errors" not in page
 
 
+def test_without_a_reference_the_largest_values_stand_alone(make_space) -> None:
+    alone = make_space(responses=("reduced",), summary={"errors": {}, "max_displacement": 0.008}, stress=())
+    first = case(alone, "case-1").blocks[0]
+    assert first.heading == "Largest values" == first.errors.caption.rstrip(".")
+    kept = make_space(summary={"errors": {}, "no_reference": {"full": "it grew"}, "max_displacement": 0.008})
+    assert case(kept, "case-1").blocks[0].heading == "Errors"
+
+
 def test_a_planar_model_moves_up_and_down_only(boom: RunResult, make_space) -> None:
     planar = make_space(body={"model": "beam2d", "box": boom.scene.body.box})
     assert "tip-y" not in figures(render([case(planar, "case-1")]))
