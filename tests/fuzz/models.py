@@ -126,6 +126,10 @@ def _changed(content: bytes, rng: Random) -> bytes:
     return written.getvalue()
 
 
+#: In place of names of rows, inputs and outputs.
+ODD_NAMES = ["", "x" * 10_000, "a\nb", "\x1b[31m", "slider", "\u202e", "0", "F"]
+
+
 def _array(array: np.ndarray, rng: Random) -> Any:
     """Another array in its place; None: it is missing."""
     kind, number = int(rng.integers(11)), float(NUMBERS[int(rng.integers(len(NUMBERS)))])
@@ -137,6 +141,8 @@ def _array(array: np.ndarray, rng: Random) -> Any:
         return np.concatenate([array, array]) if array.ndim else array
     if kind == 3:
         return array.T
+    if array.dtype.kind == "U" and kind in (4, 5, 9, 10):
+        return np.where(rng.random(np.shape(array)) < 0.5, ODD_NAMES[int(rng.integers(len(ODD_NAMES)))], array)
     if kind == 4:
         return array.astype([str, complex, np.float32, object, bool, np.float16][int(rng.integers(6))])
     if kind == 5:
