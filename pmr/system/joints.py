@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.system.system import Contact, Place
+from pmr.system.contacts import Contact, Place
 
 Array = NDArray[np.float64]
 

@@ -19,71 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.constraints.rows import Row
 from pmr.errors import InputError
 from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.contacts import Contact, Place, refused
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a row of a body measures: at x(t) = at + rate s(t).
-
-    Attributes
-    ----------
-    body, row : str
-        A body of the system, and one of its rows.
-    at : float, m
-    path : str, optional
-        Name of the path s(t); None where the place does not travel.
-    rate : float
-        Negative where the place travels towards the body's tail while the path grows.
-    """
-
-    body: str
-    row: str
-    at: float = 0.0
-    path: str | None = None
-    rate: float = 1.0
-
-    def coordinate(self, s: Mapping[str, ArrayLike]) -> Array:
-        """X in m from the path coordinates in m."""
-        travelled = np.zeros(()) if self.path is None else self.rate * np.asarray(s[self.path], float)
-        return np.asarray(self.at + travelled)
-
-
-@dataclass(frozen=True)
-class Contact:
-    """A pad or slider between two places; its force is positive where it pushes the inner body against its `direction`.
-
-    Attributes
-    ----------
-    name : str
-    inner : Place
-    outer : Place, optional
-        None: on the ground.
-    direction : float
-        1 or -1: the inner row's displacement, relative to the outer one's, closes the contact along it.
-    compliance : float, m/N
-        1/k; 0 for a rigid one.
-    clearance : float, m, or None
-        Of a contact that only pushes: how far the inner place may go before it closes.  None: it holds both ways.
-    """
-
-    name: str
-    inner: Place
-    outer: Place | None = None
-    direction: float = 1.0
-    compliance: float = 0.0
-    clearance: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.direction not in (1.0, -1.0):
-            raise _refused(self.name, "direction", self.direction, "1 or -1 is allowed")
-        if not 0.0 <= self.compliance < np.inf:
-            raise _refused(self.name, "compliance", self.compliance, "0 or more, in m/N, is allowed")
-        if self.clearance is not None and not 0.0 <= self.clearance < np.inf:
-            raise _refused(self.name, "clearance", self.clearance, "a length from 0 on is allowed")
-        if self.outer is not None and self.outer.body == self.inner.body:
-            raise _refused(self.name, "outer", self.outer.body, "another body than the inner one, or none, is allowed")
 
 
 @dataclass(frozen=True)
@@ -119,14 +57,14 @@ class System:
         names = self.contact_names
         for contact in self.contacts:
             if names.count(contact.name) > 1:
-                raise _refused(contact.name, "name", contact.name, "names that differ are allowed")
+                raise refused(contact.name, "name", contact.name, "names that differ are allowed")
         for side in self.sides:
             name, place = self.contacts[side.contact].name, side.place
             if place.body not in self.bodies:
-                raise _refused(name, "body", place.body, f"{', '.join(self.bodies)} are allowed")
+                raise refused(name, "body", place.body, f"{', '.join(self.bodies)} are allowed")
             body = self.bodies[place.body]
             if place.row not in body.row_names:
-                raise _refused(name, "row", place.row, f"{', '.join(body.row_names)} are allowed on {place.body}")
+                raise refused(name, "row", place.row, f"{', '.join(body.row_names)} are allowed on {place.body}")
         for name, body in self.bodies.items():
             if body.carriers is None:
                 allowed = "a model with carriers is allowed (`pmr.reduce.residual.model.section_model`)"
@@ -189,14 +127,14 @@ class System:
         for side in self.sides:
             place, name = side.place, self.contacts[side.contact].name
             if place.path is not None and place.path not in s:
-                raise _refused(name, "path", place.path, f"a path for it is needed; given: {', '.join(s) or 'none'}")
+                raise refused(name, "path", place.path, f"a path for it is needed; given: {', '.join(s) or 'none'}")
             low, high = self.row(place).breaks[[0, -1]]
             x, slack = place.coordinate(s), 1e-9 * (high - low)
             outside = ~((x >= low - slack) & (x <= high + slack))
             if np.any(outside):
                 worst = float(np.atleast_1d(x)[np.atleast_1d(outside)][0])
                 allowed = f"{low:g} to {high:g} m are allowed on {place.body}"
-                raise _refused(name, "place", worst, allowed)
+                raise refused(name, "place", worst, allowed)
             found.append(np.clip(x, low, high))
         shape = np.broadcast_shapes(*(np.shape(values) for values in s.values()))
         return np.moveaxis(np.array([np.broadcast_to(x, shape) for x in found]).reshape(len(found), *shape), 0, -1)
@@ -235,7 +173,3 @@ class SystemTrajectory:
     work: Array
     seconds: float
     surplus: float
-
-
-def _refused(contact: str, key: str, value: object, allowed: str) -> InputError:
-    return InputError("system", f"contacts.{contact}.{key}", value, allowed)

@@ -15,7 +15,8 @@ from pmr.reduce.residual.model import section_model
 from pmr.scene.structures import Plate, ShellBody
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.assembly import Assembly
-from pmr.system.system import Contact, Place, System
+from pmr.system.contacts import Contact, Place
+from pmr.system.system import System
 
 LENGTH, REACH = 2.0, 0.16  # m; of a section, and from its ends to the centres of pads
 FACES = ("bottom", "top", "left", "right")

@@ -13,8 +13,9 @@ from nested import FROM_END, LENGTH, Box, Nested, full, full_section, plain, red
 from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.errors import InputError
 from pmr.system.assembly import Assembly
+from pmr.system.contacts import Contact, Place
 from pmr.system.statics import Equilibrium, equilibrium
-from pmr.system.system import Contact, Place, System
+from pmr.system.system import System
 
 #: Hz, retracted to 5.4 m of overlap and extended to 1.5 m, of a separate planar code.
 FREQUENCIES = {

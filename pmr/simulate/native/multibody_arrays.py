@@ -7,17 +7,14 @@ one row after the other, each row at its own offset.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.reduced.carriers import CarriedRows
-from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native.arrays import DAMPING, INPUT, ROW, STIFFNESS, UNIT, Memory, Scheme, State
 from pmr.simulate.native.contact import contact
-from pmr.simulate.native.simd import LANES
+from pmr.simulate.native.multibody_form import MultibodyForm, starts
 from pmr.simulate.native.system import aligned, divided
 from pmr.system.system import System
 
@@ -78,83 +75,6 @@ class Sides(NamedTuple):
     energy: Array  # (2,) J: what is stored, and the work done since the start
 
 
-@dataclass(frozen=True)
-class MultibodyForm:
-    """A system whose bodies are in modal form.
-
-    Attributes
-    ----------
-    system : System
-    forms : tuple of ModalForm
-    carried : tuple of CarriedRows
-        The bodies' rows, of their modes.
-    modes, carriers, inputs : (bodies + 1,) integer arrays
-        Where each body's begin among all.
-    """
-
-    system: System
-    forms: tuple[ModalForm, ...]
-    carried: tuple[CarriedRows, ...]
-    modes: Indices
-    carriers: Indices
-    inputs: Indices
-
-    @property
-    def columns(self) -> list[slice]:
-        """Where the modes of each body stand, without what fills them up."""
-        return [slice(int(at), int(at) + form.body.size) for at, form in zip(self.modes, self.forms, strict=False)]
-
-    def along(self, part: str) -> Array:
-        """Diagonal of ``K`` or ``D`` of all bodies, (r',)."""
-        found = np.zeros(self.modes[-1])
-        for columns, form in zip(self.columns, self.forms, strict=True):
-            found[columns] = np.diagonal(getattr(form.body, part))
-        return found
-
-    @property
-    def damping(self) -> Array:
-        """D of all bodies, (r', r')."""
-        found = np.zeros((self.modes[-1],) * 2)
-        for columns, form in zip(self.columns, self.forms, strict=True):
-            found[columns, columns] = form.body.D
-        return found
-
-    @property
-    def classically_damped(self) -> bool:
-        return all(form.classically_damped for form in self.forms)
-
-    @property
-    def B(self) -> Array:
-        """(r', i)."""
-        found = np.zeros((self.modes[-1], self.inputs[-1]))
-        for columns, at, form in zip(self.columns, self.inputs, self.forms, strict=False):
-            found[columns, at : at + form.body.B.shape[1]] = form.body.B
-        return found
-
-
-def multibody_form(system: System) -> MultibodyForm:
-    """Diagonalise every body.
-
-    Raises
-    ------
-    InputError
-        If one is too large, or has no mass.
-    """
-    forms = tuple(modal_form(body) for body in system.bodies.values())
-    carried = []
-    for body, form in zip(system.bodies.values(), forms, strict=True):
-        assert body.carriers is not None  # as `System` checks
-        carried.append(body.carriers.on(form.X))
-    return MultibodyForm(
-        system,
-        forms,
-        tuple(carried),
-        modes=_starts([form.body.size + -form.body.size % LANES for form in forms]),
-        carriers=_starts([len(rows.values) for rows in carried]),
-        inputs=_starts([form.body.B.shape[1] for form in forms]),
-    )
-
-
 def bodies(form: MultibodyForm, scheme: Scheme) -> Bodies:
     """Constants of a system under a time step."""
     system, K, i = form.system, int(form.carriers[-1]), int(form.inputs[-1])
@@ -181,7 +101,7 @@ def bodies(form: MultibodyForm, scheme: Scheme) -> Bodies:
         plain_inputs=aligned(form.B.T),
         stiffness=aligned(omega2),
         flexibility=np.concatenate([np.empty(0), *flexibility]),
-        first_flexibility=_starts([len(one) for one in flexibility])[:-1],
+        first_flexibility=starts([len(one) for one in flexibility])[:-1],
         carriers=form.carriers,
         modes=form.modes,
         contact=np.array([side.contact for side in sides], np.int64),
@@ -241,16 +161,12 @@ def _polynomials(system: System) -> Polynomials:
     c = [row.coefficients.transpose(1, 2, 0) for row in rows]  # interval, entry, power
     return Polynomials(
         breaks=np.concatenate([np.empty(0), *(row.breaks for row in rows)]),
-        first_break=_starts([len(row.breaks) for row in rows])[:-1],
+        first_break=starts([len(row.breaks) for row in rows])[:-1],
         intervals=np.array([len(row.breaks) - 1 for row in rows], np.int64),
         coefficients=np.concatenate([np.empty(0), *(one.ravel() for one in c)]),
-        first_coefficient=_starts([one.size for one in c])[:-1],
+        first_coefficient=starts([one.size for one in c])[:-1],
         powers=np.array([one.shape[2] for one in c], np.int64),
         touched=np.concatenate([np.empty(0, np.int64), *(row.touched.ravel() for row in rows)]),
-        first_touched=_starts([row.touched.size for row in rows])[:-1],
+        first_touched=starts([row.touched.size for row in rows])[:-1],
         width=np.array([row.touched.shape[1] for row in rows], np.int64),
     )
-
-
-def _starts(sizes: list[int]) -> Indices:
-    return np.cumsum([0, *sizes], dtype=np.int64)

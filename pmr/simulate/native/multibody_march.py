@@ -16,7 +16,8 @@ from pmr.simulate.excitation import Excitation
 from pmr.simulate.native import contact as contact_rows
 from pmr.simulate.native import multibody_step as kernel
 from pmr.simulate.native.arrays import A_NEXT, DAMPING, ROW, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, V, Z
-from pmr.simulate.native.multibody_arrays import bodies, multibody_form, multibody_state, sides
+from pmr.simulate.native.multibody_arrays import bodies, multibody_state, sides
+from pmr.simulate.native.multibody_form import multibody_form
 from pmr.simulate.native.multibody_rows import move_sides
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.start import NotSettledError, dependence, multipliers_of

@@ -22,7 +22,8 @@ from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.body import displacement
-from pmr.system.system import Contact, Place, System, SystemTrajectory
+from pmr.system.contacts import Contact, Place
+from pmr.system.system import System, SystemTrajectory
 
 RETRACTED, EXTENDED = 0.6, 4.5  # m of extension
 
