@@ -6,6 +6,7 @@ stand in its input file, as in Abaqus's.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,7 +90,9 @@ def _guarded(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
     if not path.is_file():
         raise InputError(str(path), "", None, "no such file")
     try:
-        return readers[suffix](path)
+        with warnings.catch_warnings():  # of SciPy's, about the class that it will return: it is made a csr_matrix here
+            warnings.simplefilter("ignore", DeprecationWarning)
+            return readers[suffix](path)
     except (ValueError, TypeError, KeyError, IndexError, OSError, OverflowError, UnicodeDecodeError) as error:
         raise InputError(str(path), "", None, f"a readable {suffix} file is allowed ({error})") from None
 
