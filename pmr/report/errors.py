@@ -22,7 +22,7 @@ def error_table(result: RunResult) -> ErrorTable:
     """The error table of a run, with notes on it."""
     found, published = rows(result), result.scene.published
     if not compared(result):
-        return ErrorTable("Largest values.", found, reasons(result, found))
+        return ErrorTable("Over all times and places.", found, reasons(result, found))
     forces = f" and {forces_called(result)}" if any(row.place == forces_called(result) for row in found) else ""
     source = f"; published: {published.source}" if published else ""
     return ErrorTable(

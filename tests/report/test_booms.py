@@ -69,7 +69,7 @@ def test_what_a_run_lacks_is_left_out(make_space) -> None:
 def test_without_a_reference_the_largest_values_stand_alone(make_space) -> None:
     alone = make_space(responses=("reduced",), summary={"errors": {}, "max_displacement": 0.008}, stress=())
     first = case(alone, "case-1").blocks[0]
-    assert first.heading == "Largest values" == first.errors.caption.rstrip(".")
+    assert (first.heading, first.errors.caption) == ("Largest values", "Over all times and places.")
     kept = make_space(summary={"errors": {}, "no_reference": {"full": "it grew"}, "max_displacement": 0.008})
     assert case(kept, "case-1").blocks[0].heading == "Errors"
 
