@@ -37,7 +37,7 @@ def test_nodes_are_read_in_any_order(tmp_path: Path, suffix: str, form: str) -> 
     [
         ([0, 1, 5], [[0, 1, 2]], "triangle", 0.0, "cells of type triangle"),
         ([0, 2, 5], [[0, 1], [1, 2]], "line", 0.1, "off the x axis"),
-        ([0, 2, 4], [[0, 1], [1, 2]], "line", 0.0, "nodes from 0 to 4 m, but body.length = 5 m"),
+        ([0, 2, 4], [[0, 1], [1, 2]], "line", 0.0, "nodes from 0 to 4 m, but the beam has 5 m from 0"),
         ([0, 2, 2, 5], [[0, 1], [2, 3]], "line", 0.0, "two nodes at one place"),
         ([0, 2, 3, 5], [[0, 1], [2, 3]], "line", 0.0, "no single chain"),
         ([0, 2, 3, 5], [[0, 1], [1, 2], [0, 3]], "line", 0.0, "no single chain"),
