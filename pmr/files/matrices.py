@@ -116,12 +116,13 @@ class GivenMatrices:
             for A in (M, K):
                 A.check_format()
             groups = {str(name): found[f"groups.{k}"].astype(np.int64) for k, name in enumerate(header["groups"])}
-            points, node, direction = (found[name] for name in ("points", "node", "direction"))
+            points = found["points"].astype(float)
+            node, direction = (found[name].astype(np.int64) for name in ("node", "direction"))
         except InputError:
             raise
         except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError) as error:
             raise InputError(str(path), "", None, f"matrices that pmr wrote are allowed ({error})") from None
-        return cls(M, K, points.astype(float), node.astype(np.int64), direction.astype(np.int64), groups, str(path))
+        return cls(M, K, points, node, direction, groups, str(path))
 
     def _check_matrix(self, name: str, A: sp.csr_matrix, n: int) -> None:
         if A.shape != (n, n) or n == 0:

@@ -158,7 +158,11 @@ def test_a_bad_file_ends_with_one_line_and_exit_code_2(
     assert not (tmp_path / "job-matrices.npz").exists()
 
 
-def test_another_npz_is_refused(tmp_path: Path) -> None:
-    np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    with pytest.raises(InputError, match="matrices that pmr wrote are allowed"):
-        GivenMatrices.load(tmp_path / "other.npz")
+@pytest.mark.parametrize("name", ["header", "node", "points", "K.indices", "M.data"])
+def test_an_npz_with_text_for_numbers_or_without_a_part_is_refused(name: str, tmp_path: Path) -> None:
+    with np.load(given().save(tmp_path / "whole.npz")) as data:
+        arrays = dict(data)
+    for changed in ({**arrays, name: np.array("text")}, {key: one for key, one in arrays.items() if key != name}):
+        np.savez(tmp_path / "other.npz", **changed)
+        with pytest.raises(InputError, match="matrices that pmr wrote are allowed"):
+            GivenMatrices.load(tmp_path / "other.npz")
