@@ -18,7 +18,15 @@ FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 class NotWrittenError(OSError):
-    """Something could not be written, and what was there before still is; the message is one line."""
+    """Something could not be written, and what was there before still is; the message is one line.
+
+    Attributes
+    ----------
+    reason : str
+        The system's own words; empty where it was not asked.
+    """
+
+    reason = ""
 
 
 @contextmanager
@@ -51,12 +59,13 @@ def said_in_a_line(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except NotWrittenError:
-        raise
     except OSError as error:
-        if error.errno not in _NO_ROOM:
+        reason = error.reason if isinstance(error, NotWrittenError) else str(error.strerror)
+        if not reason or (not isinstance(error, NotWrittenError) and error.errno not in _NO_ROOM):
             raise
-        raise NotWrittenError(f"{path} could not be written: {error.strerror}") from None
+        said = NotWrittenError(f"{path} could not be written: {reason}")
+        said.reason = reason
+        raise said from None
 
 
 def flushed(path: Path) -> None:

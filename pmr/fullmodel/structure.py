@@ -262,7 +262,7 @@ def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
     """
     first, last = A.getOwnershipRange()
     low, high = share(T.shape[1], A.comm.tompi4py())
-    if T.nnz > T.shape[1]:
+    if not _leaves_out(T):
         P = sparse(T[first:last], A, columns=int(high - low))
         result = projected(A, P)
         freed(P)
@@ -275,6 +275,16 @@ def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
         result.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         freed(more)
     return result
+
+
+def _leaves_out(T: sp.csr_matrix) -> bool:
+    """Whether T z has the coordinates z in their order, and zeros between them.
+
+    A mass on a single node has as many entries as coordinates, in another place and with other signs.
+    """
+    T = T.tocoo()
+    order = np.argsort(T.row, kind="stable")
+    return T.nnz == T.shape[1] and bool(np.all(T.data == 1.0) and np.all(T.col[order] == np.arange(T.nnz)))
 
 
 def _position(output: Action | PadForce, structure: Structure) -> float:

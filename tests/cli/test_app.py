@@ -124,7 +124,7 @@ BAD = [
     (["run", SIMPLE, SIMPLE], "names must differ"),
     (["export", "nowhere.npz"], "nowhere.npz: no such file"),
     (["export", SIMPLE], "not a reduced model"),
-    (["export", "reduced.npz", "--to", "abaqus"], "exudyn, fmu is allowed"),
+    (["export", "reduced.npz", "--to", "abaqus"], "exudyn, fmu, matlab, "),
     (["info", "nowhere.npz"], "no such file"),
 ]
 

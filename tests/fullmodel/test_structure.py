@@ -14,11 +14,12 @@ from pmr.errors import InputError
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight, structural_model
 from pmr.mesh.named import NamedMesh
+from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
 from pmr.scene import Damping
-from pmr.scene.built import GRAVITY
+from pmr.scene.built import GRAVITY, Profile
 from pmr.scene.structures import Beam3DBody, BeamSection, Material, Plate, PointMass, ShellBody, SolidBody
 
 pytestmark = pytest.mark.mpi
@@ -127,6 +128,25 @@ def test_an_attached_mass_moves_with_the_body(coupling: str) -> None:
     assert R.T @ gathered(loaded.M) @ R == pytest.approx(expected, rel=1e-11, abs=1e-11)
     assert np.abs(gathered(loaded.K) @ R).max() < 1e-11 * np.abs(gathered(loaded.K)).max()
     assert total(Structure(model, masses=(mass,), loads=(Weight((0.0, 0.0, 1.0)),))) > 0.0
+
+
+def planar() -> Beam2D:
+    body = Profile(length=2.0, bending_stiffness=2e5, mass_per_length=10.0, axial_stiffness=1e8, axial=True)
+    return Beam2D(body, np.linspace(0.0, 2.0, 6))
+
+
+@pytest.mark.parametrize("end", ["tail", "tip"])
+@pytest.mark.parametrize("made", [planar, beam], ids=["beam2d", "beam3d"])
+def test_a_mass_coupled_to_a_single_node_moves_with_it(made, end: str) -> None:
+    """Its motions take the place of the node's coordinates, in another order and with other signs."""
+    mass = PointMass(name="payload", on=end, mass=7.0, coupling="rigid")
+    plain, loaded = (structural_model(Structure(made(), masses=masses)) for masses in ((), (mass,)))
+    assert plain.rigid is not None and loaded.rigid is not None
+    R, R_loaded = (np.concatenate(full.comm.allgather(full.rigid.coordinates)) for full in (plain, loaded))
+    K, M = gathered(loaded.K), gathered(loaded.M)
+    assert np.abs(K @ R_loaded).max() < 1e-11 * np.abs(K).max() * np.abs(R_loaded).max()
+    along = [r[:, 0] for r in (R, R_loaded)]  # translation along x
+    assert along[1] @ M @ along[1] == pytest.approx(along[0] @ gathered(plain.M) @ along[0] + 7.0, rel=1e-12)
 
 
 @pytest.mark.parametrize("coupling", ["average", "rigid"])
