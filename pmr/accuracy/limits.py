@@ -13,10 +13,10 @@ from pmr.accuracy.family import Family, Member
 from pmr.accuracy.search import Found, comparable
 from pmr.accuracy.steps import LONGEST, Rung, rungs
 from pmr.errors import InputError
+from pmr.errors.text import rounded
 from pmr.scene.asked import Budget
 from pmr.simulate.blocks import Kept
 from pmr.simulate.native import simulator as march
-from pmr.text import rounded
 
 #: Steps over which a step is timed, and how often.
 TIMED, TIMES = 4096, 3

@@ -14,11 +14,11 @@ from pmr.compare.coverage import BLOWS
 from pmr.compare.estimate import no_estimate
 from pmr.compare.outputs import impulsive
 from pmr.errors import InputError
+from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.asked import Accuracy
 from pmr.simulate import Excitation
-from pmr.text import rounded
 
 #: Coordinates of the reduction from which the search takes away, or to which it adds its enrichment modes.
 COORDINATES = 6

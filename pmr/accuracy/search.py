@@ -20,7 +20,7 @@ from pmr.accuracy.errors import Demand, Errors
 from pmr.accuracy.family import Family, Member
 from pmr.accuracy.steps import Rung, coarser, rungs
 from pmr.errors import SimulationError
-from pmr.text import rounded
+from pmr.errors.text import rounded
 
 #: Share of the tolerance that the reduction may take before a step is chosen.
 OF_REDUCTION = 0.97

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from rich.console import Console
 
 from pmr.errors import InputError
-from pmr.text import visible
+from pmr.errors.text import visible
 
 # What is printed is text: [brackets] are no markup and :names: no pictures.
 PLAIN: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}

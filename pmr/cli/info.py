@@ -12,11 +12,11 @@ from pmr import environment
 from pmr import scene as scenes
 from pmr.cli.console import out
 from pmr.cli.files import scene_file
+from pmr.errors.text import visible
 from pmr.files.swap import finished
 from pmr.reduced.model import ReducedModel
 from pmr.scene.choice import choose
 from pmr.system.body import force_outputs, pushing_rows
-from pmr.text import visible
 
 
 def info(

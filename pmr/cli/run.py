@@ -18,8 +18,8 @@ from pmr import scene as scenes
 from pmr.cli.console import ensure_writable, err, leave, no_report, out, say
 from pmr.cli.files import scene_file
 from pmr.errors import InputError
+from pmr.errors.text import visible
 from pmr.files.swap import fresh, removed
-from pmr.text import visible
 
 if TYPE_CHECKING:
     from pmr.environment import Progress as Report

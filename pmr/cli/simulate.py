@@ -12,9 +12,9 @@ from pmr import scene as scenes
 from pmr.cli.console import ensure_writable, out, say
 from pmr.cli.files import scene_file
 from pmr.errors import InputError
+from pmr.errors.text import visible
 from pmr.files.swap import finished, fresh
 from pmr.reduced.model import ReducedModel
-from pmr.text import visible
 
 
 def simulate(

@@ -13,12 +13,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended
 from pmr.scene.signals import SignalBase
 from pmr.simulate import TimeStepping
 from pmr.simulate.modal import modal_form
-from pmr.text import rounded
 
 Array = NDArray[np.float64]
 

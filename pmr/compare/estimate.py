@@ -27,13 +27,13 @@ from numpy.typing import NDArray
 
 from pmr.compare.indicators import chi, kappa
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, outputs
+from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, is_modal, with_kept_inertia
 from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
 from pmr.system.body import Trajectory, pushing_rows
-from pmr.text import rounded
 
 Array = NDArray[np.float64]
 

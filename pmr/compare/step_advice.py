@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.step_error import LIMIT, StepError
+from pmr.errors.text import rounded
 from pmr.scene.signals import SignalBase
 from pmr.simulate.stepping import TimeStepping
-from pmr.text import rounded
 
 Array = NDArray[np.float64]
 _FIGURES = ("beam", "tip", "largest", "finest", "settled", "by", "enough", "band", "seconds")

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors.text import rounded
 from pmr.results import Response
 from pmr.simulate.balance import NOTABLE, described
-from pmr.text import rounded
 
 Array = NDArray[np.float64]
 

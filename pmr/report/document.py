@@ -11,13 +11,13 @@ from typing import Any
 import jinja2
 
 from pmr.environment import needed
+from pmr.errors.text import visible
 from pmr.files.swap import fresh
 from pmr.report.blocks import Chapter
 from pmr.report.figures.vector import FONT, words
 from pmr.report.fonts import embedded
 from pmr.report.sections import chapter
 from pmr.results import RunResult
-from pmr.text import visible
 
 #: Names of all that a report consists of.
 REPORT_FILES = ("report.html", "report.pdf")

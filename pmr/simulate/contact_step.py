@@ -13,11 +13,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors.text import rounded, rounded_down
 from pmr.reduced.model import ReducedModel
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.stepping import TimeStepping
 from pmr.system.body import pushing_rows
-from pmr.text import rounded, rounded_down
 
 Array = NDArray[np.float64]
 

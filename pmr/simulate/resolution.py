@@ -11,9 +11,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from pmr.errors.text import rounded, rounded_down
 from pmr.scene.signals import SignalBase, Table
 from pmr.simulate.stepping import TimeStepping
-from pmr.text import rounded, rounded_down
 
 #: Share of its own range by which a signal may leave, between two steps, what it is at these.
 UNSEEN = 0.05

@@ -27,9 +27,9 @@ prepare = warm
 def case(number: int, rng: Random, folder: Path) -> str:
     """Read a mutation of a model file and use it if it is accepted."""
     from pmr.cli.info import described_model
+    from pmr.errors.text import visible
     from pmr.export.exudyn.script import exudyn_script
     from pmr.reduced.model import ReducedModel
-    from pmr.text import visible
 
     file = folder / "model.npz"
     file.write_bytes(_changed(_whole()[int(rng.integers(len(_whole())))], rng))

@@ -14,7 +14,7 @@ from fuzz.scenes import prepare as warm
 from fuzz.verdict import NonsenseError, strictly_read
 
 from pmr import scene as scenes
-from pmr.text import visible
+from pmr.errors.text import visible
 
 RANGES = (
     (0, 32),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pmr.errors import ConvergenceError, InputError, SimulationError
-from pmr.text import visible
+from pmr.errors.text import visible
 
 LONGEST = 10.0  # s of processor time that one may take
 PATIENCE = 300  # s of wall time, on a machine that others use too

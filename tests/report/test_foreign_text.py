@@ -9,10 +9,10 @@ from xml.etree import ElementTree
 
 import pytest
 
+from pmr.errors.text import visible
 from pmr.report import write_report
 from pmr.report.document import page as render
 from pmr.report.sections import chapter as case
-from pmr.text import visible
 
 TEXTS = {
     "mathtext": "$x^2$",

@@ -13,7 +13,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from pmr.text import visible
+from pmr.errors.text import visible
 
 FONT = "pmr figures"  # family under which the page brings the font along
 _SVG, _XLINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"

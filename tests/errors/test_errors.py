@@ -13,7 +13,7 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
 from pmr.run import reduce, run
 
-WORKFLOWS = Path(__file__).parents[1] / "workflows"
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
 pytestmark = pytest.mark.mpi
 
 

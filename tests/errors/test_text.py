@@ -10,7 +10,7 @@ from rich.console import Console
 
 from pmr.cli import console
 from pmr.errors import InputError
-from pmr.text import visible
+from pmr.errors.text import visible
 
 PLAIN = ["[/red]", "[bold]x", "root:x:0", ":smile:", "$x^2$", "\\frac", "<b>&amp;", "ä ß 漢 שלום 😀 F²", "{0} %s", "_F"]
 STEERING = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pmr.text import visible
+from pmr.errors.text import visible
 
 
 class InputError(ValueError):

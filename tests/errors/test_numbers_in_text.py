@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pmr.text import rounded, rounded_down
+from pmr.errors.text import rounded, rounded_down
 
 
 def test_large_numbers_are_decimals() -> None:
