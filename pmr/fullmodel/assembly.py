@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, original_cells
 from pmr.fem.distributed import free_dropped, freed, moved, sparse
 from pmr.fem.matrices import without_zeros
-from pmr.models import StructuralModel
+from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
 from pmr.reduced.damping import Rayleigh
 from pmr.scene import Damping
@@ -44,8 +44,9 @@ def rayleigh(damping: Damping) -> Rayleigh:
 
 def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
     """Mass and stiffness of a model: assembled, or as they were given; collective."""
-    if not isinstance(model, Matrices):
+    if is_assembled(model):
         return assemble_model(model, model.domain(comm))
+    assert isinstance(model, Matrices)
     first, last = share(model.size, comm)
     sizes = (int(last - first), model.size)
     made = []
@@ -57,7 +58,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
     return Operators(*made)
 
 
-def assemble_model(model: StructuralModel, domain: Any) -> Operators:
+def assemble_model(model: FiniteElementModel, domain: Any) -> Operators:
     """Mass and stiffness of a model on its distributed mesh, free of boundary conditions; collective.
 
     Models before it that were dropped are freed here: nobody is asked to do so when a run ends.
@@ -78,7 +79,7 @@ def assemble_model(model: StructuralModel, domain: Any) -> Operators:
     return Operators(*matrices)
 
 
-def model_order(model: StructuralModel, space: Any) -> Indices:
+def model_order(model: FiniteElementModel, space: Any) -> Indices:
     """PETSc's global index of each of the space's coordinates in the model's order, the same on every rank.
 
     Raises

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,7 +31,7 @@ class Forms:
 
 
 class StructuralModel(Protocol):
-    """What the rooms further on ask of a beam, a shell or a solid.
+    """What the rooms further on ask of a beam, a shell, a solid or matrices that are given: places and rigid motions.
 
     A model numbers its coordinates by itself, from its mesh alone: rows, loads and results are the same on any number
     of ranks and on every version of dolfinx.
@@ -50,31 +50,6 @@ class StructuralModel(Protocol):
     @property
     def node_stations(self) -> Array | None:
         """Places of a beam's nodes along its axis (N,) m; None of bodies that are no lines."""
-        ...
-
-    def domain(self, comm: MPI.Comm) -> Any:
-        """The mesh in dolfinx, spread over `comm`; collective."""
-        ...
-
-    def space(self, domain: Any) -> Any:
-        """Function space on `domain`."""
-        ...
-
-    def forms(self, space: Any) -> Forms:
-        """Mass and stiffness."""
-        ...
-
-    def element_coordinates(self, cells: Indices) -> list[Indices]:
-        """Numbers (c, d), for each scalar component of the space, of its coordinates on the given cells.
-
-        Cells are counted as in the mesh that `domain` was created from.  They are the model's coordinates, or, where
-        there is a `transformation`, those that it is applied to.
-        """
-        ...
-
-    @property
-    def transformation(self) -> sp.csr_matrix | None:
-        """T (n_e, n), where the space's coordinates are T q; None where they are q."""
         ...
 
     @property
@@ -134,6 +109,35 @@ class StructuralModel(Protocol):
         """Coordinates (n, k) of the rigid motions, one for each of the `directions`; rotations about the origin."""
         ...
 
+
+class FiniteElementModel(StructuralModel, Protocol):
+    """A model that is assembled from forms on a mesh, and looked at there."""
+
+    def domain(self, comm: MPI.Comm) -> Any:
+        """The mesh in dolfinx, spread over `comm`; collective."""
+        ...
+
+    def space(self, domain: Any) -> Any:
+        """Function space on `domain`."""
+        ...
+
+    def forms(self, space: Any) -> Forms:
+        """Mass and stiffness."""
+        ...
+
+    def element_coordinates(self, cells: Indices) -> list[Indices]:
+        """Numbers (c, d), for each scalar component of the space, of its coordinates on the given cells.
+
+        Cells are counted as in the mesh that `domain` was created from.  They are the model's coordinates, or, where
+        there is a `transformation`, those that it is applied to.
+        """
+        ...
+
+    @property
+    def transformation(self) -> sp.csr_matrix | None:
+        """T (n_e, n), where the space's coordinates are T q; None where they are q."""
+        ...
+
     @property
     def grid(self) -> Grid:
         """What the body looks like: its cells, those of results too."""
@@ -146,3 +150,8 @@ class StructuralModel(Protocol):
     def stresses(self) -> StressRows | None:
         """Stresses of the grid's cells, from the strains of `forms`; None for a beam without a profile."""
         ...
+
+
+def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:
+    """Whether a model has forms on a mesh; otherwise it was given as matrices."""
+    return hasattr(model, "forms")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,13 +12,10 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from pmr.errors import InputError
-from pmr.fem.compat import MPI
-from pmr.fields.grid import Grid
-from pmr.fields.stress import StressRows
 from pmr.files.matrices import GivenMatrices
 from pmr.mesh.strip import Extent, Strip, Window
 from pmr.mesh.trace import Trace
-from pmr.models import DIRECTIONS, Forms
+from pmr.models import DIRECTIONS
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -39,7 +35,6 @@ class Matrices:
     """
 
     given: GivenMatrices
-    transformation: None = None
     node_stations: None = None
 
     @property
@@ -72,18 +67,6 @@ class Matrices:
             q = motion[self.given.node, self.given.direction]
             found.append(float(q @ (self.given.K @ q)) / float(q @ (self.given.M @ q)))
         return float(np.sqrt(max(min(found), 1e-12 * max(found))))
-
-    def domain(self, comm: MPI.Comm) -> Any:
-        raise NotImplementedError("given matrices have no mesh")
-
-    def space(self, domain: Any) -> Any:
-        raise NotImplementedError("given matrices have no function space")
-
-    def forms(self, space: Any) -> Forms:
-        raise NotImplementedError("given matrices have no forms")
-
-    def element_coordinates(self, cells: Indices) -> list[Indices]:
-        raise NotImplementedError("given matrices have no elements")
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
         return self._trace(place).mean()
@@ -138,16 +121,6 @@ class Matrices:
         value = sum(c * self._values(nodes)[k] for k, c in enumerate(normal))
         weights = np.full(len(places), width * breadth)
         return Strip(places[:, 0], places[:, 1], weights, sp.csr_matrix(interpolation @ value), extent)
-
-    @property
-    def grid(self) -> Grid:
-        raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")
-
-    def point_displacements(self) -> sp.csr_matrix:
-        raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")
-
-    def stresses(self) -> StressRows | None:
-        return None
 
     def _group(self, name: str) -> Indices:
         if name not in self.given.groups:

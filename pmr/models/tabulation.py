@@ -25,7 +25,7 @@ class CellValues:
     entries : (C, q, v, d) array
         On the coordinates of each cell.
     coordinates : (C, d) integer array
-        Their numbers, as `StructuralModel.element_coordinates` counts.
+        Their numbers, as `FiniteElementModel.element_coordinates` counts.
     """
 
     entries: Array
@@ -37,7 +37,7 @@ def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> Ce
 
     Parameters
     ----------
-    model : StructuralModel
+    model : FiniteElementModel
     quantity : callable
         From a function space to a UFL vector, linear in a trial function of it.
     points : (q, d) array

@@ -9,12 +9,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fields.series import Fields
 from pmr.fields.stress import StressHistory, stress_history
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.structure import Structure, couple
-from pmr.models import StructuralModel
+from pmr.models import FiniteElementModel, is_assembled
 from pmr.recover.coordinates import BLOCK
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ class View:
 
     Parameters
     ----------
-    model : StructuralModel
+    model : FiniteElementModel
     comm : MPI communicator
     T : (n, n') sparse matrix, optional
         The model's coordinates are T z; by default they are z.
@@ -35,7 +36,7 @@ class View:
 
     def __init__(
         self,
-        model: StructuralModel,
+        model: FiniteElementModel,
         comm: MPI.Comm = MPI.COMM_WORLD,
         T: sp.csr_matrix | None = None,
         stresses: bool = True,
@@ -48,7 +49,15 @@ class View:
 
     @classmethod
     def of(cls, structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD, stresses: bool = True) -> View:
-        """The view of a structure, whose clamps and rigid masses leave out coordinates of its model."""
+        """The view of a structure, whose clamps and rigid masses leave out coordinates of its model.
+
+        Raises
+        ------
+        InputError
+            If its matrices were given: nothing is known of cells then.
+        """
+        if not is_assembled(structure.model):
+            raise InputError("scene", "recovery", None, "given matrices have no cells to draw: leave it out")
         return cls(structure.model, comm, couple(structure).T, stresses)
 
     def displacements(self, q: Array) -> Array:

@@ -8,8 +8,10 @@ import scipy.sparse as sp
 
 from pmr.errors import InputError
 from pmr.files.matrices import GivenMatrices
+from pmr.fullmodel.structure import Structure
 from pmr.mesh.strip import Window
 from pmr.models.matrices import Matrices
+from pmr.recover.fields import View
 
 
 @pytest.fixture(scope="module")
@@ -67,3 +69,8 @@ def test_coordinates_on_a_group(model: Matrices) -> None:
 def test_what_is_no_face_is_refused(model: Matrices, face: str, says: str) -> None:
     with pytest.raises(InputError, match=says):
         model.strip(face, Window((1.0, 1.5), (-0.1, 0.05), (0.02, 0.01)))
+
+
+def test_nothing_is_drawn_of_given_matrices(model: Matrices) -> None:
+    with pytest.raises(InputError, match="no cells to draw"):
+        View.of(Structure(model))

@@ -16,7 +16,7 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight, structural_model
 from pmr.mesh.named import NamedMesh
-from pmr.models import StructuralModel
+from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
@@ -64,11 +64,11 @@ MODELS = {
 
 
 @pytest.fixture(params=MODELS)
-def model(request) -> StructuralModel:
+def model(request) -> FiniteElementModel:
     return MODELS[request.param]()
 
 
-def test_matrices_are_symmetric_and_know_rigid_motions(model: StructuralModel) -> None:
+def test_matrices_are_symmetric_and_know_rigid_motions(model: FiniteElementModel) -> None:
     operators = assemble_model(model, model.domain(MPI.COMM_WORLD))
     M, K, R = gathered(operators.M), gathered(operators.K), model.rigid_motions()
     assert M.shape == K.shape == (model.size, model.size) and R.shape == (model.size, len(model.directions))
@@ -84,7 +84,7 @@ def test_matrices_are_symmetric_and_know_rigid_motions(model: StructuralModel) -
     assert turning @ M @ turning == pytest.approx(MASS * (LENGTH**2 / 3 + DEPTH**2 / 12), rel=3e-4)
 
 
-def test_a_place_follows_a_rigid_motion(model: StructuralModel) -> None:
+def test_a_place_follows_a_rigid_motion(model: FiniteElementModel) -> None:
     try:
         motion = model.motion("tip")
     except InputError as error:
@@ -100,7 +100,7 @@ def test_a_place_follows_a_rigid_motion(model: StructuralModel) -> None:
     assert (model.displacement("tip") - motion[: len(expected) // 2 + (len(expected) == 3)]).nnz == 0
 
 
-def test_points_of_the_grid_follow_a_rigid_motion_and_nothing_is_stressed(model: StructuralModel) -> None:
+def test_points_of_the_grid_follow_a_rigid_motion_and_nothing_is_stressed(model: FiniteElementModel) -> None:
     grid, R = model.grid, model.rigid_motions()
     moved = (model.point_displacements() @ R).reshape(len(grid.points), 3, -1)
     expected = np.zeros_like(moved)
@@ -116,7 +116,7 @@ def test_points_of_the_grid_follow_a_rigid_motion_and_nothing_is_stressed(model:
         assert len(rows.points) == len(rows.cell) == len(rows.face) and rows.cell.max() == len(grid.cells) - 1
 
 
-def test_a_cantilever_bends_and_sags_as_a_beam(model: StructuralModel) -> None:
+def test_a_cantilever_bends_and_sags_as_a_beam(model: FiniteElementModel) -> None:
     """F L^3 / (3 EI) and rho g A L^4 / (8 EI), but for Poisson's ratio, shear and coarse meshes."""
     tip = Action("tip", "tip", "z")
     full = structural_model(Structure(model, (Clamp("tail", model.directions),), (), (tip, Weight()), (tip,)))
@@ -126,13 +126,13 @@ def test_a_cantilever_bends_and_sags_as_a_beam(model: StructuralModel) -> None:
     assert under_weight == pytest.approx(-MASS * LENGTH**3 / (8 * EI), rel=2e-2)
 
 
-def test_the_frequency_scale_has_the_right_magnitude(model: StructuralModel) -> None:
+def test_the_frequency_scale_has_the_right_magnitude(model: FiniteElementModel) -> None:
     EI, mass = STEEL.young * WIDTH * DEPTH**3 / 12, MASS / LENGTH
     first = 3.516 * np.sqrt(EI / mass) / LENGTH**2
     assert first / 4.0 < model.reference_frequency < 0.8 * first
 
 
-def test_a_missing_place_is_refused(model: StructuralModel) -> None:
+def test_a_missing_place_is_refused(model: FiniteElementModel) -> None:
     for ask in (model.motion, model.displacement, model.centroid):
         with pytest.raises(InputError, match="nowhere|tip"):
             ask("nowhere")

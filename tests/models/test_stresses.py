@@ -18,7 +18,7 @@ from pmr.fem.compat import MPI, rule_points
 from pmr.fields.stress import StressRows
 from pmr.fullmodel.assembly import assemble_model
 from pmr.mesh.named import NamedMesh
-from pmr.models import StructuralModel
+from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
@@ -174,7 +174,7 @@ def test_the_outer_face_of_a_box_is_its_outside_whichever_way_the_triangles_turn
     assert np.linalg.norm(outer - inner, axis=1) == pytest.approx(np.full(len(outer), THICKNESS))
 
 
-def stiffness(model: StructuralModel) -> np.ndarray:
+def stiffness(model: FiniteElementModel) -> np.ndarray:
     return gathered(assemble_model(model, model.domain(MPI.COMM_WORLD)).K)
 
 
@@ -267,7 +267,7 @@ def test_a_beam_without_a_profile_has_no_stresses() -> None:
     assert Beam2D(body, np.linspace(0.0, 2.0, 4)).stresses() is None
 
 
-def bent(model: StructuralModel) -> np.ndarray:
+def bent(model: FiniteElementModel) -> np.ndarray:
     """Coordinates under a unit force along z that is spread over the tip, the tail clamped."""
     free = np.setdiff1d(np.arange(model.size), model.coordinates_on("tail", model.directions))
     K = sp.csc_matrix(stiffness(model)[np.ix_(free, free)])
