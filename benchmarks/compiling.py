@@ -12,7 +12,7 @@ from pathlib import Path
 _SCRIPT = """
 import json, time
 from benchmarks import beams
-from pmr.simulate import march, bound_step
+from pmr.simulate.native import simulator as march
 from pmr.simulate.native.stepper import Stepper
 
 body, drive = beams.reduced("evolved"), beams.shorter(beams.drive("evolved"), 0.001)

@@ -30,9 +30,9 @@ from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
 from pmr.recover.from_scene import Recovered, recover, recovered_steps
 from pmr.reduce.basis import Basis
+from pmr.reduce.cache import Cache, Reduced, cache_in, with_provenance
 from pmr.reduce.from_scene import build_basis, project, provenance, take_snapshots
 from pmr.reduce.from_scene import summary as describe_basis
-from pmr.reduce.kept import Kept, Reduced, kept_in, with_provenance
 from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
@@ -74,7 +74,7 @@ def run(
     """Run a scene on `comm`; what is not distributed runs on rank 0, the other ranks get None.
 
     With a `checkpoint` a full-order simulation that was cut off goes on.  In a `cache`, a folder, reductions and
-    frequencies of full models are kept and found.
+    frequencies of full models are cached and found.
 
     Raises
     ------
@@ -90,13 +90,13 @@ def run(
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     size, outputs = built.model.size, built.model.outputs.getSize()[1]
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
-    kept = None if cache is None else kept_in(cache, built.model)
-    reduction = _kept_or_reduced(scene, built.model, clock, kept)
+    cached = None if cache is None else cache_in(cache, built.model)
+    reduction = _cached_or_reduced(scene, built.model, clock, cached)
     choice, on_finer = _chosen(scene, reduction, clock)
     if choice is not None:
         scene, reduction = choice.scene, replace(reduction, reduced=choice.reduced)
     with clock.stage("frequencies"):
-        curves = _frequency_curves(scene, reduction, kept)
+        curves = _frequency_curves(scene, reduction, cached)
     found = references(scene, reduction.model, clock, recovered_steps(scene).tolist(), checkpoint)
     seen = _recovered(scene, built, reduction, found, clock)
     if comm.rank > 0:
@@ -171,8 +171,8 @@ def _reduce(scene: Scene, model: FullModel, clock: Clock) -> Reduction:
     return reduce_with(scene, model, snapshots, clock, body)
 
 
-def _kept_or_reduced(scene: Scene, model: FullModel, clock: Clock, kept: Kept | None) -> Reduction:
-    if kept is None:
+def _cached_or_reduced(scene: Scene, model: FullModel, clock: Clock, cached: Cache | None) -> Reduction:
+    if cached is None:
         return _reduce(scene, model, clock)
 
     def make() -> Reduced:
@@ -180,7 +180,7 @@ def _kept_or_reduced(scene: Scene, model: FullModel, clock: Clock, kept: Kept | 
         return Reduced(made.snapshots, made.basis, made.reduced)
 
     asked = scene.reduction.model_dump(mode="json") | {"path": scene.path_bounds}
-    found = kept.reduced(asked, make)
+    found = cached.reduced(asked, make)
     found = with_provenance(found, provenance(scene, found.basis))
     return Reduction(model, found.snapshots, found.basis, found.model)
 
@@ -203,7 +203,7 @@ def _chosen(scene: Scene, reduction: Reduction, clock: Clock) -> tuple[order.Cho
         return choice, meshes.mesh_error(choice.reduced, on_finer, choice.scene, len(transverse(scene)), asked.outputs)
 
 
-def _frequency_curves(scene: Scene, reduction: Reduction, kept: Kept | None) -> FrequencyCurves:
+def _frequency_curves(scene: Scene, reduction: Reduction, cached: Cache | None) -> FrequencyCurves:
     """Lowest frequencies over the stretch that the path visits."""
     model, s = reduction.model, visited_positions(scene, reduction.model.size)
 
@@ -211,7 +211,7 @@ def _frequency_curves(scene: Scene, reduction: Reduction, kept: Kept | None) -> 
         return lowest_frequencies(model, s, CURVES, scene.reduction.solver)
 
     asked = {"s": s.tolist(), "count": CURVES, "solver": scene.reduction.solver}
-    full = compute() if kept is None else kept.arrays("frequencies", asked, compute)
+    full = compute() if cached is None else cached.arrays("frequencies", asked, compute)
     return frequency_curves(scene, reduction.reduced, s, full)
 
 

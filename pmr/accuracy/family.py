@@ -12,7 +12,7 @@ from pmr.compare.outputs import Floors, Outputs, outputs
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated, with_kept_inertia
 from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.blocks import Kept
+from pmr.simulate.blocks import Recorder
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
 from pmr.system.body import force_outputs, length_outputs, released_rows
@@ -112,8 +112,8 @@ class Family:
     def _simulated(self, member: Member, steps: int, times: int) -> Outputs:
         form, excitation, every = self.form(member), self.with_steps(steps), steps // times
         if self.rates or member.residual_inertia:
-            kept = Kept(np.arange(0, steps + 1, every))
-            run = kept.trajectory(march.follow(form, excitation, kept))
+            recorder = Recorder(np.arange(0, steps + 1, every))
+            run = recorder.trajectory(march.follow(form, excitation, recorder))
             return outputs(form.body, run, excitation.with_stepping(self.with_steps(times).stepping), self.tips)
         seen, is_force = march.observe(form, excitation, every=every), force_outputs(form.body)
         forces = np.hstack([seen.y[:, is_force], seen.multipliers[:, released_rows(form.body)]])

@@ -15,7 +15,7 @@ from pmr.accuracy.steps import LONGEST, Rung, rungs
 from pmr.errors import InputError
 from pmr.errors.text import rounded
 from pmr.scene.asked import Budget
-from pmr.simulate.blocks import Kept
+from pmr.simulate.blocks import Recorder
 from pmr.simulate.native import simulator as march
 
 #: Steps over which a step is timed, and how often.
@@ -76,7 +76,7 @@ def seconds_a_step(family: Family, member: Member) -> float:
     """Least time that `march` takes for a step of a member, on this machine."""
     form, excitation = family.form(member), family.with_steps(TIMED)
     if member.residual_inertia:
-        seconds = [march.follow(form, excitation, Kept(np.array([0, TIMED]))).seconds for _ in range(TIMES)]
+        seconds = [march.follow(form, excitation, Recorder(np.array([0, TIMED]))).seconds for _ in range(TIMES)]
     else:
         seconds = [march.observe(form, excitation, every=TIMED).seconds for _ in range(TIMES)]
     return min(seconds) / TIMED

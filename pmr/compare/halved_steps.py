@@ -31,8 +31,8 @@ BUDGET = 300_000
 BUDGET_OF_IMPACTS = 50_000
 #: Steps of a run up to which even these are made.
 LONGEST = 4_000_000
-#: Numbers of a run that are kept before outputs alone are, with a loop that has to be compiled for that.
-KEPT = 20_000_000
+#: Numbers of a run that are recorded before outputs alone are, with a loop that has to be compiled for that.
+MOST_RECORDED = 20_000_000
 #: Steps at which runs are compared, at most.
 COMPARED = 20_000
 
@@ -106,8 +106,8 @@ class Runs:
 
     def _outputs(self, which: NDArray[np.intp], every: int) -> Array:
         body, excitation = self._form.body, self._excitation.with_stepping(self.stepping)
-        kept = excitation.stepping.steps * (2 * body.size + len(body.row_names))
-        if kept > KEPT and not (body.flexibility is not None and body.flexibility.keeps_inertia):
+        recorded = excitation.stepping.steps * (2 * body.size + len(body.row_names))
+        if recorded > MOST_RECORDED and not (body.flexibility is not None and body.flexibility.keeps_inertia):
             y = march.observe(self._form, excitation, which.tolist(), every).y
             return self._moving(y)
         run = march.simulate_modal(self._form, excitation)

@@ -62,12 +62,12 @@ class Account:
 
     def add(self, first: int, part: Trajectory, loads: Array) -> Energy:
         """Energies of a part of the trajectory, whose first step, number `first`, is the last of the one before."""
-        kept = slice(first, first + len(part.t))
+        steps = slice(first, first + len(part.t))
         with np.errstate(over="ignore", invalid="ignore"):
             motion = _motion(self._body, part, loads)
             found = _energy(self._body, part, loads, motion)
-            self._stored[kept] = found.kinetic + found.strain
-            self._work[kept][1:] = self._work[first] + np.cumsum(_works(self._body, part, loads, motion))
+            self._stored[steps] = found.kinetic + found.strain
+            self._work[steps][1:] = self._work[first] + np.cumsum(_works(self._body, part, loads, motion))
         return found
 
     def surplus(self, loads: Array, step: float, s: float, simulator: str) -> float:
@@ -97,8 +97,8 @@ def checked(body: SlidingBody, trajectory: Trajectory, loads: Array, simulator: 
         If more than `GROWN` of the largest energy comes from nowhere.
     """
     account = Account(body, len(trajectory.t) - 1)
-    for kept in blocks(len(trajectory.t)):
-        account.add(kept.start, part_of(trajectory, kept), loads[kept])
+    for steps in blocks(len(trajectory.t)):
+        account.add(steps.start, part_of(trajectory, steps), loads[steps])
     step, s = float(trajectory.t[1] - trajectory.t[0]), float(trajectory.s[0])
     return replace(trajectory, surplus=account.surplus(loads, step, s, simulator))
 
@@ -174,11 +174,11 @@ def blocks(size: int) -> Iterator[slice]:
         yield slice(first, min(first + BLOCK + 1, size))
 
 
-def part_of(trajectory: Trajectory, kept: slice) -> Trajectory:
+def part_of(trajectory: Trajectory, steps: slice) -> Trajectory:
     """Some steps of a trajectory."""
-    arrays = {name: getattr(trajectory, name)[kept] for name in ("t", "q", "v", "multipliers", "s")}
+    arrays = {name: getattr(trajectory, name)[steps] for name in ("t", "q", "v", "multipliers", "s")}
     arrays |= {
-        name: None if getattr(trajectory, name) is None else getattr(trajectory, name)[kept]
+        name: None if getattr(trajectory, name) is None else getattr(trajectory, name)[steps]
         for name in ("quasi_static", "peaks")
     }
     return Trajectory(**arrays, seconds=0.0)

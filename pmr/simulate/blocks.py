@@ -47,8 +47,8 @@ class Ended:
     surplus: float
 
 
-class Kept:
-    """Takes blocks and keeps some of their steps (S,), ascending."""
+class Recorder:
+    """Takes blocks and records some of their steps (S,), ascending."""
 
     def __init__(self, steps: Indices) -> None:
         self._steps = steps
@@ -68,5 +68,5 @@ class Kept:
             self._arrays[name][low:high] = array[rows]
 
     def trajectory(self, ended: Ended) -> Trajectory:
-        """The steps that were kept."""
+        """The recorded steps."""
         return Trajectory(**self._arrays, seconds=ended.seconds, surplus=ended.surplus)

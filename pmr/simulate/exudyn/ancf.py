@@ -119,8 +119,8 @@ def simulate(
     add_pre_step_function(mbs, update)
     sensors = _add_sensors(mbs, items)
     seconds = solve(mbs, _settings(cable, stepping), position, progress)
-    kept = [[stored(mbs, sensor, stepping, position) for sensor in group] for group in sensors]
-    q, v, joint = (np.stack(group, axis=1) for group in kept)
+    stored_values = [[stored(mbs, sensor, stepping, position) for sensor in group] for group in sensors]
+    q, v, joint = (np.stack(group, axis=1) for group in stored_values)
     return CableMotion(
         t=excitation.times,
         x=x,
@@ -158,7 +158,7 @@ def _trapezoid(y: Array, x: Array) -> Array:
 
 def _add_sensors(mbs: Any, items: CableItems) -> tuple[list[Any], list[Any], list[Any]]:
     """Sensors of all nodes' coordinates and velocities, and of the joint's force."""
-    kept = exu.OutputVariableType
+    kind = exu.OutputVariableType
 
     def of_nodes(kind: Any) -> list[Any]:
         return [
@@ -166,8 +166,8 @@ def _add_sensors(mbs: Any, items: CableItems) -> tuple[list[Any], list[Any], lis
             for node in items.nNodes
         ]
 
-    joint = SensorObject(objectNumber=items.oJoint, outputVariableType=kept.Force, storeInternal=True)
-    return of_nodes(kept.Coordinates), of_nodes(kept.Coordinates_t), [mbs.AddSensor(joint)]
+    joint = SensorObject(objectNumber=items.oJoint, outputVariableType=kind.Force, storeInternal=True)
+    return of_nodes(kind.Coordinates), of_nodes(kind.Coordinates_t), [mbs.AddSensor(joint)]
 
 
 def _settings(cable: Cable, stepping: TimeStepping) -> Any:

@@ -74,12 +74,12 @@ def add_sliding_cable(mbs: Any, cable: Cable, s: float) -> CableItems:
     nGround = mbs.AddNode(NodePointGround(name="ground"))
     mGround = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nGround, coordinate=0))
     for direction in (0, 1):
-        _hold(mbs, mGround, nodes[0], direction)
+        _fix(mbs, mGround, nodes[0], direction)
     # The constraints leave the slider no freedom: its mass and its velocity at t = 0 act on nothing else.
     nSlider = mbs.AddNode(NodePoint2D(name="slider", referenceCoordinates=[s, 0.0]))
     mbs.AddObject(ObjectMassPoint2D(mass=1.0, nodeNumber=nSlider))
-    oHold = _hold(mbs, mGround, nSlider, 0)
-    _hold(mbs, mGround, nSlider, 1)
+    oHold = _fix(mbs, mGround, nSlider, 0)
+    _fix(mbs, mGround, nSlider, 1)
     return CableItems(nodes, elements, oHold, _add_joint(mbs, cable, elements, nSlider, s))
 
 
@@ -91,7 +91,7 @@ def add_force(mbs: Any, cable: Cable, items: CableItems, at: float, force: float
     return mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=[0.0, force, 0.0]))
 
 
-def _hold(mbs: Any, mGround: Any, node: Any, coordinate: int) -> Any:
+def _fix(mbs: Any, mGround: Any, node: Any, coordinate: int) -> Any:
     marker = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
     return mbs.AddObject(ObjectConnectorCoordinate(markerNumbers=[mGround, marker]))
 

@@ -1,8 +1,8 @@
 r"""Three ways of having Exudyn know the rows and loads of a sliding body.
 
 Updated: rows and loads are set once a step; rows that give way are no constraints but springs that travel,
-``K(s) = K + C^T F^-1 C`` (`pmr.system.compliant_rows`).  Kept: rows that give way keep their multiplier, for
-comparison.  Called: as in the paper, Python is called for rows, their Jacobian and loads in every iteration, for
+``K(s) = K + C^T F^-1 C`` (`pmr.system.compliant_rows`).  With multipliers: rows that give way keep theirs,
+for comparison.  Called: as in the paper, Python is called for rows, their Jacobian and loads in every iteration, for
 comparison.
 """
 
@@ -28,12 +28,12 @@ Array = NDArray[np.float64]
 def add_updated_body(mbs: Any, body: SlidingBody, inputs: Inputs, start: InitialState) -> SlidingBodyItems:
     """Items of a body whose rows, travelling springs and loads are set once a step.
 
-    A sparse body with rows that give way is handed on to `add_kept_body`: springs would fill its stiffness anew in
-    every step.
+    A sparse body with rows that give way is handed on to `add_body_with_multipliers`: springs would fill its
+    stiffness anew in every step.
     """
     n, compliant = body.size, CompliantRows(body)
     if compliant.numbers and sp.issparse(body.K):
-        return add_kept_body(mbs, body, inputs, start)
+        return add_body_with_multipliers(mbs, body, inputs, start)
     firm = [i for i in moving_rows(body) if i not in compliant.numbers]
     rows = inputs.along(lambda s: body.dense_rows(s)[:, firm], n * len(firm))
     system = inputs.along(compliant.system, n * (n + len(body.input_names)))
@@ -64,7 +64,7 @@ def add_updated_body(mbs: Any, body: SlidingBody, inputs: Inputs, start: Initial
     return updated(mbs, items, update)
 
 
-def add_kept_body(mbs: Any, body: SlidingBody, inputs: Inputs, start: InitialState) -> SlidingBodyItems:
+def add_body_with_multipliers(mbs: Any, body: SlidingBody, inputs: Inputs, start: InitialState) -> SlidingBodyItems:
     r"""Items of a body with constraints for all rows, also for those that give way.
 
     Coordinates w without mass, one a row, carry what gives way:

@@ -104,7 +104,7 @@ def add_body(mbs: Any, body: SlidingBody, start: InitialState, **parameters: Any
     nGround = mbs.AddNode(NodePointGround(name=f"{name}Ground"))
     mGround = mbs.AddMarker(MarkerNodeCoordinates(name=f"{name}Ground", nodeNumber=nGround))
     oSupports = tuple(
-        _hold(mbs, f"{name}Support{row}", nBody, coordinate, nGround) for row, coordinate in body.held.items()
+        _fix(mbs, f"{name}Support{row}", nBody, coordinate, nGround) for row, coordinate in body.held.items()
     )
     return SlidingBodyItems(nBody, oBody, mBody, nGround, mGround, None, oSupports, ())
 
@@ -141,7 +141,7 @@ def updated(mbs: Any, items: SlidingBodyItems, update: PreStep) -> SlidingBodyIt
     return replace(items, update=update)
 
 
-def _hold(mbs: Any, name: str, nBody: Any, coordinate: int, nGround: Any) -> Any:
+def _fix(mbs: Any, name: str, nBody: Any, coordinate: int, nGround: Any) -> Any:
     markers = [
         mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nGround, coordinate=0)),
         mbs.AddMarker(MarkerNodeCoordinate(name=name, nodeNumber=nBody, coordinate=coordinate)),

@@ -19,7 +19,7 @@ from pmr.scene.signals import SignalBase
 from pmr.scene.simulators import refuse
 from pmr.simulate import balance
 from pmr.simulate.excitation import Excitation, path_at
-from pmr.simulate.exudyn.bodies import add_called_body, add_kept_body, add_updated_body
+from pmr.simulate.exudyn.bodies import add_body_with_multipliers, add_called_body, add_updated_body
 from pmr.simulate.exudyn.inputs import Inputs, SignalInputs, TabulatedInputs
 from pmr.simulate.exudyn.items import SlidingBodyItems, add_pre_step_function
 from pmr.simulate.exudyn.solver import change, solve, solver_settings, stored
@@ -47,7 +47,7 @@ _NAMES: dict[Formulation, str] = {
 AddItems = Callable[[Any, SlidingBody, Inputs, InitialState], SlidingBodyItems]
 _ADD: dict[Formulation, AddItems] = {
     "springs": add_updated_body,
-    "multipliers": add_kept_body,
+    "multipliers": add_body_with_multipliers,
     "callbacks": add_called_body,
     "callbacks-modified-newton": add_called_body,
 }
@@ -122,14 +122,14 @@ def simulate(
     container = exu.SystemContainer()  # owns the mbs: must stay alive
     mbs = container.AddSystem()
     items = _ADD[formulation](mbs, body, inputs, start)
-    kept = exu.OutputVariableType
+    kind = exu.OutputVariableType
     of_coordinates = [
         SensorNode(nodeNumber=items.nBody, outputVariableType=kind, storeInternal=True)
-        for kind in (kept.Coordinates, kept.Coordinates_t)
+        for kind in (kind.Coordinates, kind.Coordinates_t)
     ]
     connectors = ([] if items.oSlider is None else [items.oSlider]) + list(items.oSupports)
     of_forces = [
-        SensorObject(objectNumber=connector, outputVariableType=kept.Force, storeInternal=True)
+        SensorObject(objectNumber=connector, outputVariableType=kind.Force, storeInternal=True)
         for connector in connectors
     ]
     sensors = [mbs.AddSensor(sensor) for sensor in (*of_coordinates, *of_forces)]

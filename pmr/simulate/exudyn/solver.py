@@ -121,7 +121,7 @@ def stored(mbs: Any, sensor: Any, stepping: TimeStepping, position: Callable[[fl
     """
     values = mbs.GetSensorStoredData(sensor)[:, 1:]
     if len(values) != stepping.steps + 1:
-        raise SimulationError(f"Exudyn kept {len(values)} of {stepping.steps + 1} steps")
+        raise SimulationError(f"Exudyn stored {len(values)} of {stepping.steps + 1} steps")
     finite = np.isfinite(values).all(axis=1)
     if not finite.all():
         number = int(np.argmin(finite))

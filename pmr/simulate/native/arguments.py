@@ -1,8 +1,8 @@
-"""Arguments kept in the form in which compiled code has them.
+"""Arguments stored in the form in which compiled code has them.
 
 A call from Python looks at each array of each argument, which takes longer than a step: 3.3 microseconds with 20 modes,
-where a call with what is kept takes 0.33 and the step itself 0.05.  For arguments that are always the same this is done
-once: `keep` stores what came of it in plain memory, `kept` reads it there.  ::
+where a call with what is stored takes 0.33 and the step itself 0.05.  For arguments that are always the same this is
+done once: `store` puts what came of it into plain memory, `stored` reads it there.  ::
 
     memory = np.zeros(words(typeof(arguments)), np.int64)
     address = memory.ctypes.data
@@ -20,13 +20,13 @@ from numba.extending import intrinsic
 
 
 def words(kind: Any) -> int:
-    """How many integers of 8 bytes it takes to keep a value of a Numba type."""
+    """How many integers of 8 bytes it takes to store a value of a Numba type."""
     context = cpu_target.target_context
     return -(-int(context.get_abi_sizeof(context.get_value_type(kind))) // 8)
 
 
 @intrinsic
-def keep(typing: Any, address: Any, value: Any) -> Any:
+def store(typing: Any, address: Any, value: Any) -> Any:
     """Store a value from an address on, where there is room for `words` integers."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -37,8 +37,8 @@ def keep(typing: Any, address: Any, value: Any) -> Any:
     return types.none(types.int64, value), generate
 
 
-def kept(kind: Any) -> Any:
-    """For compiled code: a function of an address that gives the value of a Numba type that `keep` stored there."""
+def stored(kind: Any) -> Any:
+    """For compiled code: a function of an address that gives the value of a Numba type that `store` put there."""
 
     @intrinsic
     def read(typing: Any, address: Any) -> Any:

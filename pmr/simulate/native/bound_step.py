@@ -9,7 +9,7 @@ import numpy as np
 from numba import typeof, types
 from numpy.typing import NDArray
 
-from pmr.simulate.native import arguments as kept
+from pmr.simulate.native import arguments as stored_arguments
 from pmr.simulate.native import contact as contact_rows
 from pmr.simulate.native.arrays import Contact, Outputs, Scheme, State, System
 from pmr.simulate.native.compilation import compiled, compiled_for_python, inlined
@@ -35,29 +35,29 @@ def _example(contact: Contact | None) -> Arguments:
 
 _CONTACT = contact_rows.contact(np.zeros(1), GeneralizedAlpha(1.0, 0.0).memory())
 _TYPE, _TYPE_IN_CONTACT = (typeof(_example(contact)) for contact in (None, _CONTACT))
-_kept, _kept_in_contact = kept.kept(_TYPE), kept.kept(_TYPE_IN_CONTACT)
+_stored, _stored_in_contact = (stored_arguments.stored(kind) for kind in (_TYPE, _TYPE_IN_CONTACT))
 
 
-def keep(system: System, scheme: Scheme, outputs: Outputs, state: State, f: Array, y: Array) -> Memory:
+def store(system: System, scheme: Scheme, outputs: Outputs, state: State, f: Array, y: Array) -> Memory:
     """Memory for `advance`; the arrays have to outlive it."""
-    memory = np.zeros(kept.words(_TYPE if state.contact is None else _TYPE_IN_CONTACT), np.int64)
-    _keep(memory.ctypes.data, (system, scheme, outputs, state, f, y))
+    memory = np.zeros(stored_arguments.words(_TYPE if state.contact is None else _TYPE_IN_CONTACT), np.int64)
+    _store(memory.ctypes.data, (system, scheme, outputs, state, f, y))
     return memory
 
 
 @compiled
-def _keep(address: int, arguments: Arguments) -> None:
-    kept.keep(address, arguments)
+def _store(address: int, arguments: Arguments) -> None:
+    stored_arguments.store(address, arguments)
 
 
 @compiled_for_python
 def _advance(address: int, s: float) -> int:
-    return _advanced(_kept(address), s)
+    return _advanced(_stored(address), s)
 
 
 @compiled_for_python
 def _advance_in_contact(address: int, s: float) -> int:
-    return _advanced(_kept_in_contact(address), s)
+    return _advanced(_stored_in_contact(address), s)
 
 
 @inlined
@@ -78,7 +78,7 @@ def entry(in_contact: bool) -> Callable[[int, float], int]:
 
     For arguments whose rows all hold both ways, or of which some only push (`in_contact`).  Returns what `step` of
     `pmr.simulate.native.step` does, or OFF_THE_PATH.  Nothing is looked at as a call of a compiled
-    function would do it: the address has to be that of the memory that `keep` gave.
+    function would do it: the address has to be that of the memory that `store` gave.
     """
     signature = (types.int64, types.float64)
     advance = _advance_in_contact if in_contact else _advance

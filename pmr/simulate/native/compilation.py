@@ -1,4 +1,4 @@
-"""How the loops of `march` are compiled, and where what comes of it is kept."""
+"""How the loops of `march` are compiled, and where what comes of it is cached."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ inlined = njit(forceinline=True, **OPTIONS)
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile on the first call and keep the result on disk, as ``njit(cache=True)``."""
-    return _kept(njit(**OPTIONS)(function))
+    return _cached(njit(**OPTIONS)(function))
 
 
 def compiled_and_inlined(function: Callable[..., Any]) -> Any:
     """The same for functions that compiled loops of others call."""
-    return _kept(njit(forceinline=True, **OPTIONS)(function))
+    return _cached(njit(forceinline=True, **OPTIONS)(function))
 
 
 def compiled_for_python(function: Callable[..., Any]) -> Any:
     """The same for functions so short that to hand the interpreter to other threads would take as long."""
-    return _kept(njit(**(OPTIONS | {"nogil": False}))(function))
+    return _cached(njit(**(OPTIONS | {"nogil": False}))(function))
 
 
-def _kept(dispatcher: Any) -> Any:
+def _cached(dispatcher: Any) -> Any:
     dispatcher._cache = _Cache(dispatcher.py_func)
     return dispatcher
 

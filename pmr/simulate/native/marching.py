@@ -79,9 +79,9 @@ class March:
                 progress((last - 1) / (T - 1))
         return seconds
 
-    def check_finite(self, kept: Array, every: int, first: int = 0) -> None:
-        """Raise SimulationError at the first row of `kept` that is not finite; row 0 is step `first` times `every`."""
-        finite = np.isfinite(kept).all(axis=1)
+    def check_finite(self, recorded: Array, every: int, first: int = 0) -> None:
+        """Raise SimulationError at the first row that is not finite; row 0 is step `first` times `every`."""
+        finite = np.isfinite(recorded).all(axis=1)
         if not finite.all():
             k = (first + int(np.argmin(finite))) * every
             raise SimulationError(f"march failed at {self._where(k)}: not finite")
@@ -93,7 +93,7 @@ class March:
 class Room:
     """Room for some thousand steps: whenever it is full, and at the end, they are taken from it.
 
-    Where steps are made in parts, the state at their ends is kept, and the largest force of rows that only push.
+    Where steps are made in parts, the state at their ends is recorded, and the largest force of rows that only push.
 
     Parameters
     ----------
@@ -110,45 +110,45 @@ class Room:
         self._block = max(1, BLOCK // march.parts)
         size = 1 + min(BLOCK // self._block * self._block, len(t) - 1)
         r, m = march.body.size, len(march.body.row_names)
-        self._kept = tuple(np.empty((size, width)) for width in (r, r, m))
-        for array, start in zip(self._kept, (*march.start, march.state.multipliers), strict=True):
+        self._record = tuple(np.empty((size, width)) for width in (r, r, m))
+        for array, start in zip(self._record, (*march.start, march.state.multipliers), strict=True):
             array[0] = start
-        self._peaks = None if march.parts == 1 else self._kept[2].copy()
+        self._peaks = None if march.parts == 1 else self._record[2].copy()
         of_parts = 0 if march.parts == 1 else self._block * march.parts
-        self._of_parts = [np.empty((of_parts, array.shape[1])) for array in self._kept]
+        self._of_parts = [np.empty((of_parts, array.shape[1])) for array in self._record]
         self._first, self._filled = 0, 1
 
     def steps(self, first: int, last: int) -> tuple[int, int]:
         """Take these steps; how many it were and 0, or what stopped the march."""
         march = self._march
-        kept = slice(self._filled, self._filled + (last - first) // march.parts)
+        rows = slice(self._filled, self._filled + (last - first) // march.parts)
         given = march.s[first:last], march.f[first:last]
         if self._peaks is None:
-            return kernel.run(march.system, march.scheme, march.state, *given, *(array[kept] for array in self._kept))
+            return kernel.run(march.system, march.scheme, march.state, *given, *(array[rows] for array in self._record))
         parts = [array[: last - first] for array in self._of_parts]
         taken, failed = kernel.run(march.system, march.scheme, march.state, *given, *parts)
         if not failed and taken:
-            for array, part in zip(self._kept, parts, strict=True):
-                array[kept] = part[march.parts - 1 :: march.parts]
+            for array, part in zip(self._record, parts, strict=True):
+                array[rows] = part[march.parts - 1 :: march.parts]
             within = parts[2].reshape(-1, march.parts, parts[2].shape[1]).max(axis=1)
-            self._peaks[kept] = self._kept[2][kept]
-            self._peaks[kept, self._pushing] = within[:, self._pushing]
+            self._peaks[rows] = self._record[2][rows]
+            self._peaks[rows, self._pushing] = within[:, self._pushing]
         return taken, failed
 
     def passed(self, last: int) -> None:
         """All steps before number `last`, parts counted, are made."""
         self._filled = (last - 1) // self._march.parts + 1 - self._first
-        if last < len(self._march.s) and self._filled + self._block <= len(self._kept[0]):
+        if last < len(self._march.s) and self._filled + self._block <= len(self._record[0]):
             return
         rows = slice(self._first, self._first + self._filled)
-        z, v, multipliers = (array[: self._filled] for array in self._kept)
+        z, v, multipliers = (array[: self._filled] for array in self._record)
         self._march.check_finite(z, self._march.parts, self._first)
         peaks = None if self._peaks is None else self._peaks[: self._filled]
         for forces in (multipliers, *([] if peaks is None else [peaks])):
             without_pull(forces, self._pushing)
         part = Trajectory(self._t[rows], z, v, multipliers, self._s[rows], seconds=0.0, peaks=peaks)
         self._take(self._first, part, self._f[rows])
-        for array in (*self._kept, *([] if self._peaks is None else [self._peaks])):
+        for array in (*self._record, *([] if self._peaks is None else [self._peaks])):
             array[0] = array[self._filled - 1]
         self._first, self._filled = self._first + self._filled - 1, 1
 

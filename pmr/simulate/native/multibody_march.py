@@ -36,8 +36,8 @@ PLACES = 65
 
 
 @dataclass(frozen=True)
-class _Kept:
-    """What is kept of each step, the start first: z, v (T, r'), forces and peaks (T, m), energy and work (T, 2)."""
+class _Record:
+    """What is recorded of each step, the start first: z, v (T, r'), forces and peaks (T, m), energy and work (T, 2)."""
 
     z: Array
     v: Array
@@ -112,33 +112,35 @@ class MultibodyMarch:
     def run(self, progress: Progress | None) -> SystemTrajectory:
         """Take all steps."""
         T, m, r = len(self._t), len(self._system.contacts), self._state.modes.shape[1]
-        kept = _Kept(*(np.empty((T, width)) for width in (r, r, m, m, 2)))
+        record = _Record(*(np.empty((T, width)) for width in (r, r, m, m, 2)))
         modes, multipliers = self._state.modes, self._state.multipliers
         start = (modes[Z], modes[V], multipliers, multipliers, self._sides.energy)
-        for array, values in zip((kept.z, kept.v, kept.multipliers, kept.peaks, kept.energy), start, strict=True):
+        for array, values in zip(
+            (record.z, record.v, record.multipliers, record.peaks, record.energy), start, strict=True
+        ):
             array[0] = values
-        self._advance(1, 1, kept)  # none: what is compiled or loaded for the first time is not the solver's time
+        self._advance(1, 1, record)  # none: what is compiled or loaded for the first time is not the solver's time
         seconds, block = 0.0, max(1, BLOCK // self._parts)
         for first in range(1, T, block):
             last = min(first + block, T)
             begin = time.perf_counter()
-            self._advance(first, last, kept)
+            self._advance(first, last, record)
             seconds += time.perf_counter() - begin
             if progress is not None:
                 progress((last - 1) / (T - 1))
-        return self._trajectory(kept, seconds)
+        return self._trajectory(record, seconds)
 
-    def _advance(self, first: int, last: int, kept: _Kept) -> None:
+    def _advance(self, first: int, last: int, record: _Record) -> None:
         """Take steps `first` to `last`, the latter excluded."""
         parts, rows = self._parts, slice(first, last)
         given = slice((first - 1) * parts + 1, (last - 1) * parts + 1)
         taken, failed = kernel.run(
             self._bodies, self._scheme, self._state, self._sides, self._x[given], self._f[given], parts,
-            kept.z[rows], kept.v[rows], kept.multipliers[rows], kept.peaks[rows], kept.energy[rows],
+            record.z[rows], record.v[rows], record.multipliers[rows], record.peaks[rows], record.energy[rows],
         )  # fmt: skip
         if failed:
             raise SimulationError(f"march failed at {self._where(first + taken // parts)}: {self._reason(failed)}")
-        finite = np.isfinite(kept.z[rows]).all(axis=1)
+        finite = np.isfinite(record.z[rows]).all(axis=1)
         if not finite.all():
             raise SimulationError(f"march failed at {self._where(first + int(np.argmin(finite)))}: not finite")
 
@@ -152,25 +154,25 @@ class MultibodyMarch:
             return f"which of the contacts {names} are closed was not settled in {contact_rows.LIMIT} solves"
         return dependence(self._state.modes[ROW : ROW + failed], system.contact_names)
 
-    def _trajectory(self, kept: _Kept, seconds: float) -> SystemTrajectory:
+    def _trajectory(self, record: _Record, seconds: float) -> SystemTrajectory:
         x, f = self._x[:: self._parts], self._f[:: self._parts]
         least = balance.round_off(self._form.B.T @ self._form.B, f, float(self._t[1]))
         pushing = not np.isnan(self._system.clearance).all()
-        energy, work = kept.energy.T
+        energy, work = record.energy.T
         found = balance.surplus(energy, work, least, since_start=pushing)
         balance.refuse_growth(found, "march", self._rigid_and_moving)
         motions = {}
         for name, form, columns in zip(self._system.bodies, self._form.forms, self._form.columns, strict=True):
             own = [k for k, side in enumerate(self._system.sides) if side.place.body == name]
-            forces = np.stack([np.zeros(len(x)), *(self._pressed(kept, k) for k in own)], axis=1)[:, 1:]
-            q, v = kept.z[:, columns] @ form.X.T, kept.v[:, columns] @ form.X.T
+            forces = np.stack([np.zeros(len(x)), *(self._pressed(record, k) for k in own)], axis=1)[:, 1:]
+            q, v = record.z[:, columns] @ form.X.T, record.v[:, columns] @ form.X.T
             motions[name] = Trajectory(self._t, q, v, forces, x[:, own], seconds, surplus=found)
-        peaks = np.where(np.isnan(self._system.clearance), kept.multipliers, kept.peaks)
-        return SystemTrajectory(self._t, motions, kept.multipliers, peaks, f, energy, work, seconds, found)
+        peaks = np.where(np.isnan(self._system.clearance), record.multipliers, record.peaks)
+        return SystemTrajectory(self._t, motions, record.multipliers, peaks, f, energy, work, seconds, found)
 
-    def _pressed(self, kept: _Kept, number: int) -> Array:
+    def _pressed(self, record: _Record, number: int) -> Array:
         side = self._system.sides[number]
-        return np.asarray(side.sign * kept.multipliers[:, side.contact])
+        return np.asarray(side.sign * record.multipliers[:, side.contact])
 
 
 def contact_frequency(system: System, excitation: Excitation) -> float:

@@ -42,13 +42,13 @@ def run(
     peaks: Array,
     energy: Array,
 ) -> tuple[int, int]:
-    """Steps to places x (T, q) under f (T, i), every `parts`-th kept: z, v, multipliers, peaks, energy (T // parts, .).
+    """Steps to places x (T, q) under f (T, i); z, v, multipliers, peaks, energy (T // parts, .) of each `parts`-th.
 
     Returns the number of steps taken and 0, or what stopped them as `advance` says.
     """
     m = len(state.multipliers)
     for n in range(len(x)):
-        kept, first = n // parts, n % parts == 0
+        row, first = n // parts, n % parts == 0
         failed = move_sides(bodies, scheme, state, sides, x[n])
         if failed == 0:
             failed = advance(bodies, scheme, state, f[n])
@@ -57,13 +57,13 @@ def run(
         account(bodies, state, sides, f[n])
         for k in range(m):
             force = state.multipliers[k]
-            peaks[kept, k] = force if first else max(peaks[kept, k], force)
+            peaks[row, k] = force if first else max(peaks[row, k], force)
         if (n + 1) % parts == 0:
             for k in range(z.shape[1]):
-                z[kept, k], v[kept, k] = state.modes[Z, k], state.modes[V, k]
+                z[row, k], v[row, k] = state.modes[Z, k], state.modes[V, k]
             for k in range(m):
-                multipliers[kept, k] = state.multipliers[k]
-            energy[kept, 0], energy[kept, 1] = sides.energy[0], sides.energy[1]
+                multipliers[row, k] = state.multipliers[k]
+            energy[row, 0], energy[row, 1] = sides.energy[0], sides.energy[1]
     return len(x), FINISHED
 
 

@@ -56,28 +56,28 @@ def follow(
     stepping, t = excitation.stepping, excitation.times
     course, account = _sampled(form, excitation), balance.Account(body, stepping.steps)
     r, m, i, T = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1
-    kept = kernel.Kept(*(np.empty((min(BLOCK, T - 1) + 1, size)) for size in (r, r, m, m)))
+    record = kernel.Record(*(np.empty((min(BLOCK, T - 1) + 1, size)) for size in (r, r, m, m)))
     state = _state(InitialState.at_rest(r) if initial is None else initial, m, i)
     scheme, seconds = _scheme(GeneralizedAlpha(stepping.step, stepping.rho_inf)), 0.0
     resting = scheme._replace(step=0.0, dq=0.0, dv=0.0, gain=1.0)
-    failed = kernel.run(_system(form, resting), resting, state, course, kept, 0, 1)[1]
+    failed = kernel.run(_system(form, resting), resting, state, course, record, 0, 1)[1]
     _check(form, course, 0, failed, stepping.step)
     system = _system(form, scheme)
     for before in range(0, T - 1, BLOCK):
         rows = slice(before, min(before + BLOCK + 1, T))
         part, count = kernel.Course(*(np.ascontiguousarray(one[:, rows]) for one in course)), rows.stop - before
         begun = time.perf_counter()
-        reached, failed = kernel.run(system, scheme, state, part, kept, 1, count)
+        reached, failed = kernel.run(system, scheme, state, part, record, 1, count)
         seconds += time.perf_counter() - begun
         _check(form, course, before + reached, failed, stepping.step)
-        p, v, z, multipliers = (getattr(kept, name)[:count] for name in ("p", "v", "z", "multipliers"))
+        p, v, z, multipliers = (getattr(record, name)[:count] for name in ("p", "v", "z", "multipliers"))
         finite = np.isfinite(p).all(axis=1)
         if not finite.all():
             where = _where(course, before + int(np.argmin(finite)), stepping.step)
             raise SimulationError(f"march failed at {where}: not finite")
         found, f = Trajectory(t[rows], p, v, multipliers, part.s[0], 0.0, z), course.f[0, rows]
         take(Block(before, found, f, account.add(before, found, f)))
-        for array in kept:
+        for array in record:
             array[0] = array[count - 1]
         if progress is not None:
             progress((rows.stop - 1) / (T - 1))

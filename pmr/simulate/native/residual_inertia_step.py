@@ -74,7 +74,7 @@ class Course(NamedTuple):
     f: Array  # (3, T, i)
 
 
-class Kept(NamedTuple):
+class Record(NamedTuple):
     """Where results go."""
 
     p: Array  # (T, r)
@@ -291,25 +291,25 @@ def _predict(scheme: Scheme, motion: Array) -> None:
 
 
 @_inlined
-def _correct_and_keep(scheme: Scheme, state: State, kept: Kept, step: int) -> None:
+def _correct_and_record(scheme: Scheme, state: State, record: Record, step: int) -> None:
     motion, Z = state.motion, state.Z
     m, r = state.rates.shape[1:]
     for k in range(m):
         z = Z[0, k, r]
         for n in range(r):
             z += Z[0, k, n] * motion[2, n]
-        kept.z[step, k], kept.multipliers[step, k] = z, state.small[k, m]
+        record.z[step, k], record.multipliers[step, k] = z, state.small[k, m]
     for n in range(r):
         acceleration = motion[2, n]
         motion[0, n] += scheme.dq * acceleration
         motion[1, n] += scheme.dv * acceleration
         motion[3, n] += scheme.gain * acceleration
-        kept.p[step, n], kept.v[step, n] = motion[0, n], motion[1, n]
+        record.p[step, n], record.v[step, n] = motion[0, n], motion[1, n]
 
 
 @njit(cache=True, **_options)
 def run(
-    system: System, scheme: Scheme, state: State, course: Course, kept: Kept, first: int, last: int
+    system: System, scheme: Scheme, state: State, course: Course, record: Record, first: int, last: int
 ) -> tuple[int, int]:
     """Steps `first` to `last` (exclusive); the step that was reached, and 0 or the number from 1 of a dependent row.
 
@@ -329,5 +329,5 @@ def run(
         _differentiate(state, scheme, ds, dds, f, df, ddf)
         _find_affine(state, ds, dds)
         _accelerate(system, state, f)
-        _correct_and_keep(scheme, state, kept, step)
+        _correct_and_record(scheme, state, record, step)
     return last, 0

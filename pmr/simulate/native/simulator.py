@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulate import balance
-from pmr.simulate.blocks import Block, Ended, Indices, Kept, Take
+from pmr.simulate.blocks import Block, Ended, Indices, Recorder, Take
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.modal import ModalForm, modal_form, support_forces
 from pmr.simulate.native import residual_inertia as inertial
@@ -72,9 +72,9 @@ def simulate(
 
 
 def simulate_at(body: SlidingBody, excitation: Excitation, steps: Indices) -> Trajectory:
-    """The states that `simulate` gives at the steps (S,), ascending numbers; no others are kept."""
-    form, kept = modal_form(body), Kept(steps)
-    modal = kept.trajectory(follow(form, excitation, kept))
+    """The states that `simulate` gives at the steps (S,), ascending numbers; no others are recorded."""
+    form, recorder = modal_form(body), Recorder(steps)
+    modal = recorder.trajectory(follow(form, excitation, recorder))
     return _in_coordinates(body, form, modal, excitation.forces(body.input_names)[steps])
 
 
@@ -85,8 +85,8 @@ def simulate_modal(
     progress: Progress | None = None,
 ) -> Trajectory:
     """Simulate a body that is in modal form already; `initial` and the trajectory are in modal coordinates."""
-    kept = Kept(np.arange(excitation.stepping.steps + 1))
-    return kept.trajectory(follow(form, excitation, kept, initial, progress))
+    recorder = Recorder(np.arange(excitation.stepping.steps + 1))
+    return recorder.trajectory(follow(form, excitation, recorder, initial, progress))
 
 
 def follow(
@@ -96,7 +96,7 @@ def follow(
     initial: InitialState | None = None,
     progress: Progress | None = None,
 ) -> Ended:
-    """The same, but that nothing is kept: `take` is told of some thousand steps at a time.
+    """The same, but that nothing is recorded: `take` is told of some thousand steps at a time.
 
     A body that keeps the inertia of its residual part goes to `pmr.simulate.native.residual_inertia`.  Where rows only
     push, a step is made in parts (`pmr.simulate.contact_step`), of which the last one is told.
@@ -127,8 +127,9 @@ def observe(
 ) -> Observation:
     """Simulate from rest and keep nothing but outputs (all by default) and multipliers of each `every`-th step.
 
-    Memory is of the order of what is kept: a long simulation of a large body needs little.  So the energy balance that
-    `simulate` checks is not: rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).
+    Memory is of the order of what is recorded: a long simulation of a large body needs little.  So the energy balance
+    that `simulate` checks is not: rigid rows that move may grow unnoticed with rho_inf near 1
+    (docs/time_integration.md).
 
     Raises
     ------
@@ -136,7 +137,7 @@ def observe(
         As for `pmr.simulate.Simulator`.
     """
     march, stepping = March(form, excitation, None), excitation.stepping
-    parts_kept = every * march.parts
+    parts_ = every * march.parts
     chosen = np.arange(len(form.body.outputs)) if outputs is None else np.asarray(outputs, dtype=np.int64)
     tables = march_system.outputs(form.body, chosen)
     count = stepping.steps // every + 1
@@ -145,12 +146,12 @@ def observe(
     y[0] = displacement(form.body, march.start[:1], march.s[:1], multipliers[:1], march.f[:1])[0, chosen]
 
     def steps(first: int, last: int) -> tuple[int, int]:
-        kept = slice((first - 1) // parts_kept + 1, (last - 1) // parts_kept + 1)
-        arrays = march.s[first:last], march.f[first:last], parts_kept, y[kept], multipliers[kept]
+        rows = slice((first - 1) // parts_ + 1, (last - 1) // parts_ + 1)
+        arrays = march.s[first:last], march.f[first:last], parts_, y[rows], multipliers[rows]
         return kernel.run_observed(march.system, march.scheme, tables, march.state, *arrays)
 
-    seconds = march.advance(steps, parts_kept, None)
-    march.check_finite(y, parts_kept)
+    seconds = march.advance(steps, parts_, None)
+    march.check_finite(y, parts_)
     without_pull(multipliers, pushing_rows(form.body))
     return Observation(excitation.times[::every][:count], y, multipliers, seconds)
 

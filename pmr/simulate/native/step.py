@@ -176,7 +176,7 @@ def _add_others(system: System, state: State, f: Array) -> None:
 def run(
     system: System, scheme: Scheme, state: State, s: Array, f: Array, z: Array, v: Array, multipliers: Array
 ) -> tuple[int, int]:
-    """Steps to s (T,) under f (T, i), all of them kept in z, v (T, r) and multipliers (T, m).
+    """Steps to s (T,) under f (T, i), all of them recorded in z, v (T, r) and multipliers (T, m).
 
     Returns the number of steps taken and 0, or the number from 1 of the row that stopped the march.
     """
@@ -216,15 +216,15 @@ def run_observed(
     multipliers: Array,
 ) -> tuple[int, int]:
     """Steps to s (T,) under f (T, i); outputs y (T // every, o) and multipliers (T // every, m) of each `every`-th."""
-    kept, until = 0, every
+    row, until = 0, every
     for n in range(len(s)):
         failed = step(system, scheme, state, s[n], f[n])
         if failed:
             return n, failed
         until -= 1
         if until == 0:
-            observe(system, outputs, state, f[n], y[kept])
+            observe(system, outputs, state, f[n], y[row])
             for k in range(multipliers.shape[1]):
-                multipliers[kept, k] = state.multipliers[k]
-            kept, until = kept + 1, every
+                multipliers[row, k] = state.multipliers[k]
+            row, until = row + 1, every
     return len(s), FINISHED

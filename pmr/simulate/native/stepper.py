@@ -99,7 +99,7 @@ class Stepper:
             self._state,
         )
         self._advance = bound_step.entry(self._state.contact is not None)
-        self._memory = bound_step.keep(*self.arguments, self._f, self._y)
+        self._memory = bound_step.store(*self.arguments, self._f, self._y)
         self._address = self._memory.ctypes.data
 
     def step(self, s: float, F: ArrayLike) -> Array:

@@ -13,13 +13,13 @@ from pmr.fem.factor import BLOCK, AnyFactor
 from pmr.fullmodel.model import FullModel
 from pmr.simulate.native.rows import SINGULAR
 from pmr.simulate.native.start import dependence
-from pmr.simulate.petsc.rows import Course, KeptAnswers, PathCompliance, PathRows, VisitedCarriers
+from pmr.simulate.petsc.rows import Course, PathCompliance, PathRows, StoredAnswers, VisitedCarriers
 
 Array = NDArray[np.float64]
 
 #: Bytes a rank may spend on S^{-1} E, which saves the second solve of a step: 560 loads of the reference boom's pads at
 #: up to 240,000 coordinates a rank.
-KEPT_BYTES = 2**30
+STORED_BYTES = 2**30
 
 
 class Constraint:
@@ -35,10 +35,10 @@ class Constraint:
         numbers = course.touched(shared.rows)
         visited = VisitedCarriers(numbers, shared.carriers[numbers][:, share])
         self.rows = PathRows(shared.rows, course, visited, step)
-        kept = 8 * len(numbers) * model.comm.allreduce(share.stop - share.start, op=MPI.MAX) <= KEPT_BYTES
-        P, answers = _answers(factor, visited.local, model.comm, kept)
+        stored = 8 * len(numbers) * model.comm.allreduce(share.stop - share.start, op=MPI.MAX) <= STORED_BYTES
+        P, answers = _answers(factor, visited.local, model.comm, stored)
         self._compliance = PathCompliance(P, self.rows)
-        self._kept = KeptAnswers(answers, self.rows) if kept else None
+        self._stored = StoredAnswers(answers, self.rows) if stored else None
         self._right, self._answer = model.M.createVecs()
         self._position, self._cholesky = np.nan, np.zeros((0, 0))
 
@@ -68,24 +68,24 @@ class Constraint:
 
     def correction(self, multipliers: Array) -> Array:
         """This rank's rows (n_local,) of S^{-1} C^T lambda."""
-        if self._kept is not None:
-            return self._kept.correction(self.rows, multipliers)
+        if self._stored is not None:
+            return self._stored.correction(self.rows, multipliers)
         self._right.getArray()[:] = self.rows.transposed(multipliers)
         self._factor.solve(self._right, self._answer)
         return np.asarray(self._answer.getArray())
 
 
-def _answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, kept: bool) -> tuple[Array, Array]:
-    """P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E if they are kept.
+def _answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
+    """P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E if they are stored.
 
     E is given as this rank's columns of its transpose, (p, n_local).
     """
     p, n = E.shape
-    P, answers = np.zeros((p, p)), np.zeros((n, p if kept else 0), order="F")
+    P, answers = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")
     for k in range(0, p, BLOCK):
         block = factor.solve_columns(E[k : k + BLOCK].toarray().T)
         P[:, k : k + BLOCK] = E @ block
-        if kept:
+        if stored:
             answers[:, k : k + BLOCK] = block
     comm.Allreduce(MPI.IN_PLACE, P)
     return (P + P.T) / 2.0, answers

@@ -1,4 +1,4 @@
-"""What is kept of a full-order simulation: chosen outputs at every so many steps, whole states at a few times."""
+"""What is recorded of a full-order simulation: chosen outputs at every so many steps, whole states at a few times."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Recording:
     energies : bool
         Two products with a matrix at each of these steps.
     states : sequence of float, s
-        Times at which the whole state is kept; the nearest step counts.
+        Times at which the whole state is recorded; the nearest step counts.
     """
 
     outputs: Sequence[int] | None = None

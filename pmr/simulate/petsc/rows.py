@@ -161,7 +161,7 @@ class PathCompliance:
             self._of_powers[powers[k], powers[l]], self._of_powers[powers[l], powers[k]] = block, block.T
 
 
-class KeptAnswers:
+class StoredAnswers:
     """This rank's rows of S^{-1} C^T lambda from those of S^{-1} E, (n_local, p)."""
 
     def __init__(self, answers: Array, rows: PathRows) -> None:

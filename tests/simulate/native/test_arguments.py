@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit, typeof
 from numpy.typing import NDArray
 
-from pmr.simulate.native import arguments as kept
+from pmr.simulate.native import arguments as stored_arguments
 
 Array = NDArray[np.float64]
 
@@ -20,13 +20,13 @@ class Arguments(NamedTuple):
 
 
 EXAMPLE = Arguments(np.zeros((1, 1)), 0.0, np.zeros(1, np.int64))
-WORDS = kept.words(typeof(EXAMPLE))
-read = kept.kept(typeof(EXAMPLE))
+WORDS = stored_arguments.words(typeof(EXAMPLE))
+read = stored_arguments.stored(typeof(EXAMPLE))
 
 
 @njit(_nrt=False)
-def keep(address: int, arguments: Arguments) -> None:
-    kept.keep(address, arguments)
+def store(address: int, arguments: Arguments) -> None:
+    stored_arguments.store(address, arguments)
 
 
 @njit(_nrt=False)
@@ -40,10 +40,10 @@ def scaled_sum(address: int) -> float:
     return total * arguments.factor
 
 
-def test_what_was_kept_is_read_again_and_arrays_stay_the_same() -> None:
+def test_what_was_stored_is_read_again_and_arrays_stay_the_same() -> None:
     matrix, counts = np.arange(6.0).reshape(2, 3), np.zeros(1, np.int64)
     memory = np.zeros(WORDS, np.int64)
-    keep(memory.ctypes.data, Arguments(matrix, 2.0, counts))
+    store(memory.ctypes.data, Arguments(matrix, 2.0, counts))
     assert scaled_sum(memory.ctypes.data) == 30.0
     matrix[0, 0] = 10.0
     assert scaled_sum(memory.ctypes.data) == 50.0
@@ -52,5 +52,5 @@ def test_what_was_kept_is_read_again_and_arrays_stay_the_same() -> None:
 
 def test_no_more_memory_is_used_than_asked_for() -> None:
     memory = np.full(WORDS + 8, 7, np.int64)
-    keep(memory.ctypes.data, Arguments(np.zeros((1, 1)), 2.0, np.zeros(1, np.int64)))
+    store(memory.ctypes.data, Arguments(np.zeros((1, 1)), 2.0, np.zeros(1, np.int64)))
     assert np.all(memory[WORDS:] == 7) and np.any(memory[WORDS - 2 : WORDS] != 7)

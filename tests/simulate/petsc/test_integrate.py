@@ -68,7 +68,7 @@ def test_same_as_an_integrator_written_for_the_test(
     rich: FullBody, pads: str, memory: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two sliders, two inputs that act from the start, Rayleigh damping, a velocity that must be corrected."""
-    monkeypatch.setattr(constraint, "KEPT_BYTES", memory)
+    monkeypatch.setattr(constraint, "STORED_BYTES", memory)
     body = with_pads(rich, *PADS[pads])
     found = observe(distributed(body), driven(PATH, LOADS, STEPPING), EVERYTHING, some_state(body))
     t = STEPPING.times
@@ -133,7 +133,7 @@ def test_the_response_is_that_of_the_whole_trajectory(rich: FullBody, pads: str)
 @pytest.mark.mpi
 @pytest.mark.parametrize("memory", [2**30, 0], ids=["answers kept", "two solves"])
 def test_ranks_agree_with_one(rich: FullBody, memory: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(constraint, "KEPT_BYTES", memory)
+    monkeypatch.setattr(constraint, "STORED_BYTES", memory)
     alone, together = (
         observe(
             distributed(rich, comm),

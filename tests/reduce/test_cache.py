@@ -11,7 +11,7 @@ import pmr.run
 from pmr.errors import InputError
 from pmr.fullmodel.build import build
 from pmr.fullmodel.model import FullModel
-from pmr.reduce.kept import content_of, kept_in
+from pmr.reduce.cache import cache_in, content_of
 from pmr.run import run
 
 SHORT = ["time.end=0.02", "compare.against=[]"]
@@ -89,4 +89,4 @@ def test_the_content_is_the_same_on_all_ranks_and_changes_with_the_model(load_sc
 def test_a_folder_that_cannot_be_is_refused(load_scene, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="--cache"):
-        kept_in(tmp_path / "file" / "folder", model(load_scene))
+        cache_in(tmp_path / "file" / "folder", model(load_scene))

@@ -31,7 +31,7 @@ from pmr.snapshots import Snapshots
 Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 
-FORMAT = "pmr-kept"
+FORMAT = "pmr-cache"
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Reduced:
 
 
 @dataclass(frozen=True)
-class Kept:
+class Cache:
     """A folder of them, for one full model.
 
     Attributes
@@ -141,7 +141,7 @@ class Kept:
         return np.concatenate(shares) if shares is not None else np.empty((0, 0))
 
 
-def kept_in(folder: Path, model: FullModel) -> Kept:
+def cache_in(folder: Path, model: FullModel) -> Cache:
     """Of a model that was just assembled; collective.
 
     Raises
@@ -154,7 +154,7 @@ def kept_in(folder: Path, model: FullModel) -> Kept:
     except OSError as error:
         allowed = f"a folder that can be written to is allowed ({error.strerror})"
         raise InputError("command line", "--cache", str(folder), allowed) from None
-    return Kept(folder, model, content_of(model))
+    return Cache(folder, model, content_of(model))
 
 
 def content_of(model: FullModel) -> str:
