@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from pmr.errors import InputError
+from pmr.errors.text import hint
 from pmr.scene import Scene
 from pmr.studies.files import schemas
 
@@ -33,6 +34,6 @@ def schema(
         **{name: lambda s=found: s for name, found in schemas().items()},
     }
     if kind not in known:
-        raise InputError("command line", "KIND", kind, f"one of {', '.join(known)} is allowed")
+        raise InputError("command line", "KIND", kind, f"{hint(kind, known)}one of {', '.join(known)} is allowed")
     json.dump(known[kind](), sys.stdout, indent=2)
     sys.stdout.write("\n")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from difflib import get_close_matches
 from math import floor, log10
 
 #: Characters that steer what shows them instead of being shown: control codes, line ends, marks that turn the direction
@@ -19,6 +21,12 @@ def visible(text: str) -> str:
     Everything else stays: letters of any script, symbols, brackets and what some programs take for markup.
     """
     return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
+
+def hint(name: object, known: Iterable[str]) -> str:
+    """A question after the one of the `known` names that `name` is like, with a space behind it, or nothing."""
+    close = get_close_matches(str(name), list(known), n=1)
+    return f"did you mean {close[0]!r}? " if close else ""
 
 
 def rounded(value: float, digits: int = 2) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pmr import environment
 from pmr.errors import InputError
+from pmr.errors.text import hint
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def write(to: str, model: Path, target: Path | None, options: Options) -> Path:
         If there is no such format, it does not take an option that was given, or its writer refuses.
     """
     if to not in FORMATS:
-        raise InputError("command line", "--to", to, f"{', '.join(FORMATS)} is allowed")
+        raise InputError("command line", "--to", to, f"{hint(to, FORMATS)}one of {', '.join(FORMATS)} is allowed")
     chosen = FORMATS[to]
     for name, value in vars(options).items():
         if value is not None and name not in chosen.options:

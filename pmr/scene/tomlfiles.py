@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from pmr.errors import InputError
+from pmr.errors.text import hint
 
 #: The file (or option) in which each key of the merged data was written.
 Origins = dict[tuple[str, ...], str]
@@ -169,9 +169,16 @@ class TomlFile:
         allowed = first["msg"].removeprefix("Value error, ")
         if first["type"] == "extra_forbidden":
             known = _known_keys(model, first["loc"][:-1])
-            close = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
-            hint = f"did you mean {close[0]!r}? " if close else ""
-            allowed = f"unknown key; {hint}allowed: {', '.join(known)}" if known else "unknown key"
+            close = hint(first["loc"][-1], known)
+            allowed = f"unknown key; {close}allowed: {', '.join(known)}" if known else "unknown key"
+        elif first["type"] == "union_tag_invalid":
+            tag, known = first["ctx"]["tag"], re.findall(r"'(\w+)'", first["ctx"]["expected_tags"])
+            location, value = [*location, "kind"], tag
+            allowed = f"{hint(tag, known)}{', '.join(known)} are allowed"
+        elif first["type"] == "literal_error":
+            expected = first["ctx"]["expected"]
+            close = hint(value, re.findall(r"'([\w-]+)'", expected))
+            allowed = f"{close}{expected} is allowed"
         source = self.origin(location)
         if isinstance(value, (dict, list)) and first["type"] == "value_error":
             value, source = None, self._latest(location)

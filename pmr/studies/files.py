@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import pkgutil
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from pmr.errors import InputError
+from pmr.errors.text import hint
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.studies import kinds
 from pmr.studies.engine.task import Plan, Task
@@ -65,9 +65,8 @@ class Project:
         """
         unknown = sorted(set(names) - set(self.runs))
         if unknown:
-            close = difflib.get_close_matches(unknown[0], self.runs, n=1)
-            hint = f"did you mean {close[0]!r}? " if close else ""
-            raise InputError("command line", "--only", unknown[0], f"no such run; {hint}--list shows them all")
+            close = hint(unknown[0], self.runs)
+            raise InputError("command line", "--only", unknown[0], f"no such run; {close}--list shows them all")
         parts = [
             replace(part, plan=replace(part.plan, runs=tuple(r for r in part.plan.runs if _run_name(part, r) in names)))
             for part in self.parts
@@ -139,7 +138,8 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
         file.apply(change)
     kind = file.data.get("kind")
     if kind not in kind_names():
-        raise InputError(file.origin("kind"), "kind", kind, f"one of {', '.join(kind_names())} is allowed")
+        allowed = f"{hint(kind, kind_names())}one of {', '.join(kind_names())} is allowed"
+        raise InputError(file.origin("kind"), "kind", kind, allowed)
     return file
 
 

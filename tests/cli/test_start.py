@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import runpy
 import tomllib
 from pathlib import Path
 
+import meshio
 import pytest
 from typer.testing import CliRunner
 
@@ -33,8 +35,36 @@ def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
 
 
 def test_an_unknown_kind_is_answered_with_the_known_ones(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="boom, crane"):
-        RUN.invoke(app, ["new", "boat", str(tmp_path / "x")], catch_exceptions=False, standalone_mode=False)
+    with pytest.raises(InputError, match="did you mean 'boom'.*beam, boom, crane"):
+        RUN.invoke(app, ["new", "bom", str(tmp_path / "x")], catch_exceptions=False, standalone_mode=False)
+
+
+@pytest.mark.parametrize(
+    "changes, close",
+    [
+        ("slider.path.kind=smoth_ramp", "smooth_ramp"),
+        ("body.model=shel", "shell"),
+        ("reduction.basis=free_mode", "free_modes"),
+    ],
+)
+def test_a_misspelt_kind_is_answered_with_the_one_that_is_like_it(changes: str, close: str) -> None:
+    with pytest.raises(InputError, match=f"did you mean '{close}'"):
+        scenes.load("workflows/boom.toml", [changes])
+
+
+@pytest.mark.parametrize("kind", kinds())
+def test_the_mesh_script_draws_the_body_of_its_scene(kind: str, tmp_path: Path) -> None:
+    RUN.invoke(app, ["new", kind, str(tmp_path / "mine")])
+    runpy.run_path(str(tmp_path / "mine" / "mesh.py"), run_name="__main__")
+    (file,) = (tmp_path / "mine").glob("*.msh")
+    x = meshio.read(file).points[:, 0]
+    body = scenes.load(scene_file(tmp_path / "mine")).body
+    assert x.min() == pytest.approx(0.0, abs=1e-9) and x.max() == pytest.approx(body.length)
+
+
+def test_shells_complete_what_is_typed() -> None:
+    asked = {"_PMR_COMPLETE": "complete_bash", "COMP_WORDS": "pmr new b", "COMP_CWORD": "2"}
+    assert RUN.invoke(app, [], env=asked, prog_name="pmr").stdout.split() == ["beam", "boom"]
 
 
 def test_workflows_are_found_by_their_names_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

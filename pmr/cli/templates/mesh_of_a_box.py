@@ -2,7 +2,7 @@
 
     [body]
     model = "shell"
-    thickness = 0.007
+    thickness = 0.006       # the wall's
 
     [mesh]
     file = "section.msh"
@@ -12,9 +12,14 @@ instead of [body.box].  Any mesh will do that names its groups: tail, tip, and t
 
 from pathlib import Path
 
+from pmr import load_scene
 from pmr.mesh.box import BoxBoom, write_shell
 
-SECTION = BoxBoom(length=12.0, width=0.45, height=0.6, wall=0.007, radius=0.03, size=0.15, size_along=0.3)
+HERE = Path(__file__).parent
 
 if __name__ == "__main__":
-    write_shell(SECTION, Path(__file__).with_name("section.msh"))
+    box = load_scene(HERE / "scene.toml").body.box  # the dimensions that stand there
+    section = BoxBoom(
+        length=box.length, width=box.width, height=box.height, wall=box.wall, radius=0.02, size=0.08, size_along=0.15
+    )
+    write_shell(section, HERE / "section.msh")
