@@ -41,6 +41,13 @@ def _cached(dispatcher: Any) -> Any:
 class _Cache(FunctionCache):
     """Knows the sources of the inlined parts too: Numba's own looks at the file of the function alone."""
 
+    def load_overload(self, *arguments: Any) -> Any:
+        try:
+            return super().load_overload(*arguments)
+        except (AttributeError, ImportError):  # sources of another version, in which a type had another name
+            self.flush()
+            return None
+
     def _index_key(self, *arguments: Any) -> Any:
         return (*super()._index_key(*arguments), _SOURCES)
 

@@ -21,17 +21,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pmr.simulate.native.compilation import compiled, inlined
 
 Array = NDArray[np.float64]
 
 #: A pivot below this share of its diagonal entry: the row depends on those before it.
 SINGULAR = 1e-12
-
-# Without Numba's runtime nothing can be allocated.  NaN and infinity stay visible, while sums may be reordered.
-_options = {"fastmath": {"reassoc", "contract", "nsz", "arcp"}, "error_model": "numpy", "nogil": True, "_nrt": False}
-_inlined = njit(forceinline=True, **_options)
 
 
 class Scheme(NamedTuple):
@@ -95,7 +92,7 @@ class State(NamedTuple):
     small: Array  # (m, m + 1)
 
 
-@_inlined
+@inlined
 def _interval(breaks: Array, s: float, j: int) -> int:
     """Number of the interval that holds s, sought from j on."""
     while j > 0 and s < breaks[j]:
@@ -105,7 +102,7 @@ def _interval(breaks: Array, s: float, j: int) -> int:
     return j
 
 
-@_inlined
+@inlined
 def _evaluate(table: Array, x: float, flat: Array) -> None:
     """All tables with their first and second derivatives at x from the interval's beginning; Horner."""
     values, first, second = flat[0], flat[1], flat[2]
@@ -118,7 +115,7 @@ def _evaluate(table: Array, x: float, flat: Array) -> None:
             values[n] = values[n] * x + table[p, n]
 
 
-@_inlined
+@inlined
 def _factorise(A: Array, at: int, least: Array) -> int:
     """Cholesky factor of A[:, at : at + m] in the lower triangle, 1 / pivots on the diagonal; 0, or a row from 1."""
     m = len(A)
@@ -136,7 +133,7 @@ def _factorise(A: Array, at: int, least: Array) -> int:
     return 0
 
 
-@_inlined
+@inlined
 def _solve(A: Array, at: int, X: Array) -> None:
     """Forward and backward substitution of all columns of X (m, c), in place."""
     m, columns = X.shape
@@ -154,7 +151,7 @@ def _solve(A: Array, at: int, X: Array) -> None:
             X[k, c] *= A[k, at + k]
 
 
-@_inlined
+@inlined
 def _along_path(state: State, ds: float, dds: float) -> None:
     """Rates of the rows, and what multiplies z, z' and z'' in the multipliers."""
     now, first, second, rates, gains = state.values[0], state.values[1], state.values[2], state.rates, state.gains
@@ -171,7 +168,7 @@ def _along_path(state: State, ds: float, dds: float) -> None:
             gains[2, k, n] = A0
 
 
-@_inlined
+@inlined
 def _differentiate(state: State, scheme: Scheme, ds: float, dds: float, f: Array, df: Array, ddf: Array) -> None:
     """C p + H f, its first and its second rate along the path as functions of (p'', 1); -F0 f' - E0 f'' in the last."""
     now, first, second, rates, Z = state.values[0], state.values[1], state.values[2], state.rates, state.Z
@@ -199,7 +196,7 @@ def _differentiate(state: State, scheme: Scheme, ds: float, dds: float, f: Array
         Z[0, k, r], Z[1, k, r], Z[2, k, r], Z[3, k, r] = rest0, rest1, rest2, -loads
 
 
-@_inlined
+@inlined
 def _find_affine(state: State, ds: float, dds: float) -> None:
     """z, z', z'' from the rates of G z = C p + H f, and lambda, all as functions of (p'', 1)."""
     G, G1, G2, gains, Z = state.values[0], state.values[1], state.values[2], state.gains, state.Z
@@ -230,7 +227,7 @@ def _find_affine(state: State, ds: float, dds: float) -> None:
             Z[3, k, c] += Z[0, k, c]
 
 
-@_inlined
+@inlined
 def _eliminate(A: Array) -> None:
     """Solution of A[:, :m] x = A[:, m] in the last column, by elimination with partial pivoting."""
     m = len(A)
@@ -251,7 +248,7 @@ def _eliminate(A: Array) -> None:
                     A[n, c] -= A[n, k] * A[k, c]
 
 
-@_inlined
+@inlined
 def _accelerate(system: System, state: State, f: Array) -> None:
     """Accelerations, and multipliers in the last column of state.small."""
     C, L, inverse, small = state.values[0], state.Z[3], system.inverse, state.small
@@ -279,7 +276,7 @@ def _accelerate(system: System, state: State, f: Array) -> None:
             acceleration[n] -= C[k, n] * inverse[n] * small[k, m]
 
 
-@_inlined
+@inlined
 def _predict(scheme: Scheme, motion: Array) -> None:
     h, beta, gamma = scheme.step, scheme.beta, scheme.gamma
     for n in range(motion.shape[1]):
@@ -290,7 +287,7 @@ def _predict(scheme: Scheme, motion: Array) -> None:
         motion[3, n] = following
 
 
-@_inlined
+@inlined
 def _correct_and_record(scheme: Scheme, state: State, record: Record, step: int) -> None:
     motion, Z = state.motion, state.Z
     m, r = state.rates.shape[1:]
@@ -307,7 +304,7 @@ def _correct_and_record(scheme: Scheme, state: State, record: Record, step: int)
         record.p[step, n], record.v[step, n] = motion[0, n], motion[1, n]
 
 
-@njit(cache=True, **_options)
+@compiled
 def run(
     system: System, scheme: Scheme, state: State, course: Course, record: Record, first: int, last: int
 ) -> tuple[int, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -36,3 +37,20 @@ def test_compiled_once_and_again_after_a_change_in_the_room(tmp_path: Path, monk
         assert twice(1.5) == 3.0
         hits.append(sum(twice.stats.cache_hits.values()))
     assert hits == [0, 1, 0]
+
+
+def test_what_another_version_left_is_compiled_again(tmp_path: Path) -> None:
+    """A type of the arguments has got another name since; Numba's index can't be read without the old one."""
+    typed = SOURCE + "from typing import NamedTuple\nclass Old(NamedTuple):\n    x: float\n"
+    (tmp_path / "some_kernel.py").write_text(typed.replace("2.0 * x", "2.0 * x[0]"))
+    sys.path.insert(0, str(tmp_path))
+    try:
+        for name in ("Old", "New"):
+            text = (tmp_path / "some_kernel.py").read_text().replace("Old", name)
+            (tmp_path / "some_kernel.py").write_text(text)
+            sys.modules.pop("some_kernel", None)
+            module = importlib.import_module("some_kernel")
+            assert module.twice(getattr(module, name)(1.5)) == 3.0
+    finally:
+        sys.path.remove(str(tmp_path))
+        sys.modules.pop("some_kernel", None)
