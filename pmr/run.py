@@ -179,7 +179,7 @@ def _cached_or_reduced(scene: Scene, model: FullModel, clock: Clock, cached: Cac
         made = _reduce(scene, model, clock)
         return Reduced(made.snapshots, made.basis, made.reduced)
 
-    asked = scene.reduction.model_dump(mode="json") | {"path": scene.path_bounds}
+    asked = scene.reduction.model_dump(mode="json") | {"path": scene.travel}
     found = cached.reduced(asked, make)
     found = with_provenance(found, provenance(scene, found.basis))
     return Reduction(model, found.snapshots, found.basis, found.model)

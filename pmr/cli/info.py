@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +17,11 @@ from pmr.errors.text import visible
 from pmr.files.swap import finished
 from pmr.reduced.model import ReducedModel
 from pmr.scene.choice import choose
-from pmr.system.body import force_outputs, pushing_rows
+from pmr.system.body import pushing_rows
+
+#: Names of outputs of one unit that are listed; of more the first and the last.
+LISTED = 8
+_PLACES = {"tip": "at the tip", "beam": "along the beam"}
 
 
 def info(
@@ -46,7 +51,7 @@ def info(
         rows = _describe_scene(scenes.load(scene_file(file)))
     else:
         finished(file.parent)
-        rows = described_model(ReducedModel.load(file))
+        rows = described_model(ReducedModel.load(file)) | _estimated(file.with_name("summary.json"))
     table = Table(show_header=False, box=None, pad_edge=False)
     for key, value in rows.items():
         table.add_row(key, visible(value))
@@ -98,7 +103,7 @@ def described_model(model: ReducedModel) -> dict[str, str]:
         "scene": f"{scene.get('title', 'unknown') if isinstance(scene, dict) else 'unknown'} "
         f"({model.provenance.get('scene_hash', 'no hash')})",
         "basis": str(model.provenance.get("basis", "unknown")),
-        "inputs": ", ".join(model.input_names),
+        "inputs": ", ".join(f"{n} in {unit}" for n, unit in zip(model.input_names, model.input_units, strict=True)),
         "outputs": _describe_outputs(model),
         "rows": f"{', '.join(_rows(model))}; s from {low:g} to {high:g} m",
         "rows left out": ", ".join(model.left_out) or "none",
@@ -115,6 +120,24 @@ def _rows(model: ReducedModel) -> list[str]:
 
 
 def _describe_outputs(model: ReducedModel) -> str:
-    forces = int(force_outputs(model).sum())
-    moved = f"{len(model.outputs) - forces} transverse displacements in m"
-    return f"{moved}, {forces} forces of pads in N" if forces else moved
+    """Numbers and names by unit; of many the first and the last."""
+    count = len(model.outputs)
+    units = model.output_units or ("m",) * count
+    names = model.output_names or tuple(f"at {x:g} m" for x in model.output_positions)
+    found = []
+    for unit in dict.fromkeys(units):
+        of = [name for name, its in zip(names, units, strict=True) if its == unit]
+        listed = ", ".join(of if len(of) <= LISTED else [of[0], "...", of[-1]])
+        found.append(f"{len(of)} in {unit} ({listed})")
+    return "; ".join(found)
+
+
+def _estimated(summary: Path) -> dict[str, str]:
+    """Estimated errors of the run that left a model, where its summary stands beside it."""
+    try:
+        found = json.loads(summary.read_text(encoding="utf-8"))["estimate"]
+        shares = {place: float(found[place]) for place in ("tip", "beam") if found[place] is not None}
+    except (OSError, ValueError, LookupError, TypeError):
+        return {}
+    said = ", ".join(f"{100.0 * share:.2g} % {_PLACES[place]}" for place, share in shares.items())
+    return {"estimated error": said or "not known"}

@@ -39,6 +39,7 @@ def simulate(
         pmr simulate reports/paper_simple/reduced.npz --scene paper_evolved --set time.end=5
     """
     from pmr.compare.saved_model import simulate_saved
+    from pmr.report import sentences
     from pmr.results import RESULT_FILES
 
     finished(model.parent)
@@ -60,6 +61,8 @@ def simulate(
         table.add_row(visible(name), f"{force.min():.4g} to {force.max():.4g} N")
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
+    for said in filter(None, (sentences.estimate(result), sentences.step(result))):
+        say(out, said)
     for warning in summary["warnings"]:
         say(out, f"warning: {warning}")
     say(out, str(folder / "trajectories.npz"))

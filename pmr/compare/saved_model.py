@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pmr.compare.estimated import reduction_error, step_part
 from pmr.compare.frequencies import reduced_frequencies
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated
@@ -21,7 +22,7 @@ FREQUENCIES, POSITIONS = 6, 11
 def simulate_saved(reduced: ReducedModel, scene: Scene, clock: Clock | None = None) -> RunResult:
     """Simulate a reduced model under another scene's path, loads and time stepping, by the simulators that it names.
 
-    There are no errors in the result, and the basis has no singular values: both belong to a full model.
+    There are no errors in the result but what is estimated without the full model, and no singular values.
 
     Raises
     ------
@@ -36,6 +37,7 @@ def simulate_saved(reduced: ReducedModel, scene: Scene, clock: Clock | None = No
         allowed = f"the model's inputs are allowed: {', '.join(reduced.input_names)}"
         raise InputError("scene", "loads", list(excitation.loads), allowed)
     excitation.along(reduced.domain)
+    clock = clock or Clock()
     simulations = simulate(scene, reduced, {}, clock)
     response = simulations.responses["reduced"]
     made = {name: reduced.provenance.get(name) for name in ("scene_hash", "basis", "versions")}
@@ -45,16 +47,18 @@ def simulate_saved(reduced: ReducedModel, scene: Scene, clock: Clock | None = No
         "coordinates": {"reduced": reduced.size},
         "simulators": {"reduced": simulations.first},
     }
+    s = np.unique(np.linspace(excitation.s.min(), excitation.s.max(), POSITIONS))
+    found = reduced_frequencies(reduced, s, min(FREQUENCIES, reduced.size))
     parts = [
         made_with(scene),
         Part(figures),
         simulated(simulations, {}),
         driven(excitation),
+        reduction_error(scene, reduced, clock),
+        step_part(scene, reduced, found, clock),
         pads(scene, response),
         contact(reduced, excitation),
     ]
-    s = np.unique(np.linspace(excitation.s.min(), excitation.s.max(), POSITIONS))
-    found = reduced_frequencies(reduced, s, min(FREQUENCIES, reduced.size))
     nothing = np.zeros((len(s), 0))
     return RunResult(
         scene,

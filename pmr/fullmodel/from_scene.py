@@ -75,7 +75,7 @@ def _pads(scene: Scene) -> Pads:
     if scene.points:
         travel = 0.0 - min(scene.points), scene.length - max(scene.points)
         return Pads(fixed, sliders=tuple(Slider(_slider_name(scene, at), at) for at in scene.points), travel=travel)
-    low, high = scene.path_bounds
+    low, high = scene.travel
     reach = 0.0 if high > low else 1e-3 * scene.length
     return Pads(fixed, moving, travel=(low, high + reach))
 

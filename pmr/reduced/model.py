@@ -130,6 +130,16 @@ class ReducedModel:
         return evaluate(self.rows, s, derivative, what=", ".join(self.row_names))
 
     @property
+    def input_units(self) -> tuple[str, ...]:
+        """Of each input, by the scene that the model was made from: N, N m of a moment, m/s^2 of gravity."""
+        scene = self.provenance.get("scene")
+        loads = scene.get("loads") if isinstance(scene, Mapping) else None
+        listed = [load for load in loads if isinstance(load, Mapping)] if isinstance(loads, list | tuple) else []
+        directions = {str(load.get("name")): str(load.get("direction")) for load in listed}
+        given = {name: "N m" if direction.startswith("r") else "N" for name, direction in directions.items()}
+        return tuple(given.get(name, "m/s^2" if name == "gravity" else "N") for name in self.input_names)
+
+    @property
     def moving(self) -> list[int]:
         """Numbers of the rows that depend on s: the sliders."""
         return np.flatnonzero(np.any(self.rows.c[:-1] != 0.0, axis=(0, 1, 3))).tolist()

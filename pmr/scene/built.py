@@ -151,10 +151,15 @@ class Support(Section):
 
 
 class Slider(Section):
-    """The path s(t) of what slides; where no pads move, points of a planar beam at s + each of the `offsets`."""
+    """The path s(t) of what slides; where no pads move, points of a planar beam at s + each of the `offsets`.
+
+    Rows of pads are tabulated where the path takes them, or over all of `travel`: a saved model then goes along any
+    path on it (`pmr simulate`, FMUs).  Points have the whole beam.
+    """
 
     path: Signal = Field(description="s over time, in m")
     offsets: tuple[Place, ...] | None = Field(default=None, min_length=1, description="Of points, ahead of s")
+    travel: tuple[Place, Place] | None = Field(default=None, description="Smallest and largest s of the saved model")
 
 
 class PadRing(Section):

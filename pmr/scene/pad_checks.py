@@ -33,7 +33,7 @@ def flat_breadth(box: Box, face: Face) -> float:
 
 
 def _along(scene: Scene, length: float, ring: PadRing, key: str) -> None:
-    low, high = scene.path_bounds if ring.moving else (0.0, 0.0)
+    low, high = scene.travel if ring.moving else (0.0, 0.0)
     start, end = low + ring.at - ring.length / 2.0, high + ring.at + ring.length / 2.0
     slack = SLACK * length
     if start >= -slack and end <= length + slack:
@@ -44,7 +44,9 @@ def _along(scene: Scene, length: float, ring: PadRing, key: str) -> None:
         f"the pad {name} reaches from {start:.6g} to {end:.6g} m along the axis{moved}; "
         f"the face {face} offers 0 to {length:.6g} m, all of a pad has to be on it"
     )
-    raise InputError("scene", "slider.path" if ring.moving else key, None if ring.moving else ring.at, allowed)
+    if ring.moving:
+        raise InputError("scene", "slider.path" if scene.slider.travel is None else "slider.travel", None, allowed)
+    raise InputError("scene", key, ring.at, allowed)
 
 
 def _across(box: Box, ring: PadRing, place: tuple[str, Face, float], key: str) -> None:

@@ -91,6 +91,11 @@ class Scene(Section):
         return bounds(self.slider.path, 0.0, self.time.end)
 
     @property
+    def travel(self) -> tuple[float, float]:
+        """Smallest and largest s in m that the model is made for."""
+        return self.slider.travel or self.path_bounds
+
+    @property
     def points(self) -> tuple[float, ...]:
         """Distances ahead of s, m, of the points that slide: none where pads do."""
         if self.slider.offsets is not None:

@@ -33,6 +33,7 @@ def check_structure(scene: Scene) -> None:
     for i, ring in enumerate(scene.pads):
         if ring.clearance and not ring.unilateral:
             raise _refusal(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
+    _travel(scene)
     check_pads(scene)
     _places(scene)
     _points(scene)
@@ -83,6 +84,17 @@ def _points(scene: Scene) -> None:
                     "paths that keep clear of it are allowed"
                 )
                 raise _refusal("slider.path", None, allowed)
+
+
+def _travel(scene: Scene) -> None:
+    if scene.slider.travel is None:
+        return
+    (low, high), (first, last) = scene.slider.travel, scene.path_bounds
+    if scene.points:
+        raise _refusal("slider.travel", [low, high], "points have the whole beam: leave it out")
+    if not low < high or first < low or last > high:
+        allowed = f"two places in m, the first one less, around the path's {first:.6g} to {last:.6g} are allowed"
+        raise _refusal("slider.travel", [low, high], allowed)
 
 
 def _body(scene: Scene) -> None:

@@ -53,7 +53,7 @@ def positions(scene: Scene, model: FullModel) -> Array:
             raise InputError("scene", "reduction.snapshots", count, f"at most {len(nodes) - 1} fit on the mesh's nodes")
         return nodes[numbers - 1]
     if choice == "path":
-        low, high = scene.path_bounds
+        low, high = scene.travel
         return np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2.0])
     return np.array(choice)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -75,7 +76,8 @@ def test_several_scenes_make_one_report(tmp_path: Path) -> None:
 def test_info_says_what_a_file_holds(folder: Path) -> None:
     stack, model, scene = pmr("info"), pmr("info", str(folder / "reduced.npz")), pmr("info", SIMPLE)
     assert "dolfinx" in stack.stdout and "float64" in stack.stdout
-    assert "20 coordinates" in model.stdout and "slider" in model.stdout
+    assert "20 coordinates" in model.stdout and "slider" in model.stdout and "F in N" in model.stdout
+    assert "estimated error" in model.stdout
     assert "153" not in scene.stdout and "s from 1.25 to 3.75 m" in scene.stdout
 
 
@@ -83,6 +85,20 @@ def test_info_says_which_rows_only_push() -> None:
     rows = described_model(modes_on_pads(beam_on_pads(1e-3), 4))["rows"]
     assert "mouth top (only pushes)" in rows and described_model(flexible(full_body(4), 3))["rows"].startswith("slider")
     assert "only pushes" not in described_model(flexible(full_body(4), 3))["rows"]
+
+
+def test_info_names_inputs_and_outputs_with_units() -> None:
+    model = replace(
+        flexible(full_body(4), 3),
+        input_names=("turn",),
+        provenance={"scene": {"loads": [{"name": "turn", "direction": "rz"}, "damaged"], "gravity": {}}},
+        output_names=("a", "b", "c", "d", "turned"),
+        output_units=(*("m",) * 4, "rad"),
+    )
+    rows = described_model(model)
+    assert rows["inputs"] == "turn in N m" and rows["outputs"] == "4 in m (a, b, c, d); 1 in rad (turned)"
+    lifted = replace(model, input_names=("gravity",), provenance={"scene": {"loads": "F"}})
+    assert described_model(lifted)["inputs"] == "gravity in m/s^2"
 
 
 @pytest.mark.slow

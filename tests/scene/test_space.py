@@ -8,6 +8,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.errors import InputError
+from pmr.fullmodel.from_scene import structure_of
 from pmr.scene import Damping, Scene, from_data
 from pmr.scene.choice import choose, wall_frequency
 
@@ -168,3 +169,26 @@ PLANAR = ["body.model=beam2d", "loads=[{name='down',on='tip',direction='z',signa
 def test_what_a_planar_beam_does_not_know_is_refused(load, override, message) -> None:
     with pytest.raises(InputError, match=message):
         load(*PLANAR, override)
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("slider.travel=[1.6,4.0]", "around the path's 1.5 to 4"),
+        ("slider.travel=[4.2,1.4]", "two places in m, the first one less"),
+        ("slider.travel=[1.4,5.9]", "slider.travel: the pad .* reaches from 1.25 to 6.05 m"),
+        ("slider.travel=[1.4]", "slider.travel"),
+    ],
+)
+def test_travel_is_around_the_path_and_on_the_face(load, override: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        load(override)
+
+
+def test_a_model_is_made_for_the_path_or_for_all_of_its_travel(load) -> None:
+    assert load().travel == load().path_bounds == (1.5, 4.0)
+    wider = load("slider.travel=[1.4,4.2]")
+    assert wider.travel == (1.4, 4.2) and wider.path_bounds == (1.5, 4.0) and wider.hash != load().hash
+    assert structure_of(load("slider.travel=[1.4,4.2]", "body.model=beam3d")).pads.travel == (1.4, 4.2)
+    with pytest.raises(InputError, match="points have the whole beam"):
+        scenes.load(WORKFLOWS / "paper_simple.toml", ["slider.travel=[0.0,5.0]"])

@@ -15,8 +15,6 @@ from pmr.system.body import force_of, force_outputs
 Array = NDArray[np.float64]
 #: What the parameter `start` may be.
 STARTS = {"at rest": 0, "static": 1}
-#: Of loads that are given as an acceleration; all others are forces in N.
-ACCELERATIONS = ("gravity",)
 
 
 @dataclass(frozen=True)
@@ -78,15 +76,10 @@ def variables(model: ReducedModel, modes: int, start: Array, nominal: Array) -> 
     return found
 
 
-def input_units(model: ReducedModel) -> list[str]:
-    """Unit of each input."""
-    return ["m/s2" if name in ACCELERATIONS else "N" for name in model.input_names]
-
-
 def _given(model: ReducedModel, names: _Names, start: Array) -> Iterator[Variable]:
     """Time, inputs and parameters."""
     count = max(len(model.input_names), 1)
-    units = input_units(model)
+    units = [unit.replace("^", "") for unit in model.input_units]
     yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
     yield Variable(names("s"), 1, "path coordinate of the sliders", "input", "continuous", "", "m", float(start[1]))
     yield Variable(names("s_rate"), 2, "rate of s", "input", "continuous", "", "m/s", float(start[2]))
@@ -96,7 +89,7 @@ def _given(model: ReducedModel, names: _Names, start: Array) -> Iterator[Variabl
             name, 3 + k, f"load {model.input_names[k]}", "input", "continuous", "", unit, float(start[3 + k])
         )
     for k, (name, unit) in enumerate(zip(loads, units, strict=True)):
-        at, of_rate = 3 + count + k, "m/s3" if unit == "m/s2" else "N/s"
+        at, of_rate = 3 + count + k, "m/s3" if unit == "m/s2" else f"{unit}/s"
         what = f"rate of the load {model.input_names[k]}"
         yield Variable(names(f"{name}_rate"), at, what, "input", "continuous", "", of_rate, float(start[at]))
     first = 3 + 2 * count

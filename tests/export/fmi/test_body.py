@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -296,3 +297,14 @@ def test_the_same_model_makes_the_same_source(tmp_path: Path) -> None:
     model.save(tmp_path / "a.npz")
     once, again = (contents(one, "a.npz", "body", "2").texts for one in (model, ReducedModel.load(tmp_path / "a.npz")))
     assert once == again
+
+
+def test_a_moment_has_its_unit() -> None:
+    model = model_of("flexible")
+    for load, name, direction in zip(model.provenance["scene"]["loads"], model.input_names, ("ry", "z"), strict=True):
+        load |= {"name": name, "direction": direction}
+    texts = contents(model, "model.npz", "body", "3").texts
+    root = ET.fromstring(texts["modelDescription.xml"])
+    units = [v.attrib["unit"] for v in root.iter("Float64") if v.attrib["causality"] == "input"]
+    assert units == ["m", "m/s", "N m", "N", "N m/s", "N/s"]
+    assert set(units) <= {unit.attrib["name"] for unit in root.iter("Unit")}
