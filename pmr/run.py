@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr import environment
-from pmr.accuracy import mesh as meshes
 from pmr.accuracy import order
 from pmr.compare import memory
 from pmr.compare.estimated import reduction_error, step_part
@@ -36,7 +35,6 @@ from pmr.reduce.from_scene import summary as describe_basis
 from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
-from pmr.scene.choice import transverse
 from pmr.simulate import Excitation
 from pmr.simulate.petsc import Checkpoint
 from pmr.snapshots import Snapshots
@@ -92,7 +90,7 @@ def run(
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
     cached = None if cache is None else cache_in(cache, built.model)
     reduction = _cached_or_reduced(scene, built.model, clock, cached)
-    choice, on_finer = _chosen(scene, reduction, clock)
+    choice = _chosen(scene, reduction, clock, cached)
     if choice is not None:
         scene, reduction = choice.scene, replace(reduction, reduced=choice.reduced)
     with clock.stage("frequencies"):
@@ -113,7 +111,7 @@ def run(
         driven(excitation),
         reduction_error(scene, reduced, clock),
         step_part(scene, reduced, curves.reduced, clock),
-        Part() if choice is None else Part(order.summary(choice, on_finer), order.warnings(choice, on_finer)),
+        Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
         Part(warnings=build_warnings(built.structure)),
         Part(warnings=free_motions.warnings(built.structure, scene.path_bounds)),
@@ -179,28 +177,28 @@ def _cached_or_reduced(scene: Scene, model: FullModel, clock: Clock, cached: Cac
         made = _reduce(scene, model, clock)
         return Reduced(made.snapshots, made.basis, made.reduced)
 
-    asked = scene.reduction.model_dump(mode="json") | {"path": scene.travel}
+    asked = scene.reduction.model_dump(mode="json") | {"path": scene.travel, "searched": scene.ordered is not None}
     found = cached.reduced(asked, make)
     found = with_provenance(found, provenance(scene, found.basis))
     return Reduction(model, found.snapshots, found.basis, found.model)
 
 
-def _chosen(scene: Scene, reduction: Reduction, clock: Clock) -> tuple[order.Choice | None, dict[str, float] | str]:
-    """Model and step for the scene's tolerance, if it gives one, and the part of the mesh, or why it isn't known."""
-    asked, comm = scene.ordered, reduction.model.comm
-    if asked is None:
-        return None, ""
+def _chosen(scene: Scene, reduction: Reduction, clock: Clock, cached: Cache | None) -> order.Choice | None:
+    """Model and step for the scene's tolerance or within its budget, if it has one."""
+    if scene.ordered is None:
+        return None
+    comm = reduction.model.comm
     with clock.stage("search"):
-        choice = order.choose(scene, reduction.reduced, len(transverse(scene)))
-        choice = comm.bcast(choice)  # what takes how long differs from rank to rank
-    if not asked.mesh:
-        return choice, "the scene leaves it out"
-    finer = meshes.finer(choice.scene)
-    if finer is None:
-        return choice, "a mesh that is read from a file has no finer one"
+        choice = comm.bcast(order.choose(scene, reduction.reduced))  # what takes how long differs from rank to rank
+
+    def reduced_of(finer: Scene) -> ReducedModel:
+        def make() -> ReducedModel:
+            return reduce(finer, comm).reduced
+
+        return make() if cached is None else cached.model_of(finer, make)
+
     with clock.stage("finer mesh"):
-        on_finer = reduce(finer, comm).reduced
-        return choice, meshes.mesh_error(choice.reduced, on_finer, choice.scene, len(transverse(scene)), asked.outputs)
+        return order.with_mesh(choice, reduced_of)
 
 
 def _frequency_curves(scene: Scene, reduction: Reduction, cached: Cache | None) -> FrequencyCurves:

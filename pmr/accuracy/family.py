@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.outputs import Floors, Outputs, outputs
+from pmr.compare.outputs import Floors, Outputs, observed, outputs, without_rates
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated, with_kept_inertia
 from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.blocks import Recorder
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
-from pmr.system.body import force_outputs, length_outputs, released_rows
 
 Array = NDArray[np.float64]
 
@@ -29,6 +28,13 @@ class Member:
 
     coordinates: int
     residual_inertia: bool = False
+
+
+def member_of(model: ReducedModel, member: Member) -> ReducedModel:
+    """A member as `truncated` and `with_kept_inertia` make it of a reduction."""
+    whole = model if model.enrichment is None else extended(model)
+    chosen = whole if member.coordinates == whole.size else truncated(whole, member.coordinates)
+    return with_kept_inertia(chosen) if member.residual_inertia else chosen
 
 
 class Family:
@@ -92,10 +98,8 @@ class Family:
         return self._forms[member]
 
     def reduced(self, member: Member) -> ReducedModel:
-        """A member as `truncated` and `with_kept_inertia` make it of the reduction."""
-        whole = self.model if self.model.enrichment is None else extended(self.model)
-        chosen = whole if member.coordinates == self.size else truncated(whole, member.coordinates)
-        return with_kept_inertia(chosen) if member.residual_inertia else chosen
+        """A member in the coordinates of the reduction."""
+        return member_of(self.model, member)
 
     def motion(self, member: Member, steps: int, times: int) -> Outputs:
         """Of one member with so many steps, at `times` equal intervals, a whole number of steps each.
@@ -112,13 +116,16 @@ class Family:
     def _simulated(self, member: Member, steps: int, times: int) -> Outputs:
         form, excitation, every = self.form(member), self.with_steps(steps), steps // times
         if self.rates or member.residual_inertia:
-            recorder = Recorder(np.arange(0, steps + 1, every))
+            recorder, seen = Recorder(np.arange(0, steps + 1, every)), self.with_steps(times)
             run = recorder.trajectory(march.follow(form, excitation, recorder))
-            return outputs(form.body, run, excitation.with_stepping(self.with_steps(times).stepping), self.tips)
-        seen, is_force = march.observe(form, excitation, every=every), force_outputs(form.body)
-        forces = np.hstack([seen.y[:, is_force], seen.multipliers[:, released_rows(form.body)]])
-        y = seen.y[:, length_outputs(form.body)]
-        return Outputs(y, np.zeros_like(y), forces, self.tips)
+            return (outputs if self.rates else without_rates)(form.body, run, seen, self.tips)
+        found = march.observe(form, excitation, every=every)
+        return observed(form.body, found.y, found.multipliers, self.tips)
+
+    def load(self) -> None:
+        """Compile or load what simulates the members, with a step of the smallest ones: searches are timed without."""
+        for inertia in (False, True) if self.keeps_inertia else (False,):
+            self._simulated(Member(self.fewest, inertia), 1, 1)
 
     def floors(self, steps: int) -> Floors:
         """What of its motions may be round-off."""

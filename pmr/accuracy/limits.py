@@ -41,6 +41,7 @@ def best_within(family: Family, demand: Demand, budget: Budget, coarse: int) -> 
     SimulationError
         As for `pmr.accuracy.search.search`.
     """
+    family.load()
     begin, errors = time.perf_counter(), Errors(family, demand, coarse)
     kept = (False, True) if demand.inertia and family.keeps_inertia else (False,)
     options = [option for inertia in kept for option in _options(errors, budget, inertia)]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
+from pmr.accuracy import mesh
 from pmr.accuracy.errors import Demand
-from pmr.accuracy.family import Family
+from pmr.accuracy.family import Family, member_of
 from pmr.accuracy.limits import best_within
 from pmr.accuracy.search import Found, search
 from pmr.accuracy.steps import coarsest
@@ -18,6 +20,7 @@ from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.asked import Accuracy
+from pmr.scene.choice import transverse
 from pmr.simulate import Excitation
 
 #: Coordinates of the reduction from which the search takes away, or to which it adds its enrichment modes.
@@ -26,11 +29,25 @@ COORDINATES = 6
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen: the scene with step and coordinates, and the reduced model."""
+    """What was chosen.
+
+    Attributes
+    ----------
+    scene : Scene
+        With the step and the coordinates that were chosen.
+    reduced : ReducedModel
+    found : Found
+    mesh : mapping of kind to fraction, or None
+        What the mesh is off by (`with_mesh`).
+    mesh_reason : str or None
+        Why that isn't known.
+    """
 
     scene: Scene
     reduced: ReducedModel
     found: Found
+    mesh: Mapping[str, float] | None = None
+    mesh_reason: str | None = "the scene leaves it out"
 
 
 def prepared(scene: Scene) -> Scene:
@@ -41,7 +58,7 @@ def prepared(scene: Scene) -> Scene:
     return scene.model_copy(update={"reduction": reduction})
 
 
-def choose(scene: Scene, reduced: ReducedModel, tips: int) -> Choice:
+def choose(scene: Scene, reduced: ReducedModel) -> Choice:
     """The smallest model and the longest step that hold a `prepared` scene's tolerance; or the best within its budget.
 
     Raises
@@ -59,7 +76,7 @@ def choose(scene: Scene, reduced: ReducedModel, tips: int) -> Choice:
     if "pad_force" in asked.outputs and impulsive(reduced, excitation):
         allowed = f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}"
         raise InputError("scene", f"{key}.outputs", list(asked.outputs), allowed)
-    family = Family(reduced, excitation, tips, rates="velocity" in asked.outputs)
+    family = Family(reduced, excitation, len(transverse(scene)), rates="velocity" in asked.outputs)
     recovery = scene.recovery
     coarse, inertia = coarsest(family, recovery.every if recovery else None), scene.simulation.simulators == ("march",)
     if isinstance(asked, Accuracy):
@@ -77,16 +94,41 @@ def choose(scene: Scene, reduced: ReducedModel, tips: int) -> Choice:
     return Choice(chosen, family.reduced(member), found)
 
 
-def summary(choice: Choice, mesh: dict[str, float] | str) -> dict[str, Any]:
+def with_mesh(choice: Choice, reduced_of: Callable[[Scene], ReducedModel]) -> Choice:
+    """The choice with the part of its mesh, if that is asked for; `reduced_of` makes the reduction of a scene.
+
+    That scene has shorter cells, and `COORDINATES` or twice as many until they suffice: most choices share it.
+
+    Raises
+    ------
+    InputError, SimulationError
+        As for `pmr.simulate.Simulator`.
+    """
+    scene, member = choice.scene, choice.found.member
+    if scene.ordered is None or not scene.ordered.mesh:
+        return choice
+    coordinates = COORDINATES
+    while coordinates < member.coordinates:
+        coordinates *= 2
+    reduction = scene.reduction.model_copy(update={"coordinates": coordinates, "residual_inertia": False})
+    finer = mesh.finer(scene.model_copy(update={"reduction": reduction}))
+    if finer is None:
+        return replace(choice, mesh_reason="a mesh that is read from a file has no finer one")
+    better = member_of(reduced_of(finer), member)
+    found = mesh.mesh_error(choice.reduced, better, scene, len(transverse(scene)), scene.ordered.outputs)
+    return replace(choice, mesh=found, mesh_reason=None)
+
+
+def summary(choice: Choice) -> dict[str, Any]:
     """``accuracy`` and ``budget`` of summary.json.
 
     ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,residual_inertia,step}``, ``reasons``,
     ``seconds`` of the search; ``budget``: ``reduction``, ``step`` and ``mesh`` by kind of output (fractions), their
-    ``sum`` and which is ``first`` to be improved.  `mesh` is its part, or why that isn't known.
+    ``sum`` and which is ``first`` to be improved; ``mesh_reason`` says why the part of the mesh isn't known.
     """
     found, asked = choice.found, choice.scene.ordered
     assert asked is not None
-    parts = {"reduction": found.reduction, "step": found.step} | ({"mesh": mesh} if isinstance(mesh, dict) else {})
+    parts = {"reduction": found.reduction, "step": found.step} | ({"mesh": choice.mesh} if choice.mesh else {})
     chosen = {
         "coordinates": found.member.coordinates,
         "residual_inertia": found.member.residual_inertia,
@@ -101,15 +143,15 @@ def summary(choice: Choice, mesh: dict[str, float] | str) -> dict[str, Any]:
         "seconds": found.seconds,
     }
     budget = parts | {
-        "mesh": mesh if isinstance(mesh, dict) else None,
-        "mesh_reason": None if isinstance(mesh, dict) else mesh,
+        "mesh": choice.mesh,
+        "mesh_reason": choice.mesh_reason,
         "sum": {kind: sum(part[kind] for part in parts.values()) for kind in asked.outputs},
         "first": max(parts, key=lambda name: max(parts[name].values())),
     }
     return {"accuracy": accuracy, "budget": budget}
 
 
-def warnings(choice: Choice, mesh: dict[str, float] | str) -> list[str]:
+def warnings(choice: Choice) -> list[str]:
     """What a user should know: a tolerance that isn't held, by the model or by its mesh; a line each."""
     found, asked = choice.found, choice.scene.accuracy
     if asked is None:
@@ -121,12 +163,11 @@ def warnings(choice: Choice, mesh: dict[str, float] | str) -> list[str]:
         said.append(
             f"the tolerance of {limit} isn't held: {model} are off by {sizes}, most of it by the {_larger(found)}"
         )
-    if isinstance(mesh, dict):
-        beyond = [f"{_percent(share)} in {_named(kind)}" for kind, share in mesh.items() if share > asked.tolerance]
-        if beyond:
-            said.append(
-                f"the mesh can't hold the tolerance of {limit}: it is off by {', '.join(beyond)}; shorter cells help"
-            )
+    shares = (choice.mesh or {}).items()
+    if beyond := [f"{_percent(share)} in {_named(kind)}" for kind, share in shares if share > asked.tolerance]:
+        said.append(
+            f"the mesh can't hold the tolerance of {limit}: it is off by {', '.join(beyond)}; shorter cells help"
+        )
     return said
 
 

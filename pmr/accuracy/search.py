@@ -45,7 +45,7 @@ class Found:
     reasons : tuple of str
         Why this model and this step, a clause each.
     seconds : float
-        Wall time of the search.
+        Wall time of the search; what is compiled or loaded for the first time is not in it.
     """
 
     member: Member
@@ -66,6 +66,7 @@ def search(family: Family, demand: Demand, coarse: int) -> Found:
     InputError, SimulationError
         As for `pmr.simulate.Simulator`, if even the motion of all modes can't be had.
     """
+    family.load()
     begin, one = time.perf_counter(), _Search(family, demand, coarse)
     steps = comparable(family.excitation.stepping.steps, coarse)
     member = one.fewest(steps)
@@ -96,12 +97,11 @@ class _Search:
 
     def fewest(self, steps: int) -> Member:
         """The member with fewest coordinates that is within; the largest one if none is."""
-        plain = self._smallest(False, steps)
+        plain = self._smallest(False, steps, self.family.most)
         self.plain = plain.coordinates
-        if not (self.demand.inertia and self.family.keeps_inertia):
-            return plain
-        inertial = self._smallest(True, steps)
-        return inertial if inertial.coordinates <= plain.coordinates - WORTH else plain
+        worth = Member(plain.coordinates - WORTH, True)
+        asked = self.demand.inertia and self.family.keeps_inertia and worth.coordinates >= self.family.fewest
+        return self._smallest(True, steps, worth.coordinates) if asked and self.within(worth, steps) else plain
 
     def fitted(self, member: Member, steps: int) -> Member:
         """The first one from `member` up that is within, or the last one down; the largest one if none is."""
@@ -114,9 +114,8 @@ class _Search:
             one += 1
         return Member(one, kept)
 
-    def _smallest(self, inertia: bool, steps: int) -> Member:
-        """By doubling and halving; every size between the last that fails and the first that holds is tried."""
-        top = self.family.most
+    def _smallest(self, inertia: bool, steps: int, top: int) -> Member:
+        """Up to `top` coordinates, by doubling and halving: one fewer than the member found fails."""
         low, high = self.family.fewest - 1, min(max(self.family.fewest, 4), top)
         while high < top and not self.within(Member(high, inertia), steps):
             low, high = high, min(2 * high, top)

@@ -7,7 +7,7 @@ velocities those of the displacements, with the part that follows at once (`pmr.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class Outputs:
     Attributes
     ----------
     displacement, velocity : (T, o) arrays, m and m/s
-        The last `tips` columns are the tip's.
+        The last `tips` columns are the tip's; velocities have no columns where they are not wanted.
     force : (T, p) array, N
     tips : int
     """
@@ -90,14 +90,21 @@ class Floors:
 
 def outputs(model: ReducedModel, run: Trajectory, excitation: Excitation, tips: int) -> Outputs:
     """Of a trajectory in the coordinates of the model, all steps of its excitation."""
-    is_force, is_length = force_outputs(model), length_outputs(model)
+    rates = velocity(model, run, excitation)[:, length_outputs(model)]
+    return replace(without_rates(model, run, excitation, tips), velocity=rates)
+
+
+def without_rates(model: ReducedModel, run: Trajectory, excitation: Excitation, tips: int) -> Outputs:
+    """The same without velocities, which cost more than all the rest."""
     y = displacement(model, run.q, run.s, run.deforming, excitation.forces(model.input_names))
-    return Outputs(
-        displacement=y[:, is_length],
-        velocity=velocity(model, run, excitation)[:, is_length],
-        force=np.hstack([y[:, is_force], run.multipliers[:, released_rows(model)]]),
-        tips=tips,
-    )
+    return observed(model, y, run.multipliers, tips)
+
+
+def observed(model: ReducedModel, y: Array, multipliers: Array, tips: int) -> Outputs:
+    """Of all outputs y (T, o) and the multipliers (T, m) of a model, without velocities."""
+    moved = y[:, length_outputs(model)]
+    force = np.hstack([y[:, force_outputs(model)], multipliers[:, released_rows(model)]])
+    return Outputs(moved, np.empty((len(y), 0)), force, tips)
 
 
 def differences(one: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = KINDS) -> dict[str, float]:

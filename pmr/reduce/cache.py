@@ -11,21 +11,21 @@ import hashlib
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr import environment
 from pmr.errors import InputError
 from pmr.fem.distributed import tall
 from pmr.files import npz
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis
+from pmr.reduce.content import content_of, structure_in
 from pmr.reduced.model import ReducedModel
+from pmr.scene import Scene
 from pmr.snapshots import Snapshots
 
 Array = NDArray[np.float64]
@@ -82,6 +82,16 @@ class Cache:
         self._write(file, arrays, made.model)
         return made
 
+    def model_of(self, scene: Scene, make: Callable[[], ReducedModel]) -> ReducedModel:
+        """The reduced model of a scene with the same structure on another mesh; on every rank, collective."""
+        file = self._file("mesh", {"scene": structure_in(scene), "path": scene.travel})
+        found = self._read(file)
+        model = None if found is None else self._model(file)
+        if model is None:
+            model = self.model.comm.bcast(make())
+            self._write(file, {}, model)
+        return model
+
     def arrays(self, kind: str, asked: Mapping[str, Any], make: Callable[[], Array]) -> Array:
         """The same of an array that all ranks have."""
         file = self._file(kind, asked)
@@ -97,13 +107,7 @@ class Cache:
         return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
 
     def _loaded(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> Reduced | None:
-        comm, model = self.model.comm, None
-        if comm.rank == 0:
-            try:
-                model = ReducedModel.load(_beside(file))
-            except InputError as error:
-                _log.warning("%s is made again: %s", file, error)
-        model = comm.bcast(model)
+        model = self._model(file)
         if model is None:
             return None
         share = slice(*self.model.M.getOwnershipRange())
@@ -111,6 +115,17 @@ class Cache:
         V = tall(np.asarray(arrays["V"], float)[share], self.model.M) if arrays["V"].size else S
         snapshots = Snapshots(S, arrays["omega"], arrays["s"], arrays["residuals"], str(arrays["source"]))
         return Reduced(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
+
+    def _model(self, file: Path) -> ReducedModel | None:
+        """The reduced model beside a file, on every rank; None where it isn't sound."""
+        found = None
+        if self.model.comm.rank == 0:
+            try:
+                found = ReducedModel.load(_beside(file))
+            except InputError as error:
+                _log.warning("%s is made again: %s", file, error)
+        model: ReducedModel | None = self.model.comm.bcast(found)
+        return model
 
     def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
         """On every rank; None where there is no such file, or none that is sound."""
@@ -155,41 +170,6 @@ def cache_in(folder: Path, model: FullModel) -> Cache:
         allowed = f"a folder that can be written to is allowed ({error.strerror})"
         raise InputError("command line", "--cache", str(folder), allowed) from None
     return Cache(folder, model, content_of(model))
-
-
-def content_of(model: FullModel) -> str:
-    """Digest of all that a full model is made of, and of the code; collective.  It depends on the number of ranks."""
-    digest = hashlib.blake2b(digest_size=16)
-    matrices = [model.M, model.K, model.inputs, model.outputs]
-    for A in matrices if model.rayleigh is not None else [*matrices, model.D]:
-        for part in A.getValuesCSR():
-            digest.update(part.tobytes())
-    for row in model.rows.rows:
-        parts = (row.breaks, row.coefficients, row.touched, *_csr(row.carriers))
-        for part in parts:
-            digest.update(part.tobytes())
-        digest.update(repr((row.name, row.compliance, row.clearance)).encode())
-    if model.rigid is not None:
-        for part in (model.rigid.coordinates, model.rigid.held, model.output_positions):
-            digest.update(part.tobytes())
-    names = (model.input_names, model.output_names, model.output_units, model.rayleigh, model.reference_frequency)
-    digest.update(repr((names, _code())).encode())
-    return hashlib.blake2b(repr(model.comm.allgather(digest.hexdigest())).encode(), digest_size=16).hexdigest()
-
-
-def _csr(A: Any) -> tuple[NDArray[Any], ...]:
-    return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data
-
-
-@cache
-def _code() -> str:
-    root = Path(__file__).parents[1]
-    files = {file.relative_to(root).as_posix(): file.read_text(encoding="utf-8") for file in root.rglob("*.py")}
-    return environment.code_digest(files, NOT_COMPUTING)
-
-
-#: What no reduction depends on.
-NOT_COMPUTING = ("report/", "studies/", "cli/", "export/", "simulate/", "compare/")
 
 
 def _beside(file: Path) -> Path:

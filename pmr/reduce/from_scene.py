@@ -107,9 +107,8 @@ def project(
 
 def _enrichment(scene: Scene, model: FullModel) -> int:
     """Modes beyond the coordinates: those that estimate the error."""
-    if (
-        scene.ordered is not None
-    ):  # of a coarse mesh all of them would leave no flexibility by which rows are told apart
+    if scene.ordered is not None:
+        # Of a coarse mesh all of them would leave no flexibility by which rows are told apart.
         return max(ENRICHMENT_MODES, min(SEARCHED_MODES, model.size // 2 - scene.reduction.coordinates))
     return ENRICHMENT_MODES if scene.reduction.needs_inertia else 0
 

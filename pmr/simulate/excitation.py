@@ -73,13 +73,6 @@ class Excitation:
         return self._columns([path.rate(self.times) for path in self.paths.values()])
 
     @cached_property
-    def accelerations(self) -> Array:
-        """(s_{k+1} - 2 s_k + s_{k-1}) / h^2, (T, P) in m/s^2: a kink is an impulse spread over a step."""
-        h = self.stepping.step
-        around = np.concatenate([[-h], self.times, [self.stepping.steps * h + h]])
-        return self._columns([np.diff(path.value(around), 2) / h**2 for path in self.paths.values()])
-
-    @cached_property
     def path_rate(self) -> Array:
         """Rate (T,) in m/s of the only path.
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from pmr.accuracy import mesh
+from pmr.accuracy import limits, mesh
+from pmr.accuracy.family import Family, Member
 from pmr.cli.run import _to
 from pmr.compare.errors import relative_error
 from pmr.compare.responses import simulate_reduced
@@ -122,13 +123,20 @@ def test_a_budget_of_coordinates_is_used_up(load_scene) -> None:
     assert budget["step"]["beam"] <= 1.001 * max(budget["reduction"].values())
 
 
-def test_a_budget_of_time_is_kept(load_scene) -> None:
+def test_a_budget_of_time_is_kept(load_scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a machine on which a step takes 0.1 us a coordinate."""
+
+    def seconds(family: Family, member: Member) -> float:
+        return 1e-7 * member.coordinates * (4.0 if member.residual_inertia else 1.0)
+
+    monkeypatch.setattr(limits, "seconds_a_step", seconds)
     slow, fast = (budgeted(load_scene, f"real_time={ratio}") for ratio in (300.0, 30_000.0))
     for outcome, ratio in ((slow, 300.0), (fast, 30_000.0)):
-        took = outcome.result.summary["seconds"]["simulate"]["march"]
-        assert 0.6 / took > 0.1 * ratio  # a busy machine takes several times as long
+        chosen = outcome.result.summary["accuracy"]["chosen"]
+        cost = 4.0 if chosen["residual_inertia"] else 1.0
+        assert chosen["step"] >= ratio * 1e-7 * cost * chosen["coordinates"]
     assert slow.result.summary["budget"]["sum"]["beam"] < fast.result.summary["budget"]["sum"]["beam"]
-    assert budgeted(load_scene, "microseconds_per_step=50.0").reduced.size > 20
+    assert budgeted(load_scene, "microseconds_per_step=2.1").reduced.size == 21
 
 
 @pytest.mark.parametrize(

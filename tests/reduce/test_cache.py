@@ -90,3 +90,26 @@ def test_a_folder_that_cannot_be_is_refused(load_scene, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="--cache"):
         cache_in(tmp_path / "file" / "folder", model(load_scene))
+
+
+def test_the_finer_mesh_is_reduced_once_for_any_tolerance(load_scene, tmp_path: Path, computed: list[str]) -> None:
+    load = "{{kind='smooth_ramp',times=[0.0,0.2],values=[0.0,{}]}}"
+    ordered = [*SHORT, "time.end=0.3", "mesh.elements=20", "simulation.simulators=['march']"]
+    rough, fine = (
+        [*ordered, f"accuracy.tolerance={tolerance}", loads(load.format(force))]
+        for tolerance, force in ((0.1, -50.0), (0.003, 20.0))
+    )
+    first, other = (run(load_scene("evolved_residual", more), cache=tmp_path) for more in (rough, fine))
+    assert first and other and computed.count("_reduce") == 2
+    plain = run(load_scene("evolved_residual", fine))
+    assert plain and 6 >= other.reduced.size > first.reduced.size
+    for kind, share in plain.result.summary["budget"]["mesh"].items():
+        assert other.result.summary["budget"]["mesh"][kind] == pytest.approx(share, rel=1e-6)
+
+
+def test_a_search_has_its_modes_beside_a_reduction_without(load_scene, tmp_path: Path) -> None:
+    chosen = [*SHORT, "mesh.elements=20", "reduction.coordinates=6"]
+    run(load_scene("evolved_residual", chosen), cache=tmp_path)
+    searched = load_scene("evolved_residual", [*chosen, "budget.coordinates=12", "budget.mesh=false"])
+    found = run(searched, cache=tmp_path)
+    assert found and found.reduced.size == 12
