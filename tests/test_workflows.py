@@ -18,7 +18,10 @@ from pmr.studies import files
 ROOT = Path(__file__).parents[1]
 STUDIES = [file for file in (ROOT / "workflows").rglob("*.toml") if "kind" in tomllib.loads(file.read_text())]
 SIX = sorted({*(ROOT / "workflows" / "residual").glob("*.toml")} - {ROOT / "workflows" / "residual" / "base.toml"})
-COMPLETE = sorted({*(ROOT / "workflows").glob("*.toml")} - {*STUDIES, ROOT / "workflows" / "paper_base.toml"}) + SIX
+HOLDOUT = sorted((ROOT / "workflows" / "holdout").glob("*.toml"))
+COMPLETE = (
+    sorted({*(ROOT / "workflows").glob("*.toml")} - {*STUDIES, ROOT / "workflows" / "paper_base.toml"}) + SIX + HOLDOUT
+)
 RESIDUAL = [ROOT / "workflows" / f"{name}_residual.toml" for name in ("simple", "evolved")] + SIX
 
 
