@@ -40,24 +40,23 @@ class Factor:
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
         A.setOption(PETSc.Mat.Option.SPD, True)
-        free = _free(A.comm.tompi4py())
-        self._factor = _factorised(A, min(free, _ample(A)))
-        if self._is_too_little() and free > _ample(A):
+        free = free_memory(A.comm.tompi4py())
+        self._factor = factorised(A, min(free, ample(A)))
+        if self._is_too_little() and free > ample(A):
             self._factor.destroy()
-            self._factor = _factorised(A, free)
+            self._factor = factorised(A, free)
         if self._is_too_little():
             needed = self._factor.getMumpsInfog(16)
             self._factor.destroy()
-            self._factor = _factorised(A, free, in_files=True)
+            self._factor = factorised(A, free, in_files=True)
             self._say(name, needed, free)
-        self._factor.setMumpsIcntl(27, BLOCK)  # so many at once within MUMPS too, not its 32: an eighth faster
         code = self._factor.getMumpsInfog(1)
         if code in NO_MEMORY:
             raise InputError(
                 "scene", "mesh", None, f"no memory for the factor of {name} (MUMPS {code}); a coarser mesh"
             )
         if code < 0:
-            raise InputError("body", name, None, "a positive definite matrix is allowed")
+            raise not_definite(name)
 
     def _is_too_little(self) -> bool:
         return bool(self._factor.getMumpsInfog(1) == TOO_LITTLE)
@@ -81,7 +80,7 @@ class Factor:
 
         Right-hand sides in Fortran's order are not copied; the result is in that order.
         """
-        return _solved(self._factor, columns)
+        return solved(self._factor, columns)
 
     def destroy(self) -> None:
         """Give the factor's memory back."""
@@ -114,7 +113,7 @@ class SequentialFactor:
         try:
             pc.setUp()
         except PETSc.Error:
-            raise InputError("body", name, None, "a positive definite matrix is allowed") from None
+            raise not_definite(name) from None
         self._factor = pc.getFactorMatrix()
         pc.destroy()
 
@@ -124,7 +123,7 @@ class SequentialFactor:
 
     def solve_columns(self, columns: Array) -> Array:
         """As `Factor.solve_columns`."""
-        return _solved(self._factor, columns)
+        return solved(self._factor, columns)
 
     def destroy(self) -> None:
         """Give the factor's memory back."""
@@ -153,7 +152,12 @@ def _by_cholmod(A: PETSc.Mat) -> PETSc.PC:
     return pc
 
 
-def _solved(factor: PETSc.Mat, columns: Array) -> Array:
+def not_definite(name: str) -> InputError:
+    """What is said of a matrix that has no such factor."""
+    return InputError("body", name, None, "a positive definite matrix is allowed")
+
+
+def solved(factor: PETSc.Mat, columns: Array) -> Array:
     """Answers to a few right-hand sides."""
     result = np.empty(columns.shape, order="F")
     for k in range(0, columns.shape[1], BLOCK):
@@ -164,7 +168,7 @@ def _solved(factor: PETSc.Mat, columns: Array) -> Array:
     return result
 
 
-def _factorised(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
+def factorised(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
     """The factor of A in at most `free` MB a rank; from its analysis MUMPS knows beforehand if that is too little.
 
     A itself is no longer held.
@@ -177,18 +181,19 @@ def _factorised(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
     factor = pc.getFactorMatrix()
     factor.setMumpsIcntl(22, int(in_files))
     factor.setMumpsIcntl(23, free)
+    factor.setMumpsIcntl(27, BLOCK)  # so many at once within MUMPS too, not its 32: an eighth faster
     pc.setUp()
     pc.destroy()
     return factor
 
 
-def _ample(A: PETSc.Mat) -> int:
+def ample(A: PETSc.Mat) -> int:
     """MB on a rank that do for most factors; of what it is allowed MUMPS reserves a half, needed or not; collective."""
     entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_MAX)["nz_used"]
     return max(1000, int(FILL * 12 * entries / 1e6))
 
 
-def _free(comm: MPI.Comm) -> int:
+def free_memory(comm: MPI.Comm) -> int:
     """MB that a factor may take on each rank, 0 for no bound where a machine doesn't say what is free; collective."""
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     found = available_memory()

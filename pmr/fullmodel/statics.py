@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pmr.constraints.rows import Row, Rows
 from pmr.errors import ConvergenceError, InputError
 from pmr.fem.distributed import freed
-from pmr.fem.factor import Factor
 from pmr.fem.matrices import gather
+from pmr.fem.replicated import factor_for_columns
 from pmr.fullmodel.eigensolvers import is_dense
 from pmr.fullmodel.elimination import Condensed, Elimination, eliminate
 from pmr.fullmodel.model import FullModel
@@ -80,7 +80,7 @@ class _Mumps:
         self._condensed = Condensed(elimination, model.K)
         K = elimination.condensed(model.K)
         try:
-            self._factor = Factor(K, "stiffness")
+            self._factor = factor_for_columns(K, "stiffness")
         except InputError as error:
             raise ConvergenceError(_SINGULAR.format(error)) from None
         finally:

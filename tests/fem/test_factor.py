@@ -38,7 +38,7 @@ def test_a_factor_that_does_not_fit_is_kept_in_files_and_solves_as_well(
     expected = within.solve_columns(g.copy(order="F"))
     within.destroy()
     assert not caplog.records
-    monkeypatch.setattr(factor, "_free", lambda comm: (whole + 2 * beside) // 3)
+    monkeypatch.setattr(factor, "free_memory", lambda comm: (whole + 2 * beside) // 3)
     with caplog.at_level(logging.WARNING):
         outside = Factor(A, "K")
     assert outside._factor.getMumpsInfog(1) == 0 and outside._factor.getMumpsIcntl(22) == 1
@@ -49,7 +49,7 @@ def test_a_factor_that_does_not_fit_is_kept_in_files_and_solves_as_well(
 
 
 def test_a_factor_that_does_not_even_fit_with_files_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(factor, "_free", lambda comm: 1)
+    monkeypatch.setattr(factor, "free_memory", lambda comm: 1)
     with pytest.raises(InputError, match=r"the factor of K takes \d+ MB.*a coarser mesh or more memory is allowed"):
         Factor(laplacian(), "K")
 

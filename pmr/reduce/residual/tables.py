@@ -48,8 +48,9 @@ def carrier_flexibility(
     loads, K = carrier_loads(model, carriers), carriers.shape[0]
     seen = Measured(sp.hstack([loads, local_csr(model.outputs)], format="csr").T)
     blocks = []
-    for k in range(0, loads.shape[1], BLOCK):
-        x = residual.apply(loads[:, k : k + BLOCK].toarray(order="F"))
+    many = BLOCK * model.comm.size
+    for k in range(0, loads.shape[1], many):
+        x = residual.apply(loads[:, k : k + many].toarray(order="F"))
         blocks.append(seen.of(x))
         if answers is not None:
             answers.append(x)

@@ -1,0 +1,64 @@
+"""A factor on each rank, and columns on their way to it and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from pmr.errors import InputError
+from pmr.fem import factor, replicated
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import sparse
+from pmr.fem.factor import Factor
+from pmr.fem.replicated import Exchange, ReplicatedFactor, TooLargeError, factor_for_columns
+from pmr.fullmodel.assembly import share
+
+pytestmark = pytest.mark.mpi
+SIDE = 100
+
+
+def laplacian() -> PETSc.Mat:
+    chain = sp.diags([-np.ones(SIDE - 1), 2.0 * np.ones(SIDE), -np.ones(SIDE - 1)], [-1, 0, 1])
+    first, last = share(SIDE**2, MPI.COMM_WORLD)
+    like = PETSc.Mat().createAIJ(((last - first, SIDE**2), (last - first, SIDE**2)), comm=MPI.COMM_WORLD)
+    return sparse(sp.csr_matrix(sp.kronsum(chain, chain))[first:last], like, columns=int(last - first))
+
+
+@pytest.mark.parametrize("count", [0, 1, 5, 2 * factor.BLOCK + 3])
+def test_columns_come_back_as_rows(count: int) -> None:
+    comm = MPI.COMM_WORLD
+    ends = np.arange(comm.size + 1) * (comm.size + 6) // comm.size
+    exchange, whole = Exchange(comm, ends), np.arange(ends[-1] * count, dtype=float).reshape(ends[-1], count)
+    mine = slice(*ends[comm.rank : comm.rank + 2])
+    columns = exchange.columns(np.asfortranarray(whole[mine]))
+    assert np.array_equal(np.hstack(comm.allgather(columns)), whole)
+    back = np.full(whole[mine].shape, np.nan, order="F")
+    exchange.rows(columns, back)
+    assert np.array_equal(back, whole[mine])
+
+
+def test_each_rank_answers_its_share_as_all_together_do() -> None:
+    A, rng = laplacian(), np.random.default_rng(3)
+    for count in (1, factor.BLOCK * MPI.COMM_WORLD.size + 7):
+        g = rng.normal(size=(A.getLocalSize()[0], count))
+        spread, held = Factor(A, "K"), ReplicatedFactor(A, "K")
+        assert held.solve_columns(g) == pytest.approx(spread.solve_columns(g), rel=1e-9, abs=1e-9)
+        spread.destroy()
+        held.destroy()
+
+
+def test_what_does_not_fit_on_each_rank_is_spread_over_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    A = laplacian()
+    assert isinstance(factor_for_columns(A, "K"), Factor if MPI.COMM_WORLD.size == 1 else ReplicatedFactor)
+    monkeypatch.setattr(replicated, "free_memory", lambda comm: 1)
+    with pytest.raises(TooLargeError):
+        ReplicatedFactor(A, "K")
+    assert isinstance(factor_for_columns(A, "K"), Factor)
+
+
+def test_a_singular_matrix_is_refused_on_all_ranks() -> None:
+    A = laplacian()
+    A.zeroRowsColumns([0] if MPI.COMM_WORLD.rank == 0 else [], diag=0.0)
+    with pytest.raises(InputError, match="positive definite"):
+        ReplicatedFactor(A, "K")
