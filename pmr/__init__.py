@@ -15,6 +15,9 @@ basis whose coordinates keep their meaning, and leaves the sliders as a few cons
     response = pmr.simulate(scene, model)
     response.t, response.displacement
 
+    given = pmr.from_matrices(M, K, points, groups)  # what another program assembled
+    given.save("boom.npz")                        # body.model = "matrices", mesh.file = "boom.npz"
+
 What is named here stays; everything else may change between versions.
 """
 
@@ -25,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pmr.errors import ConvergenceError, InputError, SimulationError
+    from pmr.files.matrices import from_matrices
     from pmr.reduced.model import ReducedModel
     from pmr.results import RunResult
     from pmr.scene import load as load_scene
@@ -40,6 +44,7 @@ _PLACES = {
     "RunResult": "pmr.results:RunResult",
     "SimulationError": "pmr.errors:SimulationError",
     "Stepper": "pmr.simulate.native.stepper:Stepper",
+    "from_matrices": "pmr.files.matrices:from_matrices",
     "load_scene": "pmr.scene:load",
 }
 #: Rooms that are called by what one does there: `pmr.reduce(scene)`, and `pmr.reduce.basis` as of any package.
@@ -49,7 +54,16 @@ _VERBS = {
     "simulate": "pmr.compare.responses:simulate_reduced",
 }
 
-__all__ = ["ConvergenceError", "InputError", "ReducedModel", "RunResult", "SimulationError", "Stepper", "load_scene"]
+__all__ = [
+    "ConvergenceError",
+    "InputError",
+    "ReducedModel",
+    "RunResult",
+    "SimulationError",
+    "Stepper",
+    "from_matrices",
+    "load_scene",
+]
 
 
 def _found(place: str) -> Any:

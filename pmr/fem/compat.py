@@ -34,16 +34,22 @@ import petsc4py
 # PETSc's handlers turn a closed pipe (`pmr info | head`) into a page of advice on debuggers.
 petsc4py.init(["pmr", "-no_signal_handler"])
 
-import basix
-import dolfinx
-import dolfinx.fem.petsc
-import dolfinx.jit
-import ffcx
-import ffcx.codegeneration
-import ffcx.naming
+try:
+    import basix
+    import dolfinx
+    import dolfinx.fem.petsc
+    import dolfinx.jit
+    import ffcx
+    import ffcx.codegeneration
+    import ffcx.naming
+    import ufl
+except ImportError as error:  # matrices that are given need PETSc and SLEPc alone
+    _MISSING: ImportError | None = error
+else:
+    _MISSING = None
+
 import numpy as np
 import slepc4py
-import ufl
 from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
@@ -55,13 +61,13 @@ from pmr.errors import InputError
 from pmr.files.built import stored
 
 __all__ = [
-    "MPI", "PETSc", "SLEPc", "assemble", "cell_coordinates", "cell_dofs", "cell_topology", "cellwise", "comm_of",
-    "constant", "create_mesh", "hermite_space", "interval_mesh", "lagrange_rule", "lagrange_space", "original_cells",
-    "rule_points", "shell_space", "tabulated", "tabulation_space", "unrolled_cell_dofs", "versions",
+    "MPI", "PETSc", "SLEPc", "assemble", "cell_coordinates", "cell_dofs", "cell_topology", "cellwise", "check_fenicsx",
+    "comm_of", "constant", "create_mesh", "hermite_space", "interval_mesh", "lagrange_rule", "lagrange_space",
+    "original_cells", "rule_points", "shell_space", "tabulated", "tabulation_space", "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
-VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+VERSION = () if _MISSING else tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 _WRAPPED = VERSION < (0, 7)  # elements before basix.ufl
 
 # FFCx tells of every compilation through the root logger.
@@ -81,9 +87,9 @@ def versions() -> dict[str, str]:
     """Versions of the finite-element stack in use."""
     petsc, slepc = PETSc.Sys.getVersion(), SLEPc.Sys.getVersion()
     library = MPI.Get_library_version().split("\n")[0].split(",")[0].strip("\x00 ")
+    fenicsx = {} if _MISSING else {"dolfinx": dolfinx.__version__, "basix": basix.__version__}
     return {
-        "dolfinx": dolfinx.__version__,
-        "basix": basix.__version__,
+        **fenicsx,
         "PETSc": ".".join(map(str, petsc)),
         "petsc4py": petsc4py.__version__,
         "SLEPc": ".".join(map(str, slepc)),
@@ -91,6 +97,19 @@ def versions() -> dict[str, str]:
         "MPI": " ".join(library.split())[:60],
         "scalar type": np.dtype(PETSc.ScalarType).name,
     }
+
+
+def check_fenicsx(model: str) -> None:
+    """Refuse a model that is assembled from forms where there is no FEniCSx.
+
+    Raises
+    ------
+    InputError
+        With what is missing.
+    """
+    if _MISSING:
+        allowed = f"matrices is allowed without FEniCSx ({_MISSING}); apt, conda or pip install '.[fenicsx]' has it"
+        raise InputError("scene", "body.model", model, allowed)
 
 
 def interval_mesh(comm: MPI.Comm, nodes: Array) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import InputError
 from pmr.files import npz
@@ -86,14 +86,14 @@ class GivenMatrices:
         """Number of coordinates n."""
         return int(self.K.shape[0])
 
-    def save(self, path: Path) -> Path:
+    def save(self, path: str | Path) -> Path:
         """Write all of it as npz, without pickle."""
         arrays: dict[str, Any] = {"points": self.points, "node": self.node, "direction": self.direction}
         for name in ("M", "K"):
             arrays |= {f"{name}.{part}": getattr(getattr(self, name), part) for part in _PARTS}
         arrays |= {f"groups.{k}": nodes for k, nodes in enumerate(self.groups.values())}
-        npz.write(path, arrays, {"format": FORMAT, "version": FORMAT_VERSION, "groups": list(self.groups)})
-        return path
+        npz.write(Path(path), arrays, {"format": FORMAT, "version": FORMAT_VERSION, "groups": list(self.groups)})
+        return Path(path)
 
     @classmethod
     def load(cls, path: Path) -> GivenMatrices:
@@ -145,3 +145,45 @@ class GivenMatrices:
 
     def _refusal(self, key: str, value: Any, allowed: str) -> InputError:
         return InputError(self.source, key, value, allowed)
+
+
+def from_matrices(
+    M: Any,
+    K: Any,
+    points: ArrayLike,
+    groups: Mapping[str, ArrayLike] | None = None,
+    node: ArrayLike | None = None,
+    direction: ArrayLike | None = None,
+) -> GivenMatrices:
+    """Mass and stiffness of a body that another program assembled, checked; `save` writes the file that scenes name.
+
+    Parameters
+    ----------
+    M, K : (n, n) arrays or sparse matrices
+        Symmetric; SI units.
+    points : (N, 3) array, m
+        z up, the axis along x.
+    groups : mapping of name to sequence of int, optional
+        Numbers of nodes, from 0: the faces that pads slide on, tail and tip.
+    node, direction : sequences of int, optional
+        Of each coordinate, its node and 0 to 5 for x, y, z, rx, ry, rz.  Without them all nodes have the same three or
+        six coordinates, node by node.
+
+    Raises
+    ------
+    InputError
+        As `GivenMatrices`.
+    """
+    points = np.asarray(points, dtype=float)
+    M, K = (sp.csr_matrix(A, dtype=float) for A in (M, K))
+    n, count = K.shape[0], max(len(points), 1)
+    if node is None and direction is None:
+        each = n // count
+        if each not in (3, 6) or each * count != n:
+            allowed = f"three or six times the {len(points)} nodes is allowed, or node and direction of each coordinate"
+            raise InputError("matrices", "K", n, allowed)
+        node, direction = np.repeat(np.arange(count), each), np.tile(np.arange(each), count)
+    if node is None or direction is None:
+        raise InputError("matrices", "node", None, "node and direction are allowed together")
+    named = {name: np.asarray(members, dtype=np.int64) for name, members in (groups or {}).items()}
+    return GivenMatrices(M, K, points, np.asarray(node, np.int64), np.asarray(direction, np.int64), named)

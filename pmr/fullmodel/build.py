@@ -9,7 +9,6 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import Structure, structural_model
-from pmr.models.beam2d import Beam2D
 from pmr.scene import Scene
 
 logger = logging.getLogger(__name__)
@@ -48,10 +47,10 @@ def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
 
 def warnings(structure: Structure) -> list[str]:
     """A line where elements are so short that round-off in the stiffness can be seen in the frequencies."""
-    model = structure.model
-    if not isinstance(model, Beam2D) or model.round_off <= NOTICED_ROUND_OFF:
+    round_off = getattr(structure.model, "round_off", 0.0)
+    if round_off <= NOTICED_ROUND_OFF:
         return []
     return [
         "round-off in the stiffness of so short elements changes the lowest frequency by about "
-        f"{model.round_off:.0e} of its value; fewer elements are more accurate"
+        f"{round_off:.0e} of its value; fewer elements are more accurate"
     ]

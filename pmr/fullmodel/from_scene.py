@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fem.compat import MPI
+from pmr.fem.compat import MPI, check_fenicsx
 from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.structure import Action, Clamp, PadForce, Structure, Weight
@@ -21,8 +21,6 @@ from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.mesh.drawing import NotDrawnError
 from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
-from pmr.models.beam2d import Beam2D
-from pmr.models.beam3d import Beam3D
 from pmr.models.matrices import Matrices
 from pmr.models.profile import box_section
 from pmr.scene import Scene
@@ -31,6 +29,10 @@ from pmr.scene.choice import directions, model_of, transverse
 from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Profile
 
 Array = NDArray[np.float64]
+
+
+#: Models that need no FEniCSx; the modules of all others load it.
+WITHOUT_FORMS = ("matrices",)
 
 
 def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
@@ -45,6 +47,8 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     InputError
         If the mesh can't be had, or lacks a group.
     """
+    if model_of(scene) not in WITHOUT_FORMS:
+        check_fenicsx(model_of(scene))
     model, pads = _MODELS.get(model_of(scene), _meshed)(scene, comm), _pads(scene)
     across, observe = transverse(scene), scene.observe
     stations: Sequence[float] | Array | None = observe.stations
@@ -108,6 +112,8 @@ def _supports(scene: Scene) -> tuple[Support, ...]:
 
 
 def _planar_beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
+    from pmr.models.beam2d import Beam2D
+
     profile = scene.body.profile or _planar_profile(_box(scene), scene.body.material)
     return Beam2D(profile, beam_nodes(profile.length, scene.mesh))
 
@@ -124,6 +130,8 @@ def _planar_profile(box: Box, material: Material) -> Profile:
 
 
 def _beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
+    from pmr.models.beam3d import Beam3D
+
     box, body = _box(scene), scene.body
     profile = None if body.section else BoxProfile(width=box.width, height=box.height, wall=box.wall)
     return Beam3D(

@@ -38,7 +38,6 @@ from pmr.constraints.rows import Row, fixed_row
 from pmr.errors import InputError
 from pmr.mesh.strip import Extent, Window
 from pmr.models import StructuralModel
-from pmr.models.beam2d import Beam2D
 
 Array = NDArray[np.float64]
 
@@ -255,6 +254,8 @@ def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, travel:
 
 
 def _point(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
+    from pmr.models.beam2d import Beam2D  # its forms need FEniCSx, which given matrices do without
+
     if not isinstance(model, Beam2D):
         raise InputError("scene", "slider", slider.name, "a point slides on beam2d only; pads slide on any body")
     row = model.slider(slider.offset, slider.name)

@@ -1,0 +1,55 @@
+"""A bar of trilinear bricks as another program would hand it over: matrices on nodes, assembled by NumPy alone."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import scipy.sparse as sp
+
+from pmr.files.matrices import GivenMatrices, from_matrices
+
+YOUNG, POISSON, DENSITY = 210e9, 0.3, 7850.0
+_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+
+
+def bricks(counts: tuple[int, int, int], size: tuple[float, float, float]) -> GivenMatrices:
+    """So many cells along x, y and z of a bar of this size in m, whose axis is x from 0 on; three dofs a node."""
+    grids = np.indices([n + 1 for n in counts]).reshape(3, -1).T
+    points = grids / counts * size - [0.0, size[1] / 2.0, size[2] / 2.0]
+    number = np.arange(len(points)).reshape([n + 1 for n in counts])
+    first = np.indices(counts).reshape(3, -1).T
+    cells = np.stack([number[tuple((first + (corner > 0)).T)] for corner in _CORNERS], axis=1)
+    dofs = (3 * cells[:, :, None] + np.arange(3)).reshape(len(cells), -1)
+    rows, columns = (np.broadcast_to(one, (len(cells), 24, 24)) for one in (dofs[:, :, None], dofs[:, None, :]))
+    n = 3 * len(points)
+    M, K = (
+        sp.coo_matrix((np.tile(A, (len(cells), 1, 1)).ravel(), (rows.ravel(), columns.ravel())), (n, n)).tocsr()
+        for A in _element(np.array(size) / counts)
+    )
+    ends = {"tail": points[:, 0] == 0.0, "tip": points[:, 0] == size[0]}
+    sides = {"bottom": grids[:, 2] == 0, "top": grids[:, 2] == counts[2]}
+    sides |= {"right": grids[:, 1] == 0, "left": grids[:, 1] == counts[1]}
+    groups = {name: np.flatnonzero(on) for name, on in {**ends, **sides}.items()}
+    return from_matrices((M + M.T) / 2.0, (K + K.T) / 2.0, points, groups)
+
+
+def _element(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mass and stiffness (24, 24) of one brick, by 2 x 2 x 2 points of Gauss."""
+    lame, shear = YOUNG * POISSON / (1.0 + POISSON) / (1.0 - 2.0 * POISSON), YOUNG / 2.0 / (1.0 + POISSON)
+    elasticity = np.diag([2.0 * shear] * 3 + [shear] * 3)
+    elasticity[:3, :3] += lame
+    M, K = np.zeros((2, 24, 24))
+    weight = edges.prod() / 8.0
+    for xi in _CORNERS / np.sqrt(3.0):
+        factors = (1.0 + _CORNERS * xi) / 2.0
+        N = factors.prod(axis=1)
+        gradients = np.stack([_CORNERS[:, k] / edges[k] * np.delete(factors, k, axis=1).prod(axis=1) for k in range(3)])
+        B = np.zeros((6, 24))
+        for k, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]):
+            B[k, i::3] += gradients[j]
+            if i != j:
+                B[k, j::3] += gradients[i]
+        K += weight * B.T @ elasticity @ B
+        M += weight * DENSITY * np.kron(np.outer(N, N), np.eye(3))
+    return M, K

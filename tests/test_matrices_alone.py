@@ -1,0 +1,116 @@
+"""A body of given matrices goes the whole way where there is no FEniCSx, and ends where it does with it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bricks import bricks
+
+from pmr import run as whole
+from pmr import scene as scenes
+from pmr.errors import InputError
+from pmr.files.matrices import from_matrices
+
+#: The command line where nothing of FEniCSx can be imported: PETSc and SLEPc are there.
+ALONE = """
+import sys
+for name in ("dolfinx", "ufl", "basix", "ffcx"):
+    sys.modules[name] = None
+from pmr.cli import main
+main()
+"""
+SCENE = """
+title = "A bar on pads"
+[body]
+model = "matrices"
+[mesh]
+file = "bar.npz"
+[[pads]]
+name = "tail"
+at = 0.15
+length = 0.2
+faces = { bottom = [0.0], top = [0.0], left = [0.0], right = [0.0] }
+[[pads]]
+name = "mouth"
+moving = true
+length = 0.2
+faces = { bottom = [0.0], top = [0.0], left = [0.0], right = [0.0] }
+[[supports]]
+on = "tail"
+directions = ["x"]
+[[supports]]
+on = "tip"
+directions = ["rx"]
+stiffness = 1e6
+[slider]
+path = { kind = "smooth_ramp", times = [0.0, 0.2], values = [0.6, 1.1] }
+[[loads]]
+name = "F"
+signal = { kind = "smooth_ramp", times = [0.0, 0.1], values = [0.0, 1000.0] }
+[observe]
+start = 0.2
+end = 1.8
+count = 5
+[time]
+end = 0.2
+step = 1e-3
+[reduction]
+coordinates = 12
+[compare]
+against = ["full"]
+"""
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bar")
+    bricks((20, 3, 3), (2.0, 0.2, 0.3)).save(folder / "bar.npz")
+    (folder / "bar.toml").write_text(SCENE)
+    return folder / "bar.toml"
+
+
+def alone(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", ALONE, *arguments], capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.slow
+def test_the_whole_way_without_fenicsx(scene_file: Path, tmp_path: Path) -> None:
+    done = alone("run", str(scene_file), "--out", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    outcome = whole.run(scenes.load(scene_file))
+    assert outcome is not None
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert "dolfinx" not in summary["versions"] and "PETSc" in summary["versions"]
+    errors = summary["errors"]["reduced_vs_full"]
+    assert max(errors["tip"], errors["beam"]) < 1e-3
+    with np.load(tmp_path / "trajectories.npz") as found:
+        for name in ("reduced", "full"):
+            expected = outcome.result.responses[name].displacement
+            atol = 1e-12 * np.abs(expected).max()
+            np.testing.assert_allclose(found[f"{name}.displacement"], expected, rtol=0.0, atol=atol)
+
+
+def test_a_model_of_forms_is_refused_in_one_line() -> None:
+    done = alone("run", "paper_simple")
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert "body.model = 'beam2d': matrices is allowed without FEniCSx" in done.stderr.replace('"', "'")
+
+
+def test_matrices_without_a_map_are_node_by_node() -> None:
+    given = bricks((2, 1, 1), (0.4, 0.1, 0.1))
+    again = from_matrices(given.M.toarray(), given.K.toarray(), given.points, {"tip": [3]})
+    np.testing.assert_array_equal(again.node, given.node)
+    np.testing.assert_array_equal(again.direction, given.direction)
+    assert given.M.sum() == pytest.approx(3 * 7850.0 * 0.4 * 0.1 * 0.1, rel=1e-12)
+    for arguments, says in (
+        ({"points": given.points[1:]}, "three or six times the 11 nodes"),
+        ({"node": given.node}, "together"),
+        ({"groups": {"tip": [12]}}, "groups.tip"),
+    ):
+        with pytest.raises(InputError, match=says):
+            from_matrices(**{"M": given.M, "K": given.K, "points": given.points, **arguments})
