@@ -32,6 +32,7 @@ _NEEDED = {
         'simulation.simulators = ["march"], and no "ancf" in compare.against)'
     ),
     "gmsh": "it draws the meshes of shells and solids; pip install gmsh installs it (or give mesh.file)",
+    "pandas": "it makes frames of results; pip install pandas installs it",
     "ziglang": "it compiles FMUs for all systems; pip install ziglang installs it",
     "weasyprint": "it writes report.pdf; pip install weasyprint installs it, its system libraries are Pango's",
 }

@@ -27,6 +27,7 @@ from pmr.fullmodel.build import Built, build, full_model
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.probes import places
 from pmr.recover.from_scene import Recovered, recover, recovered_steps
 from pmr.reduce.basis import Basis
 from pmr.reduce.cache import Cache, Reduced, cache_in, with_provenance
@@ -116,6 +117,7 @@ def run(
         Part(warnings=build_warnings(built.structure)),
         Part(warnings=free_motions.warnings(built.structure, scene.path_bounds)),
         pads(scene, responses["reduced"]),
+        Part(places(built.structure.outputs)),
         contact(reduced, excitation),
         trusted(found.missing, responses),
         theory(scene, responses),

@@ -137,11 +137,13 @@ def _save(outcome: Outcome, folder: Path) -> None:
     from pmr.export.paraview import write_series
     from pmr.report.document import REPORT_FILES
     from pmr.results import RESULT_FILES
+    from pmr.results.tables import write as write_tables
 
     result = outcome.result
     recovery = result.scene.recovery
     with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
         result.save(new)
+        write_tables(result, new)
         outcome.reduced.save(new / "reduced.npz")
         if recovery is not None and recovery.series and result.fields is not None:
             write_series(new, "fields", result.fields)

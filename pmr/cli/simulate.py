@@ -41,6 +41,7 @@ def simulate(
     from pmr.compare.saved_model import simulate_saved
     from pmr.report import sentences
     from pmr.results import RESULT_FILES
+    from pmr.results.tables import write as write_tables
 
     finished(model.parent)
     reduced, file = ReducedModel.load(model), scene_file(scene)
@@ -54,6 +55,7 @@ def simulate(
         raise error.found_in(str(file)) from None
     with fresh(folder, RESULT_FILES) as new:
         result.save(new)
+        write_tables(result, new)
     response, summary = result.responses["reduced"], result.summary
     table = Table(title=visible(asked.title), title_justify="left", title_style="bold", show_header=False)
     table.add_row("largest displacement", f"{1e3 * summary['max_displacement']:.4g} mm")

@@ -155,6 +155,17 @@ def stress_history(
     return StressHistory(np.asarray(t), largest, point, peak)
 
 
+def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> dict[str, StressPeak]:
+    """The largest stress in each region of a grid, from that at each point (P,) in Pa and when it is there (P,) s."""
+    found = {}
+    for name, cells in sorted(grid.regions.items()):
+        points = np.flatnonzero(np.isin(rows.cell, cells))
+        p = int(points[most[points].argmax()])
+        place, face = _place(rows.points[p]), rows.faces[rows.face[p]]
+        found[name] = StressPeak(float(most[p]), float(when[p]), place, face, int(rows.cell[p]), name)
+    return found
+
+
 def _place(point: Array) -> tuple[float, float, float]:
     x, y, z = (float(c) for c in point)
     return x, y, z

@@ -15,6 +15,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
+from pmr.fullmodel.probes import gauges
 from pmr.fullmodel.structure import Action, Clamp, PadForce, Structure, Weight
 from pmr.mesh.beam import beam_nodes
 from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
@@ -39,8 +40,8 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     """What a scene describes; the same on every rank, collective.
 
     Outputs: the displacement in m along each transverse direction at the observed places (by default a beam's nodes but
-    for the last, which is the tip), then of the tip, then the forces in N of the pads that stay and hold both ways;
-    those of all others are the rows' multipliers.
+    for the last, which is the tip), then of the tip, then the forces in N of the pads that stay and hold both ways
+    and of the supports that give way; those of all others are the rows' multipliers.  Then what the probes measure.
 
     Raises
     ------
@@ -50,7 +51,7 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     if model_of(scene) not in WITHOUT_FORMS:
         check_fenicsx(model_of(scene))
     model, pads = _MODELS.get(model_of(scene), _meshed)(scene, comm), _pads(scene)
-    across, observe = transverse(scene), scene.observe
+    across, observe, supports = transverse(scene), scene.observe, _supports(scene)
     stations: Sequence[float] | Array | None = observe.stations
     if stations is None:
         assert model.node_stations is not None  # the scene's check
@@ -58,6 +59,7 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     line = [Action(f"{d} at {x:g} m", float(x), d) for d in across for x in stations]
     tip = [Action(observe.tip_along(d), observe.tip, d) for d in across]
     forces = [PadForce(pad.name) for pad in pads.fixed if np.isfinite(pad.stiffness) and not pad.unilateral]
+    forces += [PadForce(support.name) for support in supports if np.isfinite(support.stiffness)]
     turned = [Action(f"{observe.tip} ry", observe.tip, "ry")] if observe.rotation else []
     weight = [Weight(scene.gravity.direction)] if scene.gravity else []
     return Structure(
@@ -65,9 +67,9 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         clamps=tuple(Clamp(str(one.on), one.held) for one in scene.supports if one.points == "all"),
         masses=scene.masses,
         loads=(*(Action(load.name, load.on, load.direction) for load in scene.loads), *weight),
-        outputs=(*line, *tip, *forces, *turned),
+        outputs=(*line, *tip, *forces, *turned, *gauges(scene, model)),
         damping=scene.damping,
-        pads=replace(pads, supports=_supports(scene)),
+        pads=replace(pads, supports=supports),
     )
 
 

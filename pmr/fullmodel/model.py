@@ -36,7 +36,7 @@ class FullModel:
     reference_frequency : float, rad/s
         Scale of the lowest frequencies; eigensolvers shift by it.
     output_names, output_units : tuples of str
-        What each output is, and whether it is in m, rad or N.
+        What each output is, and its unit.
     rayleigh : Rayleigh, optional
         What D is made of, where it is Rayleigh's.
     rigid : RigidMotions, optional

@@ -24,6 +24,7 @@ from pmr.fem.matrices import columns
 from pmr.fullmodel.assembly import Operators, operators_of, projected, rayleigh, reordered, share
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.pads import Pads, Restraints, restrain
+from pmr.fullmodel.probes import Gauge
 from pmr.models import StructuralModel
 from pmr.models.rigid import RigidMotions
 from pmr.scene import Damping
@@ -93,7 +94,7 @@ class Structure:
     clamps: tuple[Clamp, ...] = ()
     masses: tuple[PointMass, ...] = ()
     loads: tuple[Action | Weight, ...] = ()
-    outputs: tuple[Action | PadForce, ...] = ()
+    outputs: tuple[Action | PadForce | Gauge, ...] = ()
     damping: Damping = Damping()
     pads: Pads = Pads()
 
@@ -119,7 +120,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         _reduced(base.K, coupling.T, _padded(springs, attached)),
     )
     measured = [
-        coupling.row(output) if isinstance(output, Action) else restraints.force(output.pad, size)
+        restraints.force(output.pad, size) if isinstance(output, PadForce) else coupling.row(output)
         for output in structure.outputs
     ]
     return FullModel(
@@ -178,14 +179,16 @@ class Coupling:
             total += G.T @ sp.diags(inertia) @ G
         return total.tocsr()
 
-    def row(self, action: Action) -> sp.csr_matrix:
-        """Row (1, n') that an action is or measures.
+    def row(self, action: Action | Gauge) -> sp.csr_matrix:
+        """Row (1, n') that an action is or measures, or a gauge does.
 
         Raises
         ------
         InputError
             If the model has no such direction.
         """
+        if isinstance(action, Gauge):
+            return sp.csr_matrix(action.row @ self.T)
         if action.direction not in self.model.directions:
             allowed = f"{', '.join(self.model.directions)} are allowed"
             raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
@@ -287,8 +290,10 @@ def _leaves_out(T: sp.csr_matrix) -> bool:
     return T.nnz == T.shape[1] and bool(np.all(T.data == 1.0) and np.all(T.col[order] == np.arange(T.nnz)))
 
 
-def _position(output: Action | PadForce, structure: Structure) -> float:
+def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
     """Where along the axis an output is measured, m."""
+    if isinstance(output, Gauge):
+        return float(output.at[0])
     if isinstance(output, Action):
         return float(structure.model.centroid(output.on)[0])
     places = {pad.name: pad.at for pad in structure.pads.fixed}

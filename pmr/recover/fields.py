@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fields.series import Fields
-from pmr.fields.stress import StressHistory, stress_history
+from pmr.fields.stress import StressHistory, StressPeak, peaks_by_region, stress_history
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.structure import Structure, couple
 from pmr.models import FiniteElementModel, is_assembled
@@ -85,10 +85,14 @@ class View:
 
 @dataclass(frozen=True)
 class Seen:
-    """The stress history of all states, None where the model has no stresses; fields of some of them."""
+    """The stress history of all states, None where the model has no stresses; fields of some of them.
+
+    `by_region` has the largest stress in each of the grid's regions.
+    """
 
     stress: StressHistory | None
     fields: Fields
+    by_region: Mapping[str, StressPeak]
 
 
 def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] = ()) -> Seen:
@@ -108,7 +112,8 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
     largest, point = np.zeros(len(t)), np.zeros(len(t), np.int64)
     displacement = np.zeros((len(chosen), len(view.grid.points), 3), np.float32)
     fields = {face: np.zeros((len(chosen), cells), np.float32) for face in (rows.faces if rows else ())}
-    first, at_peak = 0, np.zeros(0)
+    most = np.full(len(rows.points) if rows else 0, -np.inf)
+    first, at_peak, when = 0, np.zeros(0), np.zeros(len(most))
     for q in blocks:
         last = first + len(q)
         found = np.flatnonzero((chosen >= first) & (chosen < last))
@@ -116,13 +121,17 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
         if rows is not None:
             values = rows.von_mises(view.stresses(q))
             largest[first:last], point[first:last] = values.max(axis=1), values.argmax(axis=1)
+            higher = values.max(axis=0) > most
+            when[higher] = np.asarray(t)[first:last][values.argmax(axis=0)[higher]]
+            most = np.maximum(most, values.max(axis=0))
             if not at_peak.size or values.max() > at_peak.max():
                 at_peak = values[values.max(axis=1).argmax()].copy()
             for face, part in rows.by_cell(values[chosen[found] - first], cells).items():
                 fields[face][found] = part
         first = last
     history = None if rows is None else stress_history(rows, view.grid, t, largest, point, at_peak)
-    return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields))
+    regions = {} if rows is None else peaks_by_region(rows, view.grid, most, when)
+    return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields), regions)
 
 
 def in_blocks(q: Array) -> Iterator[Array]:

@@ -29,11 +29,16 @@ class Recovered:
     full: Seen | None
 
     def summary(self) -> dict[str, Any]:
-        """``max_von_mises`` in Pa and ``stress_peak``, each for ``reduced`` and ``full``; empty without stresses."""
+        """``max_von_mises`` in Pa, ``stress_peak`` and ``stress_by_region``, each for ``reduced`` and ``full``.
+
+        Empty without stresses.
+        """
         peaks = {name: seen.stress.peak for name, seen in self._named() if seen.stress is not None}
         if not peaks:
             return {}
+        regions = {name: {r: p.summary() for r, p in seen.by_region.items()} for name, seen in self._named()}
         return {
+            "stress_by_region": {name: found for name, found in regions.items() if found},
             "max_von_mises": {name: peak.value for name, peak in peaks.items()},
             "stress_peak": {name: peak.summary() for name, peak in peaks.items()},
         }

@@ -60,7 +60,7 @@ class ReducedModel:
     input_names, row_names : tuples of str
     output_positions : (o,) array, m
     output_names, output_units : tuples of str
-        What each output is, and whether it is in m, rad or N; empty: all are displacements.
+        What each output is, and its unit; empty: all are displacements.
     left_out : tuple of str
         Rows that the basis satisfies identically (its vectors vanish there): they would make the system singular.
     provenance : dict

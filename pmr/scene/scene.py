@@ -20,6 +20,7 @@ from pmr.scene.asked import (
     TimeChoice,
 )
 from pmr.scene.built import ENDS, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
+from pmr.scene.probes import Probe
 from pmr.scene.section import Section
 from pmr.scene.signals import Constant, SignalBase, bounds
 from pmr.scene.structures import PointMass
@@ -40,6 +41,7 @@ class Scene(Section):
     damping: Damping = Field(default=Damping(), description="Of the material")
     time: TimeChoice = Field(description="Simulated time and its steps")
     observe: Observe = Field(default=Observe(), description="Where motions are compared and drawn")
+    probes: tuple[Probe, ...] = Field(default=(), description="Where stress, strain or motion is followed")
     recovery: Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
     reduction: Reduction = Field(default=Reduction(), description="How the model is reduced")
     simulation: Simulation = Field(default=Simulation(), description="Who simulates")

@@ -27,7 +27,7 @@ def check_structure(scene: Scene) -> None:
     """
     _body(scene)
     _names("pads", (name for ring in scene.pads for name, _, _ in ring.places))
-    for key in ("loads", "masses"):
+    for key in ("loads", "masses", "probes"):
         _names(key, (part.name for part in getattr(scene, key)))
     _names("supports", (support.row_name(d) for support in scene.supports for d in support.held))
     for i, ring in enumerate(scene.pads):

@@ -64,7 +64,7 @@ class SlidingBody(Protocol):
 
     @property
     def output_units(self) -> tuple[str, ...]:
-        """m, rad or N for each output; empty: all are displacements."""
+        """Of each output: m, N, rad or whatever a probe measures in; empty: all are displacements."""
         ...
 
     @property

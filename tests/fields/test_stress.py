@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from pmr.fields.grid import Grid
-from pmr.fields.stress import FIBRE, PLANE, SPATIAL, StressRows, stress_history
+from pmr.fields.stress import FIBRE, PLANE, SPATIAL, StressRows, peaks_by_region, stress_history
 
 #: Components of a pull along the first axis and of a shear, and the ones of pressure from all sides.
 FORMS = {"plane": (PLANE, 2), "spatial": (SPATIAL, 5), "fibre": (FIBRE, 1)}
@@ -71,3 +71,12 @@ def test_a_peak_that_places_share_names_them_all(round_off: float) -> None:
     at_peak[3] *= 0.999
     alone = stress_history(four, grid, t, np.array([1.0, 7.0]), np.array([0, 1]), at_peak).peak
     assert alone.shared == ()
+
+
+def test_each_region_has_the_largest_stress_of_its_points() -> None:
+    grid = Grid("triangle", np.zeros((3, 3)), np.zeros((2, 3), int), {"a": np.array([0]), "b": np.array([0, 1])})
+    found = peaks_by_region(rows(PLANE), grid, np.array([5.0, 7.0, 9.0]), np.array([0.1, 0.2, 0.3]))
+    assert {name: (peak.value, peak.t, peak.cell, peak.face) for name, peak in found.items()} == {
+        "a": (5.0, 0.1, 0, "outer"), "b": (9.0, 0.3, 1, "inner"),
+    }  # fmt: skip
+    assert found["b"].position == (6.0, 7.0, 8.0)

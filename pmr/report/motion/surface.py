@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.results import Fields
+from pmr.fields.series import Fields
 from pmr.scene.built import Box
 
 Array = NDArray[np.float64]

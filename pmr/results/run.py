@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 #: Names of all that a run may leave in its folder, the report aside: files that go together.
 RESULT_FILES = (
     "scene.json", "summary.json", "trajectories.npz", "reduced.npz", "fields.npz", "fields.pvd", "fields/*.vtu",
+    "tables/*.csv",
 )  # fmt: skip
 
 
@@ -114,6 +115,15 @@ class Response:
         return forces[:, self.force_names.index(name)]
 
     @property
+    def columns(self) -> dict[str, list[str]]:
+        """What the columns of each array (T, c) are called, with their units in brackets."""
+        moved = self.output_names or tuple(f"output {k}" for k in range(self.displacement.shape[1]))
+        forces = self.force_names or tuple(f"force {k}" for k in range(self.slider_force.shape[1]))
+        others = [f"{name} [{unit}]" for name, unit in zip(self.other_names, self.other_units, strict=True)]
+        found = {"displacement": [f"{name} [m]" for name in moved], "slider_force": [f"{name} [N]" for name in forces]}
+        return found | ({"others": others} if others else {})
+
+    @property
     def tip(self) -> Array:
         """Transverse displacement of the free end, (T,) m."""
         return self.displacement[:, -1]
@@ -168,12 +178,27 @@ class RunResult:
     fields: Fields | None = None
     peak_stress: Mapping[str, Array] = field(default_factory=dict)
 
+    @property
+    def columns(self) -> dict[str, list[str]]:
+        """What the columns of each array of trajectories.npz are called, with their units in brackets."""
+        units = {load.name: "N m" if load.direction.startswith("r") else "N" for load in self.scene.loads}
+        found = {"loads": [f"{name} [{units.get(name, 'm/s^2')}]" for name in self.scene.signals]}
+        for name in ("full", "reduced", "closed_form"):
+            count = getattr(self.frequencies, name).shape[1]
+            found[f"frequencies.{name}"] = [f"frequency {k + 1} [rad/s]" for k in range(count)]
+        for simulator, response in self.responses.items():
+            found |= {f"{simulator}.{array}": names for array, names in response.columns.items()}
+            if response.force_peaks is not None:
+                found[f"{simulator}.force_peaks"] = response.columns["slider_force"]
+        return found
+
     def save(self, folder: Path) -> None:
-        """Write scene.json, summary.json and trajectories.npz into `folder`."""
+        """Write scene.json, summary.json and trajectories.npz, whose ``columns`` names columns, into `folder`."""
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1), encoding="utf-8")
         (folder / "summary.json").write_text(jsonfile.text(self.summary, indent=1), encoding="utf-8")
         arrays: dict[str, NDArray[Any]] = {"s": self.path, "s_rate": self.path_rate, "loads": self.loads}
+        arrays["columns"] = np.array(jsonfile.text(self.columns))
         arrays |= records.arrays(self.shapes, "basis.") | records.arrays(self.frequencies, "frequencies.")
         for simulator, response in self.responses.items():
             arrays |= records.arrays(response, f"{simulator}.")

@@ -1,0 +1,149 @@
+r"""Probes as outputs: stresses, strains and displacements of a place as rows on a model's coordinates.
+
+Strains follow from stresses by Hooke's law of the cell's material, plane stress on a shell:
+
+.. math:: \varepsilon = \frac{(1 + \nu)\, \sigma - \nu \operatorname{tr}(\sigma)\, 1}{E}, \qquad \gamma = \frac{\tau}{G}
+
+A mean over a group weighs each of its stress points alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.fields.stress import StressRows
+from pmr.models import FiniteElementModel, StructuralModel, is_assembled
+from pmr.scene import Scene
+from pmr.scene.probes import Probe
+from pmr.scene.structures import Material
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Units of what is measured.  Displacements are in mm: outputs in m are those that errors and estimates are of.
+UNITS = {"stress": "Pa", "strain": "1", "displacement": "mm"}
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """An output that is a row (1, n) on the coordinates of a structural model; `at` (3,) m is where it measures.
+
+    `face` is that of a wall, or a corner of a beam's section; empty for displacements.
+    """
+
+    name: str
+    unit: str
+    row: sp.csr_matrix
+    at: Array
+    face: str = ""
+
+
+def gauges(scene: Scene, model: StructuralModel) -> list[Gauge]:
+    """What the probes of a scene measure, one gauge for each component.
+
+    Raises
+    ------
+    InputError
+        If a group or face does not exist, or the model has no stresses.
+    """
+    if not scene.probes:
+        return []
+    if not is_assembled(model):
+        raise InputError("scene", "probes", None, "given matrices have no cells and no stresses: leave them out")
+    found, stresses = list[Gauge](), None
+    for i, probe in enumerate(scene.probes):
+        for measure in probe.measures:
+            if measure == "displacement":
+                found += _displacements(probe, model)
+                continue
+            stresses = stresses or _Stresses.of(scene, model)
+            if stresses is None:
+                allowed = "displacement is allowed: this model has no stresses"
+                raise InputError("scene", f"probes[{i}].measures", measure, allowed)
+            found += stresses.gauges(i, measure)
+    return found
+
+
+def places(outputs: Iterable[object]) -> dict[str, list[dict[str, Any]]]:
+    """``probes`` of summary.json: name, unit, place in m and face of each gauge among the outputs of a structure."""
+    found = [one for one in outputs if isinstance(one, Gauge)]
+    said = [{"name": one.name, "unit": one.unit, "at": one.at.tolist(), "face": one.face} for one in found]
+    return {"probes": said} if said else {}
+
+
+def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
+    if probe.at is not None:
+        point = int(np.linalg.norm(model.grid.points - probe.at, axis=1).argmin())
+        rows, names = model.point_displacements()[3 * point : 3 * point + 3], list("xyz")
+        where = model.grid.points[point]
+    else:
+        on = str(probe.on)
+        rows, names = model.displacement(on), [d for d in model.directions if d in ("x", "y", "z")]
+        where = model.centroid(on)
+    for k, name in enumerate(names):
+        if rows[k].nnz:  # a planar beam stays in its plane
+            yield Gauge(f"{probe.name} displacement {name}", UNITS["displacement"], 1e3 * sp.csr_matrix(rows[k]), where)
+
+
+@dataclass(frozen=True)
+class _Stresses:
+    """Stresses of a model, its cells' materials and the probes that look at them."""
+
+    scene: Scene
+    model: FiniteElementModel
+    rows: StressRows
+
+    @classmethod
+    def of(cls, scene: Scene, model: FiniteElementModel) -> _Stresses | None:
+        rows = model.stresses()
+        return None if rows is None else cls(scene, model, rows)
+
+    def gauges(self, number: int, measure: str) -> Iterator[Gauge]:
+        """Stress or strain where the probe of this number looks."""
+        known, probe, points = self.rows, self.scene.probes[number], self._points(number)
+        count = len(known.components)
+        stress = sp.csr_matrix(np.vstack([known.rows[count * points + k].mean(axis=0) for k in range(count)]))
+        if measure == "strain":
+            stress = sp.csr_matrix(_hooke(self._material(known.cell[points[0]]), count) @ stress)
+        where, face = known.points[points].mean(axis=0), known.faces[known.face[points[0]]]
+        for k, component in enumerate(known.components):
+            yield Gauge(f"{probe.name} {measure} {component}", UNITS[measure], stress[k], where, face)
+
+    def _points(self, number: int) -> Indices:
+        """Numbers of the stress points that a probe looks at: the nearest one, or those of a group."""
+        known, probe, key = self.rows, self.scene.probes[number], f"probes[{number}]"
+        if probe.face and probe.face not in known.faces:
+            raise InputError("scene", f"{key}.face", probe.face, f"{', '.join(known.faces)} are allowed")
+        at = known.on(probe.face) if probe.face else np.arange(len(known.points))
+        if probe.at is not None:
+            return at[[int(np.linalg.norm(known.points[at] - probe.at, axis=1).argmin())]]
+        regions = self.model.grid.regions
+        if probe.on not in regions:
+            found = ", ".join(sorted(regions)) or "none"
+            raise InputError("scene", f"{key}.on", probe.on, f"groups of cells are allowed: {found}; or a point, at")
+        at = at if probe.face else known.on(known.faces[0])
+        inside = at[np.isin(known.cell[at], regions[str(probe.on)])]
+        if not len(inside):
+            raise InputError("scene", f"{key}.face", probe.face, f"no cell of {probe.on} is there")
+        return inside
+
+    def _material(self, cell: int) -> Material:
+        for name, region in self.scene.body.regions.items():
+            if region.material is not None and cell in self.model.grid.regions[name]:
+                return region.material
+        return self.scene.body.material
+
+
+def _hooke(material: Material, components: int) -> Array:
+    """Strains of unit stresses: of a fibre with shear (2), in a plane (3), in space (6); shear strains are angles."""
+    normal = {2: 1, 3: 2, 6: 3}[components]
+    matrix = np.eye(components) / material.shear_modulus
+    matrix[:normal, :normal] = ((1.0 + material.poisson) * np.eye(normal) - material.poisson) / material.young
+    return matrix

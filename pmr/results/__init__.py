@@ -1,0 +1,7 @@
+"""What runs and studies leave in their folders: results as objects, tables in CSV, frames of pandas."""
+
+from pmr.fields.series import Fields
+from pmr.results.frames import load
+from pmr.results.run import RESULT_FILES, Energy, FrequencyCurves, Response, RunResult, Shapes
+
+__all__ = ["RESULT_FILES", "Energy", "Fields", "FrequencyCurves", "Response", "RunResult", "Shapes", "load"]

@@ -1,0 +1,52 @@
+"""Results as frames of pandas."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pmr.environment import needed
+from pmr.errors import InputError
+from pmr.files.swap import finished
+from pmr.results.run import RunResult
+from pmr.results.tables import tables
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def load(folder: str | Path) -> dict[str, DataFrame]:
+    """Frames of what a run or a study left in a folder, by name; units stand in the names of columns.
+
+    A run has its tables (`pmr.results.tables`) and the histories of each simulator, over the time in s, under the
+    simulator's name.  A study has ``runs`` and ``seconds``; a collection those of its studies, ``<study>/runs``.
+
+    Raises
+    ------
+    InputError
+        If there are no results in the folder, or pandas is not installed.
+    """
+    folder, pandas = Path(folder), needed("pandas")
+    finished(folder)
+    if not (folder / "summary.json").is_file():
+        raise InputError(str(folder), "", None, "a folder that `pmr run` or `pmr study` wrote results to is allowed")
+    if (folder / "runs.csv").is_file():
+        return {name: pandas.read_csv(folder / f"{name}.csv") for name in ("runs", "seconds")}
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    if "studies" in summary:
+        return {f"{one}/{name}": frame for one in summary["studies"] for name, frame in load(folder / one).items()}
+    result = RunResult.load(folder)
+    found = {
+        name: pandas.DataFrame(list(table.rows), columns=list(table.columns)) for name, table in tables(result).items()
+    }
+    for name, response in result.responses.items():
+        index = pandas.Index(response.t, name="t [s]")
+        columns = {
+            column: values
+            for array, names in response.columns.items()
+            if (values_of := getattr(response, array)) is not None
+            for column, values in zip(names, values_of.T, strict=True)
+        }
+        found[name] = pandas.DataFrame(columns, index=index)
+    return found

@@ -1,0 +1,133 @@
+"""Tables that an engineer takes away: forces, frequencies, stresses, probes and their load cycles, in CSV.
+
+Every column says its unit in brackets.  A ``model`` is who says so: ``reduced``, ``full`` or ``ancf``.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.results.cycles import cycles
+from pmr.results.extremes import Extremes
+from pmr.results.run import Response, RunResult
+
+Array = NDArray[np.float64]
+Cell = str | float
+
+#: What a response calls the force of a pad, slider or support begins so.
+FORCE_OF = "force of "
+
+
+@dataclass(frozen=True)
+class Table:
+    """Named columns, and rows in their order."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+
+def tables(result: RunResult) -> dict[str, Table]:
+    """Those for which a run has rows, by the names of their files."""
+    found = {name: make(result) for name, make in _TABLES.items()}
+    return {name: table for name, table in found.items() if table.rows}
+
+
+def write(result: RunResult, folder: Path) -> None:
+    """Write each table as ``tables/<name>.csv`` into a run's folder."""
+    (folder / "tables").mkdir(parents=True, exist_ok=True)
+    for name, table in tables(result).items():
+        with (folder / "tables" / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(table.columns)
+            writer.writerows([cell if isinstance(cell, str) else repr(cell) for cell in row] for row in table.rows)
+
+
+def forces(result: RunResult) -> Table:
+    """Smallest and largest force of every pad, slider and support that gives way, when, and where the path is then."""
+    rows: list[tuple[Cell, ...]] = [
+        (model, name.removeprefix(FORCE_OF), *found.summary().values())
+        for model, response in result.responses.items()
+        for name, found in force_extremes(response, result.path).items()
+    ]
+    return Table(("model", "force of", *_extremes("N")), tuple(rows))
+
+
+def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
+    """Of each force of a response, by its name, with the path coordinate s(t) (T,) m."""
+    t = response.t
+    return {name: Extremes.of(response.force(name, 0), t, np.interp(t, _times(t, path), path))
+            for name in response.force_names}  # fmt: skip
+
+
+def frequencies(result: RunResult) -> Table:
+    """Lowest frequencies over the path coordinate s."""
+    found = result.frequencies
+    known = {name: getattr(found, name) for name in ("reduced", "full", "closed_form")}
+    known = {name: omega for name, omega in known.items() if omega.size}
+    heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, omega in known.items() for k in range(omega.shape[1])]
+    values = np.column_stack([found.s, *(omega / (2.0 * np.pi) for omega in known.values())])
+    return Table(("s [m]", *heads), tuple(map(tuple, values.tolist())) if known else ())
+
+
+def stress(result: RunResult) -> Table:
+    """Largest von Mises stress of the whole body and of each of its regions, when and where."""
+    rows = []
+    for model, regions in result.summary.get("stress_by_region", {}).items():
+        for region, peak in regions.items():
+            rows.append((model, region, peak["value"], peak["t"], *peak["position"], peak["face"]))
+    places = ("x [m]", "y [m]", "z [m]")
+    return Table(("model", "region", "von Mises [Pa]", "t [s]", *places, "face"), tuple(rows))
+
+
+def probes(result: RunResult) -> Table:
+    """Smallest and largest value of what each probe measures."""
+    rows = []
+    for model, response in result.responses.items():
+        s = np.interp(response.t, _times(response.t, result.path), result.path)
+        for probe in _probes(result, response):
+            found = Extremes.of(response.other(probe["name"]), response.t, s)
+            rows.append((model, probe["name"], probe["unit"], *probe["at"], probe["face"], *found.summary().values()))
+    return Table(
+        ("model", "probe", "unit", "x [m]", "y [m]", "z [m]", "face", *(n.removesuffix(" []") for n in _extremes(""))),
+        tuple(rows),
+    )
+
+
+def load_cycles(result: RunResult) -> Table:
+    """Rainflow cycles of what the probes measure in stress and strain, for a fatigue assessment."""
+    rows = []
+    for model, response in result.responses.items():
+        for probe in _probes(result, response):
+            if probe["unit"] != "mm":
+                found = cycles(response.t, response.other(probe["name"]))
+                rows += [(model, probe["name"], probe["unit"], *cycle) for cycle in found.tolist()]
+    return Table(("model", "probe", "unit", "range", "mean", "count", "t_begin [s]", "t_end [s]"), tuple(rows))
+
+
+_TABLES: Mapping[str, Callable[[RunResult], Table]] = {
+    "forces": forces,
+    "frequencies": frequencies,
+    "stress": stress,
+    "probes": probes,
+    "cycles": load_cycles,
+}
+
+
+def _extremes(unit: str) -> tuple[str, ...]:
+    return f"min [{unit}]", "t_min [s]", "s_min [m]", f"max [{unit}]", "t_max [s]", "s_max [m]"
+
+
+def _probes(result: RunResult, response: Response) -> Iterator[Mapping[str, Any]]:
+    yield from (probe for probe in result.summary.get("probes", ()) if probe["name"] in response.other_names)
+
+
+def _times(t: Array, path: Array) -> Array:
+    """Times of the path's values: those of the steps, which a response may have fewer of."""
+    return np.linspace(float(t[0]), float(t[-1]), len(path))

@@ -1,0 +1,138 @@
+"""Probes as outputs: what they say beside the beam theory, the recovered stresses and the geometry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr import scene as scenes
+from pmr.errors import InputError
+from pmr.fullmodel.from_scene import structure_of
+from pmr.fullmodel.probes import Gauge
+from pmr.fullmodel.structure import Structure
+from pmr.run import run
+from pmr.scene import Scene
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+COARSE = ("mesh.size=0.2", "mesh.along=0.5")
+BOX = "{length=6.0,width=0.3,height=0.4,wall=0.008}"
+
+
+def boom(model: str, *probes: str) -> Scene:
+    return scenes.load(WORKFLOWS / f"boom_{model}.toml", [*COARSE, f"probes=[{','.join(probes)}]"])
+
+
+def gauges(structure: Structure) -> dict[str, Gauge]:
+    return {one.name: one for one in structure.outputs if isinstance(one, Gauge)}
+
+
+@pytest.mark.parametrize("model", ["beam", "shell", "solid"])
+def test_a_stretched_body_has_the_stress_and_strain_of_a_bar(model: str) -> None:
+    """u = (e x, -nu e y, -nu e z): stress E e along x, none across, everywhere."""
+    scene = boom(model, "{name='p',at=[3.0,0.15,0.2],measures=['stress','strain','displacement']}")
+    structure = structure_of(scene)
+    q, found, e = np.zeros(structure.model.size), gauges(structure), 1e-4
+    nodes = getattr(structure.model, "nodes", None)
+    if nodes is None:  # of a beam, whose width nobody sees
+        q[0::6] = e * np.linspace(0.0, 6.0, len(q) // 6)
+    else:
+        for i, share in enumerate((1.0, -0.3, -0.3)):
+            q[nodes.component == i] = e * share * nodes.at[nodes.component == i][:, i]
+    values = {name: float((one.row @ q)[0]) for name, one in found.items()}
+    along, stress, strain = {"beam": "axial", "shell": "along", "solid": "xx"}[model], 210e9 * e, e
+    assert values[f"p stress {along}"] == pytest.approx(stress, rel=1e-9)
+    assert values[f"p strain {along}"] == pytest.approx(strain, rel=1e-9)
+    assert values["p displacement x"] == pytest.approx(1e3 * e * found["p displacement x"].at[0], rel=1e-12)
+    for name, value in values.items():
+        if name.startswith("p stress") and name != f"p stress {along}":
+            assert abs(value) < 1e-9 * stress, name
+    if model != "beam":
+        across = {"shell": "across", "solid": "yy"}[model]
+        assert values[f"p strain {across}"] == pytest.approx(-0.3 * strain, rel=1e-9)
+
+
+def test_the_nearest_point_of_the_face_counts_and_of_a_group_the_mean() -> None:
+    scene = boom(
+        "shell", "{name='in',at=[2.1,0.0,0.3],face='inner'}", "{name='any',at=[2.1,0.0,0.3]}",
+        "{name='top',on='top',face='middle'}",
+    )  # fmt: skip
+    structure = structure_of(scene)
+    found, known = gauges(structure), structure.model.stresses()  # type: ignore[attr-defined]
+    assert found["in stress along"].face == "inner" and found["any stress along"].face == "outer"
+    distance = np.linalg.norm(known.points[known.on("inner")] - (2.1, 0.0, 0.3), axis=1)
+    assert np.linalg.norm(found["in stress along"].at - (2.1, 0.0, 0.3)) == distance.min()
+    q = np.random.default_rng(1).standard_normal(structure.model.size)
+    on = known.on("middle")
+    on = on[np.isin(known.cell[on], structure.model.grid.regions["top"])]  # type: ignore[attr-defined]
+    mean = known.of(q[None])[0, on].mean(axis=0)
+    values = [float((found[f"top stress {c}"].row @ q)[0]) for c in known.components]
+    assert values == pytest.approx(mean.tolist(), rel=1e-9)
+
+
+def test_a_simulated_probe_is_the_recovered_stress() -> None:
+    """The reduced model's own outputs beside the stresses of the states recovered from it, and the full model's."""
+    changes = ("time.end=0.5", "recovery.every=0.5", "mesh.elements=12", "slider.path=2.0")
+    probes = "probes=[{name='p',at=[2.0,0.15,0.2],measures=['stress','displacement']}]"
+    outcome = run(scenes.load(WORKFLOWS / "boom_beam.toml", [*changes, probes, "reduction.coordinates=8"]))
+    assert outcome is not None and outcome.result.fields is not None
+    result, reduced = outcome.result, outcome.result.responses["reduced"]
+    assert reduced.other_units == ("Pa", "Pa", "mm", "mm", "mm")
+    fields, (place, *_) = result.fields, result.summary["probes"]
+    near = int(np.linalg.norm(fields.points - (2.0, 0.0, 0.0), axis=1).argmin())
+    moved = [reduced.other(f"p displacement {d}")[-1] for d in "xyz"]
+    assert moved == pytest.approx(1e3 * fields.displacement[-1, near], rel=1e-5, abs=1e-9)  # fields are single
+    stress, shear = (reduced.other(f"p stress {c}")[-1] for c in ("axial", "torsion"))
+    cells = np.flatnonzero(np.any(fields.cells == near, axis=1))
+    mises = np.hypot(stress, np.sqrt(3.0) * shear)
+    assert mises <= fields.von_mises[place["face"]][-1, cells].max() * (1.0 + 1e-6)
+    assert np.min(np.abs(fields.von_mises[place["face"]][-1, cells] - mises)) < 1e-5 * mises
+    errors = result.summary["errors"]["reduced_vs_full"]
+    assert errors["p stress axial"] < 1e-3 and errors["p displacement z"] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("model", "probe", "key", "allowed"),
+    [
+        ("beam", "{name='p',at=[1.0,0.0,0.0],face='outer'}", "probes[0].face", "top left"),
+        ("beam", "{name='p',on='tip'}", "probes[0].on", "groups of cells are allowed: none"),
+        ("shell", "{name='p',on='weld'}", "probes[0].on", "bottom, left, right, top"),
+    ],
+)
+def test_what_no_probe_can_measure_is_refused(model: str, probe: str, key: str, allowed: str) -> None:
+    with pytest.raises(InputError) as caught:
+        structure_of(boom(model, probe))
+    assert caught.value.key == key and allowed in caught.value.allowed
+
+
+def test_a_planar_beam_has_no_stresses_but_moves() -> None:
+    at = "probes=[{name='p',at=[2.5,0.0,0.0],measures=['%s']}]"
+    with pytest.raises(InputError, match="no stresses"):
+        structure_of(scenes.load(WORKFLOWS / "paper_simple.toml", [at % "strain"]))
+    found = gauges(structure_of(scenes.load(WORKFLOWS / "paper_simple.toml", [at % "displacement"])))
+    assert list(found) == ["p displacement x", "p displacement z"]
+
+
+def test_a_support_that_gives_way_says_its_force() -> None:
+    """Under its own weight, 30 degrees up: the cylinder holds what points along the axis."""
+    cylinder = "supports=[{name='cylinder',directions=['x'],stiffness=1e8}]"
+    still = ("time={end=2.0,step=1e-2,rho_inf=0.5}", "damping={ratio=0.5,frequencies=[1.0,60.0]}", "slider.path=2.0")
+    down = "gravity.direction=[-0.5,0.0,-0.8660254037844386]"
+    scene = scenes.load(
+        WORKFLOWS / "boom_beam.toml",
+        [
+            *still,
+            cylinder,
+            down,
+            "loads=[]",
+            "mesh.elements=12",
+            "recovery={every=0.5,stress=false}",
+            "compare.against=[]",
+        ],
+    )
+    outcome = run(scene)
+    assert outcome is not None
+    response = outcome.result.responses["reduced"]
+    mass = 7850.0 * 2.0 * (0.3 + 0.4) * 0.008 * 6.0 + 250.0
+    assert abs(response.force("force of cylinder", 0)[-1]) == pytest.approx(mass * 9.80665 * 0.5, rel=1e-3)
