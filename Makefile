@@ -18,14 +18,14 @@ export PYTHONNOUSERSITE := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Ranks share the cores; BLAS threads on top would fight over them.
 export OMP_NUM_THREADS := 1
-# MPI as root, with fewer cores than ranks, in a container; no run outlives a deadlock by more than 20 minutes.
+# MPI as root, with fewer cores than ranks, in a container; no run outlives a deadlock by more than an hour.
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_rmaps_base_oversubscribe := 1
 export OMPI_MCA_hwloc_base_binding_policy := none
 export OMPI_MCA_btl_vader_single_copy_mechanism := none
 export HYDRA_LAUNCHER := fork
-export MPIEXEC_TIMEOUT := 1200
+export MPIEXEC_TIMEOUT := 3600
 # A rank that waits lets others compute: there may be more of them than cores.
 export OMPI_MCA_mpi_yield_when_idle := 1
 

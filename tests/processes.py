@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE
 
 from pmr.cli.app import main
 
@@ -45,7 +46,7 @@ def python(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subproce
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
+        timeout=PATIENCE,
         cwd=cwd,
         env=dict(os.environ),
     )

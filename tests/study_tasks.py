@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from waiting import wait_until
 
 from pmr.errors import SimulationError
 from pmr.studies.call import Outcome, compute, save
@@ -23,17 +24,31 @@ from pmr.studies.files import Part, Project
 from pmr.studies.study import StudyBase
 
 Needs = Mapping[str, TaskResult]
-COUNT = 12
+COUNT, FREE = 12, 6
+SLEPT = 0.02  # s that a square takes at least
 
 
 def square(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
-    """x^2, and a line in the log of calls."""
+    """x^2, and a line in the log of calls.
+
+    While there is a folder ``hold`` beside the log, only the first `FREE` calls come to an end; the others leave the
+    number of their process there.
+    """
     if "log" in arguments:
         with open(arguments["log"], "a") as log:
             log.write(f"{arguments['x']}\n")
+        _wait_while_held(Path(arguments["log"]))
     time.sleep(arguments.get("seconds", 0.0))
     x = float(arguments["x"])
     return TaskResult({"square": x * x, "is_large": x > 3.0}, {"powers": x ** np.arange(4)}, {"slept": 0.1})
+
+
+def _wait_while_held(log: Path) -> None:
+    hold = log.with_name("hold")
+    if hold.exists() and len(log.read_text().split()) > FREE:
+        (hold / str(os.getpid())).touch()
+        while hold.exists():
+            time.sleep(0.01)
 
 
 def add(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
@@ -61,14 +76,18 @@ def die(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
 def sleep(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
     """Leave the number of its process, then take long."""
     Path(arguments["file"]).write_text(str(os.getpid()))
-    time.sleep(100.0)
+    time.sleep(10_000.0)
     return TaskResult()
 
 
 def interval(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
-    """When it began and ended, in s of one clock for all processes."""
+    """When it began and ended, in s of one clock for all processes; with a folder to `meet` in, not before two are."""
     begin = time.monotonic()
-    time.sleep(0.2)
+    time.sleep(0.05)
+    if "meet" in arguments:
+        meeting = Path(arguments["meet"])
+        (meeting / str(arguments["number"])).touch()
+        wait_until(lambda: len(list(meeting.iterdir())) > 1)
     return TaskResult(arrays={"interval": np.array([begin, time.monotonic()])})
 
 
@@ -118,7 +137,7 @@ def main(folder: Path, jobs: int) -> None:
     ranks = pools.launched_ranks()
     with pools.rank_pool() if ranks > 1 else pools.local_pool(jobs) as pool:
         if pool is not None:
-            asked = project(Squares(log=folder / "calls", seconds=0.1))
+            asked = project(Squares(log=folder / "calls", seconds=SLEPT))
             save(asked, compute(asked, folder, pool, lambda progress: None), folder)
 
 

@@ -7,16 +7,17 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from functools import partial
 from pathlib import Path
 
 import pytest
 from processes import called, python
+from waiting import PATIENCE, wait_until
 
 from pmr.studies.results import StudyResults
 
 ROOT = Path(__file__).parents[2]
+HELD = str(Path(__file__).with_name("held.py"))
 COORDINATES = ROOT / "workflows" / "studies" / "coordinates.toml"
 SMALL = f"""
 extends = "{COORDINATES}"
@@ -131,33 +132,27 @@ def test_ranks_make_the_same_table(small: Path, done: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("when", [0.3, 0.7])
-def test_killed_and_started_again_it_makes_the_same_table(small: Path, done: Path, tmp_path: Path, when: float) -> None:
-    command = [sys.executable, "-m", "pmr", "study", str(small), "--out", str(tmp_path), "--jobs", "1"]
-    child = subprocess.Popen(command)
-    deadline = time.monotonic() + 100.0
-    while len(list(tmp_path.glob("tasks/*.npz"))) < when * 9 and time.monotonic() < deadline:
-        time.sleep(0.002)
-    os.kill(child.pid, signal.SIGKILL)
+@pytest.mark.parametrize("count", [3, 7])
+def test_killed_and_started_again_it_makes_the_same_table(small: Path, done: Path, tmp_path: Path, count: int) -> None:
+    arguments = ["study", str(small), "--out", str(tmp_path), "--jobs", "1"]
+    child = subprocess.Popen([sys.executable, HELD, str(count), *arguments])
+    wait_until(lambda: len(list(tmp_path.glob("tasks/*.npz"))) == count, child)
+    child.kill()
     child.wait()
-    there = len(list(tmp_path.glob("tasks/*.npz")))
-    assert 0 < there < 9
-    again = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
-    computed = int(again.stdout.split(";")[1].split()[0])
-    assert computed <= 9 - there
+    again = pmr(*arguments[1:])
+    assert again.returncode == 0, again.stderr
+    assert int(again.stdout.split(";")[1].split()[0]) <= 9 - count
     assert tables(tmp_path) == tables(done)
 
 
 @pytest.mark.slow
 def test_interrupted_by_the_keyboard_it_says_how_to_go_on(small: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "pmr", "study", str(small), "--out", str(tmp_path)]
+    command = [sys.executable, HELD, "1", "study", str(small), "--out", str(tmp_path)]
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs inherit a deaf ear
     child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
-    deadline = time.monotonic() + 100.0
-    while not list(tmp_path.glob("tasks/*.npz")) and time.monotonic() < deadline:
-        time.sleep(0.002)
+    wait_until(lambda: list(tmp_path.glob("tasks/*.npz")), child)
     child.send_signal(signal.SIGINT)
-    _, told = child.communicate(timeout=60)
+    _, told = child.communicate(timeout=PATIENCE)
     assert child.returncode == 130 and told == "interrupted; the same command goes on from here\n"
 
 
@@ -173,7 +168,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 
 def script(*command: str, cwd: Path, env: dict[str, str]) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600, cwd=cwd, env=env)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE, cwd=cwd, env=env)
     assert done.returncode == 0, done.stderr
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.errors.text import visible
 
-LONGEST = 10.0  # s of processor time that one may take
-PATIENCE = 300  # s of wall time, on a machine that others use too
+LONGEST = 60.0  # s of processor time that one may take; they take one or two, on a slow machine several
+PATIENCE = 1200  # s of wall time, on a machine that others use too
 
 
 @dataclass(frozen=True)

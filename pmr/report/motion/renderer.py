@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
-LONGEST = 120.0  # s that pictures may take
+LONGEST = 600.0  # s that pictures may take, on however slow a machine
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,7 @@ def test_the_script_moves_as_pmr_does(model: ReducedModel, script: Path) -> None
 
 
 def test_it_runs_alone_and_tells_the_tip(script: Path) -> None:
-    done = subprocess.run([sys.executable, "-I", str(script)], capture_output=True, text=True, cwd="/", timeout=60)
+    done = subprocess.run([sys.executable, "-I", str(script)], capture_output=True, text=True, cwd="/")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("Displacement at x = 5 m over 0.2 s:\n  smallest: -")
     assert done.stdout.count(" mm\n") == 3

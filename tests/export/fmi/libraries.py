@@ -46,7 +46,7 @@ def library(model: ReducedModel, folder: Path, version: str) -> Library:
     place.mkdir()
     for name, text in found.sources.items():
         (place / name).write_text(text)
-    subprocess.run(["cc", *FLAGS, *found.described.sources, "-o", "body.so", "-lm"], cwd=place, check=True, timeout=60)
+    subprocess.run(["cc", *FLAGS, *found.described.sources, "-o", "body.so", "-lm"], cwd=place, check=True)
     root = ET.fromstring(found.texts["modelDescription.xml"])
     variables = root.find("ModelVariables")
     assert variables is not None

@@ -1,12 +1,12 @@
-"""A simulation that saves a checkpoint at every step: python interrupted.py CHECKPOINT RESULT PAUSE
+"""A simulation that saves a checkpoint at every step: python interrupted.py CHECKPOINT RESULT SHARE
 
-With a PAUSE (s) after every step there is time to kill it.
+From this SHARE of the steps on it waits until somebody kills it; with 1 it ends.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
-import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -27,13 +27,14 @@ STEPPING = TimeStepping(end=0.08, step=1e-3, rho_inf=0.8)
 WATCH = Recording(every=2, energies=True, states=(0.01, 0.07))
 
 
-def main(checkpoint: str, result: str, pause: str) -> None:
+def main(checkpoint: str, result: str, last: str) -> None:
     asked = Checkpoint(Path(checkpoint), seconds=0.0) if checkpoint else None
     taken = []
 
     def progress(share: float) -> None:
         taken.append(share)
-        time.sleep(float(pause))
+        while float(last) <= share < 1.0:
+            signal.pause()
 
     found = observe(distributed(rich_body()), driven(PATH, LOADS, STEPPING), WATCH, progress=progress, checkpoint=asked)
     states = {name: np.concatenate(MPI.COMM_WORLD.allgather(getattr(found.states, name)), axis=1) for name in "qv"}

@@ -6,9 +6,9 @@ import json
 import os
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from distributed import distributed
 from driving import driven
 from oracle import rich_body
 from processes import python
+from waiting import wait_until
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
@@ -53,16 +54,13 @@ def test_a_simulation_killed_goes_on_to_the_same_digits(tmp_path: Path) -> None:
     """kill -9 somewhere in the middle; nothing of the process has a chance to tidy up."""
     checkpoint, whole, resumed = tmp_path / "checkpoint.npz", tmp_path / "whole.npz", tmp_path / "resumed.npz"
     process = subprocess.Popen(
-        [sys.executable, str(SCRIPT), str(checkpoint), str(tmp_path / "never.npz"), "0.03"], env=dict(os.environ)
+        [sys.executable, str(SCRIPT), str(checkpoint), str(tmp_path / "never.npz"), "0.75"], env=dict(os.environ)
     )
-    deadline = time.monotonic() + 120.0
-    while time.monotonic() < deadline and (not checkpoint.exists() or _step(checkpoint) < 20):
-        assert process.poll() is None
-        time.sleep(0.01)
+    wait_until(lambda: checkpoint.exists() and _header(checkpoint)["step"] >= 20, process)
     process.kill()
     process.wait()
-    assert 20 <= _step(checkpoint) < 80 and not (tmp_path / "never.npz").exists()
-    for arguments in ((str(checkpoint), str(resumed), "0"), ("", str(whole), "0")):
+    assert 20 <= _header(checkpoint)["step"] <= 60 and not (tmp_path / "never.npz").exists()
+    for arguments in ((str(checkpoint), str(resumed), "1"), ("", str(whole), "1")):
         done = python(str(SCRIPT), *arguments)
         assert done.returncode == 0, done.stderr
     with np.load(resumed) as found, np.load(whole) as expected:
@@ -71,9 +69,9 @@ def test_a_simulation_killed_goes_on_to_the_same_digits(tmp_path: Path) -> None:
             np.testing.assert_array_equal(found[name], expected[name])
 
 
-def _step(file: Path) -> int:
+def _header(file: Path) -> dict[str, Any]:
     with np.load(file) as data:
-        return int(json.loads(str(data["header"]))["step"])
+        return json.loads(str(data["header"]))
 
 
 @pytest.mark.mpi
@@ -104,7 +102,7 @@ def test_a_finished_simulation_is_not_repeated(model: FullModel, tmp_path: Path)
     checkpoint, steps = Checkpoint(tmp_path / "c.npz"), []
     first = observe(model, driven(PATH, LOADS, STEPPING), checkpoint=checkpoint)
     second = observe(model, driven(PATH, LOADS, STEPPING), progress=steps.append, checkpoint=checkpoint)
-    assert steps == [] and 0.0 < second.seconds <= first.seconds
+    assert steps == [] and 0.0 < _header(checkpoint.file)["seconds"] <= min(first.seconds, second.seconds)
     np.testing.assert_array_equal(second.y, first.y)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["c.npz"]
 

@@ -12,19 +12,22 @@ from pmr.studies.study import StudyBase
 
 
 class Intervals(StudyBase):
-    """Four tasks beside each other, three alone, one that needs one of these."""
+    """Four tasks beside each other, which end when two have begun, three alone, one that needs one of these."""
 
     kind: Literal["intervals"] = "intervals"
     title: str = "Intervals"
+    meeting: Path
 
     def plan(self) -> Plan:
-        beside = [Task(f"beside-{i}", study_tasks.interval, {"number": i}) for i in range(4)]
+        beside = [Task(f"beside-{i}", study_tasks.interval, {"number": i, "meet": str(self.meeting)}) for i in range(4)]
         alone = [Task(f"alone-{i}", study_tasks.interval, {"number": 4 + i}, alone=True) for i in range(3)]
         return Plan((*alone, *beside, Task("after", study_tasks.interval, needs={"one": "alone-0"})))
 
 
 def test_what_measures_time_runs_alone_and_after_the_others(tmp_path: Path) -> None:
-    results = study_tasks.run(tmp_path, Intervals()).results[""]
+    meeting = tmp_path / "meeting"
+    meeting.mkdir()
+    results = study_tasks.run(tmp_path, Intervals(meeting=meeting)).results[""]
     assert results.is_complete
     spans = {run.key: results.arrays(run.key)["interval"] for run in results.runs}
 

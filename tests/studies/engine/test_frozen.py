@@ -11,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from waiting import PATIENCE
 
 import pmr
+from pmr.files.whole import replaced
 from pmr.studies.engine.frozen import Sources, sources
 
 SCRIPT = Path(__file__).with_name("edited.py")
@@ -30,7 +32,7 @@ def start(code: Path, folder: Path) -> subprocess.Popen[str]:
 
 
 def figures(process: subprocess.Popen[str]) -> set[float]:
-    said, _ = process.communicate(timeout=120.0)
+    said, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
     return {float(word) for word in said.split()[-2:]}
 
@@ -45,7 +47,8 @@ def test_code_edited_while_a_study_begins_gives_no_result_of_the_one_under_the_n
 
     def edit(figure: int) -> None:
         """Of the same length, and perhaps within the same second: Python's own cache would take it for the old one."""
-        edited.write_text(f"{text}\nFIGURE = {figure}.0\n")
+        with replaced(edited) as new:  # nobody reads half of it
+            new.write_text(f"{text}\nFIGURE = {figure}.0\n")
 
     edit(0)
     begin = time.perf_counter()

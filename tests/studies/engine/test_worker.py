@@ -4,11 +4,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 import study_tasks
+from waiting import is_alive, wait_until
 
 from pmr.studies.engine.execute import _Memory
 from pmr.studies.engine.orders import Order
@@ -24,32 +24,17 @@ Worker(sys.path).run(Order("sleep", "abc", "study_tasks:sleep", {"file": sys.arg
 """
 
 
-def is_alive(pid: int) -> bool:
-    """Whether the process runs; one that is dead but not yet collected by its parent does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
-def wait_for(condition: object, seconds: float = 30.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition() and time.monotonic() < deadline:  # type: ignore[operator]
-        time.sleep(0.01)
-
-
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 def test_a_child_does_not_outlive_its_parent(tmp_path: Path) -> None:
     file = tmp_path / "pid"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     parent = subprocess.Popen([sys.executable, "-c", SLEEPER, str(file), str(tmp_path)], env=environment)
-    wait_for(lambda: file.exists() and file.read_text())
+    wait_until(lambda: file.exists() and file.read_text(), parent)
     child = int(file.read_text())
     assert is_alive(child)
     os.kill(parent.pid, signal.SIGKILL)
     parent.wait()
-    wait_for(lambda: not is_alive(child))
-    assert not is_alive(child)
+    wait_until(lambda: not is_alive(child))
 
 
 def test_a_worker_goes_on_with_another_child(tmp_path: Path) -> None:
