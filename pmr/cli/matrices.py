@@ -13,18 +13,27 @@ from pmr.errors import InputError
 
 def matrices(
     stiffness: Annotated[
-        Path, typer.Argument(metavar="STIFFNESS", help=".sti of CalculiX, .mtx, .npz (SciPy), .rb or .hb.")
+        Path,
+        typer.Argument(metavar="STIFFNESS", help=".sti of CalculiX, .mtx (Abaqus), .bdf or .op4 (Nastran), .npz, .hb."),
     ],
     mass: Annotated[
-        Path | None, typer.Option("--mass", metavar="FILE", help="[default: .mas beside the stiffness]")
+        Path | None, typer.Option("--mass", metavar="FILE", help="[default: .mas beside it; of .bdf itself]")
     ] = None,
     dofs: Annotated[
         Path | None,
-        typer.Option("--dofs", metavar="FILE", help="Node and direction of each row: .dof, .csv.  [default: .dof]"),
+        typer.Option(
+            "--dofs",
+            metavar="FILE",
+            help="Node and direction of each row.  [default: .dof beside it; of .bdf, .mtx itself]",
+        ),
     ] = None,
     nodes: Annotated[
         Path | None,
-        typer.Option("--nodes", metavar="FILE", help="Nodes and named groups: .inp, .csv.  [default: .inp]"),
+        typer.Option(
+            "--nodes",
+            metavar="FILE",
+            help="Nodes and groups: .inp, .bdf, .csv.  [default: .inp beside it; of .bdf itself]",
+        ),
     ] = None,
     out_file: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="[default: STIFFNESS-matrices.npz]")
@@ -38,13 +47,12 @@ def matrices(
 
         pmr matrices boom.sti
     """
-    from pmr.files.foreign import ForeignFiles, read_foreign
+    from pmr.files.foreign import foreign_files, read_foreign
 
     target = out_file or stiffness.with_name(f"{stiffness.stem}-matrices.npz")
     if target.is_dir() or target.suffix != ".npz":
         raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")
     ensure_writable(target.parent)
-    beside = {name: stiffness.with_suffix(suffix) for name, suffix in (("m", ".mas"), ("d", ".dof"), ("n", ".inp"))}
-    found = read_foreign(ForeignFiles(stiffness, mass or beside["m"], dofs or beside["d"], nodes or beside["n"]))
+    found = read_foreign(foreign_files(stiffness, mass, dofs, nodes))
     say(out, f"{found.size} coordinates of {len(found.points)} nodes; groups: {', '.join(found.groups) or 'none'}")
     say(out, str(found.save(target)))

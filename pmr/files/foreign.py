@@ -18,6 +18,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import nastran
+from pmr.files.labelled import read_entries
 from pmr.files.matrices import DIRECTIONS, GivenMatrices
 
 Array = NDArray[np.float64]
@@ -31,17 +33,34 @@ class ForeignFiles:
     Attributes
     ----------
     stiffness, mass : Path
-        ``.sti`` and ``.mas``; ``.mtx`` (Matrix Market), ``.npz`` (SciPy), ``.rb`` or ``.hb`` (Harwell-Boeing).
+        ``.sti`` and ``.mas``; ``.mtx`` (Matrix Market, or Abaqus's own), ``.npz`` (SciPy), ``.rb`` or ``.hb``
+        (Harwell-Boeing); of Nastran ``.bdf`` or ``.pch`` (DMIG) and ``.op4``, with names that begin with K and M where
+        there are several.
     dofs : Path
-        Node and direction of each row: ``.dof``, lines ``node.direction`` with 1 to 6, or ``.csv``, ``node,direction``.
+        Node and direction of each row: ``.dof``, lines ``node.direction`` with 1 to 6, or ``.csv``, ``node,direction``;
+        ``.bdf``, ``.pch`` and Abaqus's ``.mtx`` name them with each entry.
     nodes : Path
-        ``.inp``: ``*NODE`` and ``*NSET``; or ``.csv``, ``node,x,y,z`` and names of groups behind them.
+        ``.inp``: ``*NODE`` and ``*NSET``; ``.bdf``: GRID and SET1, as ``set7``; or ``.csv``, ``node,x,y,z`` and names
+        of groups behind them.
     """
 
     stiffness: Path
     mass: Path
     dofs: Path
     nodes: Path
+
+
+def foreign_files(stiffness: Path, mass: Path | None, dofs: Path | None, nodes: Path | None) -> ForeignFiles:
+    """Where the others are if nobody says so: beside the stiffness, or in its own file where that holds them."""
+    suffix = stiffness.suffix.lower()
+    own = {".bdf": ("mass", "dofs", "nodes"), ".op4": ("mass",), ".pch": ("mass", "dofs"), ".mtx": ("dofs",)}
+    told = {"mass": mass, "dofs": dofs, "nodes": nodes}
+    beside = {"mass": ".mas", "dofs": ".dof", "nodes": ".inp"}
+    found = {
+        key: file or (stiffness if key in own.get(suffix, ()) else stiffness.with_suffix(beside[key]))
+        for key, file in told.items()
+    }
+    return ForeignFiles(stiffness, **found)
 
 
 @dataclass(frozen=True)
@@ -59,8 +78,11 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     InputError
         If a file is missing or of another kind, does not say what it should, or they do not fit each other.
     """
-    K, M = (_guarded(path, _MATRICES) for path in (files.stiffness, files.mass))
+    K, M = _guarded(files.stiffness, _MATRICES | _nastran("K")), _guarded(files.mass, _MATRICES | _nastran("M"))
     pairs, nodes = _guarded(files.dofs, _DOFS), _guarded(files.nodes, _NODES)
+    for file in (files.stiffness, files.mass):  # those whose entries name their coordinates
+        if _is_labelled(file) and not np.array_equal(_guarded(file, _DOFS), pairs):
+            raise InputError(str(file), "", None, f"the nodes and directions of {files.dofs.name} are allowed")
     if len(pairs) != K.shape[0]:
         allowed = f"a line for each of the {K.shape[0]} rows of {files.stiffness.name} is allowed"
         raise InputError(str(files.dofs), "", len(pairs), allowed)
@@ -188,13 +210,43 @@ def _refuse_unknown(source: str, key: str, numbers: Indices, place: dict[int, in
         raise InputError(source, key, unknown[0], f"nodes that {nodes.name} has are allowed")
 
 
+def _is_labelled(path: Path) -> bool:
+    return path.suffix.lower() in _DMIG or (path.suffix.lower() == ".mtx" and not _is_market(path))
+
+
+def _is_market(path: Path) -> bool:
+    return path.read_bytes()[:14] == b"%%MatrixMarket"
+
+
+def _of_abaqus(path: Path) -> sp.csr_matrix:
+    entries = read_entries(path)
+    return entries.matrix(entries.pairs)
+
+
+def _of_bulk(path: Path) -> _Nodes:
+    bulk = nastran.read_bulk(path)
+    return _nodes(bulk.numbers.tolist(), bulk.points.tolist(), {n: own.tolist() for n, own in bulk.groups.items()})
+
+
+def _nastran(letter: str) -> dict[str, Callable[[Path], object]]:
+    """Readers of the matrix whose name begins with a letter."""
+    entries = {s: lambda path: nastran.named(nastran.read_bulk(path).matrices, letter) for s in _DMIG}
+    return {**entries, ".op4": lambda path: _symmetric(nastran.named(nastran.read_output4(path), letter))}
+
+
+_DMIG = (".bdf", ".pch")
 _MATRICES: dict[str, Callable[[Path], object]] = {
     ".sti": _triplets,
     ".mas": _triplets,
-    ".mtx": lambda path: _symmetric(scipy.io.mmread(path)),
+    ".mtx": lambda path: _symmetric(scipy.io.mmread(path) if _is_market(path) else _of_abaqus(path)),
     ".npz": lambda path: _symmetric(sp.load_npz(path)),
     ".rb": lambda path: _symmetric(scipy.io.hb_read(path)),
     ".hb": lambda path: _symmetric(scipy.io.hb_read(path)),
 }
-_DOFS: dict[str, Callable[[Path], object]] = {".dof": _dof, ".csv": _dof_csv}
-_NODES: dict[str, Callable[[Path], object]] = {".inp": _inp, ".csv": _nodes_csv}
+_DOFS: dict[str, Callable[[Path], object]] = {
+    ".dof": _dof,
+    ".csv": _dof_csv,
+    ".mtx": lambda path: read_entries(path).pairs,
+    **{suffix: lambda path: nastran.read_bulk(path).pairs for suffix in _DMIG},
+}
+_NODES: dict[str, Callable[[Path], object]] = {".inp": _inp, ".csv": _nodes_csv, ".bdf": _of_bulk}

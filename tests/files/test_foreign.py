@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from processes import called
 
 from pmr.errors import InputError
-from pmr.files.foreign import ForeignFiles, read_foreign
+from pmr.files.foreign import ForeignFiles, foreign_files, read_foreign
 from pmr.files.matrices import GivenMatrices
 
 NUMBERS = [7, 3, 12, 5]  # of the nodes, as another program counts them
@@ -79,15 +79,61 @@ def as_harwell_boeing(folder: Path) -> ForeignFiles:
     return replace(files, stiffness=folder / "K.rb", mass=folder / "M.rb")
 
 
-@pytest.mark.parametrize("write", [as_calculix, as_csv, as_matrix_market, as_scipy, as_harwell_boeing])
+def as_abaqus(folder: Path) -> ForeignFiles:
+    """One triangle; its own coordinates ascend by the nodes' numbers."""
+    one, files = given(), as_calculix(folder)
+    for name, A in (("STIF", one.K), ("MASS", one.M)):
+        upper = sp.triu(A).tocoo()
+        labels = [(NUMBERS[k], d + 1) for k, d in zip(one.node, one.direction, strict=True)]
+        lines = [
+            f"{labels[i][0]},{labels[i][1]}, {labels[j][0]},{labels[j][1]}, {value:.17e}\n"
+            for i, j, value in zip(upper.row, upper.col, upper.data, strict=True)
+        ]
+        (folder / f"job_{name}2.mtx").write_text("** of a step\n" + "".join(lines))
+    return foreign_files(folder / "job_STIF2.mtx", folder / "job_MASS2.mtx", None, files.nodes)
+
+
+def as_dmig(folder: Path) -> ForeignFiles:
+    """All in one file, as pyNastran writes it."""
+    bdf = pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")
+    one, deck = given(), bdf.BDF(debug=None)
+    for number, point in zip(NUMBERS, one.points, strict=True):
+        deck.add_grid(number, point)
+    deck.add_set1(4, [3, 12])
+    labels = [(NUMBERS[k], int(d) + 1) for k, d in zip(one.node, one.direction, strict=True)]
+    for name, A in (("KAAX", one.K), ("MAAX", one.M)):
+        upper = sp.triu(A).tocoo()
+        rows, columns = ([labels[k] for k in part] for part in (upper.row, upper.col))
+        deck.add_dmig(name, 6, 2, 0, 0, len(labels), columns, rows, upper.data.tolist())
+    deck.write_bdf(str(folder / "job.bdf"), size=16, is_double=True, write_header=False)
+    return foreign_files(folder / "job.bdf", None, None, None)
+
+
+def as_output4(folder: Path) -> ForeignFiles:
+    op4 = pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed")
+    one, files = given(), as_calculix(folder)
+    whole = {"KAA": (6, one.K.toarray()), "MAA": (6, one.M.toarray())}
+    op4.OP4(debug=None).write_op4(str(folder / "job.op4"), whole, precision="double", is_binary=False)
+    return foreign_files(folder / "job.op4", None, files.dofs, files.nodes)
+
+
+@pytest.mark.parametrize(
+    "write", [as_calculix, as_csv, as_matrix_market, as_scipy, as_harwell_boeing, as_abaqus, as_dmig, as_output4]
+)
 def test_every_kind_of_file_says_the_same(write: Callable[[Path], ForeignFiles], tmp_path: Path) -> None:
     found = GivenMatrices.load(read_foreign(write(tmp_path)).save(tmp_path / "all.npz"))
     expected = given()
+    own = np.array([np.flatnonzero((expected.points == point).all(axis=1)).item() for point in found.points])
+    order = np.lexsort((found.direction, own[found.node]))  # entries that name their coordinates have them ascend
+    digits = 1e-9 if write is as_dmig else 1e-14  # its fields have 16 letters
     for name in ("M", "K"):
         A, B = (getattr(one, name).toarray() for one in (found, expected))
-        np.testing.assert_allclose(A, B, rtol=1e-14, atol=1e-14 * np.abs(B).max())
-    for name in ("points", "node", "direction"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+        np.testing.assert_allclose(A[np.ix_(order, order)], B, rtol=digits, atol=digits * np.abs(B).max())
+    np.testing.assert_array_equal(own[found.node][order], expected.node)
+    np.testing.assert_array_equal(found.direction[order], expected.direction)
+    if write is as_dmig:
+        np.testing.assert_array_equal(np.sort(own[found.groups["set4"]]), expected.groups["tip"])
+        return
     for name, nodes in expected.groups.items():
         np.testing.assert_array_equal(np.sort(found.groups[name]), nodes)
     if write is not as_csv:
@@ -131,6 +177,15 @@ def changed(name: str, text: str) -> Callable[[ForeignFiles], ForeignFiles]:
     return change
 
 
+def cut(name: str) -> Callable[[ForeignFiles], ForeignFiles]:
+    def change(files: ForeignFiles) -> ForeignFiles:
+        path = getattr(files, name)
+        path.write_text(path.read_text()[: path.stat().st_size // 2])
+        return files
+
+    return change
+
+
 BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
     (changed("dofs", "12.1->99.1"), "job.dof: node = 99: nodes that job.inp has"),
     (changed("dofs", "12.1->12.8"), "job.dof: direction = 8: 1 to 6"),
@@ -140,6 +195,10 @@ BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
     (changed("nodes", "*NODE\n"), "job.inp: a readable .inp file is allowed (no nodes)"),
     (changed("stiffness", "1 1 nan\n11 11 1.0\n"), "K: finite entries are allowed; row 1 has another"),
     (changed("stiffness", "1 2\n"), "a readable .sti file is allowed"),
+    (cut("stiffness"), "job.sti"),
+    (cut("mass"), "job.mas"),
+    (cut("dofs"), "job.dof"),
+    (cut("nodes"), "job.inp"),
     (changed("mass", "<html>"), "job.mas: a readable .mas file"),
     (lambda files: replace(files, mass=files.mass.with_name("none.mas")), "none.mas: no such file"),
     (lambda files: replace(files, mass=files.nodes), "job.inp: files that end in"),
@@ -156,6 +215,39 @@ def test_a_bad_file_ends_with_one_line_and_exit_code_2(
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert says in done.stderr
     assert not (tmp_path / "job-matrices.npz").exists()
+
+
+def relabelled(files: ForeignFiles) -> ForeignFiles:
+    """Of the mass one coordinate is another one."""
+    files.mass.write_text(files.mass.read_text().replace("12,3, ", "3,4, "))
+    return files
+
+
+LABELLED: list[tuple[Callable[[Path], ForeignFiles], Callable[[ForeignFiles], ForeignFiles], str]] = [
+    (as_abaqus, relabelled, "job_MASS2.mtx: the nodes and directions of job_STIF2.mtx"),
+    (as_abaqus, changed("stiffness", "1,2,3,4\n"), "lines of node, direction, node, direction and entry, not of 4"),
+    (as_abaqus, changed("stiffness", "1.5,1,1,1,2.0\n"), "whole numbers of nodes and directions"),
+    (as_dmig, changed("stiffness", "KAAX->QAAX"), "one matrix whose name begins with K, not QAAX, MAAX"),
+    (as_dmig, changed("stiffness", "GRID*->GRUD*"), "job.bdf: a readable .bdf file"),
+    (as_output4, changed("stiffness", "KAA"), "job.op4: a readable .op4 file"),
+]
+
+
+@pytest.mark.parametrize(("write", "change", "says"), LABELLED, ids=[says for _, _, says in LABELLED])
+def test_bad_files_of_abaqus_and_nastran_are_refused_in_one_line(
+    write: Callable[[Path], ForeignFiles], change: Callable[[ForeignFiles], ForeignFiles], says: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as caught:
+        read_foreign(change(write(tmp_path)))
+    assert says in str(caught.value) and len(str(caught.value).splitlines()) == 1
+
+
+def test_a_truncated_npz_is_refused(tmp_path: Path) -> None:
+    whole = given().save(tmp_path / "whole.npz").read_bytes()
+    for part in (0, 100, len(whole) // 2, len(whole) - 10):
+        (tmp_path / "part.npz").write_bytes(whole[:part])
+        with pytest.raises(InputError, match="part.npz"):
+            GivenMatrices.load(tmp_path / "part.npz")
 
 
 @pytest.mark.parametrize("name", ["header", "node", "points", "K.indices", "M.data"])

@@ -1,0 +1,117 @@
+"""Files of Nastran, read by pyNastran: matrices (DMIG entries, OUTPUT4), grid points and sets of bulk data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.files.labelled import Entries
+
+Indices = NDArray[np.int64]
+SQUARE, SYMMETRIC = 1, 6
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """What a bulk data file holds.
+
+    Attributes
+    ----------
+    matrices : dict of sparse (n, n)
+        Symmetric DMIG matrices by name.
+    pairs : (n, 2) array
+        Grid point and component (1 to 6) of each row, ascending.
+    numbers : (N,) array
+        Grid points.
+    points : (N, 3) array, m
+    groups : dict of (g,) arrays
+        Grid points of each SET1 entry, as ``set7``.
+    """
+
+    matrices: dict[str, sp.csr_matrix]
+    pairs: Indices
+    numbers: Indices
+    points: NDArray[np.float64]
+    groups: dict[str, Indices]
+
+
+def read_bulk(path: Path) -> Bulk:
+    """All of a bulk data file that is asked for.
+
+    Raises
+    ------
+    InputError
+        If pyNastran is missing.
+    ValueError
+        If the file is not read.
+    """
+    deck = _pynastran("pyNastran.bdf.bdf").BDF(debug=None)
+    try:
+        deck.read_bdf(str(path), xref=False, punch=True)
+    except (RuntimeError, SyntaxError, AttributeError, SystemExit) as error:  # pyNastran's own errors are the first
+        raise ValueError(str(error).splitlines()[0] if str(error) else type(error).__name__) from None
+    square = {name: card for name, card in deck.dmig.items() if card.matrix_form in (SQUARE, SYMMETRIC)}
+    entries = {name: _entries(card) for name, card in square.items()}
+    pairs = np.unique(np.vstack([np.empty((0, 2), np.int64), *(one.pairs for one in entries.values())]), axis=0)
+    grids = sorted(deck.nodes)
+    if any(deck.nodes[grid].Cp() != 0 for grid in grids):
+        raise ValueError("grid points in the basic coordinate system are allowed")
+    return Bulk(
+        {name: one.matrix(pairs) for name, one in entries.items()},
+        pairs,
+        np.array(grids, dtype=np.int64),
+        np.array([deck.nodes[grid].xyz for grid in grids], dtype=float).reshape(-1, 3),
+        {f"set{number}": np.array(sorted(one.ids), dtype=np.int64) for number, one in deck.sets.items()},
+    )
+
+
+def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
+    """Matrices of an OUTPUT4 file by name.
+
+    Raises
+    ------
+    InputError
+        If pyNastran is missing.
+    ValueError
+        If the file is not read.
+    """
+    read = _pynastran("pyNastran.op4.op4").read_op4
+    try:
+        return {name.strip(): sp.csr_matrix(one.data) for name, one in read(str(path), debug=None).items()}
+    except (RuntimeError, AssertionError, AttributeError, NotImplementedError) as error:
+        raise ValueError(str(error).splitlines()[0] if str(error) else type(error).__name__) from None
+
+
+def named(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
+    """The only matrix, or the only one whose name begins with a letter.
+
+    Raises
+    ------
+    ValueError
+        If there are none or several.
+    """
+    found = [one for name, one in matrices.items() if len(matrices) == 1 or name.upper().startswith(letter)]
+    if len(found) != 1:
+        raise ValueError(f"one matrix whose name begins with {letter}, not {', '.join(matrices) or 'none'}")
+    return found[0]
+
+
+def _entries(card: Any) -> Entries:
+    rows, columns = (np.asarray(part, dtype=np.int64) for part in (card.GCi, card.GCj))
+    return Entries(rows, columns, np.asarray(card.Real, dtype=float))
+
+
+def _pynastran(module: str) -> Any:
+    from importlib import import_module
+
+    try:
+        return import_module(module)
+    except ImportError as error:
+        allowed = f"not found ({error}); it reads files of Nastran: pip install pynastran installs it"
+        raise InputError("installation", "pyNastran", None, allowed) from None
