@@ -129,6 +129,8 @@ def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
 
 
 def _triplets(path: Path) -> sp.csr_matrix:
+    if not path.read_bytes().endswith(b"\n"):
+        raise ValueError("a last line that ends: this one is cut off")
     table = np.loadtxt(path, ndmin=2)
     if table.shape[1] != 3:
         raise ValueError(f"lines of row, column and entry, not of {table.shape[1]} numbers")

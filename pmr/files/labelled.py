@@ -46,6 +46,8 @@ def read_entries(path: Path) -> Entries:
     ValueError
         If a line says something else.
     """
+    if not path.read_bytes().endswith(b"\n"):
+        raise ValueError("a last line that ends: this one is cut off")
     table = np.loadtxt(path, delimiter=",", comments="*", ndmin=2)
     if table.shape[1] != 5:
         raise ValueError(f"lines of node, direction, node, direction and entry, not of {table.shape[1]} numbers")

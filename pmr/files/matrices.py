@@ -46,8 +46,8 @@ class GivenMatrices:
     Raises
     ------
     InputError
-        If matrices are not square, of one size, finite and symmetric, M has a diagonal entry that is not positive or K
-        one that is negative, or node, direction or groups name what is not there.
+        If matrices are not square, of one size, finite and symmetric, have a diagonal entry that is not positive, or
+        node, direction or groups name what is not there.
     """
 
     M: sp.csr_matrix
@@ -136,11 +136,10 @@ class GivenMatrices:
                 name, None, f"a symmetric matrix is allowed; it differs by {asymmetry:.3g} from its own"
             )
         diagonal = A.diagonal()
-        if name == "K" and diagonal.min() < 0.0:
-            raise self._refusal(name, float(diagonal.min()), "diagonal entries from 0 on are allowed")
-        if name == "M" and diagonal.min() <= 0.0:
+        if diagonal.min() <= 0.0:
             at = int(np.argmin(diagonal))
-            allowed = f"positive diagonal entries are allowed: coordinate {at + 1} has none, and no mass"
+            what = "mass" if name == "M" else "stiffness"
+            allowed = f"positive diagonal entries are allowed: coordinate {at + 1} has none, and no {what}"
             raise self._refusal(name, float(diagonal[at]), allowed)
 
     def _refusal(self, key: str, value: Any, allowed: str) -> InputError:
