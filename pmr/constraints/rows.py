@@ -180,6 +180,16 @@ class Rows:
             return sp.csr_matrix((0, self.size))
         return sp.vstack([row.at(s, derivative) for row in self.rows], format="csr")
 
+    @property
+    def held(self) -> dict[int, int]:
+        """Rows of supports on nodes: number of the row to that of the coordinate it holds."""
+        return {i: row.held for i, row in enumerate(self.rows) if row.held is not None}
+
+    @property
+    def lasting(self) -> tuple[str, ...]:
+        """Names of rows that always hold, in one place, and hold more than one coordinate."""
+        return tuple(row.name for row in self.rows if row.fixed and row.held is None)
+
     @cached_property
     def shared(self) -> SharedCarriers:
         """The same rows on common carriers."""
@@ -200,6 +210,10 @@ class SharedCarriers:
 
     carriers: sp.csr_matrix
     rows: tuple[Row, ...]
+
+    def row(self, number: int, name: str) -> Row:
+        """One of the rows, by a name."""
+        return replace(self.rows[number], name=name)
 
     def refined(self, breaks: Array) -> SharedCarriers:
         """All rows on common breaks, which hold all of their own within their range: exact."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Rows
+from pmr.constraints.rows import Rows, SharedCarriers
 from pmr.fem.compat import PETSc
 from pmr.fem.matrices import gather
 from pmr.models.rigid import RigidMotions
@@ -68,6 +68,25 @@ class FullModel:
     def size(self) -> int:
         """Number of coordinates n."""
         return int(self.M.getSize()[0])
+
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        return self.rows.names
+
+    @property
+    def lasting(self) -> tuple[str, ...]:
+        """Names of rows that always hold, in one place, and hold more than one coordinate."""
+        return self.rows.lasting
+
+    @property
+    def carriers(self) -> SharedCarriers:
+        """The rows on common carriers."""
+        return self.rows.shared
+
+    @property
+    def share(self) -> slice:
+        """This rank's coordinates."""
+        return slice(*self.M.getOwnershipRange())
 
     def gather(self) -> FullBody | None:
         """The model as SciPy matrices on rank 0; None elsewhere.  Collective."""

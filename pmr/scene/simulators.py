@@ -57,7 +57,7 @@ SIMULATORS = {
     "exudyn": Capabilities(package="exudyn"),
     "exudyn-multiplier": Capabilities(package="exudyn"),
     "exudyn-callback": Capabilities(rows_that_give_way=False, package="exudyn"),
-    "petsc": Capabilities(reduced_models=False),
+    "petsc": Capabilities(rows_that_push=True, several_paths=True, reduced_models=False),
 }
 
 

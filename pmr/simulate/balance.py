@@ -132,12 +132,6 @@ def round_off(mobility: Array, loads: Array, step: float) -> float:
     return ROUND_OFF * float(given)
 
 
-def step_work(loads: Array, motion: Array, multipliers: Array, slope: Array, s: Array) -> Array:
-    """Work (T,) in J since t = 0 from the motion (T, i) m of the loads' points and the rows' slope C' q (T, m)."""
-    done = _dot(_mean(loads), np.diff(motion, axis=0)) + _dot(_mean(multipliers), _mean(slope)) * np.diff(s)
-    return np.concatenate([[0.0], np.cumsum(done)])
-
-
 def refuse_growth(found: float, simulator: str, moving: list[str]) -> None:
     """Refuse a motion of so much surplus; `moving` names the rigid rows that move.
 

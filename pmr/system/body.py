@@ -260,12 +260,12 @@ class FullBody:
     @property
     def held(self) -> dict[int, int]:
         """Rows of supports on nodes: number of the row to that of the coordinate it holds."""
-        return {i: row.held for i, row in enumerate(self.rows.rows) if row.held is not None}
+        return self.rows.held
 
     @property
     def lasting(self) -> tuple[str, ...]:
         """Names of rows that always hold, in one place, and hold more than one coordinate."""
-        return tuple(row.name for row in self.rows.rows if row.fixed and row.held is None)
+        return self.rows.lasting
 
     def dense_rows(self, s: Array) -> Array:
         """C(s) (T, m, n) at several path coordinates (T,): for a few at a time."""

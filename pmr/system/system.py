@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,14 +34,36 @@ class Side:
     sign: float
 
 
+class OnCarriers(Protocol):
+    """Rows on common carriers, of a reduced body (`CarriedRows`) or a distributed one (`SharedCarriers`)."""
+
+    def row(self, number: int, name: str) -> Row: ...
+
+
+class Body(Protocol):
+    """What a system asks of its bodies, wherever their matrices are."""
+
+    @property
+    def input_names(self) -> tuple[str, ...]: ...
+    @property
+    def row_names(self) -> tuple[str, ...]: ...
+    @property
+    def lasting(self) -> tuple[str, ...]: ...
+    @property
+    def carriers(self) -> OnCarriers | None: ...
+
+
+AnyBody = TypeVar("AnyBody", bound=Body, covariant=True)
+
+
 @dataclass(frozen=True)
-class System:
-    """Reduced or full bodies, and what joins them.
+class Joined(Generic[AnyBody]):
+    """Bodies of one kind, and what joins them.
 
     Attributes
     ----------
     bodies : mapping of str to body
-        With their rows on carriers (`SlidingBody.carriers`).
+        With their rows on carriers.
     contacts : tuple of Contact
 
     Raises
@@ -50,7 +73,7 @@ class System:
         holds more than one coordinate of a full body is no contact.
     """
 
-    bodies: Mapping[str, SlidingBody]
+    bodies: Mapping[str, AnyBody]
     contacts: tuple[Contact, ...]
 
     def __post_init__(self) -> None:
@@ -138,6 +161,11 @@ class System:
             found.append(np.clip(x, low, high))
         shape = np.broadcast_shapes(*(np.shape(values) for values in s.values()))
         return np.moveaxis(np.array([np.broadcast_to(x, shape) for x in found]).reshape(len(found), *shape), 0, -1)
+
+
+@dataclass(frozen=True)
+class System(Joined[SlidingBody]):
+    """Reduced or full bodies, each on one process, and what joins them."""
 
 
 @dataclass(frozen=True)

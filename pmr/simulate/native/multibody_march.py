@@ -25,14 +25,12 @@ from pmr.simulate.start import InitialState, check_position, checked
 from pmr.simulate.stepping import Progress
 from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.system import Body, Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
 #: Steps between two looks at the clock, the keyboard and the progress, those that are made in parts counted as many.
 BLOCK = 4096
-#: Steps at which the frequency of contacts that only push is looked at.
-PLACES = 65
 
 
 @dataclass(frozen=True)
@@ -180,14 +178,14 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
     assembly, x = Assembly(system), places(system, excitation)
     pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
     inverse = np.linalg.inv(assembly.M.toarray())
-    for k in np.unique(np.linspace(0, len(x) - 1, PLACES).astype(int)):
+    for k in np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int)):
         rows = assembly.at(x[k])
         C, F = rows.C[pushing], rows.F[np.ix_(pushing, pushing)]
         largest = max(largest, contact_step.frequency(F, C @ inverse @ C.T))
     return largest
 
 
-def places(system: System, excitation: Excitation) -> Array:
+def places(system: Joined[Body], excitation: Excitation) -> Array:
     """X (T, sides) in m of the contacts' places at the steps.
 
     Raises

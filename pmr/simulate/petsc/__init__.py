@@ -1,14 +1,27 @@
-r"""The full model over time, in PETSc: the reference for bodies too large to be diagonalised or for a general solver.
+r"""Full models over time, in PETSc: the reference for bodies too large to be diagonalised or for a general solver.
 
 .. math::
-    M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C(s) q - \lambda / k = 0
+    M \ddot q + D \dot q + K q + C^T \lambda = B f, \qquad C q - \lambda / k = 0
+
+of one body with C(s), or of several that contacts join (`pmr.system.contacts`), of which some may only push.
 
 Scheme, start and sign of the multipliers are those of `pmr.simulate.native.simulator` and of Exudyn, so the motions
-agree. Distributed over the model's communicator: every function here is collective.
+agree. Distributed over the models' communicator: every function here is collective.
 """
 
 from pmr.simulate.petsc.checkpoint import Checkpoint
-from pmr.simulate.petsc.history import History, Recording, States, respond
-from pmr.simulate.petsc.integrate import observe
+from pmr.simulate.petsc.history import History, Recording, States, SystemHistory, respond
+from pmr.simulate.petsc.observe import observe, observe_system
+from pmr.simulate.petsc.start import static_start
 
-__all__ = ["Checkpoint", "History", "States", "Recording", "observe", "respond"]
+__all__ = [
+    "Checkpoint",
+    "History",
+    "Recording",
+    "States",
+    "SystemHistory",
+    "observe",
+    "observe_system",
+    "respond",
+    "static_start",
+]

@@ -1,4 +1,4 @@
-r"""Generalized-alpha on the full model, one solve with a constant matrix a step.
+r"""Generalized-alpha on full models, one solve a body with a constant matrix a step.
 
 With q*, v* what position and velocity become without the new acceleration, dq and dv what that adds to them, and
 S = M + dv D + dq K (Arnold, Bruels: Convergence of the generalized-alpha scheme for constrained mechanical systems,
@@ -22,7 +22,6 @@ Rayleigh damping does without the product with D too: with D = alpha M + beta K 
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,113 +29,40 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
-from pmr.fem.factor import factor_for_steps
+from pmr.fem.factor import AnyFactor, factor_for_steps
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.system import FullSystem
 from pmr.reduced.damping import Rayleigh
-from pmr.scene.simulators import REFERENCE, refuse
-from pmr.simulate.balance import refuse_growth
-from pmr.simulate.excitation import Excitation
 from pmr.simulate.native.scheme import GeneralizedAlpha
-from pmr.simulate.needs import needs_of_rows
-from pmr.simulate.petsc.checkpoint import Checkpoint
 from pmr.simulate.petsc.constraint import Constraint
-from pmr.simulate.petsc.effective import effective_matrix
-from pmr.simulate.petsc.history import History, Recorder, Recording
-from pmr.simulate.petsc.resume import Keeper, identity
-from pmr.simulate.petsc.rows import Course
-from pmr.simulate.petsc.start import State, starting_state
-from pmr.simulate.start import InitialState
-from pmr.simulate.stepping import Progress
+from pmr.simulate.petsc.effective import BlockFactor, effective_matrix
+from pmr.simulate.petsc.pushing import Ahead, Pushing
+from pmr.simulate.petsc.rows import PathRows
+from pmr.simulate.petsc.start import State
 
 Array = NDArray[np.float64]
-
-#: How often progress is told.
-TOLD = 1000
-
-
-def observe(
-    model: FullModel,
-    excitation: Excitation,
-    recording: Recording | None = None,
-    initial: InitialState | None = None,
-    progress: Progress | None = None,
-    checkpoint: Checkpoint | None = None,
-) -> History:
-    """Simulate a full model and keep what is recorded; collective.
-
-    Parameters
-    ----------
-    model : FullModel
-        M positive definite.
-    excitation, initial, progress
-        As for `pmr.simulate.Simulator`; the initial state is whole, (n,), on every rank.
-    recording : Recording, optional
-        By default all outputs at all steps.
-    checkpoint : Checkpoint, optional
-        If its file exists, the simulation goes on from there.  On one rank the result is the same to the last digit
-        as without interruption; on several as far as MUMPS adds up messages in the order of their arrival.
-
-    Raises
-    ------
-    InputError
-        If the path leaves the rows' domain, a load is missing, the initial position violates a row, rigid rows move
-        with rho_inf = 1, rows only push, or the checkpoint is not of this simulation.
-    SimulationError
-        If a step fails; with step, time, slider position and, where rows depend on each other, their names.  Where
-        energies are recorded at every step, also if the motion grows without bound.
-    """
-    begin = time.perf_counter()
-    s = excitation.along(model.rows.domain if model.rows.rows else (-np.inf, np.inf))
-    f, stepping = excitation.forces(model.input_names), excitation.stepping
-    needs = needs_of_rows(model.rows, excitation)
-    refuse("petsc", needs, REFERENCE)
-    recorder = Recorder(model, stepping, recording or Recording())
-    s_rate = excitation.path_rate
-    keeper = Keeper(checkpoint, model, identity(model, s, f, stepping, recorder, initial)) if checkpoint else None
-    found = keeper.load(recorder) if keeper else None
-    first, earlier, state = found or (0, 0.0, starting_state(model, s[0], float(s_rate[0]), f[0], initial))
-    method = GeneralizedAlpha(stepping.step, stepping.rho_inf)
-    integrator = Integrator(model, method, Course.along(model.rows.rows, s), first)
-    if not found:
-        recorder.record(0, state, integrator.constraint.rows, s_rate[0])
-    preparation, begin = time.perf_counter() - begin, time.perf_counter()
-    stride = max(1, stepping.steps // TOLD)
-    for step in range(first + 1, stepping.steps + 1):
-        due = keeper is not None and keeper.due()
-        try:
-            state, due = integrator.step(step, state, f[step], due)
-        except SimulationError as error:
-            where = f"step {step}, t = {step * stepping.step:g} s, slider at {s[step]:g} m"
-            raise SimulationError(f"full-order simulation failed at {where}: {error}") from None
-        recorder.record(step, state, integrator.constraint.rows, s_rate[step])
-        if keeper and (due or step == stepping.steps):
-            keeper.save(step, earlier + time.perf_counter() - begin, state, recorder)
-        if progress is not None and (step % stride == 0 or step == stepping.steps):
-            progress(step / stepping.steps)
-    seconds = earlier + time.perf_counter() - begin
-    integrator.destroy()
-    history = recorder.history(s, f, seconds, preparation)
-    refuse_growth(history.surplus, "full order", list(needs.rigid_moving))
-    return history
 
 
 class Integrator:
     """Takes the steps of one course; everything that does not change is made here."""
 
-    def __init__(self, model: FullModel, method: GeneralizedAlpha, course: Course, step: int) -> None:
-        self._comm, self._method = model.comm, method
+    def __init__(self, system: FullSystem, method: GeneralizedAlpha, rows: PathRows, pushing: Pushing | None) -> None:
+        self._system, self._method = system, method
         self._q_gain, self._v_gain = method.scheme().z_gain, method.scheme().v_gain
+        self._factor = BlockFactor(system, self._factorised)
+        self._bodies = [
+            _Body(model, factor, self._v_gain, self._q_gain)
+            for model, factor in zip(system.models, self._factor.of_bodies, strict=True)
+        ]
+        self._b = np.empty(system.local[-1].stop)
+        self.constraint = Constraint(system, self._factor, self._q_gain, rows, pushing)
+
+    def _factorised(self, model: FullModel) -> AnyFactor:
         S = effective_matrix(model, self._v_gain, self._q_gain)
-        self._factor = factor_for_steps(S, "M + dv D + dq K")
+        factor = factor_for_steps(S, "M + dv D + dq K")
         S.destroy()
-        self._M = model.M
-        self._D = model.D if model.rayleigh is None else None
-        self._damped = _Damped.by(model.rayleigh or Rayleigh(0.0, 0.0), self._v_gain, self._q_gain)
-        self._B = local_csr(model.inputs)
-        self._x, self._right = model.M.createVecs()
-        self._b = self._right.duplicate()
-        self.constraint = Constraint(model, self._factor, self._q_gain, course, step)
+        return factor
 
     def step(self, step: int, state: State, f: Array, flag: bool) -> tuple[State, bool]:
         """The state after one more step, under the loads f (i,) at its end; whether any rank raises its flag.
@@ -144,47 +70,75 @@ class Integrator:
         Raises
         ------
         SimulationError
-            If rows depend on each other or the state is not finite.
+            If rows depend on each other, which are closed is not settled, or the state is not finite.
         """
         self.constraint.move(step)
-        q, v, a = self._predict(state)
-        scaled = q / self._q_gain
-        b = self._free(scaled, v, f)
-        motion = self._q_gain * self.constraint.rows.apply(b)
-        motion, total, flags = _summed(self._comm, motion, float(b.sum()), flag)
-        if not np.isfinite(total):
-            raise SimulationError("not finite")
-        multipliers = self.constraint.multipliers(motion)
+        pushing, ahead = self.constraint.pushing, self._predict(state)
+        while True:
+            scaled = ahead.q / self._q_gain
+            b = self._free(scaled, ahead.v, f)
+            motion = self._q_gain * self.constraint.rows.apply(b)
+            motion, total, flag = _summed(self._system.comm, motion, float(b.sum()), flag)
+            if not np.isfinite(total):
+                raise SimulationError("not finite")
+            multipliers = self.constraint.multipliers(step, motion)
+            released = None if pushing is None else pushing.released()
+            if pushing is None or released is None:
+                break
+            back = pushing.taken_back(self.constraint.rows, released)
+            ahead = Ahead(ahead.q + back.q, ahead.v + back.v, ahead.a + back.a)
         b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
         acceleration = b - scaled
-        a += (1.0 - self._method.alpha_f) / (1.0 - self._method.alpha_m) * acceleration
-        v += self._v_gain * acceleration
-        return State(self._q_gain * b, v, a, acceleration, multipliers), flags
+        a = ahead.a + (1.0 - self._method.alpha_f) / (1.0 - self._method.alpha_m) * acceleration
+        v, share = ahead.v + self._v_gain * acceleration, state.share
+        if pushing is not None:
+            pushing.remember(multipliers)
+            share = pushing.share
+        return State(self._q_gain * b, v, a, acceleration, multipliers, share), flag
 
-    def _predict(self, state: State) -> tuple[Array, Array, Array]:
-        """q*, v* and a without the new acceleration."""
+    def _predict(self, state: State) -> Ahead:
+        """Without the new acceleration."""
         method, h = self._method, self._method.step
         a = (method.alpha_f * state.acceleration - method.alpha_m * state.a) / (1.0 - method.alpha_m)
         q = state.q + h * state.v + h**2 * ((0.5 - method.beta) * state.a + method.beta * a)
-        return q, state.v + h * ((1.0 - method.gamma) * state.a + method.gamma * a), a
+        return Ahead(q, state.v + h * ((1.0 - method.gamma) * state.a + method.gamma * a), a)
 
     def _free(self, scaled: Array, v: Array, f: Array) -> Array:
         """Free of the rows' forces: b_free; this rank's rows, overwritten by the next call."""
+        system = self._system
+        for body, at, given in zip(self._bodies, system.local, system.inputs, strict=True):
+            self._b[at] = body.free(scaled[at], v[at], f[given])
+        return self._b
+
+    def destroy(self) -> None:
+        """Give the factors' memory back."""
+        self._factor.destroy()
+        if self.constraint.pushing is not None:
+            self.constraint.pushing.mass.destroy()
+
+
+class _Body:
+    """What one body's coordinates become by themselves."""
+
+    def __init__(self, model: FullModel, factor: AnyFactor, v_gain: float, q_gain: float) -> None:
+        self._M, self._D, self._factor, self._v_gain = model.M, model.D, factor, v_gain
+        self._is_rayleigh = model.rayleigh is not None
+        self._damped = _Damped.by(model.rayleigh or Rayleigh(0.0, 0.0), v_gain, q_gain)
+        self._B = local_csr(model.inputs)
+        self._x, self._right = model.M.createVecs()
+        self._b = self._right.duplicate()
+
+    def free(self, scaled: Array, v: Array, f: Array) -> Array:
+        """b_free, this rank's rows, from q* / dq and v* given likewise, and the loads f (i,)."""
         w = self._v_gain * scaled - v
         self._x.getArray()[:] = scaled + self._damped.of_mass * w
         self._M.mult(self._x, self._right)
-        if self._D is not None:
+        if not self._is_rayleigh:
             self._x.getArray()[:] = w
             self._D.multAdd(self._x, self._right, self._right)
         self._right.getArray()[:] += self._B @ f
         self._factor.solve(self._right, self._b)
-        b = self._b.getArray()
-        b += self._damped.at_once * w
-        return np.asarray(b)
-
-    def destroy(self) -> None:
-        """Give the factor's memory back."""
-        self._factor.destroy()
+        return np.asarray(self._b.getArray() + self._damped.at_once * w)
 
 
 @dataclass(frozen=True)

@@ -9,56 +9,55 @@ from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.factor import product
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.system import FullSystem
 from pmr.simulate.petsc.checkpoint import Checkpoint, Saved, load, save
-from pmr.simulate.petsc.history import Recorder
-from pmr.simulate.petsc.start import State
+from pmr.simulate.petsc.recorder import Recorder, Sampled
+from pmr.simulate.petsc.start import State, whole_start
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import TimeStepping
 
-Array = NDArray[np.float64]
-
-_SPREAD = tuple(field.name for field in fields(State) if field.name != "multipliers")
+_SPREAD = tuple(field.name for field in fields(State) if field.name not in ("multipliers", "share"))
 
 
 def identity(
-    model: FullModel, s: Array, f: Array, stepping: TimeStepping, recorder: Recorder, initial: InitialState | None
+    system: FullSystem, at: Sampled, stepping: TimeStepping, recorder: Recorder, initial: Mapping[str, InitialState]
 ) -> dict[str, Any]:
     """What tells this simulation from others; collective.  Matrices are told apart by one product each."""
-    first, last = model.M.getOwnershipRange()
-    x = np.random.default_rng(3).standard_normal(model.size)
-    forms = [x[first:last] @ product(A, x[first:last]) for A in (model.M, model.D, model.K)]
+    forms = []
+    for model in system.models:
+        x = np.random.default_rng(3).standard_normal(model.size)[model.share]
+        forms += [x @ product(A, x) for A in (model.M, model.D, model.K)]
     rows = [
         value
-        for row in model.rows.rows
-        for value in (np.abs(row.coefficients).sum(), abs(row.carriers).sum(), row.compliance)
+        for side, row in zip(system.sides, system.side_rows, strict=True)
+        for value in (np.abs(row.coefficients).sum(), abs(row.carriers).sum(), side.sign)
     ]
     recording = asdict(recorder.recording) | {
         "outputs": recorder.chosen.tolist(),
         "states": recorder.state_steps.tolist(),
     }
-    start = () if initial is None else (np.asarray(initial.q, float), np.asarray(initial.v, float))
+    start = whole_start(system, initial)
     return {
-        "path": _digest(s),
-        "loads": _digest(f),
+        "path": _digest(at.x),
+        "loads": _digest(at.f),
         "time grid": [stepping.end, stepping.step, stepping.rho_inf],
         "recording": _digest(repr(sorted(recording.items())).encode()),
-        "initial state": _digest(*start),
+        "initial state": _digest(start.q, start.v),
         "rows": [float(value) for value in rows],
-        "matrices": [float(value) for value in model.comm.allreduce(np.array(forms))],
+        "contacts": _digest(system.compliance, system.clearance),
+        "matrices": [float(value) for value in system.comm.allreduce(np.array(forms))],
     }
 
 
 class Keeper:
     """Checkpoints of one simulation; collective but for `due`."""
 
-    def __init__(self, checkpoint: Checkpoint, model: FullModel, identity: Mapping[str, Any]) -> None:
+    def __init__(self, checkpoint: Checkpoint, system: FullSystem, identity: Mapping[str, Any]) -> None:
         self._checkpoint, self._identity = checkpoint, identity
-        self._comm, self._share = model.comm, model.M.getOwnershipRange()
+        self._comm, self._system = system.comm, system
         self._last = time.monotonic()
 
     def due(self) -> bool:
@@ -67,11 +66,13 @@ class Keeper:
 
     def save(self, step: int, seconds: float, state: State, recorder: Recorder) -> None:
         """Save everything after a step."""
-        whole = {name: self._whole(getattr(state, name)[None])[0] for name in _SPREAD}
-        whole |= {"states.q": self._whole(recorder.q), "states.v": self._whole(recorder.v)}
+        gathered = self._system.gathered
+        whole = {name: gathered(getattr(state, name)[None])[0] for name in _SPREAD}
+        whole |= {"states.q": gathered(recorder.q), "states.v": gathered(recorder.v)}
         whole["sums"] = self._comm.reduce(recorder.sums)
         if self._comm.rank == 0:
-            whole |= {"multipliers": state.multipliers, "recorded.multipliers": recorder.multipliers}
+            whole |= {"multipliers": state.multipliers, "share": state.share}
+            whole |= {"recorded.multipliers": recorder.multipliers, "recorded.peaks": recorder.peaks}
             save(self._checkpoint, Saved(step, seconds, self._identity, whole))
         self._last = time.monotonic()
 
@@ -94,17 +95,12 @@ class Keeper:
             raise InputError(*refusal)
         if found is None:
             return None
-        arrays, mine = found.arrays, slice(*self._share)
-        recorder.q[:], recorder.v[:] = arrays["states.q"][:, mine], arrays["states.v"][:, mine]
-        recorder.multipliers[:] = arrays["recorded.multipliers"]
+        arrays, mine = found.arrays, self._system.mine
+        recorder.q[:], recorder.v[:] = mine(arrays["states.q"]), mine(arrays["states.v"])
+        recorder.multipliers[:], recorder.peaks[:] = arrays["recorded.multipliers"], arrays["recorded.peaks"]
         recorder.sums[:] = arrays["sums"] if self._comm.rank == 0 else 0.0
-        spread = {name: np.ascontiguousarray(arrays[name][mine]) for name in _SPREAD}
-        return found.step, found.seconds, State(**spread, multipliers=arrays["multipliers"])
-
-    def _whole(self, local: Array) -> Any:
-        """Arrays (k, n) on rank 0 from the ranks' columns (k, n_local)."""
-        shares = self._comm.gather(local)
-        return np.concatenate(shares, axis=1) if self._comm.rank == 0 else local
+        spread = {name: mine(arrays[name]) for name in _SPREAD}
+        return found.step, found.seconds, State(**spread, multipliers=arrays["multipliers"], share=arrays["share"])
 
 
 def _digest(*parts: Any) -> str:

@@ -1,180 +1,220 @@
-r"""The constraint rows over the visited path, and the inverse of the effective matrix on what they touch.
+r"""The contacts' rows over the visited paths, and the inverse of the effective matrix on what they touch.
 
-Rows act through the p carriers E^T (p, n) that they touch on the way (`pmr.constraints.rows`).  Between two breaks
-C(s) = sum_e x^e Gamma_e E^T with x counted from the lower break, so that with the powers stacked, C = X(x) Gamma E^T,
-and
+Rows act through the p carriers E^T (p, n) that they touch on the way (`pmr.constraints.rows`).  A contact has one side
+on each of its bodies, with a coordinate x of its own.  Between two breaks the row of a side is
+c(x) = sum_e x^e Gamma_e E^T with x counted from the lower break, so that with the powers of all sides stacked,
+C = X(x) Gamma E^T, and
 
 .. math::
     C S^{-1} C^T = X\, (\Gamma P \Gamma^T)\, X^T, \qquad
     S^{-1} C^T \lambda = (S^{-1} E\, \Gamma^T)\, X^T \lambda, \qquad P = E^T S^{-1} E
 
-change from step to step in X alone.  P is kept on every rank; S^{-1} E only where memory allows, and where it does not,
-a second solve a step takes its place.
+change from step to step in X alone.  S, E and P are block diagonal, a block for each body.  P is kept on every rank;
+S^{-1} E only where memory allows, and where it does not, a second solve a step takes its place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row
+from pmr.fullmodel.system import FullSystem, consecutive
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
 class Course:
-    """Where the path s (T,) m leads the rows: interval of each row at each step, (T, m), and distance into it."""
+    """Where paths lead the sides of a system's contacts, x (T, q) m.
 
-    s: Array
-    interval: Indices
-    distance: Array
+    Attributes
+    ----------
+    rows : tuple of Row
+        Of each side, on its body's carriers.
+    contact, body : (q,) integer arrays
+    sign : (q,) array
+    contacts : int
+        Number of them.
+    on : list of lists of int
+        Numbers of the sides on each body.
+    interval : (T, q) integer array
+        In which interval of its row each side is at each step.
+    distance : (T, q) array, m
+        Into that interval.
+    """
 
-    @classmethod
-    def along(cls, rows: Sequence[Row], s: Array) -> Course:
-        """For the given rows, which must be defined at all s."""
-        interval, distance = np.zeros((len(s), len(rows)), np.int64), np.zeros((len(s), len(rows)))
-        for k, row in enumerate(rows):
-            found = np.searchsorted(row.breaks, s, side="right") - 1
-            interval[:, k] = np.clip(found, 0, len(row.breaks) - 2)
-            distance[:, k] = s - row.breaks[interval[:, k]]
-        return cls(s, interval, distance)
+    def __init__(self, system: FullSystem, x: Array) -> None:
+        names, sides = list(system.bodies), system.sides
+        self.x, self.rows, self.contacts = x, system.side_rows, len(system.contacts)
+        self.contact = np.array([side.contact for side in sides], np.int64)
+        self.body = np.array([names.index(side.place.body) for side in sides], np.int64)
+        self.sign = np.array([side.sign for side in sides], float)
+        self.on = [np.flatnonzero(self.body == body).tolist() for body in range(len(names))]
+        self.interval, self.distance = np.zeros(x.shape, np.int32), np.zeros(x.shape)
+        for k, row in enumerate(self.rows):
+            found = np.searchsorted(row.breaks, x[:, k], side="right") - 1
+            self.interval[:, k] = np.clip(found, 0, len(row.breaks) - 2)
+            self.distance[:, k] = x[:, k] - row.breaks[self.interval[:, k]]
 
-    def touched(self, rows: Sequence[Row]) -> Indices:
-        """Carriers (p,) that the rows touch somewhere, ascending."""
-        visited = [row.touched[np.unique(self.interval[:, k])].ravel() for k, row in enumerate(rows)]
+    def touched(self, body: int) -> Indices:
+        """Carriers (p,) of a body that the rows touch somewhere, ascending."""
+        visited = [self.rows[k].touched[np.unique(self.interval[:, k])].ravel() for k in self.on[body]]
         return np.unique(np.concatenate([np.empty(0, np.int64), *visited]))
 
 
-@dataclass(frozen=True)
 class VisitedCarriers:
-    """The p carriers that rows touch on their way: their numbers, and this rank's columns of E^T, (p, n_local)."""
+    """The carriers that sides touch on their way: their numbers for each body, and this rank's columns of its E^T."""
 
-    numbers: Indices
-    local: sp.csr_matrix
+    def __init__(self, system: FullSystem, course: Course) -> None:
+        self.numbers = [course.touched(body) for body in range(len(system.models))]
+        self.of_bodies = [
+            model.carriers.carriers[numbers][:, model.share]
+            for model, numbers in zip(system.models, self.numbers, strict=True)
+        ]
+        self.first = np.cumsum([0, *(len(numbers) for numbers in self.numbers)])
+        self.local: sp.csr_matrix = sp.block_diag(self.of_bodies, format="csr")
 
 
 class Layout:
-    """Numbers of m rows' entries (D,) and of their powers (c,), one row after the other."""
+    """Numbers of q sides' entries (D,) and of their powers (c,), one side after the other, and where contacts start."""
 
-    def __init__(self, rows: Sequence[Row]) -> None:
-        widths = np.array([row.touched.shape[1] for row in rows], int)
-        powers = np.array([len(row.coefficients) for row in rows], int)
-        self.count = len(rows)
-        self.row_of_entry, self.row_of_power = (
-            np.repeat(np.arange(len(rows)), widths),
-            np.repeat(np.arange(len(rows)), powers),
+    def __init__(self, course: Course) -> None:
+        widths = [row.touched.shape[1] for row in course.rows]
+        powers = [len(row.coefficients) for row in course.rows]
+        self.side_of_entry, self.side_of_power = (
+            np.repeat(np.arange(len(course.rows)), np.array(sizes, int)) for sizes in (widths, powers)
+        )
+        self.contact_of_entry, self.contact_of_power = (
+            course.contact[sides] for sides in (self.side_of_entry, self.side_of_power)
         )
         self.exponents = np.concatenate([np.empty(0, int), *(np.arange(p)[::-1] for p in powers)])
-        self.entries = [slice(end - width, end) for end, width in zip(np.cumsum(widths), widths, strict=True)]
-        self.powers = [slice(end - power, end) for end, power in zip(np.cumsum(powers), powers, strict=True)]
+        self.entries, self.powers = consecutive(widths), consecutive(powers)
+        self.starts = np.searchsorted(self.contact_of_power, np.arange(course.contacts))
 
 
 class PathRows:
-    """All rows at one step of a course, as one rank sees them.
+    """All contacts' rows at one step of a course, as one rank sees them.
 
     Attributes
     ----------
     Gamma : (c, D) array
-        Coefficients: one line for each power of each row, one column for each of its entries.
+        Coefficients with the sides' signs: one line for each power of each side, one column for each of its entries.
     columns : (D,) integer array
-        Which of the p carriers each entry stands for.
+        Which of its body's visited carriers each entry stands for.
     changed : list of int
-        Rows that the last `move` brought into another interval.
+        Sides that the last `move` brought into another interval.
     """
 
-    def __init__(self, rows: Sequence[Row], course: Course, visited: VisitedCarriers, step: int = 0) -> None:
-        self.course, self.layout = course, Layout(rows)
-        self._rows, self._visited = rows, visited
-        self.Gamma = np.zeros((len(self.layout.row_of_power), len(self.layout.row_of_entry)))
-        self.columns = np.zeros(len(self.layout.row_of_entry), np.int64)
-        self._interval = np.full(len(rows), -1, np.int64)
+    def __init__(self, course: Course, visited: VisitedCarriers, step: int = 0) -> None:
+        self.course, self.layout, self.visited = course, Layout(course), visited
+        self.Gamma = np.zeros((len(self.layout.side_of_power), len(self.layout.side_of_entry)))
+        self.columns = np.zeros(len(self.layout.side_of_entry), np.int64)
+        self._first = visited.first[course.body[self.layout.side_of_entry]]
+        self._interval = np.full(len(course.rows), -1, np.int32)
         self._E = visited.local[self.columns]
         self.changed: list[int] = []
         self.move(step)
 
     def move(self, step: int) -> None:
         """Go to a step of the course."""
-        interval = self.course.interval[step]
+        course, interval = self.course, self.course.interval[step]
         self.changed = np.flatnonzero(interval != self._interval).tolist()
         for k in self.changed:
-            entries, powers, j = self.layout.entries[k], self.layout.powers[k], interval[k]
-            self.columns[entries] = np.searchsorted(self._visited.numbers, self._rows[k].touched[j])
-            self.Gamma[powers, entries] = self._rows[k].coefficients[:, j]
+            entries, powers, j, row = self.layout.entries[k], self.layout.powers[k], interval[k], course.rows[k]
+            self.columns[entries] = np.searchsorted(self.visited.numbers[course.body[k]], row.touched[j])
+            self.Gamma[powers, entries] = course.sign[k] * row.coefficients[:, j]
         if self.changed:
             self._interval = interval
-            self._E = self._visited.local[self.columns]
-        self.x = self.course.distance[step][self.layout.row_of_power]
+            self._E = self.visited.local[self._first + self.columns]
+        self.x = course.distance[step][self.layout.side_of_power]
         self.X = self.x**self.layout.exponents
 
     def apply(self, q: Array) -> Array:
         """This rank's part (m,) of C q, q (n_local,) given by this rank's rows."""
-        return self._sum(self.X @ self.Gamma, q)
+        values = (self.X @ self.Gamma) * (self._E @ q)
+        return np.asarray(np.bincount(self.layout.contact_of_entry, values, self.course.contacts), float)
 
-    def apply_derivative(self, q: Array) -> Array:
-        """This rank's part (m,) of C'(s) q."""
+    def slopes(self, q: Array) -> Array:
+        """This rank's part (q,) of dc/dx q of each side, with its sign."""
         exponents = self.layout.exponents
         lowered = exponents * self.x ** np.maximum(exponents - 1, 0)
-        return self._sum(lowered @ self.Gamma, q)
+        values = (lowered @ self.Gamma) * (self._E @ q)
+        return np.asarray(np.bincount(self.layout.side_of_entry, values, len(self.course.rows)), float)
 
     def transposed(self, multipliers: Array) -> Array:
         """This rank's rows (n_local,) of C^T lambda."""
-        return np.asarray(self._E.T @ ((self.X @ self.Gamma) * multipliers[self.layout.row_of_entry]))
+        return np.asarray(self._E.T @ ((self.X @ self.Gamma) * multipliers[self.layout.contact_of_entry]))
 
-    def _sum(self, entries: Array, q: Array) -> Array:
-        values = entries * (self._E @ q)
-        return np.asarray(np.bincount(self.layout.row_of_entry, values, self.layout.count), float)
+    def of_contacts(self, values: Array) -> Array:
+        """Sums (m,) over the sides of each contact, of values (q,)."""
+        return np.asarray(np.bincount(self.course.contact, values, self.course.contacts), float)
 
 
 class PathCompliance:
-    """P = E^T S^{-1} E, (p, p), reduced to the powers of the rows at the present step.
+    """P = E^T S^{-1} E, a block (p, p) for each body, reduced to the powers of the sides at the present step.
 
-    Pairs of rows are always multiplied in the same order, whichever of them moved: an interrupted
+    Pairs of sides are always multiplied in the same order, whichever of them moved: an interrupted
     simulation goes on with the same digits.
     """
 
-    def __init__(self, P: Array, rows: PathRows) -> None:
+    def __init__(self, P: Sequence[Array], rows: PathRows) -> None:
         self._P = P
-        self._of_powers = np.zeros((len(rows.layout.row_of_power),) * 2)
-        self._update(rows, range(rows.layout.count))
+        self._of_powers = np.zeros((len(rows.layout.side_of_power),) * 2)
+        self._update(rows, range(len(rows.course.rows)))
 
     def of_rows(self, rows: PathRows) -> Array:
         """C S^{-1} C^T, (m, m)."""
         self._update(rows, rows.changed)
-        if rows.layout.count == 0:
+        if rows.course.contacts == 0:
             return np.zeros((0, 0))
-        starts = [powers.start for powers in rows.layout.powers]
+        starts = rows.layout.starts
         weighted = self._of_powers * (rows.X[:, None] * rows.X)
         A = np.add.reduceat(np.add.reduceat(weighted, starts, axis=0), starts, axis=1)
         return np.asarray((A + A.T) / 2.0)
 
     def _update(self, rows: PathRows, changed: Sequence[int]) -> None:
-        at, entries, powers = rows.columns, rows.layout.entries, rows.layout.powers
-        for k, l in {(min(k, l), max(k, l)) for k in changed for l in range(rows.layout.count)}:
-            P = self._P[np.ix_(at[entries[k]], at[entries[l]])]
+        at, entries, powers, body = rows.columns, rows.layout.entries, rows.layout.powers, rows.course.body
+        for k, l in {(min(i, j), max(i, j)) for i in changed for j in rows.course.on[body[i]]}:
+            P = self._P[body[k]][np.ix_(at[entries[k]], at[entries[l]])]
             block = rows.Gamma[powers[k], entries[k]] @ P @ rows.Gamma[powers[l], entries[l]].T
             self._of_powers[powers[k], powers[l]], self._of_powers[powers[l], powers[k]] = block, block.T
 
 
 class StoredAnswers:
-    """This rank's rows of S^{-1} C^T lambda from those of S^{-1} E, (n_local, p)."""
+    """This rank's rows of S^{-1} C^T lambda on one body from those of S^{-1} E, (n_local, p)."""
 
-    def __init__(self, answers: Array, rows: PathRows) -> None:
-        self._answers = answers
-        self._of_powers = np.zeros((len(answers), len(rows.layout.row_of_power)), order="F")
-        self._update(rows, range(rows.layout.count))
+    def __init__(self, answers: Array, body: int, rows: PathRows) -> None:
+        self._answers, self._sides = answers, rows.course.on[body]
+        widths = [rows.layout.powers[k].stop - rows.layout.powers[k].start for k in self._sides]
+        self._at = dict(zip(self._sides, consecutive(widths), strict=True))
+        self._powers = np.flatnonzero(rows.course.body[rows.layout.side_of_power] == body)
+        self._of_powers = np.zeros((len(answers), len(self._powers)), order="F")
+        self._update(rows, self._sides)
 
     def correction(self, rows: PathRows, multipliers: Array) -> Array:
         """For the present rows."""
         self._update(rows, rows.changed)
-        return np.asarray(self._of_powers @ (rows.X * multipliers[rows.layout.row_of_power]))
+        weights = rows.X * multipliers[rows.layout.contact_of_power]
+        return np.asarray(self._of_powers @ weights[self._powers])
 
     def _update(self, rows: PathRows, changed: Sequence[int]) -> None:
         for k in changed:
-            entries, powers = rows.layout.entries[k], rows.layout.powers[k]
-            self._of_powers[:, powers] = self._answers[:, rows.columns[entries]] @ rows.Gamma[powers, entries].T
+            if k in self._at:
+                entries, powers = rows.layout.entries[k], rows.layout.powers[k]
+                answers = self._answers[:, rows.columns[entries]]
+                self._of_powers[:, self._at[k]] = answers @ rows.Gamma[powers, entries].T
+
+
+def contact_rows(system: FullSystem, x: Array, rates: Array | None = None) -> sp.csr_matrix:
+    """C (m, n) with the sides at x (q,) m, on whole vectors; or its time derivative where they move at `rates` (q,)."""
+    bodies, found = list(system.bodies), sp.csr_matrix((len(system.contacts), system.size))
+    weight = [1.0] * len(x) if rates is None else rates.tolist()
+    for side, row, at, rate in zip(system.sides, system.side_rows, x, weight, strict=True):
+        c = (side.sign * rate * row.at(at, int(rates is not None))).tocoo()
+        columns = system.whole[bodies.index(side.place.body)].start + c.col
+        entries = (c.data, (np.full(len(columns), side.contact), columns))
+        found = found + sp.csr_matrix(entries, found.shape)
+    return found

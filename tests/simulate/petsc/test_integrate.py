@@ -150,6 +150,28 @@ def test_ranks_agree_with_one(rich: FullBody, memory: int, monkeypatch: pytest.M
     assert_close(whole, alone.states.q, 1e-10)
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("parts", [0, 1])
+def test_rows_that_only_push_as_march_has_them(rich: FullBody, parts: int) -> None:
+    """They lift off and land; a step in one part, and in as many as the contact takes."""
+    rows = tuple(replace(row, compliance=1e-6, clearance=1e-4) if row.held is None else row for row in rich.rows.rows)
+    body, excitation = (
+        replace(rich, rows=Rows(rows, rich.size)),
+        driven(PATH, LOADS, replace(STEPPING, end=0.15, parts=parts)),
+    )
+    found, expected = observe(distributed(body), excitation, EVERYTHING), march.simulate(body, excitation)
+    assert_close(found.y, expected.q @ body.outputs.T, 1e-9)
+    forces = expected.multipliers[:, 2:]
+    assert_close(found.multipliers[:, 2:], forces, 1e-8)
+    changes = np.diff((forces > 0.0).astype(int), axis=0)
+    assert (changes > 0).any() and (changes < 0).any() and np.all(forces >= 0.0)
+    if parts == 0:
+        assert found.peaks is not None and expected.peaks is not None
+        assert_close(found.peaks[:, 2:], expected.peaks[:, 2:], 1e-8)
+    assert found.surplus == pytest.approx(expected.surplus, abs=1e-9)
+    assert found.residual_position.max() < 1e-15
+
+
 @pytest.mark.slow
 def test_the_papers_evolved_case_as_march_has_it() -> None:
     body, case, stepping = full_body(50), CASES["evolved"], TimeStepping(15.0, 1e-3, 0.9)
@@ -245,8 +267,8 @@ def test_what_cannot_be_is_refused(rich: FullBody) -> None:
         with pytest.raises(InputError) as told:
             observe(model, *arguments)
         assert told.value.key == key
-    pushing = tuple(replace(row, compliance=1e-6, clearance=0.0) for row in rich.rows.rows[2:])
-    with pytest.raises(InputError, match=r"is allowed: petsc knows no rows that only push .slider 0, slider 0\.8"):
+    pushing = tuple(replace(row, compliance=0.0, clearance=0.0) for row in rich.rows.rows[2:])
+    with pytest.raises(InputError, match=r"slider 0, slider 0\.8 only push and are rigid"):
         observe(distributed(replace(rich, rows=Rows(pushing, rich.size))), driven(PATH, LOADS, STEPPING))
     massless = distributed(replace(rich, M=0.0 * rich.M))
     with pytest.raises(InputError, match="positive definite"):
