@@ -15,8 +15,8 @@ from pmr.accuracy import order
 from pmr.compare import memory
 from pmr.compare.estimated import reduction_error, step_part
 from pmr.compare.frequencies import CURVES, frequency_curves, visited_positions
-from pmr.compare.references import References, references
-from pmr.compare.responses import check_installed, simulate
+from pmr.compare.references import references
+from pmr.compare.responses import Simulations, check_installed, simulate
 from pmr.compare.summary import Part, compared, contact, driven, gathered, made_with, pads, simulated, theory, trusted
 from pmr.environment import Clock
 from pmr.fem.compat import MPI
@@ -28,6 +28,7 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
+from pmr.recover.coordinates import Recovery
 from pmr.recover.from_scene import Recovered, recover, recovered_steps
 from pmr.reduce.basis import Basis
 from pmr.reduce.cache import Cache, Reduced, cache_in, with_provenance
@@ -96,11 +97,12 @@ def run(
         scene, reduction = choice.scene, replace(reduction, reduced=choice.reduced)
     with clock.stage("frequencies"):
         curves = _frequency_curves(scene, reduction, cached)
-    found = references(scene, reduction.model, clock, recovered_steps(scene).tolist(), checkpoint)
-    seen = _recovered(scene, built, reduction, found, clock)
-    if comm.rank > 0:
+    steps = recovered_steps(scene).tolist()
+    found = references(scene, reduction.model, clock, steps, checkpoint)
+    simulations = simulate(scene, reduction.reduced, found.responses, clock, steps) if comm.rank == 0 else None
+    seen = _recovered(scene, built, reduction, simulations, found.states, clock)
+    if simulations is None:
         return None
-    simulations = simulate(scene, reduction.reduced, found.responses, clock)
     responses = simulations.responses
     excitation, reduced = Excitation.of(scene), reduction.reduced
     parts = [
@@ -156,12 +158,20 @@ def reduce_with(
     return Reduction(model, snapshots, basis, reduced)
 
 
-def _recovered(scene: Scene, built: Built, reduction: Reduction, found: References, clock: Clock) -> Recovered | None:
+def _recovered(
+    scene: Scene,
+    built: Built,
+    reduction: Reduction,
+    simulations: Simulations | None,
+    full_states: NDArray[np.float64] | None,
+    clock: Clock,
+) -> Recovered | None:
     if scene.recovery is None:
         return None
     with clock.stage("recover"):
         V = np.array(reduction.basis.V.getDenseArray())
-        return recover(scene, built, V, reduction.reduced, found.states)
+        recovery = Recovery(built.model, V, reduction.reduced, scene.reduction.solver)
+        return recover(scene, built, recovery, None if simulations is None else simulations.states, full_states)
 
 
 def _reduce(scene: Scene, model: FullModel, clock: Clock) -> Reduction:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.responses import MARCHED_UP_TO, full_simulator, simulate_reference
+from pmr.compare.responses import MARCHED_UP_TO, Simulated, full_simulator, simulate_reference
 from pmr.compare.trust import distrust
 from pmr.environment import Clock
 from pmr.errors import SimulationError
@@ -21,7 +21,6 @@ from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulate.excitation import Excitation
-from pmr.simulate.native import simulator as march
 from pmr.simulate.needs import needs_of_rows
 from pmr.simulate.petsc import Checkpoint, Recording, observe, respond
 
@@ -90,7 +89,7 @@ def reference(name: str, scene: Scene, model: FullModel, clock: Clock | None = N
     if name == "full":
         return _full(scene, model, clock or Clock(), (), None)[0]
     body = model.gather()
-    return None if body is None else _trusted(simulate_reference(name, scene, body, clock))
+    return None if body is None else _trusted(simulate_reference(name, scene, body, clock).response)
 
 
 def _full(
@@ -103,26 +102,27 @@ def _full(
         with clock.stage("full") as done:
             history = observe(model, excitation, recording, progress=done, checkpoint=checkpoint)
         return _trusted(respond(model, history)), history.states.q if len(steps) else None
-    response = _gathered(scene, model, clock)
-    if not len(steps) or model.size > MARCHED_UP_TO:
+    kept = steps if model.size <= MARCHED_UP_TO else ()
+    found = _gathered(scene, model, clock, kept)
+    response = None if found is None else found.response
+    if not len(kept):
         return response, None
-    body = model.gather()
-    states = None if body is None else march.simulate_at(body, excitation, np.asarray(steps)).q
-    return response, _spread(model, states)
+    return response, _spread(model, None if found is None or found.states is None else found.states.q)
 
 
-def _gathered(scene: Scene, model: FullModel, clock: Clock) -> Response | None:
-    """The full model's response on rank 0; where it fails there, all ranks know."""
-    body, response, failed = model.gather(), None, None
+def _gathered(scene: Scene, model: FullModel, clock: Clock, steps: Sequence[int]) -> Simulated | None:
+    """What the full model does, on rank 0; where it fails there, all ranks know."""
+    body, found, failed = model.gather(), None, None
     if body is not None:
         try:
-            response = _trusted(simulate_reference("full", scene, body, clock))
+            found = simulate_reference("full", scene, body, clock, steps)
+            _trusted(found.response)
         except SimulationError as error:
             failed = str(error)
     failed = model.comm.bcast(failed)
     if failed is not None:
         raise SimulationError(failed)
-    return response
+    return found
 
 
 def _trusted(response: Response) -> Response:

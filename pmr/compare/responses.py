@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -24,22 +24,32 @@ from pmr.scene import Scene
 from pmr.scene.choice import transverse
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulate import Excitation, exudyn
+from pmr.simulate.blocks import Block, Recorder
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
-from pmr.system.body import FullBody, SlidingBody
+from pmr.system.body import FullBody, SlidingBody, Trajectory
 
 if TYPE_CHECKING:
     from pmr.simulate.exudyn import Formulation
 
 Array = NDArray[np.float64]
 Done = Callable[[float], None]
-Respond = Callable[[Scene, SlidingBody, Done | None], Response]
+Indices = NDArray[np.int64]
+Respond = Callable[[Scene, SlidingBody, "Done | None", Indices], "Simulated"]
 
 #: A full model of more coordinates than this goes through PETSc, for diagonalising costs more.  Exudyn factorises in
 #: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
 MARCHED_UP_TO = 400
 #: s: what takes no longer is simulated several times, since the first one may be cold.
 SHORT = 0.2
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What a simulation says, and its states at the steps that were asked for, None where there were none."""
+
+    response: Response
+    states: Trajectory | None
 
 
 @dataclass(frozen=True)
@@ -56,24 +66,35 @@ class Simulations:
         ``<a>_vs_<b>``: largest difference of displacements in m between two simulators of the reduced model.
     first : str
         Which one simulated ``reduced``.
+    states : Trajectory, optional
+        What it says at the steps whose states were asked for.
     """
 
     responses: Mapping[str, Response]
     seconds: Mapping[str, float]
     agreement: Mapping[str, float]
     first: str
+    states: Trajectory | None = None
 
 
 def simulate(
-    scene: Scene, reduced: ReducedModel, references: Mapping[str, Response], clock: Clock | None = None
+    scene: Scene,
+    reduced: ReducedModel,
+    references: Mapping[str, Response],
+    clock: Clock | None = None,
+    steps: Sequence[int] = (),
 ) -> Simulations:
-    """Simulate the reduced model by every simulator that the scene names, beside the references it is compared with."""
+    """Simulate the reduced model by every simulator that the scene names, beside the references it is compared with.
+
+    States of the first one are kept at the `steps`, ascending numbers.
+    """
     clock = clock or Clock()
-    found = {}
+    simulated = {}
     for name in scene.simulation.simulators:
         label = "reduced" if len(scene.simulation.simulators) == 1 else f"reduced, {name}"
         with clock.stage(label), refused_growth(scene):
-            found[name] = _repeated(scene, reduced, name)
+            simulated[name] = _repeated(scene, reduced, name, steps=steps)
+    found = {name: one.response for name, one in simulated.items()}
     first = scene.simulation.simulators[0]
     responses = {"reduced": found[first], **references}
     seconds = {str(name): response.seconds for name, response in (*found.items(), *references.items())}
@@ -81,7 +102,7 @@ def simulate(
         f"{a}_vs_{b}": float(np.abs(found[a].displacement - found[b].displacement).max())
         for a, b in combinations(found, 2)
     }
-    return Simulations(responses, seconds, agreement, first)
+    return Simulations(responses, seconds, agreement, first, simulated[first].states)
 
 
 @contextmanager
@@ -105,15 +126,17 @@ def simulate_reduced(scene: Scene, reduced: ReducedModel, clock: Clock | None = 
     Its seconds are the median of several simulations, if these are short.
     """
     with (clock or Clock()).stage("reduced"), refused_growth(scene):
-        return _repeated(scene, reduced, scene.simulation.simulators[0], longest=SHORT)
+        return _repeated(scene, reduced, scene.simulation.simulators[0], longest=SHORT).response
 
 
-def simulate_reference(name: str, scene: Scene, full: FullBody, clock: Clock | None = None) -> Response:
-    """Response of ``"full"``, by a simulator that is not distributed, or of ``"ancf"``."""
+def simulate_reference(
+    name: str, scene: Scene, full: FullBody, clock: Clock | None = None, steps: Sequence[int] = ()
+) -> Simulated:
+    """Response of ``"full"``, by a simulator that is not distributed, or of ``"ancf"``, which has no states."""
     with (clock or Clock()).stage(name) as done:
         if name == "ancf":
-            return cable.response(scene, full.output_positions, done)
-        return _repeated(scene, full, full_simulator(scene, full.size), done, SHORT)
+            return Simulated(cable.response(scene, full.output_positions, done), None)
+        return _repeated(scene, full, full_simulator(scene, full.size), done, SHORT, steps)
 
 
 def check_installed(scene: Scene) -> None:
@@ -145,34 +168,48 @@ def full_simulator(scene: Scene, size: int) -> str:
 
 
 def _repeated(
-    scene: Scene, body: SlidingBody, simulator: str, done: Done | None = None, longest: float = np.inf
-) -> Response:
+    scene: Scene,
+    body: SlidingBody,
+    simulator: str,
+    done: Done | None = None,
+    longest: float = np.inf,
+    steps: Sequence[int] = (),
+) -> Simulated:
     """A response whose seconds are the median of several simulations, unless the first takes longer than `longest`."""
-    response, seconds = None, list[float]()
-    while response is None or (len(seconds) < scene.simulation.repeats and seconds[0] <= longest):
-        response = None  # two of them at once would take twice the memory
-        response = _RESPOND[simulator](scene, body, None if seconds else done)
-        seconds.append(response.seconds)
-    return replace(response, seconds=median(seconds))
+    found, seconds = None, list[float]()
+    while found is None or (len(seconds) < scene.simulation.repeats and seconds[0] <= longest):
+        found = None  # two of them at once would take twice the memory
+        found = _RESPOND[simulator](scene, body, None if seconds else done, np.asarray(steps, np.int64))
+        seconds.append(found.response.seconds)
+    return replace(found, response=replace(found.response, seconds=median(seconds)))
 
 
 def _in_exudyn(formulation: Formulation) -> Respond:
-    def response(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
+    def response(scene: Scene, body: SlidingBody, done: Done | None, steps: Indices) -> Simulated:
         excitation = Excitation.of(scene)
         trajectory = exudyn.simulate(
             body, excitation, progress=done, formulation=formulation, newton=scene.simulation.newton
         )
-        return respond(body, trajectory, excitation.path_rate, excitation.forces(body.input_names))
+        found = respond(body, trajectory, excitation.path_rate, excitation.forces(body.input_names))
+        return Simulated(found, trajectory.at(steps) if len(steps) else None)
 
     return response
 
 
-def _in_march(scene: Scene, body: SlidingBody, done: Done | None) -> Response:
-    """In modal coordinates throughout, which nobody keeps: what a response holds does not depend on them."""
+def _in_march(scene: Scene, body: SlidingBody, done: Done | None, steps: Indices) -> Simulated:
+    """In modal coordinates throughout, of which the steps alone are kept: a response does not depend on them."""
     form, excitation = modal_form(body), Excitation.of(scene)
     f = excitation.forces(body.input_names)
-    evaluation = Evaluation(form.body, excitation.times, excitation.path_rate, f)
-    return evaluation.response(march.follow(form, excitation, evaluation, progress=done))
+    evaluation, recorder = Evaluation(form.body, excitation.times, excitation.path_rate, f), Recorder(steps)
+
+    def take(block: Block) -> None:
+        evaluation(block)
+        if len(steps):
+            recorder(block)
+
+    ended = march.follow(form, excitation, take, progress=done)
+    states = march.in_coordinates(body, form, recorder.trajectory(ended), f[steps]) if len(steps) else None
+    return Simulated(evaluation.response(ended), states)
 
 
 _RESPOND: dict[str, Respond] = {

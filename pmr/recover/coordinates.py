@@ -83,6 +83,7 @@ class Recovery:
     """
 
     def __init__(self, model: FullModel, V: Array, reduced: ReducedModel, solver: str = "auto") -> None:
+        self.reduced = reduced
         self._model, self._V = model, np.ascontiguousarray(V[:, : reduced.size])
         self._share = slice(*model.M.getOwnershipRange())
         self._residual: ResidualFlexibility | None = None

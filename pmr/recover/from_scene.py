@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.responses import refused_growth
 from pmr.fullmodel.build import Built
 from pmr.recover.coordinates import Recovery, chosen_states
 from pmr.recover.fields import Seen, View, in_blocks, look
-from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.simulate import Excitation
-from pmr.simulate.native import simulator as march
+from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -58,26 +56,26 @@ def recovered_steps(scene: Scene) -> NDArray[np.int64]:
     return np.arange(0, scene.time.steps + 1, round(scene.recovery.every / scene.time.step))
 
 
-def recover(scene: Scene, built: Built, V: Array, reduced: ReducedModel, full_states: Array | None) -> Recovered:
+def recover(
+    scene: Scene, built: Built, recovery: Recovery, reduced: Trajectory | None, full_states: Array | None
+) -> Recovered:
     """Recover what the scene asks for; collective.
 
     Parameters
     ----------
     built : Built
-    V : (n_local, k) array
-        This rank's rows of the basis; its first columns are the reduced model's.
-    reduced : ReducedModel
+    recovery : Recovery
+    reduced : Trajectory
+        The reduced model's states at the `recovered_steps`, on rank 0.
     full_states : (S, n_local) array, optional
         This rank's rows of the full model's coordinates at the same times.
     """
     assert scene.recovery is not None
-    model, comm, steps = built.model, built.model.comm, recovered_steps(scene)
+    comm, steps = built.model.comm, recovered_steps(scene)
     states = None
-    if comm.rank == 0:
-        excitation = Excitation.of(scene)
-        with refused_growth(scene):
-            found = march.simulate_at(reduced, excitation, steps)
-        states = chosen_states(found, excitation.forces(reduced.input_names)[steps], np.arange(len(steps)))
+    if reduced is not None:
+        loads = Excitation.of(scene).forces(recovery.reduced.input_names)[steps]
+        states = chosen_states(reduced, loads, np.arange(len(steps)))
     states = comm.bcast(states)
     assert states is not None
     view = View.of(built.structure, comm, stresses=scene.recovery.stress)
@@ -88,5 +86,4 @@ def recover(scene: Scene, built: Built, V: Array, reduced: ReducedModel, full_st
         return look(view, states.t, blocks, pictured.tolist())
 
     whole = None if full_states is None else seen(in_blocks(full_states), pictures[:0])
-    few = seen(Recovery(model, V, reduced, scene.reduction.solver).blocks(states), pictures)
-    return Recovered(few, whole)
+    return Recovered(seen(recovery.blocks(states), pictures), whole)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -317,6 +317,14 @@ class Trajectory:
     quasi_static: Array | None = None
     peaks: Array | None = None
     surplus: float = np.nan
+
+    def at(self, steps: NDArray[np.int64]) -> Trajectory:
+        """Some of its steps, by their numbers (S,)."""
+        chosen: dict[str, Any] = {
+            name: None if (array := getattr(self, name)) is None else array[steps]
+            for name in ("t", "q", "v", "multipliers", "s", "quasi_static", "peaks")
+        }
+        return replace(self, **chosen)
 
     @property
     def deforming(self) -> Array:

@@ -68,14 +68,14 @@ def simulate(
         s, s_rate = float(excitation.along(body.domain)[0]), float(excitation.path_rate[0])
         initial = form.start(consistent_start(body, s, s_rate, initial))
     modal = simulate_modal(form, excitation, initial, progress)
-    return _in_coordinates(body, form, modal, excitation.forces(body.input_names))
+    return in_coordinates(body, form, modal, excitation.forces(body.input_names))
 
 
 def simulate_at(body: SlidingBody, excitation: Excitation, steps: Indices) -> Trajectory:
     """The states that `simulate` gives at the steps (S,), ascending numbers; no others are recorded."""
     form, recorder = modal_form(body), Recorder(steps)
     modal = recorder.trajectory(follow(form, excitation, recorder))
-    return _in_coordinates(body, form, modal, excitation.forces(body.input_names)[steps])
+    return in_coordinates(body, form, modal, excitation.forces(body.input_names)[steps])
 
 
 def simulate_modal(
@@ -156,7 +156,7 @@ def observe(
     return Observation(excitation.times[::every][:count], y, multipliers, seconds)
 
 
-def _in_coordinates(body: SlidingBody, form: ModalForm, modal: Trajectory, f: Array) -> Trajectory:
+def in_coordinates(body: SlidingBody, form: ModalForm, modal: Trajectory, f: Array) -> Trajectory:
     """A trajectory under loads f (T, i) in coordinates of the body, with the multipliers of its supports."""
     multipliers = np.empty((len(modal.t), len(body.row_names)))
     multipliers[:, form.rows] = modal.multipliers

@@ -1,0 +1,28 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr import scene as scenes
+from pmr.compare.responses import simulate
+from pmr.run import reduce
+from pmr.simulate import Excitation
+from pmr.simulate.native import simulator as march
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+SMALL = ("mesh.elements=12", "time.end=0.2", "reduction.coordinates=6", "slider.path=2.0", "simulation.repeats=1")
+
+
+@pytest.mark.parametrize(("simulator", "bound"), [("march", 1e-12), ("exudyn", 1e-6)])
+def test_states_are_those_of_the_simulation_that_made_the_response(simulator: str, bound: float) -> None:
+    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*SMALL, f"simulation.simulators=['{simulator}']"])
+    model, steps = reduce(scene).reduced, np.array([0, 50, 200])
+    found = simulate(scene, model, {}, steps=steps.tolist()).states
+    expected = march.simulate(model, Excitation.of(scene)).at(steps)
+    assert found is not None
+    for name in ("t", "s", "q", "v", "multipliers"):
+        here, there = getattr(found, name), getattr(expected, name)
+        assert here.shape == there.shape and np.abs(here - there).max() <= bound * np.abs(there).max(), name
+    assert simulate(scene, model, {}).states is None
