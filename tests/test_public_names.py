@@ -36,7 +36,7 @@ def test_importing_pmr_imports_nothing_heavy() -> None:
 
 
 def test_reduce_and_simulate_from_a_scene() -> None:
-    scene = pmr.load_scene("workflows/evolved_residual.toml", ["mesh.elements=10", "time.end=0.01"])
+    scene = pmr.load_scene("evolved_residual", ["mesh.elements=10", "time.end=0.01"])
     response = pmr.simulate(scene, pmr.reduce(scene).reduced)
     direct = importlib.import_module("pmr.run").run(scene)
     assert response.displacement.shape == direct.result.responses["reduced"].displacement.shape

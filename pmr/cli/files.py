@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import tomllib
-from importlib import resources
 from pathlib import Path
 
 from pmr.errors import InputError
-
-#: Where the workflows are: in an installed package below it, in a checkout beside it.
-WORKFLOWS = [Path(str(resources.files("pmr"))) / "workflows", Path(str(resources.files("pmr"))).parent / "workflows"]
+from pmr.scene.workflows import found
 
 
 def scene_file(asked: Path) -> Path:
@@ -20,10 +17,10 @@ def scene_file(asked: Path) -> Path:
     InputError
         If it is a study, which another command computes.
     """
-    found = _found(asked, "scene.toml")
-    if "kind" in _keys(found):
+    file = found(asked, "scene.toml")
+    if "kind" in _keys(file):
         raise InputError("command line", "SCENE", str(asked), f"that is a study: pmr study {asked} computes it")
-    return found
+    return file
 
 
 def study_file(asked: Path) -> Path:
@@ -34,20 +31,11 @@ def study_file(asked: Path) -> Path:
     InputError
         If it is a scene, which another command computes.
     """
-    found = _found(asked, "study.toml")
-    keys = _keys(found)
+    file = found(asked, "study.toml")
+    keys = _keys(file)
     if "kind" not in keys and {"body", "slider"} & set(keys):
         raise InputError("command line", "STUDY", str(asked), f"that is a scene: pmr run {asked} computes it")
-    return found
-
-
-def _found(asked: Path, within: str) -> Path:
-    if asked.is_dir() and (asked / within).is_file():
-        return asked / within
-    if asked.exists() or asked.name != str(asked):
-        return asked  # what is wrong with it, its reader says
-    named = [folder / part / f"{asked.stem}.toml" for folder in WORKFLOWS for part in ("", "studies", "residual")]
-    return next((file for file in named if file.is_file()), asked)
+    return file
 
 
 def _keys(file: Path) -> dict[str, object]:

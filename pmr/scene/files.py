@@ -10,6 +10,7 @@ from pmr.errors import InputError
 from pmr.scene.checks import check
 from pmr.scene.scene import Scene
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
+from pmr.scene.workflows import found
 
 #: Keys of earlier versions and what they are called now.
 MOVED = {
@@ -39,7 +40,8 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     Parameters
     ----------
     path : str or Path
-        TOML file; its ``extends`` key names a base file, relative to it, whose keys it overrides.
+        TOML file; its ``extends`` key names a base file, relative to it, whose keys it overrides.  Also a folder with
+        a ``scene.toml``, or the name of a workflow that comes with the package.
     overrides : sequence of str
         ``"section.key=value"`` with the value in TOML notation (a bare word is taken as a string).
 
@@ -48,7 +50,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     InputError
         One line: file, key, value, what is allowed.
     """
-    return vary(path, [override(text) for text in overrides])
+    return vary(found(Path(path), "scene.toml"), [override(text) for text in overrides])
 
 
 def vary(path: str | Path, changes: Sequence[Change]) -> Scene:

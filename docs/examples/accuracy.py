@@ -1,0 +1,40 @@
+"""
+Accuracy on order
+=================
+
+How many coordinates are enough, and how long may a step be?  Say which error is allowed, and both are chosen.
+"""
+
+import matplotlib.pyplot as plt
+
+import pmr
+
+tolerances = [0.05, 0.01, 0.002]
+found = {}
+for tolerance in tolerances:
+    changes = [f"accuracy.tolerance={tolerance}", "accuracy.mesh=false", "mesh.elements=24"]
+    summary = pmr.run(pmr.load_scene("evolved_tolerance", changes)).result.summary
+    chosen, budget = summary["accuracy"]["chosen"], summary["budget"]
+    found[tolerance] = (
+        budget["reduction"]["beam"],
+        budget["step"]["beam"],
+        chosen["step"],
+        summary["accuracy"]["holds"],
+    )
+    extra = " with residual inertia" if chosen["residual_inertia"] else ""
+    print(f"{100 * tolerance:g} %: {chosen['coordinates']} coordinates{extra}, steps of {1e3 * chosen['step']:.3g} ms")
+
+# %%
+# Both parts are signals, and what is held is their sum, in which they cancel in part.
+
+figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
+places = range(len(tolerances))
+reduction, step = ([100 * found[tolerance][k] for tolerance in tolerances] for k in (0, 1))
+axes.bar([k - 0.2 for k in places], reduction, 0.4, label="reduction")
+axes.bar([k + 0.2 for k in places], step, 0.4, label="time step")
+for k, tolerance in enumerate(tolerances):
+    axes.hlines(100 * tolerance, k - 0.4, k + 0.4, color="k")
+axes.set(yscale="log", ylabel="parts of the error in %", title="lines: what was allowed")
+axes.set_xticks(places, [f"{100 * t:g} %" for t in tolerances])
+axes.legend()
+plt.show()

@@ -1,0 +1,134 @@
+"""The examples of the manual run, and the figures on their pages are what they should be."""
+
+from __future__ import annotations
+
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
+Found = dict[str, Any]
+CHECKS: dict[str, Callable[[Found], None]] = {}
+
+
+def figures_of(check: Callable[[Found], None]) -> Callable[[Found], None]:
+    CHECKS[check.__name__] = check
+    return check
+
+
+@figures_of
+def sliding_beam(found: Found) -> None:
+    published, dropped, six = found["errors"].values()
+    assert published["tip"] == pytest.approx(0.0113, rel=0.05) and published["beam"] == pytest.approx(0.0182, rel=0.05)
+    assert dropped["beam"] < published["beam"] and six["beam"] < 0.003
+
+
+@figures_of
+def own_beam(found: Found) -> None:
+    assert "0 to 3 m" in found["refused"] and found["error"] < found["estimate"] < 2.0 * found["error"] < 5e-4
+    assert 0.7 < found["stiffest"] / 3.0 < 0.8
+
+
+@figures_of
+def residual_flexibility(found: Found) -> None:
+    errors = found["errors"]
+    for count in found["counts"]:
+        assert errors["with residual flexibility", count] < 0.1 * errors["modes alone", count]
+        assert errors["and its inertia", count] < errors["with residual flexibility", count]
+
+
+@figures_of
+def pushing_pads(found: Found) -> None:
+    (pulls, holds), (least, pushes) = found["largest"].values()
+    assert least >= 0.0 > pulls and pushes > 1.5 * holds
+
+
+@figures_of
+def crane(found: Found) -> None:
+    lowest = [curve.full[:, 0].min() for curve in found["curves"].values()]
+    assert lowest == sorted(lowest, reverse=True) and max(found["sway"].values()) < 1e-3
+    for curve in found["curves"].values():
+        np.testing.assert_allclose(curve.reduced[:, 0], curve.full[:, 0], rtol=1e-4)
+
+
+@figures_of
+def real_time(found: Found) -> None:
+    assert 3.2 < found["s"][-1] <= 3.25 + 1e-9 and np.all(np.diff(found["s"]) >= 0.0)
+    static = -30.0 * (5.0 - found["s"][-1]) ** 2 * 5.0 / (3.0 * 5e4)  # a beam on a pin and a roller, overhanging
+    assert found["tip"][-500:].mean() == pytest.approx(static, rel=0.1)
+
+
+@figures_of
+def velocity_feedback(found: Found) -> None:
+    assert max(found["before"]) < 1e-6 and min(found["after"]) > 0.01
+
+
+@figures_of
+def fmu(found: Found) -> None:
+    assert found["difference"] < 1e-12 < found["motion"].tip.max()
+
+
+@figures_of
+def matrices(found: Found) -> None:
+    assert found["errors"]["tip"] < 0.01 and found["size"]["full"] == 25 * 27
+    assert found["M"].sum() == pytest.approx(3.0 * found["RHO"] * found["SIZE"].prod())  # rigid translations
+
+
+@figures_of
+def own_mesh(found: Found) -> None:
+    inertia = 0.006 * (0.16**3 / 12.0 + 2.0 * 0.1 * 0.08**2)
+    lever, out = 0.6, 2.2  # m between the pads, and from the mouth to the tip, in the beginning
+    beam = 1e3 * 500.0 * out**2 * (out + lever) / (3.0 * 210e9 * inertia)
+    assert beam < -found["lowest"] < 4.0 * beam  # flanges give way under the pads
+
+
+@figures_of
+def shell_boom(found: Found) -> None:
+    assert found["summary"]["coordinates"] == {"full": 6390, "reduced": 10}
+    assert found["summary"]["estimate"]["tip"] < 1e-3 and 20e6 < found["peak"] < 80e6
+    assert "<canvas" in found["report"]
+
+
+@figures_of
+def accuracy(found: Found) -> None:
+    for tolerance, (reduction, step, _, holds) in found["found"].items():
+        assert max(reduction, step) <= tolerance and holds
+    steps = [one[2] for one in found["found"].values()]
+    assert steps == sorted(steps, reverse=True)
+
+
+@figures_of
+def study(found: Found) -> None:
+    for stiffness in found["stiffnesses"]:
+        chosen = np.array([row for row in found["rows"] if row[1] == stiffness])
+        assert np.all(np.diff(chosen[:, 2]) > 0.0) and np.all(np.diff(chosen[:, 3]) > 0.0)
+
+
+@figures_of
+def saved_model(found: Found) -> None:
+    sideways = found["sideways"]
+    reduced, stopped, stronger = (motion.displacement[:, sideways] for motion in found["motions"].values())
+    np.testing.assert_allclose(stronger, 3.0 * reduced, atol=1e-9)  # linear in its loads
+    assert abs(stopped - reduced).max() > 1e-4
+
+
+def test_every_example_is_checked_and_short() -> None:
+    scripts = {file.stem: file.read_text().splitlines() for file in EXAMPLES.glob("*.py")}
+    assert set(scripts) == set(CHECKS) and len(scripts) >= 12
+    assert max(map(len, scripts.values())) < 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHECKS)
+def test_figures(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plt, "show", lambda: None)
+    plt.switch_backend("agg")
+    found = runpy.run_path(str(EXAMPLES / f"{name}.py"))
+    CHECKS[name](found)
+    assert plt.get_fignums()
+    plt.close("all")
