@@ -95,6 +95,13 @@ def shell_boom(found: Found) -> None:
 
 
 @figures_of
+def weld(found: Found) -> None:
+    stress, cycles = found["stress"], found["cycles"]
+    assert stress.max() > 1.0 and stress.min() < -1.0 and len(stress) == 10001
+    assert 1e-6 * cycles["range"].max() == pytest.approx(stress.max() - stress.min(), rel=1e-9)
+
+
+@figures_of
 def accuracy(found: Found) -> None:
     for tolerance, (reduction, step, _, holds) in found["found"].items():
         assert max(reduction, step) <= tolerance and holds

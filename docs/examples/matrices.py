@@ -18,7 +18,6 @@ import numpy as np
 import scipy.sparse as sp
 
 import pmr
-from pmr.files.matrices import GivenMatrices
 
 E, NU, RHO = 11e9, 0.3, 450.0  # a wood, taken as isotropic
 SIZE, CELLS = np.array([4.0, 0.12, 0.2]), np.array([24, 2, 2])
@@ -59,8 +58,7 @@ rows, columns = np.repeat(dofs, 24, axis=1).ravel(), np.tile(dofs, 24).ravel()
 K, M = (sp.csr_matrix((np.tile(A.ravel(), len(cells)), (rows, columns))) for A in brick(SIZE / CELLS))
 sides = {"tail": (0, 0), "tip": (0, -1), "right": (1, 0), "left": (1, -1), "bottom": (2, 0), "top": (2, -1)}
 groups = {name: np.take(index, end, axis=axis).ravel() for name, (axis, end) in sides.items()}
-node, direction = np.divmod(np.arange(3 * len(points)), 3)
-given = GivenMatrices(M, K, points, node, direction, groups)
+given = pmr.from_matrices(M, K, points, groups)
 
 # %%
 # From here on it is a scene like any other: pads on the faces, a support, loads.

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from pmr.errors import InputError
 from pmr.errors.text import hint
+from pmr.scene.workflows import workflow, workflows
 
 #: The file (or option) in which each key of the merged data was written.
 Origins = dict[tuple[str, ...], str]
@@ -67,7 +68,7 @@ class TomlFile:
 
     @classmethod
     def read(cls, path: str | Path, dialect: Dialect) -> TomlFile:
-        """Read a file; its ``extends`` key names a base file, relative to it, whose keys it overrides.
+        """Read a file; its ``extends`` key names a base file, relative to it, or a workflow, whose keys it overrides.
 
         Raises
         ------
@@ -138,9 +139,12 @@ class TomlFile:
             extends = data.pop("extends")
             if not isinstance(extends, str):
                 raise InputError(str(path), "extends", extends, f"the name of a {what} is allowed")
-            if not is_file(path.parent / extends):
-                raise InputError(str(path), "extends", extends, f"the name of a {what} is allowed; there is none")
-            base = self._with_base(path.parent / extends, (*seen, path.resolve()))
+            beside = path.parent / extends
+            base_file = beside if is_file(beside) else workflow(extends)
+            if base_file is None:
+                allowed = f"{hint(extends, workflows())}the name of a {what} is allowed; there is none"
+                raise InputError(str(path), "extends", extends, allowed)
+            base = self._with_base(base_file, (*seen, path.resolve()))
             for key in self.dialect.own:
                 base.pop(key, None)
         self._forget_alternatives(base, data)
@@ -218,7 +222,8 @@ def is_file(path: Path) -> bool:
 
 def _text(path: Path, what: str) -> str:
     if not is_file(path):
-        raise InputError(str(path), "", None, f"no such {what}")
+        close = hint(path.stem, workflows()) if path.name == str(path) else ""
+        raise InputError(str(path), "", None, f"no such {what}; {close}".removesuffix("; ").rstrip())
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:

@@ -5,15 +5,26 @@ from __future__ import annotations
 from importlib import resources
 from pathlib import Path
 
-#: Where they are: in an installed package below it, in a checkout beside it.
-WORKFLOWS = [Path(str(resources.files("pmr"))) / "workflows", Path(str(resources.files("pmr"))).parent / "workflows"]
+_HERE = Path(str(resources.files("pmr")))
+
+
+def workflows() -> dict[str, Path]:
+    """All of them: in an installed package below it, in a checkout beside it."""
+    folders = (_HERE.parent / "workflows", _HERE / "workflows")
+    return {file.stem: file for folder in folders for file in (*folder.glob("*/*.toml"), *folder.glob("*.toml"))}
+
+
+def workflow(name: str) -> Path | None:
+    """The file of a workflow, if there is one of this name."""
+    return workflows().get(name.removesuffix(".toml"))
 
 
 def found(asked: Path, within: str) -> Path:
     """The file itself, the one called `within` in a folder, or a workflow by its name; else what was asked for."""
-    if asked.is_dir() and (asked / within).is_file():
-        return asked / within
-    if asked.exists() or asked.name != str(asked):
-        return asked  # what is wrong with it, its reader says
-    named = [folder / part / f"{asked.stem}.toml" for folder in WORKFLOWS for part in ("", "studies", "residual")]
-    return next((file for file in named if file.is_file()), asked)
+    try:
+        if asked.is_dir() and (asked / within).is_file():
+            return asked / within
+        there = asked.exists()
+    except OSError:  # a name that no file can have
+        there = True
+    return asked if there else workflow(str(asked)) or asked  # what is wrong with it, its reader says

@@ -71,6 +71,11 @@ def test_workflows_are_found_by_their_names_anywhere(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     assert scene_file(Path("paper_simple")).name == "paper_simple.toml"
     assert study_file(Path("error_map")).parent.name == "studies"
+    Path("stiff.toml").write_text("extends = 'boom_beam'\ntitle = 'stiff'\npads.tail.stiffness = 1e9")
+    assert scenes.load("stiff.toml").pads[0].stiffness == 1e9
+    for asked in ("paper_simpel", "paper_simpel.toml"):
+        with pytest.raises(InputError, match="no such scene file; did you mean 'paper_simple'"):
+            scenes.load(asked)
     Path("paper_simple.toml").write_text("title = 'mine'")
     assert scene_file(Path("paper_simple.toml")) == Path("paper_simple.toml")
 

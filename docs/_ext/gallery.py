@@ -1,0 +1,42 @@
+"""What examples need of the gallery: their order, and pages of reports in frames, to play and to turn.
+
+A script leaves such a page as HTML in `report`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+#: In which order examples are shown.
+EXAMPLES = (
+    "sliding_beam", "own_beam", "residual_flexibility", "saved_model", "study", "accuracy", "pushing_pads", "crane",
+    "shell_boom", "weld", "own_mesh", "matrices", "real_time", "velocity_feedback", "fmu",
+)  # fmt: skip
+FRAME = """
+.. raw:: html
+
+   <iframe class="report" src="../_static/{name}" title="Report" loading="lazy"></iframe>
+   <p><a href="../_static/{name}">The report on a page of its own</a></p>
+
+"""
+
+
+def report(block: Any, variables: dict[str, Any], settings: dict[str, Any]) -> str:
+    """Markup for one block of a script; the page goes to what is copied with the manual."""
+    text = variables["example_globals"].pop("report", None)
+    if text is None:
+        return ""
+    name = f"report_{Path(variables['src_file']).stem}.html"
+    Path(settings["src_dir"], "_static", name).write_text(text, encoding="utf-8")
+    return FRAME.format(name=name)
+
+
+def in_order(file: str) -> int:
+    """Place of an example."""
+    return EXAMPLES.index(Path(file).stem)
+
+
+def _get_sg_image_scraper() -> Any:
+    """By this name sphinx-gallery looks for it."""
+    return report

@@ -1,0 +1,51 @@
+"""
+Stress at a weld, and its load cycles
+=====================================
+
+A weld is sized by what the stress beside it does over time, with its sign, and by how often.  A probe in a scene
+follows the stress at a place through every step, at the cost of one more output; rainflow counts its cycles, and
+pandas reads them.
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import matplotlib.pyplot as plt
+
+import pmr
+import pmr.results
+
+SCENE = """
+extends = "boom_shell"
+compare.against = []
+
+[mesh]
+size = 0.15
+along = 0.4
+
+[[probes]]
+name = "weld"
+at = [1.5, 0.0, -0.2]
+measures = ["stress"]
+face = "outer"
+"""
+
+# %%
+# The weld is on the bottom of the boom, at a place that the mouth passes twice.
+
+with TemporaryDirectory() as folder:
+    Path(folder, "weld.toml").write_text(SCENE)
+    pmr.run(pmr.load_scene(Path(folder, "weld.toml"), ["simulation.repeats=1"])).result.save(Path(folder))
+    found = pmr.results.load(folder)
+
+stress = 1e-6 * found["reduced"]["weld stress along [Pa]"]
+cycles = found["cycles"].query("probe == 'weld stress along'")
+print(cycles[["range", "mean", "count"]].head(3).to_string(index=False, float_format="{:.3g}".format))
+
+# %%
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained", width_ratios=[2, 1])
+left.plot(stress.index, stress, lw=0.7)
+left.set(xlabel="t in s", ylabel="stress along the boom in MPa")
+right.hist(1e-6 * cycles["range"], weights=cycles["count"], bins=12)
+right.set(xlabel="range in MPa", ylabel="cycles")
+plt.show()
