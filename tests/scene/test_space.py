@@ -132,7 +132,6 @@ def test_a_wall_is_a_long_plate() -> None:
         ("body.box.wall=0.5", "body.box.wall = 0.5: less than width and height is allowed"),
         ("slider.offsets=[0.1]", "slider.offsets"),
         ("pads=[]", "nothing slides"),
-        (f"pads=[{{{MOUTH},unilateral=true}}]", "compare.against = ['full']: [] is allowed"),
         (f"pads=[{{{MOUTH},clearance=1e-3}}]", "pads[0].clearance = 0.001: 0 is allowed unless unilateral = true"),
         ("compare.against=['ancf']", "the ANCF reference needs body.profile"),
         ("reduction={basis='eigenmodes',positions='nodes'}", "'path' or a list"),
