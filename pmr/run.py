@@ -190,6 +190,8 @@ def _cached_or_reduced(scene: Scene, model: FullModel, clock: Clock, cached: Cac
         return Reduced(made.snapshots, made.basis, made.reduced)
 
     asked = scene.reduction.model_dump(mode="json") | {"path": scene.travel, "searched": scene.ordered is not None}
+    if scene.reduction.file is not None:
+        asked["file"] = scene.hash  # which has the content
     found = cached.reduced(asked, make)
     found = with_provenance(found, provenance(scene, found.basis))
     return Reduction(model, found.snapshots, found.basis, found.model)

@@ -89,7 +89,7 @@ def _place(on: str | float) -> str:
 
 def _describe_reduction(reduction: scenes.Reduction) -> str:
     pool = f"POD of {reduction.snapshots} x {reduction.modes} eigenmodes"
-    basis = pool if reduction.pooled else "free modes"
+    basis = pool if reduction.pooled else reduction.basis.replace("_", " ")
     return f"{basis} and residual flexibility" if reduction.flexibility else basis
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from pmr import environment
 from pmr.fem.compat import versions
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduce.galerkin import reduced_model, with_held_coordinates
+from pmr.reduce.given import given_basis, given_vectors
 from pmr.reduce.residual.model import flexible_model, modal_model
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
@@ -27,7 +30,7 @@ SEARCHED_MODES = 34
 
 
 def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None) -> Snapshots:
-    """Eigenmodes with the slider held at several positions, or with the sliders released.
+    """Eigenmodes with the slider held at several positions, or with the sliders released; or vectors from a file.
 
     Raises
     ------
@@ -36,6 +39,8 @@ def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None)
     ConvergenceError
         If a solver fails.
     """
+    if scene.reduction.file is not None:
+        return given_vectors(model, scene.reduction.file)
     if not scene.reduction.pooled:
         return free_modes(model, scene.reduction.coordinates, scene.reduction.solver, _enrichment(scene, model), body)
     return eigenmode_snapshots(model, scene)
@@ -50,6 +55,8 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
         If the snapshots span too little.
     """
     choice = scene.reduction
+    if choice.basis == "file":
+        return given_basis(model, snapshots, choice)
     if not choice.pooled:
         return modal_basis(snapshots)
     if choice.flexibility:
@@ -60,9 +67,9 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 def provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
     """What a reduced model says of where it comes from."""
     described = scene.model_dump(mode="json", exclude={"published"})
-    if scene.mesh.file is not None:
+    for section, file in scene.files.items():
         # The model travels; its folders stay, the hash has the content.
-        described["mesh"]["file"] = scene.mesh.file.name
+        described[section]["file"] = file.name
     return {
         "scene": described,
         "scene_hash": scene.hash,
@@ -74,12 +81,13 @@ def provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
 
 def summary(scene: Scene, snapshots: Snapshots, basis: Basis, reduced: ReducedModel) -> dict[str, Any]:
     """``basis`` of summary.json."""
+    largest = float(snapshots.residuals.max())
     return {
         "basis": {
             "kind": description(scene, basis),
             "kappa": basis.kappa(),
             "singular_values": basis.sigma.tolist(),
-            "largest_residual": float(snapshots.residuals.max()),
+            "largest_residual": None if np.isnan(largest) else largest,
             "rows_left_out": list(reduced.left_out),
         }
     }
@@ -116,7 +124,10 @@ def _enrichment(scene: Scene, model: FullModel) -> int:
 def description(scene: Scene, basis: Basis) -> str:
     """The basis in words."""
     choice = scene.reduction
-    if not choice.pooled:
+    if choice.basis == "file":
+        rigid = "rigid-body modes and " if choice.flexibility else ""
+        kind = f"{rigid}vectors from a file, orthonormal in the {basis.product} product"
+    elif not choice.pooled:
         kind = "eigenmodes on the fixed supports with the sliders released, M-orthonormal"
     else:
         rigid = "rigid-body modes of the body without its sliders and " if choice.flexibility else ""

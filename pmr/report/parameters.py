@@ -129,7 +129,9 @@ def _method(scene: Scene) -> Rows:
     yield "simulated time", f"{plain(time.end)}{SPACE}s"
     yield "step", f"{plain(1e3 * time.step)}{SPACE}ms, {plain(time.steps)} steps"
     yield "integrator", f"generalised-α, ρ∞ = {plain(time.rho_inf)}"
-    if not reduction.pooled:
+    if reduction.file is not None:
+        yield "basis", f"{reduction.coordinates} vectors of {PurePath(reduction.file).name}"
+    elif not reduction.pooled:
         yield "basis", f"{reduction.coordinates} eigenmodes on the fixed supports, sliders released"
     else:
         positions = reduction.positions

@@ -145,7 +145,7 @@ def basis(result: RunResult, prefix: str) -> Block | None:
     if len(transverse(result.scene)) == 1:
         rows.append((drawing(f"{prefix}-basis", shapes.basis, captions.basis(result), result),))
     row = []
-    if result.scene.reduction.basis != "free_modes":  # M-orthonormal modes have singular values of 1, all of them
+    if result.scene.reduction.pooled:  # others have singular values of 1, all of them
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
         row.append(drawing(f"{prefix}-singular-values", spectra.singular_values, caption, result))
     if result.frequencies.reduced.size:

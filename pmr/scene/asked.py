@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from pmr.scene.section import Count, Distance, Place, Quantity, Section, Share, Switch, Time
+from pmr.scene.section import Count, Distance, ExistingFile, Place, Quantity, Section, Share, Switch, Time
 
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
 OutputKind = Literal["beam", "tip", "pad_force", "velocity"]
@@ -107,7 +107,7 @@ class Reduction(Section):
     `basis`: ``free_modes``, the lowest eigenmodes with all that slides released (free-interface modes);
     ``eigenmodes`` takes `modes` of them with the slider held at each of several `positions`, compressed by POD;
     ``paper`` does the same as Weyrer et al. do, for whom every row of a support costs a coordinate, the weakest of the
-    basis (`pmr.reduce.galerkin`).  Any model can have any of them.
+    basis (`pmr.reduce.galerkin`); ``file`` reads vectors from a `file`.  Any model can have any of them.
 
     `flexibility` adds what the basis leaves out, quasi-static, as tables in s: far fewer coordinates do then, 6 being
     the default for free modes, which have it unless told otherwise.
@@ -117,7 +117,10 @@ class Reduction(Section):
     order more accurate for smooth motions, at two to three times the cost of a step.
     """
 
-    basis: Literal["free_modes", "eigenmodes", "paper"] = Field(default="free_modes", description="See above")
+    basis: Literal["free_modes", "eigenmodes", "paper", "file"] = Field(default="free_modes", description="See above")
+    file: ExistingFile | None = Field(
+        default=None, description="npz file with an array V: a column a vector on the full model's coordinates"
+    )
     flexibility: Switch = Field(default=False, description="Residual flexibility; true by default for free modes")
     residual_inertia: Switch = Field(default=False, description="Inertia of what the modes leave out")
     estimate: Switch = Field(default=True, description="Whether the error is estimated")
@@ -141,12 +144,12 @@ class Reduction(Section):
     @property
     def pooled(self) -> bool:
         """Whether the basis is the POD of eigenmodes at several positions."""
-        return self.basis != "free_modes"
+        return self.basis in ("eigenmodes", "paper")
 
     @property
     def needs_inertia(self) -> bool:
         """Whether tables of the residual part's inertia are needed: to add it, or to estimate what it would do."""
-        return not self.pooled and self.flexibility and (self.estimate or self.residual_inertia)
+        return self.basis == "free_modes" and self.flexibility and (self.estimate or self.residual_inertia)
 
 
 class Simulation(Section):

@@ -55,7 +55,9 @@ def _reduction(scene: Scene) -> None:
     if choice.basis == "paper" and choice.flexibility:
         allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility: supports then need no coordinates"
         raise _refusal("reduction.basis", choice.basis, allowed)
-    if choice.residual_inertia and (choice.pooled or not choice.flexibility):
+    if (choice.basis == "file") != (choice.file is not None):
+        raise _refusal("reduction.file", choice.file and str(choice.file), "a file is allowed with basis = 'file'")
+    if choice.residual_inertia and not (choice.basis == "free_modes" and choice.flexibility):
         allowed = "free modes with flexibility = true are allowed to have the inertia of what they leave out"
         raise _refusal("reduction.residual_inertia", True, allowed)
     if choice.pooled:
@@ -141,7 +143,7 @@ def _accuracy(scene: Scene) -> None:
     key = "accuracy" if scene.accuracy is not None else "budget"
     if scene.accuracy is not None and scene.budget is not None:
         raise _refusal("budget", None, "accuracy or budget is allowed, not both")
-    if choice.pooled or not (choice.flexibility and choice.estimate):
+    if choice.basis != "free_modes" or not (choice.flexibility and choice.estimate):
         allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"
         raise _refusal(key, None, allowed)
     if len(set(asked.outputs)) < len(asked.outputs):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from pathlib import Path
 
 from pydantic import Field
 
@@ -60,9 +61,15 @@ class Scene(Section):
         A key at its default counts as one that is not there: what was computed stays valid when there is a new key.
         """
         content = self.model_dump(mode="json", exclude={"title", "published", "simulation"}, exclude_defaults=True)
-        if self.mesh.file is not None:
-            content["mesh"]["file"] = hashlib.sha256(self.mesh.file.read_bytes()).hexdigest()
+        for section, file in self.files.items():
+            content[section]["file"] = hashlib.sha256(file.read_bytes()).hexdigest()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """What is read to make the model, by the section that names it."""
+        named = {"mesh": self.mesh.file, "reduction": self.reduction.file}
+        return {section: file for section, file in named.items() if file is not None}
 
     @property
     def ordered(self) -> Accuracy | Budget | None:

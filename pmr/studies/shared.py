@@ -56,6 +56,8 @@ def _model(scene: Scene) -> FullModel:
 def modes_tasks(scene: Scene) -> dict[str, Task]:
     """``modes0``, ``modes1``, ...: the scene's eigenmodes at each of its slider positions; free modes are one task."""
     choice = scene.reduction
+    if choice.basis == "file":
+        return {}
     deciding = Reduction(
         basis=choice.basis,
         solver=choice.solver,
@@ -102,8 +104,11 @@ def frequencies_task(scene: Scene) -> Task:
 def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
     """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
     from pmr.fem.distributed import tall
+    from pmr.reduce.given import given_vectors
     from pmr.snapshots import Snapshots
 
+    if scene.reduction.file is not None:
+        return given_vectors(model_of(scene), scene.reduction.file)
     taken = [needs[f"modes{k}"].arrays for k in range(sum(name.startswith("modes") for name in needs))]
     phi = np.concatenate([modes["phi"] for modes in taken], axis=1)
     omega, s, residuals = (np.concatenate([modes[name] for modes in taken]) for name in ("omega", "s", "residuals"))

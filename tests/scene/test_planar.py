@@ -79,7 +79,7 @@ REFUSED = [
     ("reduction.flexibility=true", "reduction.basis = 'paper'", "'eigenmodes' or 'free_modes' is allowed"),
     ("reduction.residual_inertia=true", "reduction.residual_inertia = True", "free modes with flexibility"),
     ("reduction.estimate=1", "reduction.estimate = 1", "boolean"),
-    ("reduction.basis=craig", "reduction.basis = 'craig'", "'free_modes', 'eigenmodes' or 'paper'"),
+    ("reduction.basis=craig", "reduction.basis = 'craig'", "'free_modes', 'eigenmodes', 'paper' or 'file'"),
     ("time.step=0.7", "time.step = 0.7", "whole number of steps"),
     ("time.rho_inf=1.1", "time.rho_inf = 1.1", "less than or equal to 1"),
     ("mesh.file='none.msh'", "mesh.file", "no such file"),
