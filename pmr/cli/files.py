@@ -33,7 +33,7 @@ def study_file(asked: Path) -> Path:
     """
     file = found(asked, "study.toml")
     keys = _keys(file)
-    if "kind" not in keys and {"body", "slider"} & set(keys):
+    if "kind" not in keys and {"body", "slider", "sections"} & set(keys):
         raise InputError("command line", "STUDY", str(asked), f"that is a scene: pmr run {asked} computes it")
     return file
 

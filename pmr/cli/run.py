@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pmr.environment import Progress as Report
     from pmr.report.marks import Row
     from pmr.run import Outcome
+    from pmr.run.booms import BoomOutcome
 
 
 def run(
@@ -85,7 +86,7 @@ def run(
     ]
     names = [file.resolve().name if file.is_dir() else file.stem for file in scene_files]
     files = [scene_file(file) for file in scene_files]
-    loaded = [(name, found, scenes.load(found, asked)) for name, found in zip(names, files, strict=True)]
+    loaded = [(name, found, scenes.load_any(found, asked)) for name, found in zip(names, files, strict=True)]
     if len(set(names)) != len(names):
         raise InputError("command line", "SCENE", names, "names must differ")
     environment.check_installed("weasyprint")  # before the work, not after it
@@ -98,6 +99,7 @@ def run(
     from pmr.environment import Clock
     from pmr.report.document import REPORT_FILES, write_report
     from pmr.run import run as run_scene
+    from pmr.run.booms import BoomOutcome, run_boom
     from pmr.simulate.petsc import Checkpoint
 
     first = MPI.COMM_WORLD.rank == 0
@@ -107,7 +109,10 @@ def run(
         checkpoint = Checkpoint(where / f"full-{scene.hash}.checkpoint")
         with _progress(name, shown=first) as progress:
             try:
-                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), checkpoint, cache)
+                if isinstance(scene, scenes.Boom):
+                    outcome: Outcome | BoomOutcome | None = run_boom(scene, MPI.COMM_WORLD, Clock(progress))
+                else:
+                    outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), checkpoint, cache)
             except InputError as error:
                 raise error.found_in(str(file)) from None
             except (np.linalg.LinAlgError, ArithmeticError) as error:
@@ -116,12 +121,12 @@ def run(
         if outcome is not None:
             if where != folder:
                 removed(folder, REPORT_FILES)  # the one of all scenes, which no longer belongs to what is there
-            _save(outcome, where)
+            _save_boom(outcome, where) if isinstance(outcome, BoomOutcome) else _save(outcome, where)
             checkpoint.file.unlink(missing_ok=True)
             outcomes.append(outcome)
     if outcomes:
         for outcome in outcomes:
-            _print_table(outcome)
+            _print_boom(outcome) if isinstance(outcome, BoomOutcome) else _print_table(outcome)
         with _progress("report", shown=first) as progress:
             progress("write", 0.0)
             try:
@@ -147,6 +152,17 @@ def _save(outcome: Outcome, folder: Path) -> None:
         outcome.reduced.save(new / "reduced.npz")
         if recovery is not None and recovery.series and result.fields is not None:
             write_series(new, "fields", result.fields)
+
+
+def _save_boom(outcome: BoomOutcome, folder: Path) -> None:
+    """The same of a boom, with the reduced model of every section."""
+    from pmr.report.document import REPORT_FILES
+    from pmr.results import RESULT_FILES
+
+    with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
+        outcome.result.save(new)
+        for name, model in outcome.reduced.items():
+            model.save(new / f"reduced-{name}.npz")
 
 
 def _to(tolerance: str) -> list[str]:
@@ -200,6 +216,27 @@ def _print_table(outcome: Outcome) -> None:
         say(out, f"warning: {warning}")
     for pair, length in summary["agreement"].items():
         say(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
+    out.print()
+
+
+def _print_boom(outcome: BoomOutcome) -> None:
+    """Errors, coordinates of each section and solver seconds."""
+    from pmr.report.booms.chapter import rows
+
+    result = outcome.result
+    summary = result.summary
+    table = Table(title=visible(result.scene.title), title_justify="left", title_style="bold")
+    for head in ("e_NRMS, or largest value", "", "here"):
+        table.add_column(head, justify="right" if head == "here" else "left")
+    for row in rows(result):
+        table.add_row(*map(visible, (row.comparison, row.place, row.here)))
+    out.print(table)
+    each = ", ".join(f"{one['name']} {one['coordinates']['reduced']}" for one in summary["sections"])
+    seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
+    coordinates = summary["coordinates"]
+    say(out, f"{coordinates['full']} -> {coordinates['reduced']} coordinates ({each}); simulated in: {seconds}")
+    for warning in summary["warnings"]:
+        say(out, f"warning: {warning}")
     out.print()
 
 

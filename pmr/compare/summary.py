@@ -14,7 +14,7 @@ from pmr.compare.responses import Simulations, full_simulator, quantities
 from pmr.files import jsonfile
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
-from pmr.scene import Scene
+from pmr.scene import Boom, Scene
 from pmr.simulate import Excitation, contact_step, resolution
 
 
@@ -43,7 +43,7 @@ def gathered(parts: Iterable[Part]) -> dict[str, Any]:
     return summary | {"warnings": warnings + jsonfile.remarks(summary)}
 
 
-def made_with(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
+def made_with(scene: Scene | Boom, libraries: Mapping[str, str] | None = None) -> Part:
     """What the result is of, and what it was made with: `libraries` are those beside pmr's own."""
     return Part(
         {

@@ -73,6 +73,8 @@ class Pad:
         Whether it only pushes.
     clearance : float, m
         How far the body at rest is from a unilateral one.
+    travel : tuple of float, m, optional
+        Smallest and largest s of this moving pad, where they are not those of all pads.
     """
 
     name: str
@@ -84,6 +86,7 @@ class Pad:
     stiffness: float = 3e8
     unilateral: bool = False
     clearance: float = 0.0
+    travel: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for key in ("length", "width", "stiffness"):
@@ -131,6 +134,8 @@ class Pads:
     sliders : tuple of Slider
     travel : tuple of float, m
         Smallest and largest s.
+    ends : tuple of Support
+        Places that another body holds, not the ground: rows whose stiffness is that body's matter.
     """
 
     fixed: tuple[Pad, ...] = ()
@@ -138,6 +143,7 @@ class Pads:
     supports: tuple[Support, ...] = ()
     sliders: tuple[Slider, ...] = ()
     travel: tuple[float, float] = (0.0, 1.0)
+    ends: tuple[Support, ...] = ()
 
     def __post_init__(self) -> None:
         low, high = self.travel
@@ -206,7 +212,8 @@ def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints
     ]
     moving = [
         *(_point(slider, model, T) for slider in pads.sliders),
-        *(moving_pad(pad, model, T, pads.travel) for pad in pads.moving),
+        *(moving_pad(pad, model, T, pad.travel or pads.travel) for pad in pads.moving),
+        *(_end(end, model, T, pads.travel) for end in pads.ends),
     ]
     springs = [row.compliance > 0.0 and row.clearance is None for row in staying]
     rows = [row for row, spring in zip(staying, springs, strict=True) if not spring]
@@ -251,6 +258,11 @@ def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, travel:
         allowed = f"a support of all points holds {support.on} along it already; one of the two is allowed"
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
     return replace(fixed_row(support.name, left, travel), compliance=1.0 / support.stiffness)
+
+
+def _end(end: Support, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+    """On two intervals, as rows that don't always hold have: one that is rigid and stays would be a support."""
+    return _support(end, model, T, travel).refined(np.array([travel[0], sum(travel) / 2.0, travel[1]]))
 
 
 def _point(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:

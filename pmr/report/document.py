@@ -14,10 +14,11 @@ from pmr.environment import needed
 from pmr.errors.text import visible
 from pmr.files.swap import fresh
 from pmr.report.blocks import Chapter
+from pmr.report.booms.chapter import chapter as chapter_of_boom
 from pmr.report.figures.vector import FONT, words
 from pmr.report.fonts import embedded
 from pmr.report.sections import chapter
-from pmr.results import RunResult
+from pmr.results import BoomResult, RunResult
 
 #: Names of all that a report consists of.
 REPORT_FILES = ("report.html", "report.pdf")
@@ -35,7 +36,7 @@ class ReportFiles:
     pdf: Path
 
 
-def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
+def write_report(results: Sequence[RunResult | BoomResult], folder: Path) -> ReportFiles:
     """Write report.html and report.pdf for one or several runs into `folder`, which is made if need be.
 
     The page holds its figures, fonts, styles and scripts; it asks for nothing from outside.  The same results
@@ -51,7 +52,10 @@ def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     for result in results:
         if "reduced" not in result.responses:
             raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
-    chapters = [chapter(result, f"case-{number}") for number, result in enumerate(results, start=1)]
+    chapters = [
+        chapter_of_boom(one, f"case-{number}") if isinstance(one, BoomResult) else chapter(one, f"case-{number}")
+        for number, one in enumerate(results, start=1)
+    ]
     return write(page(chapters, dated(KIND, [result.summary for result in results])), folder)
 
 

@@ -1,7 +1,19 @@
 """What runs and studies leave in their folders: results as objects, tables in CSV, frames of pandas."""
 
 from pmr.fields.series import Fields
+from pmr.results.boom import BoomFrequencies, BoomResult
 from pmr.results.frames import load
 from pmr.results.run import RESULT_FILES, Energy, FrequencyCurves, Response, RunResult, Shapes
 
-__all__ = ["RESULT_FILES", "Energy", "Fields", "FrequencyCurves", "Response", "RunResult", "Shapes", "load"]
+__all__ = [
+    "RESULT_FILES",
+    "BoomFrequencies",
+    "BoomResult",
+    "Energy",
+    "Fields",
+    "FrequencyCurves",
+    "Response",
+    "RunResult",
+    "Shapes",
+    "load",
+]

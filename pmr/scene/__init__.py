@@ -5,12 +5,14 @@ allowed raises `pmr.errors.InputError` with file, key, value and what is allowed
 """
 
 from pmr.scene.asked import Compare, Damping, Published, Reduction, Simulation, TimeChoice
+from pmr.scene.boom import Boom
 from pmr.scene.built import Body, Load, MeshChoice, Support
-from pmr.scene.files import from_data, load, vary, vary_beam
+from pmr.scene.files import from_data, load, load_any, vary, vary_beam
 from pmr.scene.scene import Scene
 
 __all__ = [
     "Body",
+    "Boom",
     "Compare",
     "Damping",
     "Load",
@@ -23,6 +25,7 @@ __all__ = [
     "TimeChoice",
     "from_data",
     "load",
+    "load_any",
     "vary",
     "vary_beam",
 ]

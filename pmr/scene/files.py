@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from pmr.errors import InputError
+from pmr.scene.boom import Boom
+from pmr.scene.boom_checks import check_boom
 from pmr.scene.checks import check
 from pmr.scene.scene import Scene
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
@@ -76,6 +78,27 @@ def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
     return scene
 
 
+def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene | Boom:
+    """The same for a file that may have several sections.
+
+    Raises
+    ------
+    InputError
+        As `load`.
+    """
+    file = TomlFile.read(path, DIALECT)
+    if "sections" not in file.data:
+        return load(path, overrides)
+    for text in overrides:
+        file.apply(override(text))
+    boom = file.validated(Boom)
+    try:
+        check_boom(boom)
+    except InputError as error:
+        raise error.found_in(file.origin(error.key)) from None
+    return boom
+
+
 def vary_beam(path: str | Path, changes: Sequence[Change] = ()) -> Scene:
     """The same for a scene of a planar beam that is described by its stiffnesses, on which points slide.
 
@@ -91,6 +114,9 @@ def vary_beam(path: str | Path, changes: Sequence[Change] = ()) -> Scene:
 
 
 def _scene(file: TomlFile) -> Scene:
+    if "sections" in file.data:
+        allowed = "a scene of one body is allowed here; pmr run takes booms of several sections"
+        raise InputError(file.origin("sections"), "sections", None, allowed)
     scene = file.validated(Scene)
     try:
         check(scene)

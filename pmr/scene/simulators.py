@@ -53,7 +53,7 @@ class Capabilities:
 
 #: By the names of `simulation.simulators` and `simulation.full`.
 SIMULATORS = {
-    "march": Capabilities(rows_that_push=True, kept_inertia=True),
+    "march": Capabilities(rows_that_push=True, kept_inertia=True, several_paths=True),
     "exudyn": Capabilities(package="exudyn"),
     "exudyn-multiplier": Capabilities(package="exudyn"),
     "exudyn-callback": Capabilities(rows_that_give_way=False, package="exudyn"),
@@ -88,8 +88,8 @@ def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
     """
     can, asked = SIMULATORS[name], by_scene(name) if asked is None else asked
     if len(needs.paths) > 1 and not can.several_paths:
-        allowed = f"one path for all sliders is allowed with {name}, found {_listed(needs.paths)}"
-        raise InputError("scene", "slider.path", None, allowed)
+        reason = f"{name} knows one path for all, here there are {_listed(needs.paths)}"
+        raise _other(asked, "several_paths", reason)
     if needs.pushing and not can.rows_that_push:
         raise _other(asked, "rows_that_push", f"{name} knows no rows that only push ({_listed(needs.pushing)})")
     if needs.kept_inertia and not can.kept_inertia:

@@ -212,6 +212,19 @@ def override(text: str) -> Change:
     return Change(nested, OPTION)
 
 
+def laid_over(base: Mapping[str, Any], update: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables over others, as a file lies over the one that it extends.
+
+    Raises
+    ------
+    InputError
+        If an entry of a list is meant that isn't there.
+    """
+    found = deepcopy(dict(base))
+    _merge(found, deepcopy(dict(update)), "scene", {})
+    return found
+
+
 def is_file(path: Path) -> bool:
     """Whether there is a file of this name; False too for names that no file can have."""
     try:

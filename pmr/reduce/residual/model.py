@@ -100,7 +100,12 @@ def modal_model(
 
 
 def section_model(
-    model: FullModel, basis: Basis, provenance: dict[str, Any], coordinates: int, solver: str = "auto"
+    model: FullModel,
+    basis: Basis,
+    provenance: dict[str, Any],
+    coordinates: int,
+    solver: str = "auto",
+    body: FreeBody | None = None,
 ) -> ReducedModel:
     """The same with `carriers`: a body of a system, whose rows each have a path coordinate of their own.
 
@@ -109,7 +114,7 @@ def section_model(
     InputError, ValueError
         As `modal_model`.
     """
-    return _modal(FreeBody(model, solver), basis, provenance, coordinates)
+    return _modal(body or FreeBody(model, solver), basis, provenance, coordinates)
 
 
 def _modal(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int) -> ReducedModel:

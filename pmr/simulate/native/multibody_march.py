@@ -51,7 +51,7 @@ class MultibodyMarch:
         self._system, self._form, self._parts = system, multibody_form(system), 1
         self._t = excitation.times
         if not np.isnan(system.clearance).all():
-            self._parts = contact_step.parts(contact_frequency(system, excitation), excitation.stepping)
+            self._parts = parts_of(system, excitation)
             excitation = excitation.with_stepping(excitation.stepping.divided(self._parts))
         self._x, self._f = places(system, excitation), excitation.forces(system.input_names)
         method = GeneralizedAlpha(excitation.stepping.step, excitation.stepping.rho_inf)
@@ -171,6 +171,14 @@ class MultibodyMarch:
     def _pressed(self, record: _Record, number: int) -> Array:
         side = self._system.sides[number]
         return np.asarray(side.sign * record.multipliers[:, side.contact])
+
+
+def parts_of(system: System, excitation: Excitation) -> int:
+    """Parts of a step in which contacts that only push are followed; 0 without any."""
+    if np.isnan(system.clearance).all():
+        return 0
+    stepping = excitation.stepping
+    return stepping.parts or contact_step.parts(contact_frequency(system, excitation), stepping)
 
 
 def contact_frequency(system: System, excitation: Excitation) -> float:

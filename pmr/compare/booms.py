@@ -1,0 +1,178 @@
+"""What simulators say of a boom of several sections, in the quantities of any run, and what its joints bear."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from pmr.compare.errors import Quantity, nrms, with_common_forces
+from pmr.compare.summary import Part
+from pmr.results import BoomFrequencies, Energy, Response
+from pmr.results.extremes import Extremes
+from pmr.scene import Boom
+from pmr.scene.boom import Joint
+from pmr.simulate.booms import cylinder
+from pmr.simulate.native import multibody
+from pmr.system.assembly import Assembly
+from pmr.system.body import called, force_of, force_outputs, length_outputs
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+
+#: Frequencies that are compared, and places on the way at which; coordinates from which on matrices stay sparse.
+CURVES, PLACES, FEWER_PLACES, SPARSE = 4, 13, 5, 1200
+#: Share of a pad's largest push, and of a tenth of the largest force of any, from which on a pull is told.
+PULLED = 0.01
+
+
+def respond(system: System, trajectory: SystemTrajectory) -> Response:
+    """Displacements of all sections, one after the other, and the forces of all contacts and springs."""
+    outputs = multibody.displacements(system, trajectory)
+    moved, forces, kinetic = list[Array](), list[Array](), np.zeros(len(trajectory.t))
+    x, names, force_names = list[Array](), list[str](), list[str]()
+    for name, body in system.bodies.items():
+        of, v = called(body, ()), trajectory.bodies[name].v
+        moved.append(outputs[name][:, length_outputs(body)])
+        forces.append(outputs[name][:, force_outputs(body)])
+        x.append(body.output_positions[length_outputs(body)])
+        names += [f"{name}: {one}" for one in of.moved]
+        force_names += [f"{name}: {one}" for one in of.forces]
+        kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
+    not_known = np.full(len(trajectory.t), np.nan)
+    return Response(
+        t=trajectory.t,
+        x=np.concatenate(x),
+        displacement=np.hstack(moved),
+        energy=Energy(kinetic, trajectory.energy - kinetic, -trajectory.work),
+        slider_force=np.hstack([*forces, trajectory.forces]),
+        residual_position=not_known,
+        residual_velocity=not_known,
+        seconds=trajectory.seconds,
+        output_names=tuple(names),
+        output_units=("m",) * len(names),
+        force_names=(*force_names, *map(force_of, system.contact_names)),
+        force_peaks=np.hstack([*forces, trajectory.peaks]),
+        surplus=trajectory.surplus,
+    )
+
+
+def quantities(boom: Boom, response: Response) -> Mapping[str, Quantity]:
+    """What is compared: the last section's tip, all lines, all forces."""
+    tips = tip_columns(boom, response)
+    return {
+        "tip": lambda one: one.displacement[:, tips],
+        "beam": lambda one: one.displacement,
+        "pad_force": lambda one: one.slider_force,
+    }
+
+
+def tip_columns(boom: Boom, response: Response) -> list[int]:
+    """Columns of the displacements of the last section's tip."""
+    last = boom.sections[-1]
+    named = {f"{last.name}: {last.observe.tip_along(direction)}" for direction in "yz"}
+    return [k for k, name in enumerate(response.output_names) if name in named]
+
+
+def columns_of(section: str, response: Response) -> list[int]:
+    """Columns of the displacements of a section."""
+    return [k for k, name in enumerate(response.output_names) if name.startswith(f"{section}: ")]
+
+
+def sections(boom: Boom, responses: Mapping[str, Response], sizes: Mapping[str, Mapping[str, int]]) -> Part:
+    """``sections`` of summary.json: name, coordinates, and the error along each against the full model."""
+    reduced, full, found = responses["reduced"], responses.get("full"), []
+    for name in boom.names:
+        columns, said = columns_of(name, reduced), {"name": name, "coordinates": dict(sizes[name])}
+        if full is not None:
+            error = nrms(reduced.displacement[:, columns], full.displacement[:, columns])
+            said |= {"errors": {"reduced_vs_full": {"beam": error}}}
+        found.append(said)
+    return Part({"sections": found})
+
+
+def joints(boom: Boom, response: Response) -> Part:
+    """``pads`` and ``cylinders`` of summary.json, smallest and largest force with their times; pads that are pulled."""
+    driven = {force_of(cylinder(name)) for name in boom.names[1:]} & set(response.force_names)
+    reach = boom.reach(response.t)
+    loads: list[dict[str, Any]] = [
+        {"name": name.removeprefix(force_of("")), **Extremes.of(response.force(name, 0), response.t, reach).summary()}
+        for name in response.force_names
+    ]
+    pads = [load for name, load in zip(response.force_names, loads, strict=True) if name not in driven]
+    cylinders = [load for name, load in zip(response.force_names, loads, strict=True) if name in driven]
+    return Part({"pads": pads, "cylinders": cylinders}, _pulled(boom, pads))
+
+
+def frequencies(boom: Boom, systems: Mapping[str, System], t: Array) -> BoomFrequencies:
+    """The lowest natural frequencies of each system in Hz on its way out, every contact closed."""
+    large = max(sum(body.size for body in system.bodies.values()) for system in systems.values()) > SPARSE
+    times = on_the_way(boom, t, FEWER_PLACES if large else PLACES)
+    extensions, found = {name: path.value(times) for name, path in boom.paths.items()}, {}
+    for name, system in systems.items():
+        assembly = Assembly(system)
+        found[name] = np.array([_lowest(assembly, x) for x in system.coordinates(extensions)])
+    return BoomFrequencies(boom.reach(times), np.column_stack(list(extensions.values())), found)
+
+
+def on_the_way(boom: Boom, t: Array, count: int) -> Array:
+    """Times (S,) in s at which the boom first reaches so far, evenly from its shortest to its longest."""
+    reach = boom.reach(t)
+    goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
+    return t[list(dict.fromkeys(int(np.argmin(np.abs(reach - goal))) for goal in goals))]
+
+
+def _lowest(assembly: Assembly, x: Array) -> Array:
+    if assembly.size <= SPARSE:
+        return assembly.frequencies(x, CURVES)
+    rows, n = assembly.at(x), assembly.size
+    scale = abs(assembly.K).max()  # forces in the unit of stiffness: rows of both kinds are of one size then
+    C, m = scale * sp.csr_matrix(rows.C), len(rows.F)
+    A = sp.bmat([[assembly.K, C.T], [C, -(scale**2) * sp.csr_matrix(rows.F)]], format="csc")
+    M = sp.block_diag([assembly.M, sp.csr_matrix((m, m))], format="csc")
+    shift = -1.0  # (rad/s)^2: below all of them, so that what holds is not singular
+    factor = spla.splu((A - shift * M).tocsc())
+    start = factor.solve(np.concatenate([assembly.M @ np.ones(n), np.zeros(m)]))
+    solved = spla.LinearOperator(A.shape, factor.solve)
+    values = spla.eigsh(A, CURVES, M=M, sigma=shift, OPinv=solved, v0=start, return_eigenvectors=False)
+    return np.asarray(np.sqrt(np.maximum(np.sort(values), 0.0)) / (2.0 * np.pi))
+
+
+def _pulled(boom: Boom, pads: list[dict[str, Any]]) -> list[str]:
+    """Ends of joints with pads that hold both ways and are pulled, a line each."""
+    largest, said = max((max(pad["max"], -pad["min"]) for pad in pads), default=0.0), []
+    for part in boom.sections[1:]:
+        assert part.joint is not None
+        for end in ("tail", "mouth"):
+            both = _both_ways(part.joint, end)
+            names = [pad for pad in pads if pad["name"].startswith(f"{part.name} {end}") and both]
+            found = [pad for pad in names if -pad["min"] > PULLED * max(pad["max"], 0.1 * largest)]
+            if found:
+                told = ", ".join(
+                    f"{pad['name']} with up to {_newton(-pad['min'])} at {pad['t_min']:g} s" for pad in found
+                )
+                said.append(
+                    f"pads of the joint of {part.name} hold both ways and pull: {told}; if they can only push, set "
+                    f"unilateral = true in sections.{part.name}.joint.{end}"
+                )
+    return said
+
+
+def _both_ways(joint: Joint, end: str) -> bool:
+    return any(not ring.unilateral for ring in getattr(joint, end))
+
+
+def _newton(force: float) -> str:
+    return f"{force / 1e3:.3g} kN" if force >= 1e3 else f"{force:.3g} N"
+
+
+def with_forces_of_both(responses: Mapping[str, Response]) -> Mapping[str, Response]:
+    """The responses with the forces that all of them know, as in the reduced model's order."""
+    found, reduced = dict(responses), responses["reduced"]
+    if "full" in found:
+        found["reduced"], found["full"] = with_common_forces(reduced, found["full"])
+    return found

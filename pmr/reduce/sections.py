@@ -1,0 +1,46 @@
+"""The reduced models of a boom's sections, each by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from pmr.errors import InputError
+from pmr.fullmodel.build import Built
+from pmr.reduce.basis import modal_basis
+from pmr.reduce.residual.model import section_model
+from pmr.reduced.model import ReducedModel
+from pmr.scene import Boom, Reduction
+from pmr.snapshots.free_body import FreeBody
+from pmr.snapshots.free_modes import free_modes
+
+
+def reduce_sections(boom: Boom, built: Mapping[str, Built]) -> Mapping[str, ReducedModel]:
+    """The reduced model of every section, those of equal ones once; collective.
+
+    Raises
+    ------
+    InputError
+        With the section's key.
+    """
+    made, found = dict[tuple[int, Reduction], ReducedModel](), dict[str, ReducedModel]()
+    for number, part in enumerate(boom.sections):
+        key = id(built[part.name]), part.reduction
+        if key not in made:
+            try:
+                made[key] = _reduced(built[part.name], part.reduction)
+            except InputError as error:
+                where = ".".join(filter(None, (f"sections[{number}]", error.key)))
+                raise InputError(error.source, where, error.value, error.allowed) from None
+        found[part.name] = made[key]
+    return found
+
+
+def _reduced(built: Built, choice: Reduction) -> ReducedModel:
+    body = FreeBody(built.model, choice.solver)
+    modes = free_modes(built.model, choice.coordinates, choice.solver, body=body)
+    model = section_model(built.model, modal_basis(modes), {}, choice.coordinates, choice.solver, body)
+    if choice.flexibility:
+        return model
+    assert model.carriers is not None  # as section models have
+    return replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None))

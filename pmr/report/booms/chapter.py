@@ -1,0 +1,143 @@
+"""The chapter of a boom of several sections."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber, Player, Table, drawing
+from pmr.report.booms import figures
+from pmr.report.booms.lines import tip
+from pmr.report.booms.motion import motion, said
+from pmr.report.marks import ErrorTable, Row
+from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.results import BoomResult
+
+PLACES = {"tip": "tip", "beam": "all sections", "pad_force": "forces"}
+
+
+def chapter(result: BoomResult, anchor: str) -> Chapter:
+    """Everything that the report says of one run; `anchor` is put before every identifier."""
+    caption = f"The boom on its way out; deflection is drawn {plain(figures.exaggeration(result))} times its size."
+    return Chapter(
+        anchor=anchor,
+        title=result.scene.title,
+        opening=opening(result),
+        sketch=drawing(f"{anchor}-boom", figures.boom, caption, result),
+        key_numbers=list(_numbers(result)),
+        warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
+        blocks=list(_blocks(result, anchor)),
+    )
+
+
+def opening(result: BoomResult) -> str:
+    """What it is about, in a sentence or two."""
+    boom, low, high = result.scene, float(result.reach.min()), float(result.reach.max())
+    out = f"{low:.4g}{SPACE}m to {high:.4g}{SPACE}m" if high > low else f"{low:.4g}{SPACE}m"
+    return (
+        f"A boom of {len(boom.sections)} sections, all of which bend: {', '.join(boom.names)}. It reaches {out} from "
+        "the tail of the base."
+    )
+
+
+def rows(result: BoomResult) -> list[Row]:
+    """Lines of the error table, as the terminal shows them too."""
+    summary, found = result.summary, list[Row]()
+    for place, called in PLACES.items():
+        if (error := summary["errors"].get("reduced_vs_full", {}).get(place)) is not None:
+            found.append(Row("reduced against full", called, percent(error)))
+    for one in summary["sections"]:
+        if "errors" in one:
+            found.append(Row("reduced against full", one["name"], percent(one["errors"]["reduced_vs_full"]["beam"])))
+    found.append(Row("largest transverse displacement", "", length(summary["max_displacement"], 4)))
+    if summary["max_error"] is not None:
+        found.append(Row("largest difference, reduced to full", "", length(summary["max_error"], 4)))
+    return found
+
+
+def _numbers(result: BoomResult) -> Iterator[KeyNumber]:
+    summary, responses = result.summary, result.responses
+    sizes = summary["coordinates"]
+    yield KeyNumber(f"{plain(sizes['full'])}{SPACE}→{SPACE}{sizes['reduced']}", "coordinates")
+    errors = summary["errors"].get("reduced_vs_full", {})
+    for place, label in (("tip", "error at the tip"), ("beam", "error along all sections"), ("pad_force", "of forces")):
+        if place in errors:
+            yield KeyNumber(percent(errors[place]), label)
+    if "full" in responses:
+        ratio = responses["full"].seconds / responses["reduced"].seconds
+        yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "as fast as full")
+    yield KeyNumber(
+        quantity(responses["reduced"].seconds, "s"), "simulated in", f"{result.scene.time.end:g} s of motion"
+    )
+
+
+def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
+    table = rows(result)
+    compared = "full" in result.responses
+    caption = "Normalised RMS errors, and largest values." if compared else "Over all times and places."
+    yield Block(heading="Errors" if compared else "Largest values", errors=ErrorTable(caption, table, []))
+    data = motion(result)
+    text = "Sections slide in each other as their extensions say; the page on a screen plays it."
+    yield Block(heading="Motion", text=text, player=Player("boom", data, said(data)))
+    row = [
+        drawing(f"{prefix}-extensions", figures.extensions, "Extension of each section over time.", result),
+        drawing(f"{prefix}-frequencies", figures.frequencies, _of_frequencies(), result),
+    ]
+    yield Block(heading="Extensions and frequencies", rows=(tuple(row),))
+    tips = [direction for direction in "yz" if tip(result, result.responses["reduced"], direction) is not None]
+    difference = "; below, the difference to the full model" if compared else ""
+    yield Block(
+        heading="Motion of the tip",
+        rows=tuple(
+            (drawing(f"{prefix}-tip-{d}", figures.tip_history, f"Displacement along {d}{difference}.", result, d),)
+            for d in tips
+        ),
+    )
+    yield _forces(result, prefix, "pads", "Pad forces", "Positive where a pad pushes the sections apart.")
+    if result.summary["cylinders"]:
+        note = "What a cylinder or rope pushes its section out with; negative where it pulls."
+        yield _forces(result, prefix, "cylinders", "Cylinder forces", note)
+    yield _origin(result)
+
+
+def _of_frequencies() -> str:
+    return "Lowest natural frequencies of the boom at rest, every pad closed."
+
+
+def _forces(result: BoomResult, prefix: str, kind: str, heading: str, note: str) -> Block:
+    found: Sequence[Mapping[str, Any]] = result.summary[kind]
+    names = [f"force of {one['name']}" for one in found]
+    drawn: list[Drawing] = []
+    for first in range(0, len(names), figures.MOST_FORCES):
+        some = names[first : first + figures.MOST_FORCES]
+        drawn.append(drawing(f"{prefix}-{kind}-{first}", figures.forces, f"{heading} over time. {note}", result, some))
+    table = Grid(
+        "Smallest and largest force, and when.",
+        ("", "smallest", "at", "largest", "at"),
+        tuple(
+            (
+                str(one["name"]),
+                quantity(one["min"], "N"),
+                f"{one['t_min']:.4g}{SPACE}s",
+                quantity(one["max"], "N"),
+                f"{one['t_max']:.4g}{SPACE}s",
+            )
+            for one in found
+        ),
+    )
+    return Block(heading=heading, rows=tuple((one,) for one in drawn), grids=(table,))
+
+
+def _origin(result: BoomResult) -> Block:
+    summary = result.summary
+    sizes = tuple(
+        (one["name"], f"{plain(one['coordinates']['full'])} → {plain(one['coordinates']['reduced'])}")
+        for one in summary["sections"]
+    )
+    seconds = {name: value for name, value in summary["seconds"].items() if name != "simulate"}
+    seconds |= {f"simulation, {name}": value for name, value in summary["seconds"]["simulate"].items()}
+    times = tuple((name, quantity(float(value), "s")) for name, value in seconds.items())
+    run = tuple((name, str(summary[key])) for name, key in (("scene", "scene_hash"), ("commit", "commit")))
+    columns = ((Table("Coordinates", sizes), Table("Run", run)), (Table("Wall time", times),))
+    software = [f"{name}{SPACE}{version}" for name, version in summary["versions"].items() if isinstance(version, str)]
+    return Block(heading="Provenance", columns=columns, software=software)

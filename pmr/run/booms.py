@@ -1,0 +1,97 @@
+"""The same for a boom of several sections: each is reduced by itself, then all are simulated as one system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pmr.compare import booms as compared
+from pmr.compare import errors
+from pmr.compare.boom_simulations import simulate
+from pmr.compare.summary import Part, driven, gathered, made_with, trusted
+from pmr.compare.validity import large_motion
+from pmr.environment import Clock
+from pmr.fem.compat import MPI
+from pmr.fem.compat import versions as fenicsx_versions
+from pmr.fullmodel.build import warnings as build_warnings
+from pmr.fullmodel.sections import build_sections
+from pmr.reduce.sections import reduce_sections
+from pmr.reduced.model import ReducedModel
+from pmr.results import BoomResult, Response
+from pmr.scene import Boom
+from pmr.simulate.booms import excitation_of, system_of
+
+
+@dataclass(frozen=True)
+class BoomOutcome:
+    """What a run of a boom returns on rank 0: its result, and the reduced model of each section."""
+
+    result: BoomResult
+    reduced: Mapping[str, ReducedModel]
+
+
+def run_boom(boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> BoomOutcome | None:
+    """Run a boom on `comm`; what is not distributed runs on rank 0, the other ranks get None.
+
+    Raises
+    ------
+    InputError
+        If the boom asks for what cannot be had; its source is ``"scene"``.
+    ConvergenceError, SimulationError
+        If a solver fails.
+    """
+    clock = clock or Clock()
+    with clock.stage("assemble"):
+        built = build_sections(boom, comm)
+    with clock.stage("reduce"):
+        reduced = reduce_sections(boom, built)
+    asked = "full" in boom.compare.against
+    bodies = {name: one.model.gather() for name, one in built.items()} if asked else {}
+    if comm.rank > 0:
+        return None
+    systems = {"reduced": system_of(boom, reduced)}
+    if asked:
+        systems["full"] = system_of(boom, {name: body for name, body in bodies.items() if body is not None})
+    with clock.stage("frequencies"):
+        curves = compared.frequencies(boom, systems, excitation_of(boom, systems["reduced"]).times)
+    responses, missing = simulate(boom, systems, clock)
+    sizes = {name: {"full": built[name].model.size, "reduced": body.size} for name, body in reduced.items()}
+    common, excitation = compared.with_forces_of_both(responses), excitation_of(boom, systems["reduced"])
+    measured = compared.quantities(boom, responses["reduced"])
+    whole = responses.get("full", responses["reduced"]).displacement
+    off = np.abs(responses["reduced"].displacement - whole).max() if "full" in responses else None
+    parts = [
+        made_with(boom, fenicsx_versions()),
+        Part({"coordinates": {kind: sum(size[kind] for size in sizes.values()) for kind in ("full", "reduced")}}),
+        Part({"basis": {"kind": "free modes of every section, with residual flexibility"}}),
+        Part(
+            {
+                "errors": errors.errors(common, quantities=measured),
+                "absolute_errors": errors.errors(common, errors.absolute_error, quantities=measured),
+                "max_displacement": float(np.abs(whole).max()),
+                "max_error": None if off is None else float(off),
+                "simulators": {name: "march" for name in responses},
+                "agreement": {},
+            }
+        ),
+        _seconds(clock, responses),
+        compared.sections(boom, responses, sizes),
+        compared.joints(boom, responses["reduced"]),
+        driven(excitation),
+        trusted(missing, responses),
+        *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
+        Part(warnings=large_motion(float(boom.reach(excitation.times).max()), responses.values())),
+    ]
+    loads = excitation.forces(systems["reduced"].input_names)
+    result = BoomResult(boom, gathered(parts), responses, excitation.s, boom.reach(excitation.times), loads, curves)
+    return BoomOutcome(result, reduced)
+
+
+def _seconds(clock: Clock, responses: Mapping[str, Response]) -> Part:
+    stages = {name: clock.seconds[name] for name in ("assemble", "reduce") if name in clock.seconds}
+    simulated = {"march": responses["reduced"].seconds}
+    if "full" in responses:
+        simulated["full"] = responses["full"].seconds
+    return Part({"seconds": {**stages, "simulate": simulated}})

@@ -1,0 +1,210 @@
+"""A boom of several sections that all bend: what each is, and the joints in which one slides out of the next."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field, model_validator
+
+from pmr.scene.asked import Compare, Damping, Observe, Published, Recovery, Reduction, Simulation, TimeChoice
+from pmr.scene.built import Body, Face, Gravity, Load, MeshChoice, PadRing, Support
+from pmr.scene.section import Distance, Place, Quantity, Section, Size, Stiffness, Switch
+from pmr.scene.signals import Signal, SignalBase
+from pmr.scene.signals.base import Array, Floats
+from pmr.scene.structures import PointMass
+from pmr.scene.tomlfiles import laid_over
+
+Name = Annotated[str, Field(pattern=r"^\w[\w -]*$")]
+
+
+class JointPads(Section):
+    """Pads around one end of a joint, between the inner section and the next outer one.
+
+    Without `faces` they are points on the axes of planar beams; ones that only push then stand above and below.
+    """
+
+    name: str = Field(default="", description="Tells several rings at one end apart")
+    at: Distance = Field(description="Of their centre from the tail or the mouth that they sit at")
+    faces: dict[Face, tuple[Place, ...]] | None = Field(
+        default=None, description="Places across each face; none: points on planar beams"
+    )
+    length: Size = Field(default=0.3, description="Along the axis")
+    width: Size = Field(default=0.08, description="Across")
+    stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Of each pad")
+    unilateral: Switch = Field(default=True, description="Whether they only push")
+    clearance: Distance = Field(default=0.0, description="Between pads that only push and the section at rest")
+
+    @model_validator(mode="after")
+    def _only_what_pushes_has_play(self) -> JointPads:
+        if self.clearance and not self.unilateral:
+            raise ValueError("a clearance goes with unilateral = true")
+        return self
+
+
+class Cylinder(Section):
+    """What drives a section along the boom: a hydraulic cylinder or a rope from its tail to that of the next one."""
+
+    stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Along the axis")
+
+
+class Joint(Section):
+    """How a section slides in the next outer one: by a signal of its extension or overlap, or as another one does."""
+
+    extension: Signal | None = Field(
+        default=None, description="Of the section's tail ahead of the next outer one's, over time, in m"
+    )
+    overlap: Signal | None = Field(default=None, description="Length within the next outer one over time, in m")
+    follows: str | None = Field(default=None, description="A section on whose extension this one's depends")
+    ratio: Annotated[float, Field(strict=True), Quantity("1", -1e3, 1e3)] = Field(
+        default=1.0, description="Of this extension to that of the section it follows"
+    )
+    offset: Place = Field(default=0.0, description="Of this extension where that of the section it follows is zero")
+    tail: tuple[JointPads, ...] = Field(min_length=1, description="Pads that travel with this section's tail")
+    mouth: tuple[JointPads, ...] = Field(min_length=1, description="Pads at the mouth of the next outer section")
+    cylinder: Cylinder = Field(default=Cylinder(), description="What drives it along the boom")
+
+    @model_validator(mode="after")
+    def _driven_once(self) -> Joint:
+        if sum(given is not None for given in (self.extension, self.overlap, self.follows)) != 1:
+            raise ValueError("give extension, overlap or follows, one of them")
+        return self
+
+    @property
+    def rings(self) -> tuple[JointPads, ...]:
+        """All pads of the joint."""
+        return (*self.tail, *self.mouth)
+
+
+class BoomSection(Section):
+    """A section of a boom, x along it from its tail and z up; the first one is the base, all others have a joint."""
+
+    name: Name = Field(description="What it is called")
+    body: Body = Field(description="What it is")
+    mesh: MeshChoice = Field(default=MeshChoice(), description="How fine it is divided")
+    supports: tuple[Support, ...] = Field(default=(), description="What holds it to the ground")
+    pads: tuple[PadRing, ...] = Field(default=(), description="Pads between it and the ground")
+    masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to it")
+    loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
+    observe: Observe = Field(default=Observe(), description="Where motions are compared and drawn")
+    reduction: Reduction = Field(default=Reduction(), description="How it is reduced")
+    joint: Joint | None = Field(default=None, description="How it slides in the section before it")
+
+
+class Boom(Section):
+    """Sections from the base out, each of which slides in the one before it.
+
+    What several have in common stands in the table `section`, which every one of `sections` extends.
+    """
+
+    title: str = Field(description="For reports")
+    section: dict[str, Any] = Field(default={}, description="What every section takes over unless it says otherwise")
+    sections: Annotated[tuple[BoomSection, ...], Field(min_length=2)] = Field(description="From the base out")
+    gravity: Gravity = Field(default=Gravity(rise=0.0), description="The weight of everything")
+    damping: Damping = Field(default=Damping(), description="Of the material")
+    time: TimeChoice = Field(description="Simulated time and its steps")
+    recovery: Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
+    simulation: Simulation = Field(default=Simulation(), description="Who simulates")
+    compare: Compare = Field(default=Compare(), description="What the reduced model is compared with")
+    published: Published | None = Field(default=None, description="Figures from a publication")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _common(cls, data: Any) -> Any:
+        if not (isinstance(data, dict) and isinstance(data.get("sections"), list)):
+            return data
+        common = data.get("section", {})
+        if not isinstance(common, dict):
+            return data
+        base = {key: value for key, value in common.items() if key != "joint"}  # which slides in nothing
+        return {
+            **data,
+            "sections": [
+                _extended(common if number else base, part) if isinstance(part, dict) else part
+                for number, part in enumerate(data["sections"])
+            ],
+        }
+
+    def __hash__(self) -> int:
+        return hash(self.hash)
+
+    @property
+    def hash(self) -> str:
+        """Digest of what decides the result; a key at its default counts as one that is not there."""
+        left_out = {"title", "published", "simulation", "section"}
+        content = self.model_dump(mode="json", exclude=left_out, exclude_defaults=True)
+        for part, described in zip(self.sections, content["sections"], strict=True):
+            if part.mesh.file is not None:
+                described["mesh"]["file"] = hashlib.sha256(part.mesh.file.read_bytes()).hexdigest()
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the sections."""
+        return tuple(part.name for part in self.sections)
+
+    def extension(self, number: int) -> SignalBase:
+        """How far the tail of a section, 1 or more, is ahead of that of the one before it, m over time."""
+        joint = self.sections[number].joint
+        assert joint is not None  # as the checks say
+        if joint.extension is not None:
+            return joint.extension
+        if joint.overlap is not None:
+            return Linear(signal=joint.overlap, ratio=-1.0, offset=self.length(number - 1))
+        return Linear(
+            signal=self.extension(self.names.index(str(joint.follows))), ratio=joint.ratio, offset=joint.offset
+        )
+
+    def length(self, number: int) -> float:
+        """Of a section, m."""
+        part = self.sections[number]
+        observed = part.observe.stations or (0.0,)
+        return part.body.length or observed[-1]
+
+    @property
+    def paths(self) -> dict[str, SignalBase]:
+        """Extension of every section but the base, by its name."""
+        return {self.names[k]: self.extension(k) for k in range(1, len(self.sections))}
+
+    def reach(self, t: ArrayLike) -> Array:
+        """Where the tip is along the boom, from the tail of the base, m at the times t."""
+        tails = np.sum([path.value(t) for path in self.paths.values()], axis=0)
+        return np.asarray(tails + self.length(len(self.sections) - 1))
+
+
+class Linear(SignalBase):
+    """``offset + ratio * signal``."""
+
+    signal: SignalBase
+    ratio: float
+    offset: float
+
+    def value(self, t: ArrayLike) -> Array:
+        return self.offset + self.ratio * self.signal.value(t)
+
+    def rate(self, t: ArrayLike) -> Array:
+        return self.ratio * self.signal.rate(t)
+
+    @property
+    def breaks(self) -> Floats:
+        return self.signal.breaks
+
+    def bounds(self, start: float, end: float) -> tuple[float, float]:
+        ends = [self.offset + self.ratio * at for at in self.signal.bounds(start, end)]
+        return min(ends), max(ends)
+
+    def highest_frequency(self, start: float, end: float) -> float:
+        return self.signal.highest_frequency(start, end)
+
+
+def _extended(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
+    """A section laid over what all have in common; of the ways to drive a joint it takes over none but its own."""
+    joint = part.get("joint")
+    ways = {"extension", "overlap", "follows"}
+    if isinstance(joint, Mapping) and ways & set(joint) and isinstance(common.get("joint"), Mapping):
+        common = {**common, "joint": {key: value for key, value in common["joint"].items() if key not in ways}}
+    return laid_over(common, part)

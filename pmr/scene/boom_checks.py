@@ -1,0 +1,208 @@
+"""What no section of a boom can know by itself: whether neighbours fit, and how far one may slide out of the other."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from pmr.errors import InputError
+from pmr.scene.boom import Boom, Joint, Linear
+from pmr.scene.boom_parts import footprint, is_planar, seats, section_scene
+from pmr.scene.checks import MOST_STEPS
+from pmr.scene.magnitudes import check_magnitudes
+from pmr.scene.signals import bounds
+from pmr.scene.simulators import Needs, refuse
+from pmr.scene.structure_checks import check_structure
+
+#: Round-off of a user's arithmetic, m for each m of length.
+SLACK = 1e-9
+
+
+def check_boom(boom: Boom) -> None:
+    """Refuse a boom whose sections contradict each other.
+
+    Raises
+    ------
+    InputError
+        With source ``"scene"``; the reader of the file replaces it by the file in which the key stands.
+    """
+    _names(boom)
+    _time(boom)
+    for number in range(len(boom.sections)):
+        _reduction(boom, number)
+        if number:
+            _driven(boom, number)
+    for number in range(1, len(boom.sections)):
+        _fits(boom, number)
+        _slides(boom, number)
+    for number in range(len(boom.sections)):
+        _pads(boom, number)
+        _by_itself(boom, number)
+    planar = [is_planar(boom, number) for number in range(len(boom.sections))]
+    if len(set(planar)) > 1:
+        names = ", ".join(name for name, flat in zip(boom.names, planar, strict=True) if flat)
+        raise _refusal("sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none")
+    _points(boom, planar[0])
+    _simulators(boom)
+
+
+def _refusal(key: str, value: Any, allowed: str) -> InputError:
+    return InputError("scene", key, value, allowed)
+
+
+def _joint(boom: Boom, number: int) -> Joint:
+    joint = boom.sections[number].joint
+    assert joint is not None
+    return joint
+
+
+def _names(boom: Boom) -> None:
+    for name, count in Counter(boom.names).items():
+        if count > 1:
+            raise _refusal("sections", name, "names that differ are allowed")
+    if boom.sections[0].joint is not None:
+        allowed = "the base slides in nothing: supports or pads hold it"
+        raise _refusal("sections[0].joint", None, allowed)
+    for number, part in enumerate(boom.sections[1:], start=1):
+        if part.joint is None:
+            raise _refusal(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
+        for ends in (part.joint.tail, part.joint.mouth):
+            if len({ring.name for ring in ends}) < len(ends):
+                raise _refusal(f"sections[{number}].joint", None, "rings at one end need names that differ")
+
+
+def _time(boom: Boom) -> None:
+    time = boom.time
+    if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
+        raise _refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
+    if time.steps > MOST_STEPS:
+        raise _refusal("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
+
+
+def _reduction(boom: Boom, number: int) -> None:
+    choice, key = boom.sections[number].reduction, f"sections[{number}].reduction"
+    if choice.pooled:
+        raise _refusal(f"{key}.basis", choice.basis, "'free_modes' is allowed: sections have no common path")
+    if choice.residual_inertia:
+        raise _refusal(f"{key}.residual_inertia", True, "false is allowed for sections of a boom")
+    if boom.length(number) <= 0.0:
+        allowed = "observe.start and observe.end are needed where a mesh that is read says how long a section is"
+        raise _refusal(f"sections[{number}].observe", None, allowed)
+
+
+def _driven(boom: Boom, number: int) -> None:
+    """The extension is known, and without jumps."""
+    joint, key = _joint(boom, number), f"sections[{number}].joint"
+    seen = [boom.names[number]]
+    while (follows := _joint(boom, boom.names.index(seen[-1])).follows) is not None:
+        others = [name for name in boom.names[1:] if name not in seen]
+        if follows not in others:
+            allowed = f"{', '.join(others)} are allowed, which do not follow it" if others else "a signal is needed"
+            raise _refusal(f"{key}.follows", joint.follows, allowed)
+        seen.append(follows)
+    path = boom.extension(number)
+    at = np.array(path.breaks)
+    low, high = bounds(path, 0.0, boom.time.end)
+    before, after = path.value(np.nextafter(at, -np.inf)), path.value(at)
+    for k in np.flatnonzero(np.abs(after - before) > 1e-9 * max(abs(low), abs(high), 1.0))[:1]:
+        jump = f"from {before[k]:g} m to {after[k]:g} m at {at[k]:g} s"
+        raise _refusal(f"{key}.extension", None, f"{boom.names[number]} jumps {jump}; continuous paths are allowed")
+
+
+def _fits(boom: Boom, number: int) -> None:
+    """The inner box within the outer one."""
+    inner, outer = boom.sections[number].body.box, boom.sections[number - 1].body.box
+    if inner is None or outer is None:
+        return
+    for side in ("width", "height"):
+        has, room = getattr(inner, side) + inner.wall, getattr(outer, side) - outer.wall
+        if has >= room:
+            allowed = (
+                f"outside {boom.names[number]} is {has:.6g} m, inside {boom.names[number - 1]} there are {room:.6g} m: "
+                "a section has to fit into the one before it"
+            )
+            raise _refusal(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
+
+
+def _slides(boom: Boom, number: int) -> None:
+    """As `pmr.system.joints.Joint.check`, in the words of a scene."""
+    joint, name, outer = _joint(boom, number), boom.names[number], boom.names[number - 1]
+    path = boom.extension(number)
+    (first, last), length = bounds(path, 0.0, boom.time.end), boom.length(number - 1)
+    by = "overlap" if joint.overlap is not None else "follows" if isinstance(path, Linear) else "extension"
+    key, slack = f"sections[{number}].joint.{by}", SLACK * length
+    if first < -slack:
+        allowed = (
+            f"the tail of {name} gets {-first:.6g} m behind that of {outer}; an extension of 0 m or more is allowed"
+        )
+        raise _refusal(key, None, allowed)
+    needed = max(ring.at for ring in joint.tail) + max(ring.at for ring in joint.mouth)
+    if last >= length - slack:
+        allowed = (
+            f"it pulls {name} out of {outer}: an extension of {last:.6g} m leaves no overlap, "
+            f"less than {length - needed:.6g} m is allowed"
+        )
+        raise _refusal(key, None, allowed)
+    if not length - last > needed + slack:
+        allowed = (
+            f"the overlap of {name} and {outer} gets down to {length - last:.6g} m, and their pads reach "
+            f"{needed:.6g} m from the tail and the mouth; an extension of less than {length - needed:.6g} m is allowed"
+        )
+        raise _refusal(key, None, allowed)
+    ends = length - min(ring.at for ring in joint.mouth) - boom.length(number)
+    if first < ends - slack:
+        allowed = (
+            f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}; "
+            f"{ends:.6g} m or more is allowed"
+        )
+        raise _refusal(key, None, allowed)
+
+
+def _pads(boom: Boom, number: int) -> None:
+    """All of every pad stays on the section."""
+    length = boom.length(number)
+    for seat in seats(boom, number):
+        half = seat.ring.length / 2.0 if seat.ring.faces is not None else 0.0
+        start, end = seat.at.first - half, seat.at.last + half
+        if start < -SLACK * length or end > (1.0 + SLACK) * length:
+            allowed = (
+                f"these pads reach from {start:.6g} to {end:.6g} m along {boom.names[number]}, which has 0 to "
+                f"{length:.6g} m: all of a pad has to be on it"
+            )
+            raise _refusal(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
+
+
+def _by_itself(boom: Boom, number: int) -> None:
+    """What any body is checked for, with the keys of the boom."""
+    scene, own = section_scene(boom, number), len(boom.sections[number].pads)
+    try:
+        check_magnitudes(scene)
+        check_structure(scene)
+    except InputError as error:
+        if error.key.split(".")[0] in ("time", "damping", "gravity", "recovery"):
+            raise
+        ring = re.match(r"pads\[(\d+)\]", error.key)
+        if ring and int(ring[1]) >= own:
+            name = scene.pads[int(ring[1])].name
+            found = next(seat for seat in seats(boom, number) if footprint(boom, seat.ring) == name)
+            rest = error.key[ring.end() :]
+            raise _refusal(f"sections[{found.joint}].joint.{found.key}{rest}", error.value, error.allowed) from None
+        raise _refusal(f"sections[{number}].{error.key}", error.value, error.allowed) from None
+
+
+def _points(boom: Boom, planar: bool) -> None:
+    for number in range(1, len(boom.sections)):
+        for seat in seats(boom, number):
+            if seat.joint == number and seat.ring.faces is None and not planar:
+                allowed = "faces are needed: only on planar beams pads are points"
+                raise _refusal(f"sections[{number}].joint.{seat.key}.faces", None, allowed)
+
+
+def _simulators(boom: Boom) -> None:
+    if "ancf" in boom.compare.against:
+        raise _refusal("compare.against", list(boom.compare.against), "['full'] or [] is allowed for sections")
+    for name in boom.simulation.simulators:
+        refuse(name, Needs(paths=boom.names[1:]))

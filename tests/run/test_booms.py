@@ -1,0 +1,154 @@
+"""Booms of several sections from a scene to a report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr import scene as scenes
+from pmr.fullmodel.sections import build_sections
+from pmr.reduce.sections import reduce_sections
+from pmr.reduced.model import ReducedModel
+from pmr.report.document import write_report
+from pmr.results import BoomResult
+from pmr.run.booms import BoomOutcome, run_boom
+from pmr.scene import Boom
+from pmr.simulate.booms import excitation_of, system_of
+from pmr.simulate.native import multibody
+
+THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
+#: Out by 0.6 m a joint within half a second.
+OUT = "{kind='smooth_ramp',times=[0.0,0.5],values=[1.0,1.6]}"
+QUICK = (
+    "time.end=0.5", "section.mesh.elements=12", f"section.joint.extension={OUT}",
+    "section.joint.tail.0.unilateral=false", "section.joint.mouth.0.unilateral=false",
+)  # fmt: skip
+
+
+def load(*changes: str) -> Boom:
+    found = scenes.load_any(THREE, changes)
+    assert isinstance(found, Boom)
+    return found
+
+
+@pytest.fixture(scope="module")
+def outcome() -> BoomOutcome:
+    found = run_boom(load(*QUICK, "sections.fly.loads.0.signal=3000.0"))
+    assert found is not None
+    return found
+
+
+def test_summary_says_what_each_section_and_joint_does(outcome: BoomOutcome) -> None:
+    summary = outcome.result.summary
+    assert summary["coordinates"] == {"full": 117, "reduced": 15}
+    assert max(summary["errors"]["reduced_vs_full"].values()) < 5e-3
+    assert [one["name"] for one in summary["sections"]] == ["base", "middle", "fly"]
+    assert summary["sections"][2]["coordinates"] == {"full": 39, "reduced": 6}
+    assert len(summary["pads"]) == 8 and len(summary["cylinders"]) == 2
+    force = outcome.result.responses["reduced"].force("force of fly mouth top", 0)
+    told = next(pad for pad in summary["pads"] if pad["name"] == "fly mouth top")
+    assert told["min"] == force.min() and told["max"] == force.max()
+
+
+def test_pads_that_hold_both_ways_and_pull_are_told_with_what_to_set(outcome: BoomOutcome) -> None:
+    said = [line for line in outcome.result.summary["warnings"] if "pull" in line]
+    assert said and all("unilateral = true in sections." in line for line in said)
+    pulled = {pad["name"] for pad in outcome.result.summary["pads"] if pad["min"] < 0.0}
+    assert any(name in line for name in pulled for line in said)
+
+
+def test_frequencies_are_those_of_the_full_model_from_the_shortest_to_the_longest(outcome: BoomOutcome) -> None:
+    found = outcome.result.frequencies
+    assert np.all(np.diff(found.reach) > 0.0) and found.reach[[0, -1]] == pytest.approx([8.0, 9.2])
+    assert found.models["reduced"][:, :3] == pytest.approx(found.models["full"][:, :3], rel=1e-3)
+
+
+def test_a_result_is_read_as_it_was_saved_and_reported(outcome: BoomOutcome, tmp_path: Path) -> None:
+    outcome.result.save(tmp_path)
+    again = BoomResult.load(tmp_path)
+    assert again.scene.hash == outcome.result.scene.hash and again.summary == json.loads(json.dumps(again.summary))
+    assert np.array_equal(again.responses["full"].slider_force, outcome.result.responses["full"].slider_force)
+    assert np.array_equal(again.frequencies.models["full"], outcome.result.frequencies.models["full"])
+    page = write_report([again], tmp_path).html.read_text(encoding="utf-8")
+    for said in ("A boom of 3 sections", "fly mouth top", "cylinder of middle", "hold both ways and pull"):
+        assert said in page
+    outcome.reduced["fly"].save(tmp_path / "reduced-fly.npz")
+    assert ReducedModel.load(tmp_path / "reduced-fly.npz").carriers is not None
+
+
+POINTS = """
+title = "Three beams by their stiffnesses on points that hold both ways"
+sections = [
+    { name = "base", supports = [{ kind = "clamped" }], reduction.coordinates = 2 },
+    { name = "one" },
+    { name = "two" },
+    { name = "tip", loads = [{ signal = 1e3 }] },
+]
+[section]
+body.model = "beam2d"
+body.profile = { length = 6.0, bending_stiffness = 2e7, mass_per_length = 60.0 }
+mesh.elements = 10
+reduction.coordinates = 4
+[section.joint]
+extension = 2.0
+tail = [{ at = 0.15, unilateral = false }]
+mouth = [{ at = 0.15, unilateral = false }]
+[time]
+end = 0.1
+step = 1e-3
+"""
+
+
+def test_equal_sections_are_built_and_reduced_once_and_points_hold_beams(tmp_path: Path) -> None:
+    (tmp_path / "points.toml").write_text(POINTS)
+    boom = scenes.load_any(tmp_path / "points.toml")
+    assert isinstance(boom, Boom)
+    built = build_sections(boom)
+    reduced = reduce_sections(boom, built)
+    assert built["one"] is built["two"] and reduced["one"] is reduced["two"] and built["tip"] is not built["two"]
+    system = system_of(boom, reduced)
+    assert system.contact_names == tuple(f"{name} {end}" for name in boom.names[1:] for end in ("tail", "mouth"))
+    outcome = run_boom(boom)
+    assert outcome is not None and max(outcome.result.summary["errors"]["reduced_vs_full"].values()) < 1e-3
+
+
+def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_and_the_weight_along_the_boom() -> None:
+    """m (a + g sin phi), of sections so stiff that they follow at once; the second cylinder carries the fly alone."""
+    slope = 0.3
+    boom = load(
+        *QUICK,
+        "section.joint.extension={kind='smooth_ramp',times=[0.0,4.0],values=[1.0,4.0]}",
+        "time.end=2.0",
+        "section.body.material.young=2.1e17",
+        "sections.fly.loads.0.signal=0.0",
+        "damping.ratio=0.0",
+        f"gravity.direction=[{-np.sin(slope)},0.0,{-np.cos(slope)}]",
+    )
+    boxes = {part.name: part.body.box for part in boom.sections if part.body.box is not None}
+    masses = {name: 7850.0 * 6.0 * 2.0 * box.wall * (box.width + box.height) for name, box in boxes.items()}
+    masses["fly"] += 250.0
+    system = system_of(boom, reduce_sections(boom, build_sections(boom)))
+    given = excitation_of(boom, system)
+    found = multibody.simulate(system, given, multibody.static_start(system, given))
+    t = given.times
+    x = t / 4.0
+    a = 3.0 * (60.0 * x - 180.0 * x**2 + 120.0 * x**3) / 4.0**2
+    g = 9.80665 * np.sin(slope)
+    force = dict(zip(system.contact_names, found.forces.T, strict=True))
+    fly = masses["fly"] * (2.0 * a + g)
+    expected = {"cylinder of fly": fly, "cylinder of middle": masses["middle"] * (a + g) + fly}
+    for name, one in expected.items():  # where the motion begins a step sees half of it
+        assert np.abs(force[name] - one)[1:].max() < 1e-6 * np.abs(one).max()
+
+
+@pytest.mark.slow
+def test_three_sections_as_they_come() -> None:
+    outcome = run_boom(load())
+    assert outcome is not None
+    summary = outcome.result.summary
+    assert summary["coordinates"]["reduced"] == 15 and summary["warnings"] == []
+    assert max(summary["errors"]["reduced_vs_full"].values()) < 2e-4
+    assert min(pad["min"] for pad in summary["pads"]) >= 0.0

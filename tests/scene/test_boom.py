@@ -1,0 +1,94 @@
+"""Scenes of several sections: what they take over from what they share, and what is refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr import scene as scenes
+from pmr.errors import InputError
+from pmr.scene import Boom
+from pmr.scene.boom_parts import footprints, section_scene
+
+THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
+
+
+def load(*changes: str) -> Boom:
+    found = scenes.load_any(THREE, changes)
+    assert isinstance(found, Boom)
+    return found
+
+
+def test_sections_take_over_what_they_share_and_say_the_rest() -> None:
+    boom = load("section.mesh.elements=12", "sections.fly.mesh.elements=20")
+    assert boom.names == ("base", "middle", "fly") and boom.sections[0].joint is None
+    assert [part.mesh.elements for part in boom.sections] == [12, 12, 20]
+    assert [part.body.box.width for part in boom.sections if part.body.box] == [0.30, 0.26, 0.22]
+    assert {part.body.box.length for part in boom.sections if part.body.box} == {6.0}
+    assert (
+        Boom.model_validate_json(boom.model_dump_json()).hash
+        == boom.hash
+        == load("section.mesh.elements=12", "sections.fly.mesh.elements=20", "title=Other").hash
+        != load().hash
+    )
+
+
+def test_an_extension_is_a_signal_an_overlap_or_follows_another_one() -> None:
+    boom = load("sections.fly.joint.follows=middle", "sections.fly.joint.ratio=0.5", "sections.fly.joint.offset=0.4")
+    t = np.linspace(0.0, 8.0, 9)
+    assert np.allclose(boom.paths["fly"].value(t), 0.4 + 0.5 * boom.paths["middle"].value(t))
+    assert np.allclose(boom.paths["fly"].rate(t), 0.5 * boom.paths["middle"].rate(t))
+    assert boom.paths["fly"].bounds(0.0, 8.0) == pytest.approx((0.7, 2.65))
+    assert load("sections.fly.joint.overlap=2.0").reach(0.0) == pytest.approx(0.6 + 4.0 + 6.0)
+
+
+def test_pads_measure_a_section_wherever_joints_take_them() -> None:
+    boom = load()
+    travels = [(one.travel.first, one.travel.last) for k in range(3) for one in footprints(boom, k)]
+    assert travels == [pytest.approx(pair) for pair in ((0.75, 5.85), (0.15, 5.85), (0.15, 5.25))]
+    assert [ring.name for ring in section_scene(boom, 1).pads] == ["pads 1"]
+    mixed = load("sections.fly.joint.tail.0.length=0.1", "sections.fly.joint.tail.0.at=0.05")
+    assert len(footprints(mixed, 1)) == 2 and len(footprints(mixed, 2)) == 2 and len(footprints(mixed, 0)) == 1
+
+
+REFUSED = [
+    ("sections.fly.joint.extension=6.2", r"sections\[2\].joint.extension: it pulls fly out of middle: .* 5\.7 m"),
+    ("sections.fly.joint.extension=5.75", r"joint.extension: the overlap of fly and middle gets down to 0\.25 m"),
+    ("sections.fly.joint.extension=-0.1", r"the tail of fly gets 0\.1 m behind that of middle"),
+    ("sections.fly.body.box.length=0.9", r"at an extension of 0\.6 m fly ends before a pad at the mouth of middle"),
+    ("sections.fly.joint.overlap=7.0", r"sections\[2\].joint.overlap: the tail of fly gets 1 m behind"),
+    ("sections.fly.body.box.width=0.256", r"outside fly is 0\.262 m, inside middle there are 0\.253 m"),
+    ("sections.fly.joint.tail.0.at=0.1", r"sections\[2\].joint.tail\[0\].at = 0\.1: these pads reach from -0\.05"),
+    ("sections.fly.joint.follows=fly", r"joint.follows = 'fly': middle are allowed"),
+    ("sections.fly.joint.follows=base", r"joint.follows = 'base': middle are allowed"),
+    ("sections.fly.joint.extension={kind='step',time=1.0,before=1.0,after=2.0}", r"fly jumps from 1 m to 2 m at 1 s"),
+    ("sections.fly.name=middle", r"sections = 'middle': names that differ are allowed"),
+    ("sections.fly.reduction.basis=eigenmodes", r"sections\[2\].reduction.basis = 'eigenmodes': 'free_modes'"),
+    ("sections.fly.body.model=beam3d", r"planar beams \(base, middle\) beside others"),
+    ("sections.fly.loads.0.on=12.0", r"sections\[2\].loads\[0\].on = 12\.0: on the body, 0 to 6 m"),
+    ("section.joint.tail.0.faces.bottom=[0.2]", r"sections\[1\].joint.tail\[0\].faces.bottom = 0\.2: the pad"),
+    ("section.joint.tail.0.unilateral=false", ""),
+    ("section.joint.tail=[{at=0.15,unilateral=false,clearance=0.01}]", r"a clearance goes with unilateral = true"),
+    ("simulation.simulators=['exudyn']", r"simulation.simulators = 'exudyn': march is allowed: exudyn knows one path"),
+    ("compare.against=['ancf']", r"compare.against = \['ancf'\]: \['full'\] or \[\] is allowed"),
+    ("time.step=3e-3", r"time.step = 0\.003: a whole number of steps"),
+    ("sections.fly.bodi=1", r"unknown key; did you mean 'body'\?"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "said"), REFUSED)
+def test_what_contradicts_itself_is_refused_with_key_and_numbers(change: str, said: str) -> None:
+    if not said:
+        load(change)
+        return
+    with pytest.raises(InputError, match=said) as told:
+        load(change)
+    assert "\n" not in str(told.value)
+
+
+def test_whoever_takes_one_body_says_so() -> None:
+    with pytest.raises(InputError, match="sections: a scene of one body is allowed here; pmr run takes booms"):
+        scenes.load(THREE)
+    assert isinstance(scenes.load_any(THREE.with_name("boom_beam.toml")), scenes.Scene)
