@@ -52,18 +52,24 @@ def write(result: RunResult, folder: Path) -> None:
 def forces(result: RunResult) -> Table:
     """Smallest and largest force of every pad, slider and support that gives way, when, and where the path is then."""
     rows: list[tuple[Cell, ...]] = [
-        (model, name.removeprefix(FORCE_OF), *found.summary().values())
+        (model, name, *found.summary().values())
         for model, response in result.responses.items()
-        for name, found in force_extremes(response, result.path).items()
+        for name, found in force_extremes(response, _path(result, response)).items()
     ]
     return Table(("model", "force of", *_extremes("N")), tuple(rows))
 
 
 def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
-    """Of each force of a response, by its name, with the path coordinate s(t) (T,) m."""
-    t = response.t
-    return {name: Extremes.of(response.force(name, 0), t, np.interp(t, _times(t, path), path))
-            for name in response.force_names}  # fmt: skip
+    """Of each force of a response, by what it is of; `path` is s(t) (T,) m at the response's times."""
+    return {
+        name.removeprefix(FORCE_OF): Extremes.of(response.force(name, 0), response.t, path)
+        for name in response.force_names
+    }
+
+
+def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
+    """Of each output in another unit than m and N, by its name."""
+    return {name: Extremes.of(response.other(name), response.t, path) for name in response.other_names}
 
 
 def frequencies(result: RunResult) -> Table:
@@ -90,10 +96,10 @@ def probes(result: RunResult) -> Table:
     """Smallest and largest value of what each probe measures."""
     rows = []
     for model, response in result.responses.items():
-        s = np.interp(response.t, _times(response.t, result.path), result.path)
+        extremes = probe_extremes(response, _path(result, response))
         for probe in _probes(result, response):
-            found = Extremes.of(response.other(probe["name"]), response.t, s)
-            rows.append((model, probe["name"], probe["unit"], *probe["at"], probe["face"], *found.summary().values()))
+            head = (model, probe["name"], probe["unit"], *probe["at"], probe["face"])
+            rows.append((*head, *extremes[probe["name"]].summary().values()))
     return Table(
         ("model", "probe", "unit", "x [m]", "y [m]", "z [m]", "face", *(n.removesuffix(" []") for n in _extremes(""))),
         tuple(rows),
@@ -128,6 +134,7 @@ def _probes(result: RunResult, response: Response) -> Iterator[Mapping[str, Any]
     yield from (probe for probe in result.summary.get("probes", ()) if probe["name"] in response.other_names)
 
 
-def _times(t: Array, path: Array) -> Array:
-    """Times of the path's values: those of the steps, which a response may have fewer of."""
-    return np.linspace(float(t[0]), float(t[-1]), len(path))
+def _path(result: RunResult, response: Response) -> Array:
+    """s(t) in m at the times of a response, which may have fewer steps."""
+    t = response.t
+    return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(result.path)), result.path)

@@ -18,6 +18,7 @@ from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 
 MOST_CURVES = 15  # that are named
+LOGARITHMIC = 5.0  # times as large as the least: from there on errors are drawn by their powers of ten
 
 
 def over_parameter(done: Sequence[RunRecord], over: str, names: Sequence[str]) -> Figure:
@@ -74,7 +75,8 @@ def _value_axis(ax: Axes, name: str) -> None:
     unit = unit_for(largest, what.unit) if what.unit != "%" else Unit(1.0, "%")
     for curve in ax.lines:
         curve.set_ydata(np.asarray(curve.get_ydata()) / unit.size)
-    if (name.startswith("errors") or name == "max_error") and len(positive):
+    spread = float(positive.max() / positive.min()) if len(positive) else 1.0
+    if (name.startswith("errors") or name == "max_error") and spread > LOGARITHMIC:
         log_axis(ax, float(positive.min()) / unit.size, float(positive.max()) / unit.size)
     else:
         ax.set_ylim(0.0, 1.15 * largest / unit.size or 1.0)

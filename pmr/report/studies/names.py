@@ -21,6 +21,8 @@ _PLACES = {
     "slider_force": "of the slider force",
     "pad_force": "of the forces",
 }
+#: Places of the path by the names that figures give them.
+PLACES = {"s_min": "s least", "s_middle": "s midway", "s_max": "s largest"}
 _AGAINST = {"full": "", "ancf": " against ANCF"}
 
 
@@ -106,12 +108,21 @@ def quantity_of(name: str) -> Quantity:
     if parts[0] == "errors" and len(parts) == 3:
         one, _, other = parts[1].partition("_vs_")
         of = "" if one == "reduced" else f", {one}"
-        return Quantity(f"error {_PLACES.get(parts[2], parts[2])}{of}{_AGAINST.get(other, other)}", percent, "%", 0.01)
+        return Quantity(
+            f"error {_PLACES.get(parts[2], f'of {parts[2]}')}{of}{_AGAINST.get(other, other)}", percent, "%", 0.01
+        )
     if parts[0] == "frequency_error":
         return Quantity(f"error of frequency {parts[1]}", percent, "%", 0.01)
+    if parts[0] == "frequencies" and len(parts) == 3:
+        return Quantity(f"frequency {parts[2]}, {PLACES[parts[1]]}", lambda f: f"{significant(f, 4)}{SPACE}Hz", "Hz")
+    if parts[0] == "probes" and parts[-1] == "range":
+        stress = " stress " in name
+        printed = (lambda size: quantity(size, "Pa")) if stress else (lambda size: significant(size, 3))
+        return Quantity(f"range of {name[7:-6]}", printed, "Pa" if stress else "–")
     return {
+        "largest_force": Quantity("largest force", lambda force: quantity(force, "N"), "N"),
         "max_displacement": Quantity("largest displacement", length, "m"),
-        "max_error": Quantity("largest difference to full", length, "m"),
+        "max_error": Quantity("largest difference", length, "m"),
         "coordinates.full": Quantity("coordinates, full"),
         "coordinates.reduced": Quantity("coordinates, reduced"),
         "basis.kappa": Quantity("left out by the basis, 1 − κ", lambda kappa: significant(max(1.0 - kappa, 0.0), 2)),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber, drawing
+from pmr.report.numbers import SPACE
+from pmr.report.studies import side_by_side
 from pmr.report.studies.curves import over_parameter, over_seconds
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.names import (
@@ -14,18 +16,22 @@ from pmr.report.studies.names import (
     having,
     heading,
     key_words,
+    listed,
     number_of,
     quantity_of,
+    unit_of,
     value_of,
     worded,
 )
 from pmr.studies.results import RunRecord
 
-MOST_ROWS, MOST_COLUMNS, MOST_GRIDS = 60, 7, 3
+MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_VALUES = 60, 7, 3, 8
 COORDINATES = "reduction.coordinates"
 #: What is drawn, if the runs have it: the first one that they have is what accuracy is judged by.
 ERRORS = ("errors.reduced_vs_full.beam", "errors.reduced_vs_ancf.beam", "errors.full_vs_ancf.beam")
-BESIDE = ("errors.reduced_vs_full.tip", "max_displacement", "max_error")
+BESIDE = ("errors.reduced_vs_full.tip", "max_displacement", "max_error", "largest_force", "frequencies.s_min.1")
+#: Sections of a scene whose keys decide how long a simulation takes.
+COSTLY = ("reduction", "mesh", "time", "simulation", "body", "scene", "case")
 
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
@@ -36,14 +42,29 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     return Chapter(
         anchor=prefix,
         title=study.title,
+        opening=_opening(runs),
         headline=_headline(len(runs), done, error),
         key_numbers=list(_key_numbers(done, error)),
-        blocks=[*_figures(done, error, prefix), Block("Runs", grids=tuple(_grids(runs)))],
+        blocks=[*_figures(done, error, prefix), Block("Runs", grids=tuple(_grids(runs))), *side_by_side.blocks(runs)],
     )
 
 
+def _opening(runs: Sequence[RunRecord]) -> str:
+    """How many runs, and over what, with the values of what takes few."""
+    said = []
+    for key in dict.fromkeys(key for run in runs for key in run.parameters):
+        values = list(dict.fromkeys(worded(run.parameters.get(key)) for run in runs))
+        if 1 < len(values) <= MOST_VALUES:
+            unit = unit_of(key)
+            said.append(f"{key_words(key)} ({', '.join(values)}{f'{SPACE}{unit}' if unit else ''})")
+        elif len(values) > 1:
+            said.append(f"{key_words(key)} ({len(values)} values)")
+    count = f"{len(runs)} runs" if len(runs) != 1 else "One run"
+    return f"{count} over {listed(said)}." if said else ""
+
+
 def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
-    there = f"{len(done)} of {count} runs are there."
+    there = f"{len(done)} of {count} runs are there." if len(done) < count or error is None else ""
     if error is None:
         return there
     known = sorted(having(done, error), key=lambda run: value_of(run, error))
@@ -52,21 +73,33 @@ def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
         return there
     return (
         f"The {what.label} is {what.cell(best.figures[error])} at least ({called(best)}) and "
-        f"{what.cell(worst.figures[error])} at most ({called(worst)}). {there}"
+        f"{what.cell(worst.figures[error])} at most ({called(worst)}). {there}".rstrip()
     )
 
 
 def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNumber]:
-    for name, which in ((error, "least"), ("max_error", "least"), ("max_displacement", "largest")):
+    """Errors at most and at best, what is largest of all."""
+    for name in (error, "max_error", "max_displacement", "largest_force"):
         if name is None or not (known := having(done, name)):
             continue
-        run = (min if which == "least" else max)(known, key=lambda run: value_of(run, name))  # noqa: B023
-        what = quantity_of(name)
-        label = what.label if which == "largest" else f"{what.label}, at best"
-        yield KeyNumber(what.cell(run.figures[name]), label, called(run) if differs(known, name) else "in all runs")
-    if timed := [run for run in done if run.seconds.get(TIME)]:
+        what, ordered = quantity_of(name), sorted(known, key=lambda run: value_of(run, name))  # noqa: B023
+        best, worst = ordered[0], ordered[-1]
+        if not differs(known, name):
+            yield KeyNumber(what.cell(worst.figures[name]), what.label, "in all runs")
+        elif name in (error, "max_error"):
+            note = f"at best {what.cell(best.figures[name])}, {called(best)}"
+            yield KeyNumber(what.cell(worst.figures[name]), f"{what.label}, at most", note)
+        else:
+            yield KeyNumber(what.cell(worst.figures[name]), what.label, called(worst))
+    timed = [run for run in done if run.seconds.get(TIME)]
+    if timed and _cost_differs(timed):
         fastest = min(timed, key=lambda run: run.seconds[TIME])
         yield KeyNumber(quantity_of(TIME).cell(fastest.seconds[TIME]), "fastest simulation", called(fastest))
+
+
+def _cost_differs(runs: Sequence[RunRecord]) -> bool:
+    """Whether anything was varied on which the time of a simulation depends; that of a load is chance."""
+    return any(key.partition(".")[0].partition("[")[0] in COSTLY for run in runs for key in run.parameters)
 
 
 def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Iterator[Block]:
@@ -75,14 +108,15 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
     if over is None:
         return
     drawn = list[tuple[Drawing, ...]]()
-    beside = [name for name in (error, *BESIDE) if name and differs(done, name)]
+    ranges = [name for name in dict.fromkeys(n for run in done for n in run.figures) if name.endswith(".range")]
+    beside = [name for name in (error, *BESIDE, *ranges[:1]) if name and differs(done, name)]
     if beside:
         others = {key_words(key) for key in done[0].parameters if key != over}
         apart = f", a curve for each {' and '.join(sorted(others))}" if others else ""
         caption = f"What was found over the {key_words(over)}{apart}."
         drawn.append((drawing(f"{prefix}-varied", over_parameter, caption, done, over, beside),))
     timed = [run for run in done if run.seconds.get(TIME)]
-    if error and len(having(timed, error)) > 1:
+    if error and len(having(timed, error)) > 1 and _cost_differs(timed):
         label = quantity_of(error).label.capitalize()
         caption = f"{label} over the time that one simulation of the reduced model takes."
         drawn.append((drawing(f"{prefix}-seconds", over_seconds, caption, timed, over, error),))
@@ -128,8 +162,8 @@ def _grids(runs: Sequence[RunRecord]) -> Iterator[Grid]:
 
 def _columns(runs: Sequence[RunRecord]) -> list[str]:
     """Figures of the runs and seconds of their simulations."""
-    figures = (name for run in runs for name in run.figures)
-    seconds = (name for run in runs for name in run.seconds if name.startswith("simulate."))
+    figures = (name for run in runs for name in run.figures if not name.startswith(side_by_side.ROOMS))
+    seconds = (name for run in runs for name in run.seconds if name.startswith("simulate.") and _cost_differs(runs))
     return list(dict.fromkeys([*figures, *seconds]))
 
 

@@ -96,13 +96,14 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
 
     Figures: ``errors.<a>_vs_<b>.<place>`` (e_NRMS), ``max_displacement`` and ``max_error`` (m), ``coordinates.full``
     and ``.reduced``, ``basis.kappa``, and ``frequency_error.<i>``, the largest relative error of the i-th frequency
-    over the path.  Arrays: ``t`` (s), ``tip`` (m), ``singular_values``, ``frequencies.s`` (m), ``.full``, ``.reduced``
-    (rad/s).
+    over the path; then what `pmr.studies.taken_away` says.  Arrays: ``t`` (s), ``tip`` (m), ``singular_values``,
+    ``frequencies.s`` (m), ``.full``, ``.reduced`` (rad/s).
     """
     from pmr.compare import errors as compare
     from pmr.compare.frequencies import reduced_frequencies
     from pmr.compare.responses import quantities, simulate_reduced
     from pmr.run import reduce_with
+    from pmr.studies.taken_away import taken_away
 
     scene = shared.scene_of(arguments)
     reduction = reduce_with(scene, shared.model_of(scene), shared.snapshots_from(scene, needs))
@@ -125,6 +126,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
         off = np.abs(reduced[:, i] / full[:, i] - 1.0).max()
         record[f"frequency_error.{i + 1}"] = float(off) if np.isfinite(off) else None  # fewer coordinates are free
     response = responses["reduced"]
+    record |= taken_away(scene, response, s, reduced)
     arrays = {"t": response.t, "tip": response.tip, "singular_values": reduction.basis.sigma}
     arrays |= {"frequencies.s": s, "frequencies.full": full, "frequencies.reduced": reduced}
     return TaskResult(record, arrays, {f"simulate.{name}": r.seconds for name, r in responses.items()})

@@ -1,0 +1,57 @@
+"""What a run of a study says beside errors: forces, frequencies, what probes measure, as figures of its row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.results import Response
+from pmr.results.cycles import cycles
+from pmr.results.tables import force_extremes, probe_extremes
+from pmr.scene import Scene
+from pmr.studies.engine.task import Scalar
+
+Array = NDArray[np.float64]
+
+#: Frequencies that are told, at these places of the path: where s is least, in the middle, where it is largest.
+FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
+
+
+def taken_away(scene: Scene, response: Response, s: Array, omega: Array) -> dict[str, Scalar]:
+    """Figures of a simulated model with frequencies omega (S, f) in rad/s at path coordinates s (S,) in m, ascending.
+
+    ``largest_force`` of all in N; ``forces.<of>.{min,t_min,s_min,max,t_max,s_max}`` in N, s and m;
+    ``path.{s_min,s_max}`` in m, and ``frequencies.<place>.<i>`` in Hz there and midway;
+    ``probes.<name>.{min,...}`` likewise in the probe's unit, with ``range``, the largest of its load cycles.
+    """
+    return dict((*_forces(scene, response), *_frequencies(s, omega), *_probes(scene, response)))
+
+
+def _forces(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
+    extremes = force_extremes(response, _path(scene, response))
+    if extremes:
+        yield "largest_force", max(max(found.most, -found.least) for found in extremes.values())
+    for name, found in extremes.items():
+        yield from ((f"forces.{name}.{key}", value) for key, value in found.summary().items())
+
+
+def _frequencies(s: Array, omega: Array) -> Iterator[tuple[str, Scalar]]:
+    yield "path.s_min", float(s[0])
+    yield "path.s_max", float(s[-1])
+    middle = int(np.abs(s - (s[0] + s[-1]) / 2.0).argmin())
+    for place, k in zip(PLACES, (0, middle, -1), strict=True):
+        for i, one in enumerate(omega[k, :FREQUENCIES], start=1):
+            yield f"frequencies.{place}.{i}", float(one) / (2.0 * np.pi) if np.isfinite(one) else None
+
+
+def _probes(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
+    for name, found in probe_extremes(response, _path(scene, response)).items():
+        yield from ((f"probes.{name}.{key}", value) for key, value in found.summary().items())
+        largest = cycles(response.t, response.other(name))[:1, 0]
+        yield f"probes.{name}.range", float(largest.sum())
+
+
+def _path(scene: Scene, response: Response) -> Array:
+    return np.asarray(scene.slider.path.value(response.t))
