@@ -1,19 +1,23 @@
 """Simulators, a folder each: `native` (march, compiled), `exudyn` (with the ANCF reference), `petsc` (full order).
 
 Every simulator of a sliding body fulfils `Simulator`: the same arguments, and a `Trajectory` that holds all steps,
-t = 0 included.  What it can't do it doesn't try: `pmr.scene.simulators.refuse` says so, with the key to change.
+t = 0 included; of a system of bodies it is `SystemSimulator`.  Full models, of which nobody keeps all steps, have
+`petsc.observe` and `petsc.observe_system`.  What a simulator can't do it doesn't try: `pmr.scene.simulators.refuse`
+says so, with the key to change.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Progress, TimeStepping
 from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.system import System, SystemTrajectory
 
-__all__ = ["Excitation", "InitialState", "Progress", "Simulator", "TimeStepping"]
+__all__ = ["Excitation", "InitialState", "Progress", "Simulator", "SystemSimulator", "TimeStepping"]
 
 
 class Simulator(Protocol):
@@ -45,5 +49,36 @@ class Simulator(Protocol):
             If the path leaves the domain, a load is missing, or the initial position violates the rows.
         SimulationError
             If a step fails or a result is not finite.
+        """
+        ...
+
+
+class SystemSimulator(Protocol):
+    """Integrates a system of bodies over time: `native.multibody.simulate`, `exudyn.simulate_system`."""
+
+    def __call__(
+        self,
+        system: System,
+        excitation: Excitation,
+        initial: Mapping[str, InitialState] | None = None,
+        progress: Progress | None = None,
+    ) -> SystemTrajectory:
+        """Simulate all bodies from t = 0 on.
+
+        Parameters
+        ----------
+        system : System
+        excitation : Excitation
+            The system's paths, by name, and a load for each ``body.input``.
+        initial : mapping of str to InitialState, optional
+            Of each body; those that are missing start at rest, undeformed.
+        progress : callable, optional
+
+        Raises
+        ------
+        InputError
+            If a path leaves a row, a load is missing, a start violates a rigid contact, or a rigid one only pushes.
+        SimulationError
+            If contacts depend on each other, a result is not finite, or the motion grows.
         """
         ...

@@ -181,20 +181,20 @@ def part_of(trajectory: Trajectory, steps: slice) -> Trajectory:
 def _energy(body: SlidingBody, part: Trajectory, loads: Array, motion: Array) -> Energy:
     """The energies, given B^T q."""
     multipliers = part.deforming
-    strain = _half_form(body.K, part.q) + multipliers**2 @ body.row_compliance / 2.0
+    strain = half_form(body.K, part.q) + multipliers**2 @ body.row_compliance / 2.0
     if body.flexibility is not None:
         strain = strain + body.flexibility.strain_energy(part.s, multipliers, loads)
-    return Energy(_half_form(body.M, part.v), strain, -_dot(motion, loads))
+    return Energy(half_form(body.M, part.v), strain, -dot(motion, loads))
 
 
 def _works(body: SlidingBody, part: Trajectory, f: Array, motion: Array) -> Array:
     """Work (T - 1,) in J done in each step, given B^T q."""
-    q, s, multipliers, mean_f = part.q, part.s, _mean(part.multipliers), _mean(f)
-    work = _dot(mean_f, np.diff(motion, axis=0))
-    turned = body.row_change(s, _mean(q))
+    q, s, multipliers, mean_f = part.q, part.s, mean(part.multipliers), mean(f)
+    work = dot(mean_f, np.diff(motion, axis=0))
+    turned = body.row_change(s, mean(q))
     if body.flexibility is not None:
-        turned += body.flexibility.row_motion_change(s, _mean(part.deforming) / 2.0, mean_f)
-    return work + _dot(multipliers, turned)
+        turned += body.flexibility.row_motion_change(s, mean(part.deforming) / 2.0, mean_f)
+    return work + dot(multipliers, turned)
 
 
 def _motion(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
@@ -205,18 +205,18 @@ def _motion(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     return motion
 
 
-def _half_form(A: Any, x: Array) -> Array:
+def half_form(A: Any, x: Array) -> Array:
     """x^T A x / 2 of each row of x (T, n)."""
     if not sp.issparse(A) and not np.any(A - np.diag(np.diagonal(A))):
         return np.asarray(x**2 @ np.diagonal(A)) / 2.0  # modal coordinates
-    return _dot((A @ x.T).T, x) / 2.0
+    return dot((A @ x.T).T, x) / 2.0
 
 
-def _dot(a: Array, b: Array) -> Array:
+def dot(a: Array, b: Array) -> Array:
     """Of each row of two arrays (T, n)."""
     return np.asarray(np.einsum("tn,tn->t", a, b))
 
 
-def _mean(values: Array) -> Array:
+def mean(values: Array) -> Array:
     """Of each step, from its ends."""
     return np.asarray(values[1:] + values[:-1]) / 2.0

@@ -37,6 +37,16 @@ class ContactRows:
     X: Array
 
 
+@dataclass(frozen=True)
+class ContactTables:
+    """The same at T places each, dense: C (T, m, n), F (T, m, m), H (T, m, i) and X (T, o, m)."""
+
+    C: Array
+    F: Array
+    H: Array
+    X: Array
+
+
 class Assembly:
     """All bodies' equations, on the coordinates that no support holds.
 
@@ -47,6 +57,8 @@ class Assembly:
     outputs : (o, n) sparse matrix
     direct : (o, i) array, m/N
         W, the residual flexibility between inputs and outputs.
+    energy : (i, i) array, m/N
+        B^T R B, that between inputs.
     free : dict of str to (n_b,) array
         Numbers of the coordinates of each body that its supports leave free.
     coordinates, inputs, observed : dict of str to slice
@@ -68,9 +80,11 @@ class Assembly:
         self.inputs = _slices(system, [len(body.input_names) for body in bodies])
         self.observed = _slices(system, [o.shape[0] for o in O])
         self.direct = np.zeros((self.outputs.shape[0], self.B.shape[1]))
+        self.energy = np.zeros((self.B.shape[1],) * 2)
         for name, body in system.bodies.items():
             if body.carriers is not None and body.carriers.flexibility is not None:
                 self.direct[self.observed[name], self.inputs[name]] = body.carriers.flexibility.direct
+                self.energy[self.inputs[name], self.inputs[name]] = body.carriers.flexibility.energy
 
     @property
     def size(self) -> int:
@@ -78,26 +92,31 @@ class Assembly:
 
     def at(self, x: Array) -> ContactRows:
         """The contacts with their places at x (sides,) m, as `System.coordinates` has them."""
-        system = self.system
-        m, F = len(system.contacts), np.diag(system.compliance)
-        C, H, X = np.zeros((m, self.size)), np.zeros((m, self.B.shape[1])), np.zeros((self.outputs.shape[0], m))
-        sides = system.sides
-        weights = [
-            side.sign * system.row(side.place).weights(at).toarray()[0] for side, at in zip(sides, x, strict=True)
-        ]
+        found = self.along(x[None])
+        return ContactRows(sp.csr_matrix(found.C[0]), found.F[0], found.H[0], found.X[0])
+
+    def along(self, x: Array) -> ContactTables:
+        """The contacts with their places at x (T, sides) m."""
+        system, sides = self.system, self.system.sides
+        T, m, i, o = len(x), len(system.contacts), self.B.shape[1], self.outputs.shape[0]
+        C, H, X = np.zeros((T, m, self.size)), np.zeros((T, m, i)), np.zeros((T, o, m))
+        F = np.zeros((T, m, m))
+        F[:] = np.diag(system.compliance)
+        weights = [side.sign * system.row(side.place).weights(at) for side, at in zip(sides, x.T, strict=True)]
         for side, b in zip(sides, weights, strict=True):
-            carriers = system.bodies[side.place.body].carriers
+            k, body = side.contact, side.place.body
+            carriers = system.bodies[body].carriers
             assert carriers is not None
-            C[side.contact, self.coordinates[side.place.body]] = b @ carriers.values[:, self.free[side.place.body]]
+            C[:, k, self.coordinates[body]] = b @ carriers.values[:, self.free[body]]
             if carriers.flexibility is None:
                 continue
-            H[side.contact, self.inputs[side.place.body]] += b @ carriers.flexibility.inputs
-            X[self.observed[side.place.body], side.contact] += carriers.flexibility.outputs @ b
+            H[:, k, self.inputs[body]] += b @ carriers.flexibility.inputs
+            X[:, self.observed[body], k] += b @ carriers.flexibility.outputs.T
             moved = b @ carriers.flexibility.rows
             for other, c in zip(sides, weights, strict=True):
-                if other.place.body == side.place.body:
-                    F[side.contact, other.contact] += moved @ c
-        return ContactRows(sp.csr_matrix(C), (F + F.T) / 2.0, H, X)
+                if other.place.body == body:
+                    F[:, k, other.contact] += np.asarray(c.multiply(moved).sum(axis=1))[:, 0]
+        return ContactTables(C, (F + F.transpose(0, 2, 1)) / 2.0, H, X)
 
     def frequencies(self, x: Array, count: int) -> Array:
         """The lowest natural frequencies in Hz, (count,), with every contact closed and its places at x (sides,) m."""

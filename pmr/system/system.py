@@ -112,6 +112,16 @@ class Joined(Generic[AnyBody]):
                 found.append(Side(k, contact.outer, -contact.direction))
         return tuple(found)
 
+    def sides_of(self, body: str) -> list[int]:
+        """Numbers of the sides on a body."""
+        return [number for number, side in enumerate(self.sides) if side.place.body == body]
+
+    def pressed(self, body: str, forces: Array) -> Array:
+        """Contact forces (T, m) as multipliers (T, k) of the body's sides, with their signs."""
+        own = [side for side in self.sides if side.place.body == body]
+        signs = np.array([side.sign for side in own], float)
+        return np.asarray(forces[:, [side.contact for side in own]] * signs)
+
     @property
     def paths(self) -> tuple[str, ...]:
         """Names of the paths on which places travel."""

@@ -9,12 +9,13 @@ from pmr.environment import needed
 
 if TYPE_CHECKING:
     from pmr.simulate.exudyn.simulator import Formulation, add_sliding_body, simulate
+    from pmr.simulate.exudyn.system import simulate_system
 
-__all__ = ["Formulation", "add_sliding_body", "simulate"]
+__all__ = ["Formulation", "add_sliding_body", "simulate", "simulate_system"]
 
 
 def __getattr__(name: str) -> Any:
-    """What stands in `pmr.simulate.exudyn.simulator`.
+    """What stands in `pmr.simulate.exudyn.simulator` and `pmr.simulate.exudyn.system`.
 
     Raises
     ------
@@ -24,4 +25,5 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     needed("exudyn")
-    return getattr(import_module("pmr.simulate.exudyn.simulator"), name)
+    module = "system" if name == "simulate_system" else "simulator"
+    return getattr(import_module(f"pmr.simulate.exudyn.{module}"), name)

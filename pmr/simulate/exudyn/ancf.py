@@ -23,7 +23,7 @@ from pmr.simulate.excitation import Excitation
 from pmr.simulate.exudyn.ancf_items import CableItems, add_force, add_sliding_cable
 from pmr.simulate.exudyn.cable import Cable, curvature, values
 from pmr.simulate.exudyn.items import add_pre_step_function
-from pmr.simulate.exudyn.solver import solve, solver_settings, stored
+from pmr.simulate.exudyn.solver import slider_at, solve, solver_settings, stored
 from pmr.simulate.stepping import Progress, TimeStepping
 
 __all__ = ["Cable", "CableMotion", "energy", "simulate"]
@@ -118,8 +118,9 @@ def simulate(
 
     add_pre_step_function(mbs, update)
     sensors = _add_sensors(mbs, items)
-    seconds = solve(mbs, _settings(cable, stepping), position, progress)
-    stored_values = [[stored(mbs, sensor, stepping, position) for sensor in group] for group in sensors]
+    place = slider_at(position)
+    seconds = solve(mbs, _settings(cable, stepping), place, progress)
+    stored_values = [[stored(mbs, sensor, stepping, place) for sensor in group] for group in sensors]
     q, v, joint = (np.stack(group, axis=1) for group in stored_values)
     return CableMotion(
         t=excitation.times,

@@ -22,7 +22,7 @@ from pmr.simulate.excitation import Excitation, path_at
 from pmr.simulate.exudyn.bodies import add_body_with_multipliers, add_called_body, add_updated_body
 from pmr.simulate.exudyn.inputs import Inputs, SignalInputs, TabulatedInputs
 from pmr.simulate.exudyn.items import SlidingBodyItems, add_pre_step_function
-from pmr.simulate.exudyn.solver import change, solve, solver_settings, stored
+from pmr.simulate.exudyn.solver import change, slider_at, solve, solver_settings, stored
 from pmr.simulate.needs import needs_of, needs_on
 from pmr.simulate.start import InitialState, consistent_start
 from pmr.simulate.stepping import Progress
@@ -137,8 +137,9 @@ def simulate(
     chosen = solver_settings(stepping, linear_solver)
     chosen.timeIntegration.newton.useModifiedNewton = formulation == "callbacks-modified-newton"
     change(chosen.timeIntegration.newton, newton or {})
-    seconds = solve(mbs, chosen, inputs.position, progress)
-    q, v, *forces = (stored(mbs, sensor, stepping, inputs.position) for sensor in sensors)
+    place = slider_at(inputs.position)
+    seconds = solve(mbs, chosen, place, progress)
+    q, v, *forces = (stored(mbs, sensor, stepping, place) for sensor in sensors)
     multipliers, held = np.empty((len(q), len(body.row_names))), [*items.rows, *body.held]
     if held:
         multipliers[:, held] = np.hstack(forces)

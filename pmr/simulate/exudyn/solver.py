@@ -61,22 +61,22 @@ def change(newton: Any, settings: Mapping[str, bool | float]) -> None:
             raise InputError("scene", f"simulation.newton.{name}", value, str(error).splitlines()[0]) from None
 
 
-def solve(mbs: Any, chosen: Any, position: Callable[[float], float], progress: Progress | None = None) -> float:
+def solve(mbs: Any, chosen: Any, place: Callable[[float], str], progress: Progress | None = None) -> float:
     """Assemble and integrate; returns the solver's wall time in s.
 
     Parameters
     ----------
     mbs : exudyn.MainSystem
     chosen : exudyn.SimulationSettings
-    position : callable
-        Path coordinate in m at a time in s, for the message.
+    place : callable
+        Where paths lead at a time in s, in words, for the message.
     progress : callable, optional
         Told the share of the time span that is done, about a hundred times.
 
     Raises
     ------
     SimulationError
-        If a step fails; the message has its number, time and slider position.
+        If a step fails; the message has its number, time and place.
     """
     if progress is not None:
         _report(mbs, chosen.timeIntegration, progress)
@@ -94,7 +94,7 @@ def solve(mbs: Any, chosen: Any, position: Callable[[float], float], progress: P
             reason = "singular equations (constraint rows that depend on each other?)"
         t = solver.it.currentTime
         number = round(t * chosen.timeIntegration.numberOfSteps / chosen.timeIntegration.endTime)
-        raise SimulationError(f"{_where(number, t, position)}: {reason}")
+        raise SimulationError(f"{_where(number, t, place)}: {reason}")
     return seconds
 
 
@@ -111,7 +111,7 @@ def _report(mbs: Any, integration: Any, progress: Progress) -> None:
     add_pre_step_function(mbs, count)
 
 
-def stored(mbs: Any, sensor: Any, stepping: TimeStepping, position: Callable[[float], float]) -> Array:
+def stored(mbs: Any, sensor: Any, stepping: TimeStepping, place: Callable[[float], str]) -> Array:
     """Values (T, c) that a sensor stored, one row a step, t = 0 included.
 
     Raises
@@ -125,7 +125,7 @@ def stored(mbs: Any, sensor: Any, stepping: TimeStepping, position: Callable[[fl
     finite = np.isfinite(values).all(axis=1)
     if not finite.all():
         number = int(np.argmin(finite))
-        raise SimulationError(f"{_where(number, number * stepping.step, position)}: not finite")
+        raise SimulationError(f"{_where(number, number * stepping.step, place)}: not finite")
     return np.asarray(values)
 
 
@@ -142,5 +142,10 @@ def _warnings_logged() -> Iterator[None]:
             _log.warning("Exudyn: %s", text.removeprefix("WARNING: "))
 
 
-def _where(number: int, t: float, position: Callable[[float], float]) -> str:
-    return f"Exudyn failed at step {number}, t = {t:g} s, slider at {position(t):g} m"
+def slider_at(position: Callable[[float], float]) -> Callable[[float], str]:
+    """Where a slider is, in words, from its path coordinate in m at a time in s."""
+    return lambda t: f"slider at {position(t):g} m"
+
+
+def _where(number: int, t: float, place: Callable[[float], str]) -> str:
+    return f"Exudyn failed at step {number}, t = {t:g} s, {place(t)}"

@@ -161,16 +161,11 @@ class MultibodyMarch:
         balance.refuse_growth(found, "march", self._rigid_and_moving)
         motions = {}
         for name, form, columns in zip(self._system.bodies, self._form.forms, self._form.columns, strict=True):
-            own = [k for k, side in enumerate(self._system.sides) if side.place.body == name]
-            forces = np.stack([np.zeros(len(x)), *(self._pressed(record, k) for k in own)], axis=1)[:, 1:]
+            own, forces = x[:, self._system.sides_of(name)], self._system.pressed(name, record.multipliers)
             q, v = record.z[:, columns] @ form.X.T, record.v[:, columns] @ form.X.T
-            motions[name] = Trajectory(self._t, q, v, forces, x[:, own], seconds, surplus=found)
+            motions[name] = Trajectory(self._t, q, v, forces, own, seconds, surplus=found)
         peaks = np.where(np.isnan(self._system.clearance), record.multipliers, record.peaks)
         return SystemTrajectory(self._t, motions, record.multipliers, peaks, f, energy, work, seconds, found)
-
-    def _pressed(self, record: _Record, number: int) -> Array:
-        side = self._system.sides[number]
-        return np.asarray(side.sign * record.multipliers[:, side.contact])
 
 
 def parts_of(system: System, excitation: Excitation) -> int:

@@ -19,7 +19,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulate import InitialState, Simulator, TimeStepping
 from pmr.simulate.exudyn import Formulation, inputs, simulator
-from pmr.simulate.exudyn.solver import stored
+from pmr.simulate.exudyn.solver import slider_at, stored
 from pmr.simulate.start import consistent_start
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 
@@ -167,12 +167,12 @@ class StoredData:
 
 def test_only_complete_and_finite_results_count() -> None:
     values = np.ones((STEPPING.steps + 1, 2))
-    np.testing.assert_array_equal(stored(StoredData(values), 0, STEPPING, PATH.value), values)
+    np.testing.assert_array_equal(stored(StoredData(values), 0, STEPPING, slider_at(PATH.value)), values)
     with pytest.raises(SimulationError, match="200 of 201 steps"):
-        stored(StoredData(values[1:]), 0, STEPPING, PATH.value)
+        stored(StoredData(values[1:]), 0, STEPPING, slider_at(PATH.value))
     values[7, 1] = np.nan
     with pytest.raises(SimulationError, match=r"step 7, t = 0\.007 s, slider at 2\.02\d* m: not finite"):
-        stored(StoredData(values), 0, STEPPING, PATH.value)
+        stored(StoredData(values), 0, STEPPING, slider_at(PATH.value))
 
 
 def test_nothing_is_printed_or_written(

@@ -1,0 +1,86 @@
+"""The contacts of a system of bodies step by step, and the forces of those that give way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.simulate.exudyn.inputs import ENTRIES_AHEAD
+from pmr.simulate.native import contact as native
+from pmr.simulate.native.scheme import GeneralizedAlpha
+from pmr.system.assembly import Assembly, ContactTables
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Tables:
+    """The contacts at all steps, a block of steps ahead."""
+
+    def __init__(self, assembly: Assembly, x: Array) -> None:
+        self._assembly, self._x, self._first = assembly, x, 0
+        m, (n, i), o = x.shape[1], assembly.B.shape, assembly.outputs.shape[0]
+        self.block = max(2, ENTRIES_AHEAD // max(1, m * (n + m + i + o)))
+        self._found: ContactTables | None = None
+
+    def at(self, k: int) -> Rows:
+        """At step k."""
+        if self._found is None or not self._first <= k < self._first + len(self._found.C):
+            self._first, self._found = k, self.of(k, k + self.block)
+        j = k - self._first
+        return Rows(self._found.C[j], self._found.F[j], self._found.H[j])
+
+    def of(self, first: int, last: int) -> ContactTables:
+        """At steps `first` to `last`, the latter excluded."""
+        return self._assembly.along(self._x[first:last])
+
+
+@dataclass(frozen=True)
+class Rows:
+    """C (m, n), F (m, m) and H (m, i) of some contacts at one step."""
+
+    C: Array
+    F: Array
+    H: Array
+
+    def of(self, which: Mask) -> Rows:
+        """None but some of them."""
+        return Rows(self.C[which], self.F[np.ix_(which, which)], self.H[which])
+
+    @cached_property
+    def answers(self) -> Array:
+        """F^-1 C and F^-1 H side by side."""
+        return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
+
+
+class Giving:
+    """Forces of contacts that give way, some of which only push."""
+
+    def __init__(self, system: System, which: Mask, method: GeneralizedAlpha) -> None:
+        self.which = which
+        self.pushing = native.contact(system.clearance[which], method.memory())
+        self._names, self._room = system.contact_names, np.zeros((which.sum(),) * 2)
+        self._rows: Rows | None = None
+
+    def forces(self, rows: Rows, q: Array, f: Array) -> Array:
+        """Lambda (m',) in N at coordinates q under loads f."""
+        if self.pushing is None:
+            return np.asarray(rows.answers @ np.concatenate([q, f]))
+        if rows is not self._rows:
+            self._rows, self.pushing.factored[0] = rows, native.STALE
+        found = rows.C @ q + rows.H @ f
+        if native.settle(self.pushing, rows.F, self._room, found):
+            raise SimulationError(f"which of the contacts {', '.join(self._names)} are closed was not settled")
+        return np.asarray(found)
+
+    def stiffness(self, rows: Rows) -> Array:
+        """C^T F^-1 C of those that are closed."""
+        if self.pushing is None:
+            return np.asarray(rows.C.T @ rows.answers[:, : rows.C.shape[1]])
+        closed = rows.of(self.pushing.closed)
+        return np.asarray(closed.C.T @ np.linalg.solve(closed.F, closed.C))
