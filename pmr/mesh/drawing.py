@@ -134,7 +134,7 @@ class Drawing:
                     physical.append(np.full(len(block), tag))
         data = {"gmsh:physical": physical, "gmsh:geometrical": physical}
         mesh = meshio.Mesh(points, cells, cell_data=data, field_data=field_data)
-        meshio.write(file, mesh, file_format="gmsh22", binary=False)
+        meshio.write(file, mesh, file_format="gmsh22", binary=True)
 
 
 def crossed(points: Array, quads: Indices) -> tuple[Array, Indices]:

@@ -66,7 +66,8 @@ class Trace:
     def mean(self, weights: Array | None = None) -> sp.csr_matrix:
         """Mean displacement as rows (3, n); with a weight for each point (q,), the weighted mean."""
         w = self.weights if weights is None else self.weights * weights
-        return sp.vstack([sp.csr_matrix((w / w.sum()) @ component) for component in self.values], format="csr")
+        mean = sp.csr_matrix(w / w.sum())
+        return sp.vstack([mean @ component for component in self.values], format="csr")
 
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
         """Displacement of a point that follows the group (by default its centroid), and rotation: rows (6, n).
@@ -104,18 +105,19 @@ def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1)
     weights, shape, _ = lagrange_rule(kind, degree, QUADRATURE_DEGREE, parts)
     _, linear, slopes = lagrange_rule(kind, 1, QUADRATURE_DEGREE, parts)
     corners = mesh.points[group.entities]
-    jacobian = np.einsum("dqk,eki->eqid", slopes, corners)
-    measure = np.sqrt(np.linalg.det(np.einsum("eqid,eqif->eqdf", jacobian, jacobian))) if group.dim else np.ones((1, 1))
+    jacobian = np.einsum("dqk,eki->eqid", slopes, corners, optimize=True)
+    measure = np.sqrt(np.linalg.det(jacobian.swapaxes(2, 3) @ jacobian)) if group.dim else np.ones((1, 1))
     first = _nodes_of(mesh, nodes, name, kind)
-    rows = np.repeat(np.arange(first.shape[0] * len(weights)), first.shape[1])
-    columns = np.repeat(first[:, None, :], len(weights), axis=1).ravel()
-    entries = np.tile(shape.ravel(), len(first))
+    columns = np.repeat(first[:, None, :], len(weights), axis=1)
+    ends = np.arange(0, columns.size + 1, first.shape[1])
     size = (len(first) * len(weights), nodes.size)
+    along_x = sp.csr_matrix((np.tile(shape.ravel(), len(first)), columns.ravel(), ends), shape=size)
+    along_x.sort_indices()
     return Trace(
         name,
-        points=np.einsum("qk,eki->eqi", linear, corners).reshape(-1, 3),
+        points=(linear @ corners).reshape(-1, 3),
         weights=(measure * weights * np.ones((len(first), 1))).ravel(),
-        values=tuple(sp.csr_matrix((entries, (rows, columns + c)), shape=size) for c in range(3)),
+        values=tuple(sp.csr_matrix((along_x.data, along_x.indices + c, along_x.indptr), shape=size) for c in range(3)),
     )
 
 
