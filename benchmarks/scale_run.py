@@ -68,6 +68,7 @@ def main(cells: float, file: Path | None = None) -> None:
         "ranks": comm.size,
         "seconds": seconds,
         "processor": comm.allreduce(time.process_time() - before, MPI.SUM),
+        "processor_of_stages": timer.processor,
         "peak_MB": comm.allgather(_peak()),
         "peak_MB_after": timer.peaks,
         "loaded_MB": comm.allgather(loaded),
@@ -85,10 +86,11 @@ def boom(cells: float) -> scene.Scene:
 
 
 class Timer:
-    """Wall seconds of stages on the slowest rank, and all ranks' peak memory in MB at their ends."""
+    """Wall seconds of stages on the slowest rank, processor seconds and, at their ends, peak memory in MB of each."""
 
     def __init__(self, comm: MPI.Comm) -> None:
-        self._comm, self.seconds, self.peaks = comm, dict[str, float](), dict[str, float]()
+        self._comm, self.seconds = comm, dict[str, float]()
+        self.processor, self.peaks = dict[str, list[float]](), dict[str, list[float]]()
 
     def of(self, stage: str, called: Callable[..., Any]) -> Callable[..., Any]:
         """What is called, timed; collective.  Stages called several times add up."""
@@ -96,11 +98,14 @@ class Timer:
         @functools.wraps(called, updated=())
         def timed(*arguments: Any, **named: Any) -> Any:
             self._comm.Barrier()
-            begin = time.perf_counter()
+            begin, before = time.perf_counter(), time.process_time()
             result = called(*arguments, **named)
+            used = self._comm.allgather(time.process_time() - before)
             taken = self._comm.allreduce(time.perf_counter() - begin, MPI.MAX)
             self.seconds[stage] = self.seconds.get(stage, 0.0) + taken
-            self.peaks[stage] = self._comm.allreduce(_peak(), MPI.SUM)
+            spent = self.processor.get(stage, [0.0] * self._comm.size)
+            self.processor[stage] = [a + b for a, b in zip(spent, used, strict=True)]
+            self.peaks[stage] = self._comm.allgather(_peak())
             return result
 
         return timed

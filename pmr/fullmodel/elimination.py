@@ -61,27 +61,30 @@ class Elimination:
         first, last = K.getOwnershipRange()
         result = K.copy()
         if np.any(self.factors):
-            freed(result)
-            T = sparse(self._square()[first:last], K, columns=last - first)
-            result = K.PtAP(T)
-            freed(T)
+            change = sparse(self._change(K)[first:last], K, columns=last - first)
+            result.axpy(1.0, change, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            freed(change)
         mine = self.pivots[(self.pivots >= first) & (self.pivots < last)]
         result.zeroRowsColumns(mine.astype(PETSc.IntType), diag=float(K.getDiagonal().max()[1]))
         return result
 
-    def _square(self) -> sp.csr_matrix:
-        """T with a column for each pivot too, whose zero keeps its place."""
-        at, other = np.nonzero(self.factors)
-        entries = np.ones(self.size)
-        entries[self.pivots] = 0.0
-        everything = np.arange(self.size)
-        return sp.csr_matrix(
-            (
-                np.concatenate([entries, -self.factors[at, other]]),
-                (np.concatenate([everything, self.pivots[at]]), np.concatenate([everything, self.others[other]])),
-            ),
-            shape=(self.size, self.size),
-        )
+    def _change(self, K: PETSc.Mat) -> sp.csr_matrix:
+        """T^T K T - K away from the pivots: a few rows and columns, which would not be worth a product with all of K.
+
+        With factors F and the pivots' rows R of K, of which the pivots' own columns are P,
+        F^T P F - F^T R - R^T F; collective.
+        """
+        first, last = K.getOwnershipRange()
+        coupled = np.flatnonzero(np.any(self.factors, axis=1))
+        pivots = self.pivots[coupled]
+        own = {int(p): K.getRow(int(p)) for p in pivots if first <= p < last}
+        found = {p: row for rows in K.comm.tompi4py().allgather(own) for p, row in rows.items()}
+        rows = [found[int(p)] for p in pivots]
+        R = sp.vstack([sp.csr_matrix((values, i, [0, len(i)]), (1, self.size)) for i, values in rows], format="csr")
+        at, other = np.nonzero(self.factors[coupled])
+        F = sp.csr_matrix((self.factors[coupled][at, other], (at, self.others[other])), (len(coupled), self.size))
+        RF = R.T @ F
+        return sp.csr_matrix(F.T @ R[:, pivots] @ F - RF - RF.T)
 
     def petsc(self, like: PETSc.Mat) -> PETSc.Mat:
         """T as a PETSc matrix; its rows are spread as those of `like`, its columns follow their rows."""

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pmr.fem.compat import MPI
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import sparse
 from pmr.fem.matrices import gather
+from pmr.fullmodel.assembly import share
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.elimination import DependentRowsError, eliminate
 
@@ -44,3 +46,20 @@ def test_the_distributed_matrix_is_the_same(load_scene, s: float) -> None:
     T = gather(elimination.petsc(model.M))
     if MPI.COMM_WORLD.rank == 0:
         assert np.array_equal(T.toarray(), elimination.matrix().toarray())
+
+
+@pytest.mark.mpi
+def test_the_condensed_matrix_is_the_product_with_the_pivots_on_its_diagonal() -> None:
+    n, comm = 40, MPI.COMM_WORLD
+    A = sp.random(n, n, density=0.2, random_state=8)
+    K = sp.csr_matrix(A @ A.T + sp.eye(n))
+    C = sp.vstack([sp.random(3, n, density=0.3, random_state=9), sp.csr_matrix(([1.0], ([0], [17])), (1, n))])
+    elimination = eliminate(sp.csr_matrix(C), "abcd")
+    first, last = share(n, comm)
+    like = PETSc.Mat().createAIJ(((last - first, n), (last - first, n)), comm=comm)
+    condensed = gather(elimination.condensed(sparse(K[first:last], like, columns=int(last - first))))
+    if comm.rank == 0:
+        T, free = elimination.matrix(), elimination.free
+        expected = K.diagonal().max() * np.eye(n)
+        expected[np.ix_(free, free)] = (T.T @ K @ T).toarray()
+        assert condensed.toarray() == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
