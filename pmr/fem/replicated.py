@@ -6,19 +6,25 @@ reach the ranks that own their rows, which PETSc finds out anew at each call.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fem.compat import PETSc
+from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed
 from pmr.fem.factor import BLOCK, NO_MEMORY, TOO_LITTLE, Factor, ample, factorised, free_memory, not_definite, solved
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 #: Share of the free memory that the factors of all ranks on a machine may take together.
 COPIES = 0.25
+
+#: Bytes in a message: MPI counts them in 32 bits.
+LARGEST = 2**31 - 1
 
 
 class TooLargeError(Exception):
@@ -53,7 +59,7 @@ class ReplicatedFactor:
 
     def solve_columns(self, columns: Array) -> Array:
         """As `Factor.solve_columns`; best of as many times `BLOCK` columns as there are ranks."""
-        result, many = np.empty(columns.shape, order="F"), BLOCK * self._exchange.ranks
+        result, many = np.empty(columns.shape, order="F"), self._exchange.ranks * min(BLOCK, self._exchange.most)
         for k in range(0, columns.shape[1], many):
             mine = self._exchange.columns(np.asfortranarray(columns[:, k : k + many]))
             self._exchange.rows(solved(self._factor, mine), result[:, k : k + many])
@@ -77,29 +83,37 @@ def factor_for_columns(A: PETSc.Mat, name: str) -> Factor | ReplicatedFactor:
 class Exchange:
     """Tall matrices (n, k) between ranks that own rows, as `ends` (ranks + 1,) has them, and ranks that own columns."""
 
-    def __init__(self, comm: Any, ends: Array) -> None:
+    def __init__(self, comm: MPI.Comm, ends: Indices) -> None:
         self._comm, self._ends, self.ranks = comm, np.asarray(ends), comm.size
+        self.most = max(1, LARGEST // (8 * int(self._ends[-1])))  # columns for each rank at a time
 
     def columns(self, local: Array) -> Array:
         """This rank's columns (n, k_own) of a matrix given by this rank's rows (n_local, k) in Fortran's order."""
-        shares, heights = self._shares(local.shape[1]), np.diff(self._ends)
-        own = shares[self._comm.rank]
-        parts = np.empty(self._ends[-1] * own)
-        self._comm.Alltoallv((local.ravel("F"), len(local) * shares), (parts, heights * own))
-        whole, begin = np.empty((self._ends[-1], own), order="F"), 0
-        for low, high in zip(self._ends[:-1], self._ends[1:], strict=True):
-            end = begin + (high - low) * own
-            whole[low:high] = parts[begin:end].reshape((high - low, own), order="F")
-            begin = end
+        whole = np.empty((self._ends[-1], self._shares(local.shape[1])[self._comm.rank]), order="F")
+        with self._parts(local, whole) as (of_rows, of_columns):
+            self._comm.Alltoallw(of_rows, of_columns)
         return whole
 
     def rows(self, whole: Array, local: Array) -> None:
         """What `columns` undoes: this rank's rows, written to `local` (n_local, k) in Fortran's order."""
-        shares, heights = self._shares(local.shape[1]), np.diff(self._ends)
-        pieces = [whole[low:high].ravel("F") for low, high in zip(self._ends[:-1], self._ends[1:], strict=True)]
-        found = local.T.reshape(-1)
-        self._comm.Alltoallv((np.concatenate(pieces), heights * whole.shape[1]), (found, len(local) * shares))
+        with self._parts(local, whole) as (of_rows, of_columns):
+            self._comm.Alltoallw(of_columns, of_rows)
 
-    def _shares(self, k: int) -> Any:
+    @contextmanager
+    def _parts(self, local: Array, whole: Array) -> Iterator[tuple[Any, Any]]:
+        """What this rank has in common with each, as messages in place: its rows' columns, and its columns' rows."""
+        counts, number = len(local) * self._shares(local.shape[1]), MPI.DOUBLE
+        begins = (np.cumsum(counts) - counts) * number.size
+        kinds = [number.Create_vector(whole.shape[1], h, len(whole)).Commit() for h in np.diff(self._ends).tolist()]
+        try:
+            yield (
+                (local.T, (counts, begins), [number] * self.ranks),
+                (whole.T, ([1] * self.ranks, self._ends[:-1] * number.size), kinds),
+            )
+        finally:
+            for kind in kinds:
+                kind.Free()
+
+    def _shares(self, k: int) -> Indices:
         """How many of k columns each rank has."""
         return k // self.ranks + (np.arange(self.ranks) < k % self.ranks)
