@@ -29,16 +29,9 @@ class Operators:
     M: PETSc.Mat
     K: PETSc.Mat
 
-    def damping(self, of: Damping) -> PETSc.Mat:
-        """D = a M + b K."""
-        D = self.K.duplicate(copy=True)
-        D.scale(of.stiffness)
-        D.axpy(of.mass, self.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        return D
-
 
 def rayleigh(damping: Damping) -> Rayleigh:
-    """What `Operators.damping` makes D of."""
+    """What D = a M + b K is made of."""
     return Rayleigh(damping.mass, damping.stiffness)
 
 

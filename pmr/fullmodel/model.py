@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,11 @@ class FullModel:
 
     Attributes
     ----------
-    M, D, K : PETSc.Mat (n, n)
+    M, K : PETSc.Mat (n, n)
         Free of boundary conditions; SI units.  All coordinates in the model's own order, so that serial and parallel
-        runs number them alike; each rank owns consecutive ones.
+        runs number them alike; each rank owns consecutive ones.  Where M has an entry K has a place.
+    damping : PETSc.Mat (n, n) or Rayleigh
+        D, or what it is made of when somebody asks for it.
     inputs : PETSc.Mat (n, i)
         One column a load.
     outputs : PETSc.Mat (n, o)
@@ -37,8 +40,6 @@ class FullModel:
         Scale of the lowest frequencies; eigensolvers shift by it.
     output_names, output_units : tuples of str
         What each output is, and its unit.
-    rayleigh : Rayleigh, optional
-        What D is made of, where it is Rayleigh's.
     rigid : RigidMotions, optional
         In closed form.  A model without can be simulated, but not be reduced to free modes.
     node_stations : (N,) array, m, optional
@@ -46,7 +47,7 @@ class FullModel:
     """
 
     M: PETSc.Mat
-    D: PETSc.Mat
+    damping: PETSc.Mat | Rayleigh
     K: PETSc.Mat
     inputs: PETSc.Mat
     outputs: PETSc.Mat
@@ -57,8 +58,22 @@ class FullModel:
     output_names: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
     rigid: RigidMotions | None = None
-    rayleigh: Rayleigh | None = None
     node_stations: Array | None = None
+
+    @property
+    def rayleigh(self) -> Rayleigh | None:
+        """What D is made of, where it is Rayleigh's."""
+        return self.damping if isinstance(self.damping, Rayleigh) else None
+
+    @cached_property
+    def D(self) -> PETSc.Mat:
+        """The damping matrix (n, n), as large as K: what can do without leaves it alone; collective."""
+        if self.rayleigh is None:
+            return self.damping
+        D = self.K.duplicate(copy=True)
+        D.scale(self.rayleigh.beta)
+        D.axpy(self.rayleigh.alpha, self.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        return D
 
     @property
     def comm(self) -> Any:

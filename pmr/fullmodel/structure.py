@@ -125,7 +125,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     ]
     return FullModel(
         operators.M,
-        operators.damping(structure.damping),
+        rayleigh(structure.damping),
         operators.K,
         inputs=columns(operators.M, [_sparse_column(load) for load in loads]),
         outputs=columns(operators.M, [_sparse_column(row) for row in measured]),
@@ -136,7 +136,6 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         output_units=tuple(output.unit for output in structure.outputs),
         reference_frequency=model.reference_frequency,
         rigid=_rigid_motions(coupling, restraints, operators.M),
-        rayleigh=rayleigh(structure.damping),
         node_stations=model.node_stations,
     )
 

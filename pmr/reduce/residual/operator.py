@@ -45,8 +45,8 @@ class ResidualFlexibility:
         self._dual = np.asfortranarray(np.hstack([MZ, times(model.K, W)]))
 
     def apply(self, g: Array) -> Array:
-        """R g, this rank's rows (n_local, k) in m, of loads given likewise in N."""
-        g = np.array(g, order="F")
+        """R g, this rank's rows (n_local, k) in m, of loads in N given likewise, which may be overwritten."""
+        g = np.asfortranarray(g)
         subtract(g, self._dual, inner(self._basis, g, self._comm))
         x = np.asfortranarray(self._body.solve(g))
         subtract(x, self._basis, inner(self._dual, x, self._comm))

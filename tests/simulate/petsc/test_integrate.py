@@ -103,7 +103,7 @@ def test_damping_that_is_known_as_rayleighs_is_the_same_without_its_matrix(
     excitation, start = driven(PATH, LOADS, STEPPING), some_state(body)
     known, unknown = (
         observe(model, excitation, EVERYTHING, start)
-        for model in (replace(plain, rayleigh=Rayleigh(alpha, beta)), plain)
+        for model in (replace(plain, damping=Rayleigh(alpha, beta)), plain)
     )
     assert_close(known.y, unknown.y, 1e-9)
     assert_close(known.multipliers, unknown.multipliers, 1e-8)
