@@ -2,34 +2,92 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.rows import SharedCarriers
-from pmr.fem.compat import PETSc
 from pmr.fem.distributed import times
 from pmr.fullmodel.model import FullModel
-from pmr.reduce.residual.tables import Measured, carrier_loads, paired, stacked
+from pmr.reduce.residual.tables import paired, stacked
+from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.inertia import Inertia
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Share of the path by which breaks of different rows may be apart and still be one.
+SLACK = 1e-6
 
 
-def with_inertia(
-    flexibility: Flexibility, model: FullModel, answers: list[Array], shared: SharedCarriers
-) -> Flexibility:
-    """The tables with those of the residual part's inertia and damping, on the same breaks; collective.
+@dataclass(frozen=True)
+class ResidualProducts:
+    """R M R in s^2 m/N and R D R in s m/N (l, l) between loads on carriers and inputs that meet; zeros elsewhere."""
 
-    `answers` are those that `pmr.reduce.residual.tables.carrier_flexibility` got on the same carriers: no more solves.
+    mass: Array
+    damping: Array
+
+
+class PathProducts:
+    """X^T A X of the answers X = R g to the loads on carriers and the inputs, for A = M, and D unless it is Rayleigh's.
+
+    Tables need it for pairs that rows touch at the same place, and for the inputs.  So answers come in the order of the
+    path, and those to carriers that are left behind are forgotten: of the reference boom's 546 some 120 are in memory.
+    """
+
+    def __init__(self, model: FullModel, shared: SharedCarriers) -> None:
+        inputs = np.tile([-np.inf, np.inf], (len(model.input_names), 1))
+        self._spans = np.concatenate([_spans(shared), inputs])
+        self.order = np.argsort(self._spans[:, 0], kind="stable")
+        self._operators = [model.M] if model.rayleigh is not None else [model.M, model.D]
+        self._found = np.zeros((len(self._operators), len(self.order), len(self.order)))
+        self._held: list[tuple[Indices, Array]] = []
+
+    def take(self, numbers: Indices, answers: Array) -> None:
+        """The products with `answers` (n_local, k) to the loads with these numbers, the next ones in order."""
+        self._held.append((numbers, answers))
+        for A, found in zip(self._operators, self._found, strict=True):
+            product = times(A, answers)
+            for others, x in self._held:
+                found[np.ix_(others, numbers)] = x.T @ product
+                found[np.ix_(numbers, others)] = found[np.ix_(others, numbers)].T
+        reached = self._spans[numbers[-1], 0]
+        needed = [(others, x, self._spans[others, 1] > reached) for others, x in self._held]
+        self._held = [
+            (others, x) if still.all() else (others[still], np.asfortranarray(x[:, still]))
+            for others, x, still in needed
+            if still.any()
+        ]
+
+    def result(self, model: FullModel, flexibility: CarrierFlexibility) -> ResidualProducts:
+        """Of Rayleigh damping R D R = alpha R M R + beta R, since R K R = R; collective."""
+        found = np.asarray(model.comm.allreduce(self._found))
+        found = (found + found.swapaxes(1, 2)) / 2.0
+        if model.rayleigh is None:
+            return ResidualProducts(*found)
+        R = np.block([[flexibility.rows, flexibility.inputs], [flexibility.inputs.T, flexibility.energy]])
+        return ResidualProducts(found[0], model.rayleigh.of(found[0], R))
+
+
+def _spans(shared: SharedCarriers) -> Array:
+    """Stretch of the path (K, 2), m, on which rows touch each carrier, and a little more."""
+    spans = np.tile([np.inf, -np.inf], (shared.carriers.shape[0], 1))
+    for row in shared.rows:
+        slack = SLACK * (row.breaks[-1] - row.breaks[0])
+        np.minimum.at(spans[:, 0], row.touched, row.breaks[:-1, None] - slack)
+        np.maximum.at(spans[:, 1], row.touched, row.breaks[1:, None] + slack)
+    return spans
+
+
+def with_inertia(flexibility: Flexibility, products: ResidualProducts, shared: SharedCarriers) -> Flexibility:
+    """The tables with those of the residual part's inertia and damping, on the same breaks.
+
     They mean something for a basis of eigenmodes only: any other one couples with the residual part by inertia.
     """
-    breaks = flexibility.rows.x
-    of_mass = _squared(model.M, answers)
-    of_damping = _damped(model, answers, of_mass, shared)
+    breaks, of_mass, of_damping = flexibility.rows.x, products.mass, products.damping
     C, p = stacked(shared), shared.carriers.shape[0]
     C1 = C.derivative()
     C2 = C1.derivative()
@@ -47,27 +105,6 @@ def with_inertia(
         F0=table(C.times(of_damping[:p, p:])),
     )
     return replace(flexibility, inertia=inertia)
-
-
-def _damped(model: FullModel, answers: list[Array], of_mass: Array, shared: SharedCarriers) -> Array:
-    """R D R; of Rayleigh damping alpha R M R + beta R, since R K R = R."""
-    if model.rayleigh is None:
-        return _squared(model.D, answers)
-    loads = Measured(carrier_loads(model, shared.carriers).T)
-    R = np.asarray(model.comm.allreduce(np.hstack([loads.of(x) for x in answers])))
-    return model.rayleigh.of(of_mass, (R + R.T) / 2.0)
-
-
-def _squared(A: PETSc.Mat, answers: list[Array]) -> Array:
-    """X^T A X of the columns X in all blocks, the same on every rank: R A R on the path's loads and the inputs."""
-    ends = np.cumsum([0, *(x.shape[1] for x in answers)])
-    result = np.zeros((ends[-1], ends[-1]))
-    for j, y in enumerate(answers):
-        Ay = times(A, y)
-        for i, x in enumerate(answers[: j + 1]):
-            result[ends[i] : ends[i + 1], ends[j] : ends[j + 1]] = x.T @ Ay
-    upper = np.triu(np.asarray(A.comm.tompi4py().allreduce(result)))
-    return np.asarray(upper + np.triu(upper, 1).T)
 
 
 def _symmetric(c: Array) -> Array:

@@ -11,7 +11,7 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.dependence import of_flexibility
 from pmr.constraints.polynomials import product, total
-from pmr.constraints.rows import Rows
+from pmr.constraints.rows import Rows, SharedCarriers
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import free_dropped, freed, inner, sparse, times
@@ -19,7 +19,7 @@ from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis
 from pmr.reduce.galerkin import RANK_CHECKS, galerkin, without_rows
-from pmr.reduce.residual.inertia import with_inertia
+from pmr.reduce.residual.inertia import PathProducts, with_inertia
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduce.residual.tables import carrier_flexibility, tables
 from pmr.reduced.carriers import CarriedRows
@@ -75,7 +75,7 @@ def flexible_model(
     that coupling is neglected, at a price while it lacks low modes: the paper's basis, evolved case, is off by 87 % of
     the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
-    flexible = _flexible(body or FreeBody(model, solver), basis, provenance)
+    flexible = _flexible(body or FreeBody(model, solver), basis, provenance, _released(model).shared)
     free_dropped(model.comm)
     return replace(flexible, carriers=None)
 
@@ -118,20 +118,27 @@ def section_model(
 
 
 def _modal(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int) -> ReducedModel:
-    answers: list[Array] = []
     model = body.model
-    flexible = _flexible(body, basis, provenance, answers)
+    shared = _released(model).shared
+    products = PathProducts(model, shared)
+    flexible = _flexible(body, basis, provenance, shared, products)
     assert flexible.flexibility is not None and flexible.carriers is not None
+    assert flexible.carriers.flexibility is not None
     if not is_modal(flexible):
         raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
-    shared = _released(model).shared.refined(flexible.flexibility.rows.x)
-    inertial = replace(flexible, flexibility=with_inertia(flexible.flexibility, model, answers, shared))
+    found = products.result(model, flexible.carriers.flexibility)
+    finer = shared.refined(flexible.flexibility.rows.x)
+    inertial = replace(flexible, flexibility=with_inertia(flexible.flexibility, found, finer))
     free_dropped(model.comm)
     return inertial if coordinates == basis.size else truncated(inertial, coordinates)
 
 
 def _flexible(
-    body: FreeBody, basis: Basis, provenance: dict[str, Any], answers: list[Array] | None = None
+    body: FreeBody,
+    basis: Basis,
+    provenance: dict[str, Any],
+    shared: SharedCarriers,
+    products: PathProducts | None = None,
 ) -> ReducedModel:
     model = body.model
     whole = galerkin(model, basis, provenance)
@@ -142,8 +149,7 @@ def _flexible(
     V = np.array(basis.V.getDenseArray())
     reduced = _without_round_off(without_rows(whole, fixed), model, V)
     residual = ResidualFlexibility(body, V)
-    shared = _released(model).shared
-    flexibility = carrier_flexibility(model, residual, shared.carriers, answers)
+    flexibility = carrier_flexibility(model, residual, shared.carriers, products)
     body.drop()
     measured = model.comm.allreduce(shared.carriers[:, slice(*model.M.getOwnershipRange())] @ V)
     flexible = replace(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,8 +20,8 @@ from pmr.reduced.flexibility import Flexibility
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Loads answered at a time: a few times as many vectors of full length are in memory.  A column costs a tenth of what
-#: it costs alone, and half as much again at a time would not make it cheaper (70,000 coordinates of a shell).
+#: Loads answered at a time for each rank: a few times as many vectors of full length are in memory.  A column costs a
+#: tenth of what it costs alone, and more at a time would not make it cheaper (70,000 coordinates of a shell).
 BLOCK = 64
 
 
@@ -37,24 +38,34 @@ class Measured:
         return np.asarray(self._rows @ x[self._touched])
 
 
-def carrier_flexibility(
-    model: FullModel, residual: ResidualFlexibility, carriers: sp.csr_matrix, answers: list[Array] | None = None
-) -> CarrierFlexibility:
-    """R on carriers (K, n) and on the inputs, one static solve each; collective.
+class Consumer(Protocol):
+    """Who sees the answers to all loads, by the numbers of these and in an order of its own."""
 
-    Where a list is given, it takes the `answers`: this rank's rows (n_local, up to `BLOCK`) of R times these loads, in
-    order.
-    """
-    loads, K = carrier_loads(model, carriers), carriers.shape[0]
+    @property
+    def order(self) -> Indices:
+        """Numbers of the loads."""
+        ...
+
+    def take(self, numbers: Indices, answers: Array) -> None:
+        """This rank's rows (n_local, k) of R times the loads with these numbers."""
+        ...
+
+
+def carrier_flexibility(
+    model: FullModel, residual: ResidualFlexibility, carriers: sp.csr_matrix, consumer: Consumer | None = None
+) -> CarrierFlexibility:
+    """R on carriers (K, n) and on the inputs, one static solve each, whose answers a `consumer` may use; collective."""
+    loads, K, many = carrier_loads(model, carriers), carriers.shape[0], BLOCK * model.comm.size
+    order = np.arange(loads.shape[1]) if consumer is None else consumer.order
     seen = Measured(sp.hstack([loads, local_csr(model.outputs)], format="csr").T)
-    blocks = []
-    many = BLOCK * model.comm.size
-    for k in range(0, loads.shape[1], many):
-        x = residual.apply(loads[:, k : k + many].toarray(order="F"))
-        blocks.append(seen.of(x))
-        if answers is not None:
-            answers.append(x)
-    R = np.asarray(model.comm.allreduce(np.hstack(blocks)))
+    measured = np.empty((loads.shape[1] + model.outputs.getSize()[1], loads.shape[1]))
+    for k in range(0, len(order), many):
+        numbers = order[k : k + many]
+        x = residual.apply(loads[:, numbers].toarray(order="F"))
+        measured[:, numbers] = seen.of(x)
+        if consumer is not None:
+            consumer.take(numbers, x)
+    R = np.asarray(model.comm.allreduce(measured))
     own, outputs = R[: loads.shape[1]], R[loads.shape[1] :]
     own = (own + own.T) / 2.0
     return CarrierFlexibility(own[:K, :K], own[:K, K:], outputs[:, :K], outputs[:, K:], own[K:, K:])

@@ -11,6 +11,8 @@ from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import modal_basis
 from pmr.reduce.from_scene import build_basis, project, take_snapshots
+from pmr.reduce.residual import tables
+from pmr.reduce.residual.inertia import PathProducts
 from pmr.reduce.residual.model import flexible_model, modal_model
 from pmr.reduced.model import ReducedModel
 from pmr.snapshots.free_modes import free_modes
@@ -64,6 +66,25 @@ def test_tables_of_inertia_are_exact(load_scene, solver: str) -> None:
         }
         for name, value in expected.items():
             assert np.abs(getattr(found, name)(s) - value).max() < 1e-8 * np.abs(value).max(), name
+
+
+def test_answers_that_the_path_has_left_behind_are_forgotten(load_scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    full, held = full_model(load_scene("paper_simple", RICH)), []
+    basis, take = modal_basis(free_modes(full, 6)), PathProducts.take
+
+    def counted(self: PathProducts, numbers: np.ndarray, answers: np.ndarray) -> None:
+        take(self, numbers, answers)
+        held.append(sum(len(others) for others, _ in self._held))
+
+    monkeypatch.setattr(PathProducts, "take", counted)
+    expected = modal_model(full, basis, {}, 6).flexibility
+    monkeypatch.setattr(tables, "BLOCK", 4)
+    found, loads = modal_model(full, basis, {}, 6).flexibility, len(full.input_names) + 48
+    assert len(held) > loads // (4 * full.comm.size) and max(held[1:]) < loads / 2
+    assert expected and found and expected.inertia and found.inertia
+    for name in ("A0", "A1", "A2", "E0", "D0", "D1", "F0"):
+        one, other = getattr(found.inertia, name).c, getattr(expected.inertia, name).c
+        assert np.abs(one - other).max() < 1e-8 * np.abs(other).max(), name
 
 
 def test_without_damping_its_tables_vanish(load_scene) -> None:
