@@ -18,38 +18,22 @@ trajectory
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.compare import estimate
 from pmr.errors import InputError, SimulationError
-from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended, truncated, with_kept_inertia
-from pmr.scene import Reduction, Scene
-from pmr.simulate import Excitation
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
-from pmr.studies import shared
+from pmr.studies import bases, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.system.body import Trajectory, displacement
-from pmr.system.projection import projected
 
-Array = NDArray[np.float64]
 BASES = ("pod", "modes", "harmonic", "flexibility", "inertia", "trajectory")
-#: Slider positions and frequencies of the harmonic responses, and their structural loss factor.
-POSITIONS, FREQUENCIES, LOSS = 41, 81, 0.02
-#: Every so many steps of the full motion are snapshots of it.
-EVERY = 5
 #: Simulations of which the fastest counts.
 REPEATS = 5
 
@@ -74,7 +58,7 @@ class Study(StudyBase):
         for file in self.scenes:
             scene = scenes.vary_beam(file)
             for basis in BASES:
-                update = {"reduction": _reduction(scene, basis, max(self.coordinates))}
+                update = {"reduction": bases.reduction(scene, basis, max(self.coordinates))}
                 arguments = shared.scene_arguments(scene.model_copy(update=update))
                 arguments |= {"basis": basis, "coordinates": list(self.coordinates), "band": self.band}
                 parameters = {"scene": file.stem, "basis": basis}
@@ -99,8 +83,8 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     Seconds: ``simulate.<r>``, of the solver alone, and ``full``.
     """
     scene = shared.scene_of(arguments)
-    case = _Case.of(scene, arguments["band"])
-    model = _MODELS[arguments["basis"]](case)
+    case = bases.Case.of(scene, arguments["band"])
+    model = bases.MODELS[arguments["basis"]](case)
     record: dict[str, Scalar] = {}
     seconds = {"full": case.run.seconds}
     for r in arguments["coordinates"]:
@@ -119,118 +103,3 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
         if estimate.no_estimate(one) is None:
             record[names[2]] = estimate.estimate(one, case.excitation).beam
     return TaskResult(record, seconds=seconds)
-
-
-@dataclass(frozen=True)
-class _Case:
-    """A scene, its full model in modal coordinates, and the motion of that."""
-
-    scene: Scene
-    excitation: Excitation
-    band: float
-    full: ReducedModel
-    run: Trajectory
-    displacement: Array
-
-    @classmethod
-    def of(cls, scene: Scene, band: float) -> _Case:
-        body, excitation = shared.model_of(scene).gather(), Excitation.of(scene)
-        assert body is not None
-        form = modal_form(body)
-        run = march.simulate_modal(form, excitation)
-        return cls(scene, excitation, band, form.body, run, _outputs(form.body, run, excitation))
-
-    def simulated(self, model: ReducedModel) -> tuple[Trajectory, Array]:
-        """Trajectory in modal coordinates, and outputs (T, o)."""
-        form = modal_form(model)
-        run = march.simulate_modal(form, self.excitation)
-        return run, _outputs(form.body, run, self.excitation)
-
-
-@dataclass(frozen=True)
-class _Models:
-    """Models of one basis by their number of coordinates, up to the largest."""
-
-    of: Callable[[int], ReducedModel]
-    largest: int
-
-
-def _outputs(body: ReducedModel, run: Trajectory, excitation: Excitation) -> Array:
-    return displacement(body, run.q, run.s, run.deforming, excitation.forces(body.input_names))
-
-
-def _reduction(scene: Scene, basis: str, largest: int) -> Reduction:
-    solver = scene.reduction.solver
-    if basis == "pod":
-        return Reduction(basis="eigenmodes", positions="nodes", coordinates=min(largest, 30), solver=solver)
-    return Reduction(basis="free_modes", flexibility=True, coordinates=largest, solver=solver)
-
-
-def _built(case: _Case) -> ReducedModel:
-    from pmr.run import reduce
-
-    return reduce(case.scene).reduced
-
-
-def _pod(case: _Case) -> _Models:
-    longest = _built(case)
-    return _Models(longest.leading, longest.size)
-
-
-def _modes(case: _Case) -> _Models:
-    longest = replace(_built(case), flexibility=None, enrichment=None)
-    return _Models(longest.leading, longest.size)
-
-
-def _flexible(case: _Case) -> _Models:
-    longest = _built(case)
-    every = extended(longest) if longest.enrichment else longest
-    more = every.size - longest.size
-
-    def of(r: int) -> ReducedModel:
-        """With as many enrichment modes as the longest model has."""
-        found = every if r + more == every.size else replace(truncated(every, r + more), enrichment=None)
-        return truncated(found, r) if more else found
-
-    return _Models(of, longest.size)
-
-
-def _inertial(case: _Case) -> _Models:
-    plain = _flexible(case)
-    return _Models(lambda r: with_kept_inertia(plain.of(r)), plain.largest)
-
-
-def _harmonic(case: _Case) -> _Models:
-    r"""Responses to unit loads, z = h (b - c^T lambda) with h = 1 / (omega_j^2 (1 + i eta) - omega^2)."""
-    body = case.full
-    low, high = case.scene.path_bounds
-    pool = []
-    for s in np.linspace(low, high, POSITIONS):
-        c = body.C(s)
-        for omega in 2.0 * np.pi * np.linspace(0.0, case.band, FREQUENCIES)[1:]:
-            h = 1.0 / (np.diagonal(body.K) * (1.0 + 1j * LOSS) - omega**2)
-            force = np.linalg.solve((c * h) @ c.T + np.diag(body.row_compliance), (c * h) @ body.B)
-            z = h[:, None] * (body.B - c.T @ force)
-            pool += [z.real, z.imag]
-    return _spanned(body, np.hstack(pool))
-
-
-def _trajectory(case: _Case) -> _Models:
-    return _spanned(case.full, case.run.q[::EVERY].T)
-
-
-def _spanned(body: ReducedModel, pool: Array) -> _Models:
-    """Models on the POD of a pool of modal coordinates (n, k)."""
-    U, sigma, _ = np.linalg.svd(pool, full_matrices=False)
-    rank = int(np.sum(sigma > sigma[0] * 1e-13))
-    return _Models(lambda r: projected(body, U[:, :r]), rank)
-
-
-_MODELS: dict[str, Callable[[_Case], _Models]] = {
-    "pod": _pod,
-    "modes": _modes,
-    "harmonic": _harmonic,
-    "flexibility": _flexible,
-    "inertia": _inertial,
-    "trajectory": _trajectory,
-}

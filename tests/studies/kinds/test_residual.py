@@ -15,7 +15,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.sections.residual import content
 from pmr.run import reduce
-from pmr.studies import files
+from pmr.studies import bases, files
 from pmr.studies.engine.task import number
 from pmr.studies.kinds import residual
 from pmr.studies.results import StudyResults
@@ -70,8 +70,8 @@ def test_what_is_left_out_counts(small: StudyResults) -> None:
 
 def test_the_motions_own_basis_is_exact_with_all_it_spans(small: StudyResults) -> None:
     short = scene.load(small.folder / "short.toml")
-    case = residual._Case.of(short, 20.0)
-    models = residual._trajectory(case)
+    case = bases.Case.of(short, 20.0)
+    models = bases.trajectory(case)
     assert 20 <= models.largest < case.full.size
     error = compare.nrms(case.simulated(models.of(models.largest))[1], case.displacement)
     assert error < 1e-2 * number(figures(small)["trajectory"]["beam.8"])
@@ -80,12 +80,12 @@ def test_the_motions_own_basis_is_exact_with_all_it_spans(small: StudyResults) -
 def test_harmonic_responses_are_those_of_the_held_beam(small: StudyResults) -> None:
     """At one of its frequencies and positions the basis holds the constrained response: Galerkin's is the same."""
     short = scene.load(small.folder / "short.toml")
-    case = residual._Case.of(short, 20.0)
-    model = residual._harmonic(case)
-    s, omega = short.path_bounds[0], 2.0 * np.pi * 20.0 / (residual.FREQUENCIES - 1)
+    case = bases.Case.of(short, 20.0)
+    model = bases.harmonic(case)
+    s, omega = short.path_bounds[0], 2.0 * np.pi * 20.0 / (bases.FREQUENCIES - 1)
 
     def response(body: ReducedModel) -> NDArray[np.complex128]:
-        C, A = body.C(s), body.K * (1.0 + 1j * residual.LOSS) - omega**2 * body.M
+        C, A = body.C(s), body.K * (1.0 + 1j * bases.LOSS) - omega**2 * body.M
         kkt = np.block([[A, C.T], [C, np.zeros((1, 1))]])
         return body.outputs @ np.linalg.solve(kkt, np.concatenate([body.B, np.zeros((1, 1))]))[:-1, 0]
 

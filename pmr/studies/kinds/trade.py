@@ -1,0 +1,292 @@
+"""Accuracy against time: bases and sizes, steps, meshes, and what each costs online and offline.
+
+Methods are those of `pmr.studies.bases`, and
+
+visited
+    POD of eigenmodes with the slider held at nine positions that the path visits.
+local
+    Modes with the slider held, interpolated along the path, in equations with all terms (`pmr.studies.local_bases`).
+matrices
+    The same without the terms that the change of basis brings.
+
+Axial coordinates, which nothing excites, are left out of planar beams, for all methods alike.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from pmr import scene as scenes
+from pmr.compare.errors import nrms
+from pmr.errors import InputError, SimulationError
+from pmr.scene import Scene
+from pmr.simulate import Excitation, TimeStepping
+from pmr.simulate.balance import energy
+from pmr.simulate.blocks import Recorder
+from pmr.simulate.modal import ModalForm, modal_form
+from pmr.simulate.native import simulator as march
+from pmr.studies import bases, local_bases, shared
+from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of, number
+from pmr.studies.results import StudyResults
+from pmr.studies.study import Count, StudyBase
+from pmr.system.body import displacement, length_outputs
+
+Array = NDArray[np.float64]
+LOCAL = ("local", "matrices")
+Method = Literal["pod", "visited", "modes", "flexibility", "inertia", "local", "matrices", "trajectory"]
+METHODS: tuple[Method, ...] = get_args(Method)
+Simulate = Callable[[Excitation, int], local_bases.LocalMotion]  # each so many steps
+#: The reference's step, as a share of the smallest one that is tried.
+FINER = 0.25
+#: Simulations of which the fastest counts.
+REPEATS = 3
+#: Free modes with their flexibility, as good as all: what steps and meshes are tried on.
+MANY = 20
+TOLERANCES = (0.05, 0.01, 0.001, 0.0001)
+
+
+class Study(StudyBase):
+    """Each of `scenes` with each of `methods`, of `coordinates` and with the scene's step times each of `steps`.
+
+    Beside that, for each scene, spectral radii and for planar beams numbers of elements.
+
+    Figures: ``<scene>.<method>.<tolerance>``, as ``"6 x 0.5"``: the fewest coordinates that hold the tolerance with any
+    of the steps, and the longest one with which they do, as a multiple of the scene's.
+    """
+
+    kind: Literal["trade"]
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)]
+    methods: tuple[
+        Literal["pod", "visited", "modes", "flexibility", "inertia", "local", "matrices", "trajectory"], ...
+    ] = METHODS
+    coordinates: Annotated[tuple[Count, ...], Field(min_length=1)] = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
+    steps: Annotated[tuple[float, ...], Field(min_length=1)] = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125, 0.0625)
+    radii: tuple[float, ...] = (0.0, 0.5, 0.8, 0.9, 1.0)
+    elements: tuple[Count, ...] = (4, 8, 16, 32, 64)
+
+    def plan(self) -> Plan:
+        runs, truths = [], []
+        for file in self.scenes:
+            scene = without_axial(scenes.load(file))
+            ratios = [scene.time.steps / max(self.steps), *(max(self.steps) / one for one in self.steps)]
+            if any(ratio != round(ratio) for ratio in ratios) or 1.0 not in self.steps:
+                allowed = (
+                    f"1 and factors that divide the largest, and that one the {scene.time.steps} steps, are allowed"
+                )
+                raise InputError("study", "steps", list(self.steps), allowed)
+            given = shared.scene_arguments(scene) | {"steps": sorted(self.steps, reverse=True)}
+            truth = Task(key_of(f"truth-{file.stem}-{given['hash']}"), reference, given, cost=5.0)
+            truths.append(truth)
+            for method in self.methods:
+                asked = scene.model_copy(update={"reduction": bases.reduction(scene, method, max(self.coordinates))})
+                arguments = given | shared.scene_arguments(asked)
+                arguments |= {"method": method, "coordinates": sorted(self.coordinates)}
+                needs, parameters = {"truth": truth.key}, {"scene": file.stem, "method": method}
+                runs.append(Task(key_of(f"{file.stem},{method}"), errors, arguments, needs, parameters, cost=5.0))
+            arguments = given | {"radii": list(self.radii)}
+            parameters = {"scene": file.stem, "method": "radii"}
+            runs.append(Task(key_of(f"{file.stem},radii"), dissipated, arguments, {"truth": truth.key}, parameters))
+            if scene.body.profile is not None and scene.mesh.file is None:
+                arguments, parameters = (
+                    given | {"elements": list(self.elements)},
+                    {"scene": file.stem, "method": "elements"},
+                )
+                runs.append(Task(key_of(f"{file.stem},elements"), meshed, arguments, {}, parameters))
+        return Plan(tuple(runs), tuple(truths))
+
+    def figures(self, results: StudyResults) -> dict[str, Scalar]:
+        found: dict[str, Scalar] = {}
+        for run in results.runs:
+            scene, method = run.parameters["scene"], run.parameters["method"]
+            for tolerance in TOLERANCES if method in self.methods else ():
+                best = holding(run.figures, tolerance)
+                found[f"{scene}.{method}.{tolerance:g}"] = None if best is None else f"{best[0]} x {best[1]:g}"
+        return found
+
+
+def points(figures: Mapping[str, Scalar]) -> list[tuple[int, float, float]]:
+    """Coordinates, step as a multiple of the scene's, and error of each model that was simulated."""
+    split = [(name.split("."), value) for name, value in figures.items() if name.startswith("total.")]
+    return [(int(part[1]), float(".".join(part[2:])), number(value)) for part, value in split if value is not None]
+
+
+def holding(figures: Mapping[str, Scalar], tolerance: float) -> tuple[int, float] | None:
+    """Fewest coordinates that hold a tolerance, and the longest step with which they do; None where none do.
+
+    With shorter steps they have to, too: errors of model and step that cancel each other are no merit.
+    """
+    for r in sorted({r for r, _, _ in points(figures)}):
+        longest = None
+        for _, h, error in sorted(point for point in points(figures) if point[0] == r):
+            if error > tolerance:
+                break
+            longest = h
+        if longest is not None:
+            return r, longest
+    return None
+
+
+def without_axial(scene: Scene) -> Scene:
+    """A planar beam without coordinates along its axis; any other scene as it is."""
+    if scene.body.profile is None:
+        return scene
+    profile = scene.body.profile.model_copy(update={"axial": False})
+    return scene.model_copy(update={"body": scene.body.model_copy(update={"profile": profile})})
+
+
+def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: ``y`` (T, o) in m, the full model's motion with a step `FINER` than all that are tried.
+
+    Figures: ``step``, what its own step is off by, as a fraction; ``band`` in Hz, above which 1 % of the tip's motion
+    lies, ``below``, how many natural frequencies of the free body are lower, and ``first``, its lowest one in Hz.
+    """
+    scene, steps = shared.scene_of(arguments), arguments["steps"]
+    body = shared.model_of(scene).gather()
+    assert body is not None
+    form, given, finest = modal_form(body), Excitation.of(scene), FINER * steps[-1]
+    coarser, y = (
+        _observed(form, stepped(given, factor * finest), round(steps[0] / (factor * finest))) for factor in (2.0, 1.0)
+    )
+    f = np.sqrt(np.maximum(form.omega2, 0.0)) / (2.0 * np.pi)
+    band = _band(y[:, -1], steps[0] * given.stepping.step)
+    figures = {
+        "step": nrms(coarser, y) / 3.0,
+        "band": band,
+        "below": int(np.sum(f < band)),
+        "first": float(f[f > 1e-3][0]),
+    }
+    return TaskResult(figures, {"y": y})
+
+
+def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: a method's errors.
+
+    Figures: ``total.<r>.<factor>``, e_NRMS of all displacements against the reference with the scene's step times a
+    factor; ``reduction.<r>``, the same against the full model with the scene's own step; ``energy.<r>``, the largest
+    difference to that one's energy while the slider moves, over its largest energy; ``reference``, what the reference's
+    step is off by.  None where there is no such model, or none that can be simulated.
+    Seconds: ``offline``, of the processor, ``step.<r>`` and ``full``, of one step.
+    """
+    scene, truth = shared.scene_of(arguments), needs["truth"]
+    case = bases.Case.of(scene, 0.0)
+    begin = time.process_time()
+    candidates = _candidates(case, arguments["method"])
+    tried = [(r, candidates.of(r)) for r in arguments["coordinates"] if r <= candidates.largest]
+    seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / scene.time.steps}
+    full_energy = _energy(case.full, case)
+    moving = np.abs(case.excitation.path_rate) > 0.0
+    record: dict[str, Scalar] = {"reference": truth.record["step"]}
+    record |= {name: truth.record[name] for name in ("band", "below", "first")}
+    for r, one in tried:
+        names = [f"total.{r}.{factor:g}" for factor in arguments["steps"]]
+        record |= dict.fromkeys((*names, f"reduction.{r}", f"energy.{r}"))
+        for factor, name in zip(arguments["steps"], names, strict=True):
+            every = round(arguments["steps"][0] / factor)
+            try:
+                record[name] = nrms(one(stepped(case.excitation, factor), every).displacement, truth.arrays["y"])
+            except (SimulationError, InputError):
+                continue
+        try:
+            runs = [one(case.excitation, 1) for _ in range(REPEATS)]
+        except (SimulationError, InputError):
+            continue
+        seconds[f"step.{r}"] = min(run.seconds for run in runs) / scene.time.steps
+        record[f"reduction.{r}"] = nrms(runs[0].displacement, case.displacement[:, length_outputs(case.full)])
+        off = np.abs(runs[0].energy - full_energy)[moving].max(initial=0.0)
+        record[f"energy.{r}"] = float(min(off / full_energy.max(), 1e3))
+    return TaskResult(record, seconds=seconds)
+
+
+def dissipated(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: ``rho.<radius>.<factor>``, e_NRMS of many free modes with other spectral radii, against the reference."""
+    scene, truth = shared.scene_of(arguments), needs["truth"].arrays["y"]
+    form, given, record = modal_form(_many(scene)), Excitation.of(scene), dict[str, Scalar]()
+    for radius in arguments["radii"]:
+        for factor in arguments["steps"]:
+            stepping = TimeStepping(given.stepping.end, given.stepping.step * factor, radius)
+            y = _observed(form, given.with_stepping(stepping), round(arguments["steps"][0] / factor))
+            record[f"rho.{radius:g}.{factor:g}"] = nrms(y, truth)
+    return TaskResult(record)
+
+
+def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: ``tip.<elements>``, e_NRMS of the tip, many free modes, against twice the largest number of elements."""
+    scene = shared.scene_of(arguments)
+    counts = [*arguments["elements"], 2 * max(arguments["elements"])]
+
+    def tip(count: int) -> Array:
+        finer = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"elements": count})})
+        return _observed(modal_form(_many(finer)), Excitation.of(finer), 1)[:, -1:]
+
+    *tips, finest = map(tip, counts)
+    return TaskResult({f"tip.{count}": nrms(y, finest) for count, y in zip(counts[:-1], tips, strict=True)})
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """What simulates models of one method by their number of coordinates, up to the largest."""
+
+    of: Callable[[int], Simulate]
+    largest: int
+
+
+def _candidates(case: bases.Case, method: str) -> _Candidates:
+    if method not in LOCAL:
+        models = bases.MODELS[method](case)
+        return _Candidates(lambda r: _marched(modal_form(models.of(r))), models.largest)
+    if np.any(case.full.row_compliance > 0.0):
+        return _Candidates(lambda r: _marched(modal_form(case.full)), 0)  # pads that give way hold no modes
+    s = local_bases.positions(case.full, case.scene.path_bounds)
+    return _Candidates(
+        lambda r: local_bases.local_model(case.full, s, r, method == "local").simulate, case.full.size // 2
+    )
+
+
+def _marched(form: ModalForm) -> Simulate:
+    def simulate(excitation: Excitation, every: int) -> local_bases.LocalMotion:
+        recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
+        run, f = recorder.trajectory(march.follow(form, excitation, recorder)), excitation.forces(form.body.input_names)
+        y = displacement(form.body, run.q, run.s, run.deforming, f[::every])[:, length_outputs(form.body)]
+        found = energy(form.body, run, f[::every])
+        return local_bases.LocalMotion(y, found.kinetic + found.strain, run.seconds)
+
+    return simulate
+
+
+def _energy(body: Any, case: bases.Case) -> Array:
+    found = energy(body, case.run, case.excitation.forces(body.input_names))
+    return np.asarray(found.kinetic + found.strain)
+
+
+def _many(scene: Scene) -> Any:
+    from pmr.run import reduce
+
+    size = 2 * (scene.mesh.elements + 1) if scene.body.profile is not None else 10 * MANY
+    update = {"reduction": bases.reduction(scene, "flexibility", min(MANY, size // 2))}
+    return reduce(scene.model_copy(update=update)).reduced
+
+
+def stepped(excitation: Excitation, factor: float) -> Excitation:
+    """The same with a step that is so many times as long."""
+    given = excitation.stepping
+    return excitation.with_stepping(TimeStepping(given.end, given.step * factor, given.rho_inf))
+
+
+def _observed(form: ModalForm, excitation: Excitation, every: int) -> Array:
+    """Displacements (T, o) in m at each `every`-th step."""
+    return march.observe(form, excitation, np.flatnonzero(length_outputs(form.body)).tolist(), every).y
+
+
+def _band(y: Array, step: float) -> float:
+    """Frequency in Hz above which 1 % of a signal (T,) lies, by its RMS."""
+    power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))) ** 2
+    above = np.cumsum(power[::-1])[::-1]
+    return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (len(y) * step)) if above[0] > 0.0 else 0.0
