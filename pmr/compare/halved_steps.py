@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.errors import relative_error, round_off, settled
+from pmr.compare.spectrum import band
 from pmr.errors import SimulationError
 from pmr.simulate import contact_step
 from pmr.simulate.excitation import Excitation
@@ -97,12 +98,7 @@ class Runs:
         y = self._outputs(self._moved[-tips:], 1)
         if not np.any(y):
             y = self._outputs(self._moved, 1)
-        window = np.hanning(len(y))[:, None]
-        power = np.sum(np.abs(np.fft.rfft((y - y.mean(axis=0)) * window, axis=0)) ** 2, axis=1)
-        above = np.cumsum(power[::-1])[::-1]  # from each frequency on
-        if above[0] <= 0.0:
-            return 0.0
-        return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (len(y) * self.stepping.step))
+        return band(y, self.stepping.step)
 
     def _outputs(self, which: NDArray[np.intp], every: int) -> Array:
         body, excitation = self._form.body, self._excitation.with_stepping(self.stepping)

@@ -10,7 +10,9 @@ import numpy as np
 
 from pmr import environment
 from pmr.compare import errors, pad_forces, trust, validity
+from pmr.compare.outputs import impulsive
 from pmr.compare.responses import Simulations, full_simulator, quantities
+from pmr.compare.spectrum import band, error_below
 from pmr.files import jsonfile
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
@@ -82,6 +84,21 @@ def compared(scene: Scene, simulations: Simulations, size: int) -> Part:
             "max_error": float(np.abs(reduced - reference).max()) if full else None,
             "simulators": {"reduced": simulations.first} | full,
         }
+    )
+
+
+def struck(reduced: ReducedModel, excitation: Excitation, responses: Mapping[str, Response]) -> Part:
+    """``blows``, where rigid sliders strike at kinks of the path: the forces' error ``pad_force`` below ``band`` in Hz.
+
+    Above it lies 1 % of the full model's motion at the tip, and the most of what a blow leaves in the forces.
+    """
+    if "full" not in responses or not impulsive(reduced, excitation):
+        return Part()
+    one, full = errors.with_common_forces(responses["reduced"], responses["full"])
+    step = excitation.stepping.step
+    highest = band(full.displacement[:, -1:], step)
+    return Part(
+        {"blows": {"band": highest, "pad_force": error_below(one.slider_force, full.slider_force, step, highest)}}
     )
 
 

@@ -113,9 +113,10 @@ def _numbers(result: RunResult) -> Iterator[KeyNumber]:
         yield KeyNumber(length(most), "largest difference to full", share)
     errors = summary.get("errors", {}).get("reduced_vs_full", {})
     forces = f"error of the {forces_called(result)}"
+    notes = {"tip": "RMS over time", "pad_force": _apart_from_blows(result)}
     for place, label in (("tip", "error at the tip"), ("beam", "error along the beam"), ("pad_force", forces)):
         if place in errors:
-            yield KeyNumber(percent(errors[place]), label, "RMS over time" if place == "tip" else "")
+            yield KeyNumber(percent(errors[place]), label, notes.get(place, ""))
     estimated = summary.get("estimate", {}).get("beam")
     if estimated is not None:
         yield KeyNumber(percent(estimated), "estimated, along the beam", "without the full model")
@@ -156,12 +157,22 @@ def accuracy(result: RunResult) -> Iterator[str]:
         yield f"It follows the full model with {error}."
     if (force := errors.get("reduced_vs_full", {}).get("pad_force")) is not None:
         yield f"The error of the {forces_called(result)} is {percent(force)}."
+        if slow := _apart_from_blows(result):
+            yield f"At each kink of the path the slider strikes, as hard as the step is short; {slow} are left."
     largest, most = result.summary.get("max_displacement"), result.summary.get("max_error")
     if largest is not None and most is not None:
         yield f"The largest difference is {length(most)} where displacements reach {length(largest)}."
     if against := _tip_and_beam(errors.get("reduced_vs_ancf")):
         tip, beam = against
         yield f"Against the independent ANCF beam the errors are {tip} and {beam}."
+
+
+def _apart_from_blows(result: RunResult) -> str:
+    """The forces' error at the frequencies of the motion, where a slider strikes; else empty."""
+    found = result.summary.get("blows")
+    if found is None:
+        return ""
+    return f"below {significant(found['band'], 2)}{SPACE}Hz, where the tip moves, {percent(found['pad_force'])}"
 
 
 def _tip_and_beam(errors: Mapping[str, float] | None) -> tuple[str, str] | None:

@@ -17,7 +17,19 @@ from pmr.compare.estimated import reduction_error, step_part
 from pmr.compare.frequencies import CURVES, frequency_curves, visited_positions
 from pmr.compare.references import references
 from pmr.compare.responses import Simulations, check_installed, simulate
-from pmr.compare.summary import Part, compared, contact, driven, gathered, made_with, pads, simulated, theory, trusted
+from pmr.compare.summary import (
+    Part,
+    compared,
+    contact,
+    driven,
+    gathered,
+    made_with,
+    pads,
+    simulated,
+    struck,
+    theory,
+    trusted,
+)
 from pmr.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
@@ -111,6 +123,7 @@ def run(
         Part(describe_basis(scene, reduction.snapshots, reduction.basis, reduced)),
         compared(scene, simulations, size),
         simulated(simulations, {name: clock.seconds[name] for name in STAGES if name in clock.seconds}),
+        struck(reduced, excitation, responses),
         driven(excitation),
         reduction_error(scene, reduced, clock),
         step_part(scene, reduced, curves.reduced, clock),

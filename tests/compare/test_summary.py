@@ -5,6 +5,7 @@ import pytest
 
 from pmr.compare.summary import Part, gathered, made_with
 from pmr.fullmodel.build import build, warnings
+from pmr.run import run
 
 
 def test_figures_and_warnings_of_all_parts_are_gathered_in_order() -> None:
@@ -30,3 +31,14 @@ def test_libraries_stand_beside_the_versions(load_scene) -> None:
 def test_too_many_elements_are_said(load_scene, elements: int, count: int) -> None:
     said = warnings(build(load_scene("paper_simple", [f"mesh.elements={elements}"])).structure)
     assert [line.startswith("round-off in the stiffness of so short elements") for line in said] == [True] * count
+
+
+def test_where_a_slider_strikes_the_forces_are_judged_without_the_blows(load_scene) -> None:
+    short = ["time.end=1.0", "mesh.elements=20", "simulation.simulators=['march']", "compare.against=['full']"]
+    kinked = "slider.path={kind='ramp',times=[0.3,0.6],values=[1.25,1.6]}"
+    outcome = run(load_scene("evolved_residual", [*short, kinked]))
+    assert outcome is not None
+    found, errors = outcome.result.summary["blows"], outcome.result.summary["errors"]["reduced_vs_full"]
+    assert 0.0 < found["pad_force"] < 0.2 * errors["pad_force"] and 1.0 < found["band"] < 100.0
+    smooth = run(load_scene("evolved_residual", [*short, kinked.replace("'ramp'", "'smooth_ramp'")]))
+    assert smooth is not None and "blows" not in smooth.result.summary

@@ -26,6 +26,7 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare.errors import nrms
+from pmr.compare.spectrum import band
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.simulate import Excitation, TimeStepping
@@ -156,11 +157,11 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
         _observed(form, stepped(given, factor * finest), round(steps[0] / (factor * finest))) for factor in (2.0, 1.0)
     )
     f = np.sqrt(np.maximum(form.omega2, 0.0)) / (2.0 * np.pi)
-    band = _band(y[:, -1], steps[0] * given.stepping.step)
+    highest = band(y[:, -1:], steps[0] * given.stepping.step)
     figures = {
         "step": nrms(coarser, y) / 3.0,
-        "band": band,
-        "below": int(np.sum(f < band)),
+        "band": highest,
+        "below": int(np.sum(f < highest)),
         "first": float(f[f > 1e-3][0]),
     }
     return TaskResult(figures, {"y": y})
@@ -283,10 +284,3 @@ def stepped(excitation: Excitation, factor: float) -> Excitation:
 def _observed(form: ModalForm, excitation: Excitation, every: int) -> Array:
     """Displacements (T, o) in m at each `every`-th step."""
     return march.observe(form, excitation, np.flatnonzero(length_outputs(form.body)).tolist(), every).y
-
-
-def _band(y: Array, step: float) -> float:
-    """Frequency in Hz above which 1 % of a signal (T,) lies, by its RMS."""
-    power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))) ** 2
-    above = np.cumsum(power[::-1])[::-1]
-    return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (len(y) * step)) if above[0] > 0.0 else 0.0

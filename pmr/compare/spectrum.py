@@ -1,0 +1,30 @@
+"""Signals by frequency: how far up they go, and what is left of a difference below that."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.errors import relative_error
+
+Array = NDArray[np.float64]
+
+
+def band(y: Array, step: float) -> float:
+    """Frequency in Hz above which 1 % of signals (T, o) lies, by its RMS, at steps of so many s; 0 if all are zero."""
+    window = np.hanning(len(y))[:, None]
+    power = np.sum(np.abs(np.fft.rfft((y - y.mean(axis=0)) * window, axis=0)) ** 2, axis=1)
+    above = np.cumsum(power[::-1])[::-1]  # from each frequency on
+    if above[0] <= 0.0:
+        return 0.0
+    return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (len(y) * step))
+
+
+def error_below(signal: Array, reference: Array, step: float, highest: float) -> float:
+    """`pmr.compare.errors.relative_error` of what two signals (T, o) have up to a frequency in Hz."""
+    too_high = np.fft.rfftfreq(len(signal), step) > highest
+    spectra = [np.fft.rfft(one, axis=0) for one in (signal, reference)]
+    for spectrum in spectra:
+        spectrum[too_high] = 0.0
+    slow, slow_reference = (np.fft.irfft(spectrum, n=len(signal), axis=0) for spectrum in spectra)
+    return relative_error(slow, slow_reference)
