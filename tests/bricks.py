@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
@@ -10,6 +11,46 @@ import scipy.sparse as sp
 from pmr.files.matrices import GivenMatrices, from_matrices
 
 YOUNG, POISSON, DENSITY = 210e9, 0.3, 7850.0
+_SCENE = """
+title = "A bar on pads"
+[body]
+model = "matrices"
+[mesh]
+file = "bar.npz"
+[[pads]]
+name = "tail"
+at = 0.15
+length = 0.2
+faces = { bottom = [0.0], top = [0.0], left = [0.0], right = [0.0] }
+[[pads]]
+name = "mouth"
+moving = true
+length = 0.2
+faces = { bottom = [0.0], top = [0.0], left = [0.0], right = [0.0] }
+[[supports]]
+on = "tail"
+directions = ["x"]
+[[supports]]
+on = "tip"
+directions = ["rx"]
+stiffness = 1e6
+[slider]
+path = { kind = "smooth_ramp", times = [0.0, 0.2], values = [0.6, 1.1] }
+[[loads]]
+name = "F"
+signal = { kind = "smooth_ramp", times = [0.0, 0.1], values = [0.0, 1000.0] }
+[observe]
+start = 0.2
+end = 1.8
+count = 5
+[time]
+end = 0.2
+step = 1e-3
+[reduction]
+coordinates = 12
+[compare]
+against = ["full"]
+"""
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
@@ -32,6 +73,13 @@ def bricks(counts: tuple[int, int, int], size: tuple[float, float, float]) -> Gi
     sides |= {"right": grids[:, 1] == 0, "left": grids[:, 1] == counts[1]}
     groups = {name: np.flatnonzero(on) for name, on in {**ends, **sides}.items()}
     return from_matrices((M + M.T) / 2.0, (K + K.T) / 2.0, points, groups)
+
+
+def on_pads(folder: Path) -> Path:
+    """A scene of a bar of 20 x 3 x 3 bricks that slides through pads."""
+    bricks((20, 3, 3), (2.0, 0.2, 0.3)).save(folder / "bar.npz")
+    (folder / "bar.toml").write_text(_SCENE)
+    return folder / "bar.toml"
 
 
 def _element(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

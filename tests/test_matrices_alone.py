@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bricks import bricks
+from bricks import bricks, on_pads
 
 from pmr import run as whole
 from pmr import scene as scenes
@@ -24,54 +24,12 @@ for name in ("dolfinx", "ufl", "basix", "ffcx"):
 from pmr.cli import main
 main()
 """
-SCENE = """
-title = "A bar on pads"
-[body]
-model = "matrices"
-[mesh]
-file = "bar.npz"
-[[pads]]
-name = "tail"
-at = 0.15
-length = 0.2
-faces = { bottom = [0.0], top = [0.0], left = [0.0], right = [0.0] }
-[[pads]]
-name = "mouth"
-moving = true
-length = 0.2
-faces = { bottom = [0.0], top = [0.0], left = [0.0], right = [0.0] }
-[[supports]]
-on = "tail"
-directions = ["x"]
-[[supports]]
-on = "tip"
-directions = ["rx"]
-stiffness = 1e6
-[slider]
-path = { kind = "smooth_ramp", times = [0.0, 0.2], values = [0.6, 1.1] }
-[[loads]]
-name = "F"
-signal = { kind = "smooth_ramp", times = [0.0, 0.1], values = [0.0, 1000.0] }
-[observe]
-start = 0.2
-end = 1.8
-count = 5
-[time]
-end = 0.2
-step = 1e-3
-[reduction]
-coordinates = 12
-[compare]
-against = ["full"]
-"""
 
 
 @pytest.fixture(scope="module")
 def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bar")
-    bricks((20, 3, 3), (2.0, 0.2, 0.3)).save(folder / "bar.npz")
-    (folder / "bar.toml").write_text(SCENE)
-    return folder / "bar.toml"
+    return on_pads(folder)
 
 
 def alone(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -11,6 +11,7 @@ from rich.logging import RichHandler
 from pmr import environment
 from pmr.cli.console import VisibleText, err, leave, out, ranks, say
 from pmr.cli.export import export
+from pmr.cli.flexible import flexible
 from pmr.cli.info import info
 from pmr.cli.matrices import matrices
 from pmr.cli.new import new
@@ -28,7 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (new, run, study, simulate, export, matrices, info, schema):
+for command in (new, run, study, simulate, export, flexible, matrices, info, schema):
     app.command()(command)
 
 

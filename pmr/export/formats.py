@@ -9,6 +9,7 @@ from pathlib import Path
 from pmr import environment
 from pmr.errors import InputError
 from pmr.errors.text import hint
+from pmr.fields.nodal import NodalBody
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,33 @@ FORMATS = {
     "python-control": Format("the same, read by a script", "state_space.py", _AT, _python_control),
     "frequency-response": Format("a table and a picture over s", "frequency_response.csv", _AT, _frequency_response),
     "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _dmig),
+}
+
+
+@dataclass(frozen=True)
+class BodyFormat:
+    """A format of flexible bodies: what it is, the name of its file, and its writer (body, target)."""
+
+    says: str
+    file_name: str
+    write: Callable[[NodalBody, Path], Path]
+
+
+def _sid(body: NodalBody, target: Path) -> Path:
+    from pmr.export.sid import write_sid
+
+    return write_sid(body, target)
+
+
+def _ffrf(body: NodalBody, target: Path) -> Path:
+    from pmr.export.ffrf import write_ffrf
+
+    return write_ffrf(body, target)
+
+
+BODY_FORMATS = {
+    "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", _sid),
+    "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", _ffrf),
 }
 
 

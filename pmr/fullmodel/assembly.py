@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, original_cells
@@ -43,12 +44,20 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
     first, last = share(model.size, comm)
     sizes = (int(last - first), model.size)
     made = []
-    for A in (model.given.M, model.given.K):
+    for A in (model.given.M, padded(model.given.K, model.given.M)):
         own = A[first:last].sorted_indices()
         parts = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
         made.append(PETSc.Mat().createAIJ((sizes, sizes), csr=parts, comm=comm))
         made[-1].assemble()
     return Operators(*made)
+
+
+def padded(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
+    """A with zeros wherever the other one has entries: damping and shifts add M and K, which takes one pattern."""
+    A, other = A.tocoo(), other.tocoo()
+    entries = np.concatenate([A.data, np.zeros(other.nnz)])
+    places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])
+    return sp.csr_matrix((entries, places), shape=A.shape)
 
 
 def assemble_model(model: FiniteElementModel, domain: Any) -> Operators:

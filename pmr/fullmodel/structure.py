@@ -21,7 +21,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, sparse
 from pmr.fem.matrices import columns
-from pmr.fullmodel.assembly import Operators, operators_of, projected, rayleigh, reordered, share
+from pmr.fullmodel.assembly import Operators, operators_of, padded, projected, rayleigh, reordered, share
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.fullmodel.probes import Gauge
@@ -117,7 +117,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     loads = [coupling.load(load, base.M) for load in structure.loads]
     operators = Operators(
         _reduced(base.M, coupling.T, attached),
-        _reduced(base.K, coupling.T, _padded(springs, attached)),
+        _reduced(base.K, coupling.T, padded(springs, attached)),
     )
     measured = [
         restraints.force(output.pad, size) if isinstance(output, PadForce) else coupling.row(output)
@@ -298,14 +298,6 @@ def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
     places = {pad.name: pad.at for pad in structure.pads.fixed}
     places |= {support.name: float(structure.model.centroid(support.on)[0]) for support in structure.pads.supports}
     return places[output.pad]
-
-
-def _padded(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
-    """A with zeros wherever the other one has entries: damping and shifts add M and K, which takes one pattern."""
-    A, other = A.tocoo(), other.tocoo()
-    entries = np.concatenate([A.data, np.zeros(other.nnz)])
-    places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])
-    return sp.csr_matrix((entries, places), shape=A.shape)
 
 
 def _sparse_column(row: sp.csr_matrix) -> tuple[Indices, Array]:

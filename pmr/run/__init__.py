@@ -42,6 +42,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
 from pmr.recover.coordinates import Recovery
 from pmr.recover.from_scene import Recovered, recover, recovered_steps
+from pmr.recover.nodal import held_body as held_body
 from pmr.reduce.basis import Basis
 from pmr.reduce.cache import Cache, Reduced, cache_in, with_provenance
 from pmr.reduce.from_scene import build_basis, project, provenance, take_snapshots

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from gathering import gathered
 
 from pmr.errors import InputError
 from pmr.files.matrices import GivenMatrices
-from pmr.fullmodel.structure import Structure
+from pmr.fullmodel.structure import Structure, structural_model
 from pmr.mesh.strip import Window
 from pmr.models.matrices import Matrices
 from pmr.recover.fields import View
+from pmr.scene import Damping
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +78,13 @@ def test_what_is_no_face_is_refused(model: Matrices, face: str, says: str) -> No
 def test_nothing_is_drawn_of_given_matrices(model: Matrices) -> None:
     with pytest.raises(InputError, match="no cells to draw"):
         View.of(Structure(model))
+
+
+def test_damping_has_room_for_masses_that_couple_what_no_stiffness_does(model: Matrices) -> None:
+    """K without the entries that another program leaves out, for they are zero."""
+    n = model.size
+    M = sp.identity(n) + sp.coo_matrix(([0.1, 0.1], ([0, 1], [1, 0])), shape=(n, n))
+    given = replace(model.given, M=M.tocsr())
+    full = structural_model(Structure(Matrices(given), damping=Damping(mass=2.0, stiffness=0.5)))
+    expected = 2.0 * given.M + 0.5 * given.K
+    np.testing.assert_array_equal(gathered(full.D), expected.toarray())

@@ -1,0 +1,61 @@
+"""``pmr flexible``: a scene's body, held at a place of its sliders, as a flexible-body file of another program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pmr import scene as scenes
+from pmr.cli.console import ensure_writable, out, say
+from pmr.cli.files import scene_file
+from pmr.errors import InputError
+from pmr.export.formats import BODY_FORMATS
+
+
+def flexible(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file, or a workflow by its name.")],
+    at: Annotated[float, typer.Option("--at", metavar="S", help="Place of the sliders in m.")],
+    to: Annotated[
+        str,
+        typer.Option("--to", metavar="FORMAT", help=f"{'; '.join(f'{k}: {v.says}' for k, v in BODY_FORMATS.items())}."),
+    ] = "sid",
+    modes: Annotated[int, typer.Option("--modes", metavar="N", help="How many modes.")] = 8,
+    out_file: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="[default: a name of the format in this folder]")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; repeatable.")
+    ] = None,
+) -> None:
+    """Write the body of a scene as a flexible body of another multibody program, with its sliders at one place.
+
+    Such formats have no place for rows that move: the modes and springs are those at S, and the reference frame is that
+    of the ground.  FMUs have the sliding in them (`pmr export --to fmu`).
+
+    Example:
+
+        pmr flexible boom_solid --at 2.5 --to sid --set masses=[]
+    """
+    if to not in BODY_FORMATS:
+        raise InputError("command line", "--to", to, f"{', '.join(BODY_FORMATS)} is allowed")
+    if modes < 1:
+        raise InputError("command line", "--modes", modes, "1 or more is allowed")
+    target = out_file or Path(BODY_FORMATS[to].file_name)
+    if target.is_dir():
+        raise InputError("command line", "--out", str(target), "the name of a file is allowed")
+    ensure_writable(target.parent)
+    file = scene_file(scene)
+    asked = scenes.load(file, overrides or ())
+    from pmr.run import held_body
+
+    try:
+        body = held_body(asked, at, modes)
+    except InputError as error:
+        raise error.found_in(str(file)) from None
+    BODY_FORMATS[to].write(body, target)
+    for k, (name, point) in enumerate(zip(body.places.names, body.places.points, strict=True), start=1):
+        say(out, f"node {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")
+    say(out, f"{len(body.omega)} modes, {', '.join(f'{w / 6.283185307179586:.4g}' for w in body.omega)} Hz")
+    say(out, str(target))

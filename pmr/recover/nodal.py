@@ -1,0 +1,118 @@
+"""A scene's body held at a place of its sliders, on nodes with three displacements each."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.fem.compat import MPI
+from pmr.fem.matrices import gather
+from pmr.fields.nodal import NodalBody, Places
+from pmr.fullmodel.assembly import operators_of
+from pmr.fullmodel.build import build
+from pmr.fullmodel.eigensolvers import eigensolver
+from pmr.fullmodel.pads import restrain
+from pmr.fullmodel.structure import Action, Structure, couple
+from pmr.models import StructuralModel
+from pmr.models.matrices import Matrices
+from pmr.models.solid import Solid
+from pmr.scene import Scene
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+def held_body(scene: Scene, s: float, count: int) -> NodalBody:
+    """The body of a scene with its sliders at s (m), and its lowest modes there; on one rank.
+
+    Raises
+    ------
+    InputError
+        If nodes have other coordinates than three displacements, there are masses, which the other program attaches by
+        itself, or rows that only push, or s lies off the path.
+    """
+    if scene.masses:
+        allowed = "none is allowed: a flexible body is what they are attached to, in the program that reads it"
+        raise InputError("scene", "masses", scene.masses[0].name, allowed)
+    built = build(scene, MPI.COMM_SELF)
+    structure, full = built.structure, built.model
+    low, high = full.rows.domain
+    if not low <= s <= high:
+        raise InputError("command line", "--at", s, f"a place from {low:g} to {high:g} m is allowed")
+    model, T = structure.model, couple(structure).T
+    order = nodes_of(model).ravel()
+    found = eigensolver(full, scene.reduction.solver).lowest(s, count)
+    q = np.asarray(T @ found.phi)
+    operators = operators_of(model, MPI.COMM_SELF)
+    M, K = gather(operators.M), gather(operators.K)
+    assert M is not None and K is not None
+    K = sp.csr_matrix(K + _springs(structure, s))
+    R = model.rigid_motions()[order].reshape(-1, 3, 6)
+    omega2 = found.omega**2
+    return NodalBody(
+        s=s,
+        points=np.stack([R[:, 1, 5], R[:, 2, 3], R[:, 0, 4]], axis=1),  # e_z x r, e_x x r and e_y x r have x, y and z
+        M=sp.csr_matrix(M[order][:, order]),
+        K=sp.csr_matrix(K[order][:, order]),
+        modes=q[order],
+        omega=found.omega,
+        damping=scene.damping.mass + scene.damping.stiffness * omega2,
+        places=_places(structure, q),
+    )
+
+
+def nodes_of(model: StructuralModel) -> Indices:
+    """Numbers (N, 3) of the coordinates along x, y and z of each node.
+
+    Raises
+    ------
+    InputError
+        If a node has others.
+    """
+    if isinstance(model, Solid):
+        of_cells = model.element_coordinates(np.arange(len(model.mesh.cells)))
+        return np.unique(np.column_stack([part.ravel() for part in of_cells]), axis=0)
+    if isinstance(model, Matrices):
+        given = model.given
+        order = np.lexsort((given.direction, given.node))
+        if np.array_equal(given.direction[order], np.tile(np.arange(3), len(given.points))):
+            return np.asarray(order.reshape(-1, 3), dtype=np.int64)
+    allowed = "a solid, or matrices with three displacements at each node, are allowed in a flexible-body file"
+    raise InputError("scene", "body.model", None, allowed)
+
+
+def _springs(structure: Structure, s: float) -> sp.csr_matrix:
+    """Sum of c^T c / compliance of all that gives way, on the model's coordinates."""
+    size = structure.model.size
+    restraints = restrain(structure.pads, structure.model, sp.eye(size, format="csr"))
+    K = restraints.stiffness(size)
+    for row in restraints.rows:
+        if row.clearance is not None:
+            allowed = f"rows that hold both ways are allowed in a flexible-body file; {row.name} only pushes"
+            raise InputError("scene", "pads.unilateral", True, allowed)
+        if row.compliance > 0.0:
+            c = row.at(s)
+            K = K + c.T @ c / row.compliance
+    return sp.csr_matrix(K)
+
+
+def _places(structure: Structure, q: Array) -> Places:
+    """Where loads act and motions are observed."""
+    model = structure.model
+    actions = [one for one in (*structure.loads, *structure.outputs) if isinstance(one, Action)]
+    places = list(dict.fromkeys(one.on for one in actions))
+    moved, turned = [], []
+    for place in places:
+        moved.append(np.asarray(model.displacement(place) @ q))
+        try:
+            turned.append(np.asarray(model.motion(place)[3:] @ q))
+        except InputError:  # a point or a line of a solid has no rotation
+            turned.append(np.zeros((3, q.shape[1])))
+    return Places(
+        tuple(place if isinstance(place, str) else f"at {place:g} m" for place in places),
+        np.array([model.centroid(place) for place in places]),
+        np.array(moved),
+        np.array(turned),
+    )
