@@ -186,6 +186,10 @@ test-wheel-suite: .venv-wheel/.ready
 test-wheel-kernel-%: .venv-wheel/.ready
 	$(call kernel,.venv-wheel,$*,mpirun)
 
+.PHONY: schemas
+schemas: setup ## write what editors complete and check workflows from
+	@for kind in scene study; do .venv/bin/pmr schema $$kind >workflows/schemas/$$kind.json || exit 1; done
+
 .PHONY: clean
 clean: ## remove what make and the tests made, the venvs too
 	rm -rf docs/_build .venv .venv-wheel .venv-snakemake .venv-fmi .snakemake build dist reports/paper reports/benchmarks .mypy_cache .pytest_cache .ruff_cache .import_linter_cache

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Container
 from pathlib import Path
 from typing import Any
 
 from sphinx.application import Sphinx
 
-from pmr.scene import Scene
+from pmr.scene import Boom, Scene
 from pmr.studies.files import schemas
 
 Schema = dict[str, Any]
@@ -32,7 +33,10 @@ def setup(app: Sphinx) -> dict[str, bool]:
 def write_pages(app: Sphinx) -> None:
     """One page for scenes, one for each kind of study."""
     folder = Path(app.srcdir, "reference")
-    write(folder / "scene_keys.md", INTRODUCTION.format(what="scene") + tables(Scene.model_json_schema()))
+    scene, boom = Scene.model_json_schema(), Boom.model_json_schema()
+    more = tables(boom, 3, known=scene["$defs"])
+    several = f"\n## Booms of several sections\n\nA file with `sections` is one; parts are those of above, and:\n{more}"
+    write(folder / "scene_keys.md", INTRODUCTION.format(what="scene") + tables(scene) + several)
     kinds = "".join(f'\n## `kind = "{kind}"`\n\n{tables(schema, 3)}' for kind, schema in schemas().items())
     write(folder / "study_keys.md", INTRODUCTION.format(what="study") + kinds)
 
@@ -43,15 +47,15 @@ def write(file: Path, text: str) -> None:
         file.write_text(text)
 
 
-def tables(schema: Schema, level: int = 2) -> str:
-    """A table for the file itself, then one for each part of it in the order in which it is met."""
+def tables(schema: Schema, level: int = 2, known: Container[str] = ()) -> str:
+    """A table for the file itself, then one for each part that is not `known`, in the order in which it is met."""
     parts, found, waiting = schema.get("$defs", {}), [], [("The file itself", schema)]
     seen: set[str] = set()
     while waiting:
         title, part = waiting.pop(0)
         found.append(section(title, part, level))
         for name in references(part.get("properties", {})):
-            if name not in seen and "properties" in parts.get(name, {}):
+            if name not in seen and name not in known and "properties" in parts.get(name, {}):
                 seen.add(name)
                 waiting.append((parts[name].get("title", name), parts[name]))
     return "\n".join(found)

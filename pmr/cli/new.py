@@ -9,9 +9,11 @@ from typing import Annotated
 import typer
 
 from pmr.cli.console import ensure_writable, out, say
+from pmr.cli.schema import scene_schema
 from pmr.errors import InputError
 from pmr.errors.text import hint
 
+SCHEMA = "scene.schema.json"
 TEMPLATES = resources.files("pmr.cli") / "templates"
 
 
@@ -37,8 +39,14 @@ def new(
     ensure_writable(name)
     title = name.name.replace("\\", "").replace('"', "")
     scene = (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8").replace('title = "NAME"', f'title = "{title}"')
-    (name / "scene.toml").write_text(scene, encoding="utf-8")
+    (name / "scene.toml").write_text(f"#:schema {SCHEMA}\n{scene}", encoding="utf-8")
+    (name / SCHEMA).write_text(scene_schema(), encoding="utf-8")
     mesh = TEMPLATES / f"mesh_of_a_{'box' if '[body.box]' in scene else 'beam'}.py"
     (name / "mesh.py").write_text(mesh.read_text(encoding="utf-8"), encoding="utf-8")
-    say(out, f"{name / 'scene.toml'}  what is built and asked, with comments; `pmr run {name}` computes it")
-    say(out, f"{name / 'mesh.py'}     draws a mesh of its own, for a start")
+    about = {
+        "scene.toml": f"what is built and asked, with comments; `pmr run {name}` computes it",
+        "mesh.py": "draws a mesh of its own, for a start",
+        SCHEMA: "from which an editor completes and checks keys",
+    }
+    for file, what in about.items():
+        say(out, f"{name / file}  {what}")

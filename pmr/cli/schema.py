@@ -4,36 +4,46 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated
 
 import typer
 
 from pmr.errors import InputError
 from pmr.errors.text import hint
-from pmr.scene import Scene
-from pmr.studies.files import schemas
+from pmr.scene.schema import of, scenes
+from pmr.studies.files import kind_names, schemas
+
+
+def scene_schema() -> str:
+    """Schema of a scene file."""
+    return json.dumps(scenes(), indent=1) + "\n"
+
+
+def study_schema(*kinds: str) -> str:
+    """Schema of a study file of these kinds, of any by default."""
+    known = schemas()
+    return json.dumps(of([known[kind] for kind in kinds or known], "Study of pmr"), indent=1) + "\n"
 
 
 def schema(
     kind: Annotated[
-        str, typer.Argument(metavar="[KIND]", help="scene, or a kind of study: combinations, scenes, ...")
+        str, typer.Argument(metavar="[KIND]", help="scene, study, or one kind of study: scenes, ...")
     ] = "scene",
 ) -> None:
-    """Print the JSON schema of a scene file, or of a kind of study file.
+    """Print the JSON schema of a scene file or a study file.
 
     An editor that knows TOML (Even Better TOML, Taplo) reads it from the first line of a file:
 
-        #:schema ./scene.schema.json
+        #:schema scene.schema.json
 
     Example:
 
         pmr schema > scene.schema.json
     """
-    known = {
-        "scene": Scene.model_json_schema,
-        **{name: lambda s=found: s for name, found in schemas().items()},
-    }
+    known: dict[str, Callable[[], str]] = {"scene": scene_schema, "study": study_schema}
+    known |= {name: partial(study_schema, name) for name in kind_names()}
     if kind not in known:
         raise InputError("command line", "KIND", kind, f"{hint(kind, known)}one of {', '.join(known)} is allowed")
-    json.dump(known[kind](), sys.stdout, indent=2)
-    sys.stdout.write("\n")
+    sys.stdout.write(known[kind]())

@@ -6,13 +6,24 @@ import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from pmr.scene.section import Count, Distance, ExistingFile, Place, Quantity, Section, Share, Switch, Time
 
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
 OutputKind = Literal["beam", "tip", "pad_force", "velocity"]
 SimulatorName = Literal["march", "exudyn", "exudyn-multiplier", "exudyn-callback"]
+
+
+def _or_ratio(schema: dict[str, Any]) -> None:
+    """A ratio at two frequencies may stand in the place of mass and stiffness."""
+    hertz = {"type": "number", "exclusiveMinimum": 0.0, "unit": "Hz"}
+    about = "Damping ratio at the two frequencies"
+    ratio = {"type": "number", "minimum": 0.0, "unit": "1", "description": about, "default": None}
+    two = {"type": "array", "items": hertz, "minItems": 2, "maxItems": 2, "default": None}
+    schema["properties"] |= {"ratio": ratio, "frequencies": two | {"description": "Where that ratio holds, ascending"}}
+    schema["dependencies"] = {"ratio": ["frequencies"], "frequencies": ["ratio"]}
+    schema["not"] = {"required": ["ratio"], "anyOf": [{"required": ["mass"]}, {"required": ["stiffness"]}]}
 
 
 class Damping(Section):
@@ -22,6 +33,8 @@ class Damping(Section):
     (omega_1 + omega_2) and b = 2 zeta / (omega_1 + omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.
     A scene that extends another one may say it in either way: keys of the other way are not taken over.
     """
+
+    model_config = ConfigDict(json_schema_extra=_or_ratio)
 
     mass: Annotated[float, Field(ge=0.0, strict=True), Quantity("1/s", 0.0, 1e9)] = Field(
         default=0.0, description="Share of M"

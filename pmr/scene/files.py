@@ -86,7 +86,7 @@ def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene | Boom:
     InputError
         As `load`.
     """
-    file = TomlFile.read(path, DIALECT)
+    file = TomlFile.read(found(Path(path), "scene.toml"), DIALECT)
     if "sections" not in file.data:
         return load(path, overrides)
     for text in overrides:

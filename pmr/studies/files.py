@@ -27,10 +27,10 @@ class Collection(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    kind: Literal["collection"]
-    title: str
-    files: Annotated[tuple[Path, ...], Field(min_length=1)]
-    change: dict[str, dict[str, Any]] = {}
+    kind: Literal["collection"] = Field(description="Several studies in one call")
+    title: str = Field(description="For reports")
+    files: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="Their files")
+    change: dict[str, dict[str, Any]] = Field(default={}, description="Keys to change in one, by its name")
 
 
 @dataclass(frozen=True)

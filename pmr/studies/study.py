@@ -39,13 +39,17 @@ class Statement(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    figure: str
-    text: str
-    value: float | str | None = None
-    words: str = ""
-    quantity: Literal["share", "length", "energy", "seconds", "ratio", "number"] = "number"
-    is_error: bool = False
-    why: str = ""
+    figure: str = Field(description="Name of the study's own figure")
+    text: str = Field(description="What it is")
+    value: float | str | None = Field(
+        default=None, description="What is published, in SI units, per cent as a fraction"
+    )
+    words: str = Field(default="", description="As it is published, where a number alone would say too much")
+    quantity: Literal["share", "length", "energy", "seconds", "ratio", "number"] = Field(
+        default="number", description="How it is printed"
+    )
+    is_error: bool = Field(default=False, description="Whether smaller is better")
+    why: str = Field(default="", description="Why the two differ, as far as is known")
 
 
 class StudyBase(BaseModel):
@@ -57,11 +61,11 @@ class StudyBase(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    kind: str
-    title: str
-    source: str = ""  # publication whose statements these are
-    published: tuple[Statement, ...] = ()
-    remarks: tuple[str, ...] = ()  # what explains the results, for the report
+    kind: str = Field(description="What is varied, and how")
+    title: str = Field(description="For reports")
+    source: str = Field(default="", description="Publication whose statements stand below")
+    published: tuple[Statement, ...] = Field(default=(), description="What is published of figures found here")
+    remarks: tuple[str, ...] = Field(default=(), description="What explains the results, for the report")
 
     @abstractmethod
     def plan(self) -> Plan:

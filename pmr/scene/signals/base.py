@@ -10,7 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 Array = NDArray[np.float64]
-Real = Annotated[float, Field(strict=True)]
+#: A number in the unit of what the signal drives: m of a path, N or N m of a load.
+Real = Annotated[float, Field(strict=True, json_schema_extra={"unit": "of what it drives"})]
+Seconds = Annotated[float, Field(strict=True, json_schema_extra={"unit": "s"})]
+Hertz = Annotated[float, Field(strict=True, json_schema_extra={"unit": "Hz"})]
+Radians = Annotated[float, Field(strict=True, json_schema_extra={"unit": "rad"})]
 Floats = tuple[Real, ...]
 
 
@@ -55,8 +59,8 @@ class SignalBase(BaseModel):
 class Constant(SignalBase):
     """The same value at all times."""
 
-    kind: Literal["constant"] = "constant"
-    amount: Real
+    kind: Literal["constant"] = Field(default="constant", description="One value")
+    amount: Real = Field(description="The value")
 
     def value(self, t: ArrayLike) -> Array:
         return np.full(np.shape(t), self.amount)
@@ -68,10 +72,10 @@ class Constant(SignalBase):
 class Step(SignalBase):
     """``before`` until ``time`` (exclusive), ``after`` from then on."""
 
-    kind: Literal["step"] = "step"
-    time: Real
-    before: Real = 0.0
-    after: Real
+    kind: Literal["step"] = Field(default="step", description="A step")
+    time: Seconds = Field(description="When it steps")
+    before: Real = Field(default=0.0, description="Value until then")
+    after: Real = Field(description="Value from then on")
 
     def value(self, t: ArrayLike) -> Array:
         return np.where(np.asarray(t, dtype=float) < self.time, self.before, self.after)

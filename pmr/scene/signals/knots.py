@@ -8,10 +8,10 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 from scipy.interpolate import Akima1DInterpolator, PPoly
 
-from pmr.scene.signals.base import Array, Floats, SignalBase
+from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase
 from pmr.scene.tomlfiles import is_file
 
 #: s, between knots; the shortest step that is allowed.  Slopes between closer ones overflow.
@@ -39,8 +39,8 @@ class _KnotArrays:
 class _Knots(SignalBase):
     """Values given at increasing times, held before the first and after the last."""
 
-    times: Floats = Field(min_length=2)
-    values: Floats = Field(min_length=2)
+    times: tuple[Seconds, ...] = Field(min_length=2, description="Increasing times")
+    values: Floats = Field(min_length=2, description="Values at these times")
 
     @field_validator("times")
     @classmethod
@@ -77,7 +77,7 @@ class _Knots(SignalBase):
 class Ramp(_Knots):
     """Straight lines between the knots."""
 
-    kind: Literal["ramp"] = "ramp"
+    kind: Literal["ramp"] = Field(default="ramp", description="Straight lines between values")
 
     def value(self, t: ArrayLike) -> Array:
         return np.interp(np.asarray(t, dtype=float), *self._cached.arrays)
@@ -90,7 +90,7 @@ class Ramp(_Knots):
 class SmoothRamp(_Knots):
     """Quintic transitions 10 x^3 - 15 x^4 + 6 x^5 between the knots: rate and acceleration vanish at each knot."""
 
-    kind: Literal["smooth_ramp"] = "smooth_ramp"
+    kind: Literal["smooth_ramp"] = Field(default="smooth_ramp", description="Quintic transitions between values")
 
     def value(self, t: ArrayLike) -> Array:
         x, i, _, rise, _ = self._interval(t)
@@ -101,6 +101,14 @@ class SmoothRamp(_Knots):
         return np.where(inside, rise / duration * 30.0 * (x * (1.0 - x)) ** 2, 0.0)
 
 
+def _or_file(schema: dict[str, Any]) -> None:
+    """A file may stand in the place of times and values."""
+    about = "CSV file with two columns, time in s and value, in place of times and values"
+    schema["properties"]["file"] = {"type": "string", "format": "path", "description": about, "default": None}
+    schema["required"] = []
+    schema["anyOf"] = [{"required": ["times", "values"]}, {"required": ["file"]}]
+
+
 class Table(_Knots):
     """Knots read from a CSV file with two columns (time in s, value), or given inline; Akima interpolation.
 
@@ -108,8 +116,10 @@ class Table(_Knots):
     the scene's hash.
     """
 
-    kind: Literal["table"] = "table"
-    interpolation: Literal["akima", "linear"] = "akima"
+    model_config = ConfigDict(json_schema_extra=_or_file)
+
+    kind: Literal["table"] = Field(default="table", description="A curve through values, from a file or given here")
+    interpolation: Literal["akima", "linear"] = Field(default="akima", description="How values are connected")
 
     @model_validator(mode="before")
     @classmethod

@@ -19,8 +19,8 @@ SAMPLES_A_PERIOD, FEWEST_SAMPLES, MOST_SAMPLES = 64, 20_000, 1_000_000
 class Sum(SignalBase):
     """Sum of other signals."""
 
-    kind: Literal["sum"] = "sum"
-    terms: tuple[Signal, ...] = Field(min_length=1)
+    kind: Literal["sum"] = Field(default="sum", description="Several signals added up")
+    terms: tuple[Signal, ...] = Field(min_length=1, description="The signals")
 
     def value(self, t: ArrayLike) -> Array:
         return np.sum([term.value(t) for term in self.terms], axis=0)

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from pmr.scene.signals.base import Array, Floats, Real, SignalBase
+from pmr.scene.signals.base import Array, Floats, Hertz, Radians, Real, Seconds, SignalBase
 
 
 class Sine(SignalBase):
     """offset + amplitude sin(2 pi frequency t + phase); frequency in Hz, phase in rad."""
 
-    kind: Literal["sine"] = "sine"
-    amplitude: Real
-    frequency: float = Field(ge=0.0, strict=True)
-    phase: Real = 0.0
-    offset: Real = 0.0
+    kind: Literal["sine"] = Field(default="sine", description="An oscillation of one frequency")
+    amplitude: Real = Field(description="Half of the way from least to largest")
+    frequency: Hertz = Field(ge=0.0, description="Its frequency")
+    phase: Radians = Field(default=0.0, description="Angle at t = 0")
+    offset: Real = Field(default=0.0, description="Mean value")
 
     def _angle(self, t: ArrayLike) -> Array:
         return 2.0 * np.pi * self.frequency * np.asarray(t, dtype=float) + self.phase
@@ -44,11 +44,11 @@ class Chirp(SignalBase):
     outside the knots.  ``phase`` (rad) is phi at the first knot.
     """
 
-    kind: Literal["chirp"] = "chirp"
-    amplitude: Real
-    times: Floats = Field(min_length=2)
-    frequencies: Floats = Field(min_length=2)
-    phase: Real = 0.0
+    kind: Literal["chirp"] = Field(default="chirp", description="An oscillation whose frequency changes")
+    amplitude: Real = Field(description="Half of the way from least to largest")
+    times: tuple[Seconds, ...] = Field(min_length=2, description="Increasing times")
+    frequencies: tuple[Hertz, ...] = Field(min_length=2, description="At these times, in straight lines between them")
+    phase: Radians = Field(default=0.0, description="Angle at the first time")
 
     @model_validator(mode="after")
     def _knots(self) -> Chirp:

@@ -37,10 +37,12 @@ class Study(StudyBase):
     error is below the maximum, ``.beam`` and ``.strain`` errors with all coordinates; for each combination ``.kappa``.
     """
 
-    kind: Literal["combinations"]
-    scene: Path
-    combinations: Annotated[tuple[tuple[Count, Count], ...], Field(min_length=1)]
-    fewest: Count = 3
+    kind: Literal["combinations"] = Field(description="What is varied, and how")
+    scene: Path = Field(description="The scene")
+    combinations: Annotated[tuple[tuple[Count, Count], ...], Field(min_length=1)] = Field(
+        description="Numbers of snapshots and of modes at each"
+    )
+    fewest: Count = Field(default=3, description="Coordinates to begin with")
 
     def plan(self) -> Plan:
         scene = scenes.vary_beam(self.scene)

@@ -34,10 +34,10 @@ class Study(StudyBase):
     ``least.<approach>``, the smallest of all.
     """
 
-    kind: Literal["convergence"]
-    scene: Path
-    full: Annotated[tuple[Count, ...], Field(min_length=2)]
-    ancf: Annotated[tuple[Count, ...], Field(min_length=2)]
+    kind: Literal["convergence"] = Field(description="What is varied, and how")
+    scene: Path = Field(description="The scene")
+    full: Annotated[tuple[Count, ...], Field(min_length=2)] = Field(description="Numbers of elements of the full beam")
+    ancf: Annotated[tuple[Count, ...], Field(min_length=2)] = Field(description="Numbers of elements of the ANCF cable")
 
     @field_validator("full", "ancf")
     @classmethod

@@ -35,17 +35,17 @@ class Study(StudyBase):
     and ``singular`` ones.
     """
 
-    kind: Literal["error_map"]
-    scene: Path
-    most_snapshots: Annotated[Count, Field(le=MOST)] = 30
-    most_modes: Annotated[Count, Field(le=MOST)] = 16
-    smallest_pool: Count = 3
-    largest_pool: Count = 120
-    budget: Count = 20
-    averaged: Count = 5
-    fewest: Count = 3
-    marked: Count = 15
-    curve: Count | None = None  # pool size for which a curve is drawn
+    kind: Literal["error_map"] = Field(description="What is varied, and how")
+    scene: Path = Field(description="The scene")
+    most_snapshots: Annotated[Count, Field(le=MOST)] = Field(default=30, description="Most slider positions")
+    most_modes: Annotated[Count, Field(le=MOST)] = Field(default=16, description="Most modes at each")
+    smallest_pool: Count = Field(default=3, description="Fewest snapshots in all")
+    largest_pool: Count = Field(default=120, description="Most snapshots in all")
+    budget: Count = Field(default=20, description="Most coordinates")
+    averaged: Count = Field(default=5, description="Numbers of coordinates whose errors are averaged")
+    fewest: Count = Field(default=3, description="Fewest coordinates")
+    marked: Count = Field(default=15, description="How many of the best are named")
+    curve: Count | None = Field(default=None, description="Pool size for which a curve is drawn")
 
     def plan(self) -> Plan:
         scene = scenes.vary_beam(self.scene)

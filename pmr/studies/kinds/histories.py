@@ -41,8 +41,8 @@ class Study(StudyBase):
     the scenes say is published needs no repetition here.
     """
 
-    kind: Literal["histories"]
-    scenes: Annotated[tuple[Path, ...], Field(min_length=1)]
+    kind: Literal["histories"] = Field(description="What is varied, and how")
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="The scenes")
 
     def plan(self) -> Plan:
         runs, common = [], dict[str, Task]()

@@ -45,11 +45,17 @@ class Study(StudyBase):
     the true error, over all scenes and models with residual flexibility whose error is above `round_off`.
     """
 
-    kind: Literal["residual"]
-    scenes: Annotated[tuple[Path, ...], Field(min_length=1)]
-    coordinates: Annotated[tuple[Count, ...], Field(min_length=1)] = (4, 5, 6, 8, 10, 12, 16, 20)
-    band: Annotated[float, Field(gt=0.0)] = 20.0
-    round_off: float = 3e-8
+    kind: Literal["residual"] = Field(description="What is varied, and how")
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="The scenes")
+    coordinates: Annotated[tuple[Count, ...], Field(min_length=1)] = Field(
+        default=(4, 5, 6, 8, 10, 12, 16, 20), description="Numbers of coordinates"
+    )
+    band: Annotated[float, Field(gt=0.0)] = Field(
+        default=20.0,
+        description="Highest frequency of the responses that POD compresses",
+        json_schema_extra={"unit": "Hz"},
+    )
+    round_off: float = Field(default=3e-8, description="Errors below this are round-off")
 
     def plan(self) -> Plan:
         if list(self.coordinates) != sorted(set(self.coordinates)):

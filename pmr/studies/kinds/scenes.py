@@ -28,8 +28,8 @@ class Case(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    name: Annotated[str, Field(pattern=f"^{KEY.pattern}$")]
-    change: dict[str, Any] = {}
+    name: Annotated[str, Field(pattern=f"^{KEY.pattern}$")] = Field(description="What its runs are called by")
+    change: dict[str, Any] = Field(default={}, description="Keys of the scenes, and their values")
 
 
 class Study(StudyBase):
@@ -38,11 +38,11 @@ class Study(StudyBase):
     A list in `grid` is what its key takes one after the other: ``[grid] reduction.coordinates = [10, 14, 20]``.
     """
 
-    kind: Literal["scenes"]
-    scenes: Annotated[tuple[Path, ...], Field(min_length=1)]
-    change: dict[str, Any] = {}
-    cases: tuple[Case, ...] = ()
-    grid: dict[str, Any] = {}
+    kind: Literal["scenes"] = Field(description="What is varied, and how")
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="The scenes")
+    change: dict[str, Any] = Field(default={}, description="Keys of the scenes to change in all runs")
+    cases: tuple[Case, ...] = Field(default=(), description="Named changes, each of which is tried")
+    grid: dict[str, Any] = Field(default={}, description="Keys of the scenes and the values that each takes in turn")
 
     def plan(self) -> Plan:
         runs, common = [], dict[str, Task]()

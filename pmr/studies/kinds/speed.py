@@ -99,10 +99,10 @@ class Study(StudyBase):
     span, in s.
     """
 
-    kind: Literal["speed"]
-    scenes: Annotated[tuple[Path, ...], Field(min_length=1)]
-    repeats: Count = 5
-    share: dict[str, Share] = {}
+    kind: Literal["speed"] = Field(description="What is varied, and how")
+    scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="The scenes")
+    repeats: Count = Field(default=5, description="Of each simulation; the median counts")
+    share: dict[str, Share] = Field(default={}, description="Part of the time span that is simulated, by approach")
 
     def plan(self) -> Plan:
         unknown = sorted(set(self.share) - set(APPROACHES))

@@ -1,0 +1,81 @@
+"""Schemas of files for editors: what pydantic knows of keys, and what files may say beside it.
+
+A file that `extends` another one need not be complete, a number stands for a constant signal, and entries of lists may
+be changed by their names.  The dialect is JSON Schema's draft 7, which editors of TOML know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pmr.scene.boom import Boom
+from pmr.scene.scene import Scene
+
+Schema = dict[str, Any]
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+EXTENDS = {"type": "string", "description": "A file whose keys this one overrides, relative to it, or a workflow"}
+#: Behind the name of a part that need not be complete.
+IN_PART = ", in part"
+
+
+def scenes() -> Schema:
+    """The schema of a scene file, of one body or of several sections."""
+    boom = Boom.model_json_schema()
+    section = {"$ref": f"#/$defs/BoomSection{IN_PART}"}  # what sections have in common is said once
+    about = boom["properties"]["section"]["description"]
+    boom["properties"]["section"] = {"allOf": [section], "description": about}
+    boom["properties"]["sections"]["items"] = {"allOf": [section, {"required": ["name"]}]}
+    return of([Scene.model_json_schema(), boom], "Scene of pmr")
+
+
+def of(schemas: Sequence[Schema], title: str) -> Schema:
+    """The schema of files that fit one of several pydantic models; parts of one name are the same in all of them."""
+    parts: Schema = {}
+    whole, extending = [], []
+    for schema in schemas:
+        own = _spoken(schema)
+        parts |= own.pop("$defs", {})
+        changed = _in_part(own)
+        changed["properties"]["extends"] = EXTENDS
+        whole.append(own)
+        extending.append(changed | {"required": ["extends"]})
+    parts |= {f"{name}{IN_PART}": _in_part(part) for name, part in parts.items()}
+    return {"$schema": DRAFT, "title": title, "$defs": parts, "anyOf": [*whole, *extending]}
+
+
+def _spoken(node: Any) -> Any:
+    """The same in draft 7, with units where an editor shows them, and numbers for signals."""
+    if isinstance(node, list):
+        return [_spoken(one) for one in node]
+    if not isinstance(node, dict):
+        return node
+    found = {key: _spoken(value) for key, value in node.items() if key != "discriminator"}
+    if "prefixItems" in found:
+        found["items"] = found.pop("prefixItems")
+    if "constant" in node.get("discriminator", {}).get("mapping", {}):
+        found["anyOf"] = [{"type": "number"}, {"oneOf": found.pop("oneOf")}]
+    if isinstance(node.get("description"), str) and isinstance(node.get("unit"), str) and node["unit"] != "1":
+        found["description"] += f", {node['unit']}"
+    return found
+
+
+def _in_part(node: Any) -> Any:
+    """The same with nothing required, and with changes of single entries where there are lists of tables."""
+    if isinstance(node, list):
+        return [_in_part(one) for one in node]
+    if not isinstance(node, dict):
+        return node
+    found = {key: _in_part(value) for key, value in node.items()}
+    if isinstance(found.get("required"), list):
+        del found["required"]
+    if isinstance(node.get("$ref"), str) and not node["$ref"].endswith(IN_PART):
+        found["$ref"] = f"{node['$ref']}{IN_PART}"
+    if isinstance(node.get("oneOf"), list):
+        found["anyOf"] = found.pop("oneOf")
+    if node.get("type") == "array" and "$ref" in str(node.get("items")):
+        about = {key: found.pop(key) for key in ("description", "default", "title") if key in found}
+        entries = {"type": "object", "additionalProperties": found["items"]}
+        found = {**about, "anyOf": [found, entries]}
+    return found
