@@ -9,8 +9,9 @@ inertia J follow a place's motion g = G q:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
@@ -119,16 +120,17 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         _reduced(base.M, coupling.T, attached),
         _reduced(base.K, coupling.T, padded(springs, attached)),
     )
+    places = _sparse_columns(coupling.rows([one for one in structure.outputs if not isinstance(one, PadForce)]))
     measured = [
-        restraints.force(output.pad, size) if isinstance(output, PadForce) else coupling.row(output)
-        for output in structure.outputs
+        _sparse_column(restraints.force(one.pad, size)) if isinstance(one, PadForce) else next(places)
+        for one in structure.outputs
     ]
     return FullModel(
         operators.M,
         rayleigh(structure.damping),
         operators.K,
         inputs=columns(operators.M, [_sparse_column(load) for load in loads]),
-        outputs=columns(operators.M, [_sparse_column(row) for row in measured]),
+        outputs=columns(operators.M, measured),
         rows=Rows(restraints.rows, size),
         input_names=tuple(load.name for load in structure.loads),
         output_positions=np.array([_position(output, structure) for output in structure.outputs]),
@@ -178,27 +180,38 @@ class Coupling:
             total += G.T @ sp.diags(inertia) @ G
         return total.tocsr()
 
-    def row(self, action: Action | Gauge) -> sp.csr_matrix:
-        """Row (1, n') that an action is or measures, or a gauge does.
+    def rows(self, actions: Sequence[Action | Gauge]) -> sp.csr_matrix:
+        """Rows (k, n') that actions are or measure, or gauges do; all in one product.
 
         Raises
         ------
         InputError
             If the model has no such direction.
         """
+        of_model = [(np.empty(0, np.int64), np.empty(0)), *(self._of_model(one) for one in actions)]
+        columns, entries = (np.concatenate(parts) for parts in zip(*of_model, strict=True))
+        ends = np.cumsum([len(part[0]) for part in of_model])
+        result = sp.csr_matrix((entries, columns, ends), shape=(len(actions), self.model.size)) @ self.T
+        sizes = [1.0 if isinstance(one, Gauge) else one.size for one in actions]
+        return sp.csr_matrix(sp.diags(sizes, shape=(len(sizes), len(sizes))) @ result)
+
+    def _of_model(self, action: Action | Gauge) -> tuple[Indices, Array]:
+        """Coordinates of the model and their weights."""
         if isinstance(action, Gauge):
-            return sp.csr_matrix(action.row @ self.T)
+            row = sp.csr_matrix(action.row)
+            return row.indices, row.data
         if action.direction not in self.model.directions:
             allowed = f"{', '.join(self.model.directions)} are allowed"
             raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
         measure = self.model.displacement if action.direction in ("x", "y", "z") else self.model.motion
-        row = measure(action.on)[self.model.directions.index(action.direction)]
-        return sp.csr_matrix(action.size * (row @ self.T))
+        motion, i = measure(action.on), self.model.directions.index(action.direction)
+        of_direction = slice(*motion.indptr[i : i + 2])
+        return motion.indices[of_direction], motion.data[of_direction]
 
     def load(self, load: Action | Weight, M: PETSc.Mat) -> sp.csr_matrix:
         """A load's column as a row (1, n'); collective."""
         if isinstance(load, Action):
-            return self.row(load)
+            return self.rows([load])
         along = dict(zip("xyz", unit_vector(load.direction), strict=True))
         acceleration = np.array([along.get(direction, 0.0) for direction in self.model.directions])
         x, f = M.createVecRight(), M.createVecLeft()
@@ -300,6 +313,12 @@ def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
     return places[output.pad]
 
 
+def _sparse_columns(rows: sp.csr_matrix) -> Iterator[tuple[Indices, Array]]:
+    """Of each of several rows."""
+    for a, b in pairwise(rows.indptr):
+        used = rows.data[a:b] != 0.0
+        yield rows.indices[a:b][used].astype(np.int64), rows.data[a:b][used]
+
+
 def _sparse_column(row: sp.csr_matrix) -> tuple[Indices, Array]:
-    used = row.data != 0.0
-    return row.indices[used].astype(np.int64), row.data[used]
+    return next(_sparse_columns(row))

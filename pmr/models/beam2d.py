@@ -108,7 +108,7 @@ class Beam2D:
 
         The same row applies a point force (or moment) there and measures a point displacement.
         """
-        e = int(np.clip(np.searchsorted(self.nodes, x, side="right") - 1, 0, len(self.nodes) - 2))
+        e = min(max(int(np.searchsorted(self.nodes, x, side="right")) - 1, 0), len(self.nodes) - 2)
         h = self.nodes[e + 1] - self.nodes[e]
         xi = (x - self.nodes[e]) / h
         if direction == "x":
@@ -116,7 +116,7 @@ class Beam2D:
         else:
             dofs = self._bending_dofs(e)
             slope = direction == "ry"
-            values = np.array([np.polyval(np.polyder(p) if slope else p, xi) for p in HERMITE])
+            values = (SLOPES if slope else HERMITE) @ xi ** np.arange(2.0 if slope else 3.0, -1.0, -1.0)
             values[[1, 3]] *= h
             if slope:
                 values /= -h
@@ -128,18 +128,22 @@ class Beam2D:
         return [first + i for i in range(self.per_node)]
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self.motion(place)[:-1]
+        return self._at(place, self.directions[:-1])
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         if about is not None:
             raise InputError(
                 "scene", "place", place, "the place itself is allowed: a planar beam has no points beside it"
             )
+        return self._at(place, self.directions)
+
+    def _at(self, place: str | float, directions: Sequence[str]) -> sp.csr_matrix:
+        """Rows of some of the directions."""
         x = station(place, self.body.length)
-        parts = [self.point(x, direction) for direction in self.directions]
+        parts = [self.point(x, direction) for direction in directions]
         ends = np.cumsum([0, *(len(dofs) for dofs, _ in parts)])
         columns, weights = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        return sp.csr_matrix((weights, columns, ends), shape=(self.per_node, self.size))
+        return sp.csr_matrix((weights, columns, ends), shape=(len(parts), self.size))
 
     def centroid(self, place: str | float) -> Array:
         return np.array([station(place, self.body.length), 0.0, 0.0])
@@ -214,8 +218,9 @@ def station(place: str | float, length: float) -> float:
     slack = 1e-9 * length  # round-off of a caller's arithmetic
     if isinstance(at, str) or not -slack <= at <= length + slack:
         raise InputError("scene", "place", place, f"tail, tip or a number from 0 to {length:g} m is allowed")
-    return float(np.clip(at, 0.0, length))
+    return min(max(float(at), 0.0), length)
 
 
 #: N2, N3 / h, N5, N6 / h as polynomials in xi in [0, 1], highest power first.
 HERMITE = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
+SLOPES = np.array([np.polyder(shape) for shape in HERMITE])
