@@ -187,9 +187,7 @@ def _repeated(
 def _in_exudyn(formulation: Formulation) -> Respond:
     def response(scene: Scene, body: SlidingBody, done: Done | None, steps: Indices) -> Simulated:
         excitation = Excitation.of(scene)
-        trajectory = exudyn.simulate(
-            body, excitation, progress=done, formulation=formulation, newton=scene.simulation.newton
-        )
+        trajectory = exudyn.simulate(body, excitation, progress=done, formulation=formulation)
         found = respond(body, trajectory, excitation.path_rate, excitation.forces(body.input_names))
         return Simulated(found, trajectory.at(steps) if len(steps) else None)
 

@@ -1,9 +1,9 @@
-"""What drives a simulation: paths, loads and the time grid on which they are sampled, once."""
+"""What drives a simulation: paths, loads and the time grid on which they are sampled, once; and simulators' options."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pmr.constraints.polynomials import DOMAIN_TOLERANCE
 from pmr.errors import InputError
 from pmr.scene import Scene
+from pmr.scene.asked import Simulation
 from pmr.scene.signals import SignalBase
 from pmr.simulate.stepping import TimeStepping
 
@@ -31,17 +32,20 @@ class Excitation:
     loads : mapping of str to signal, N (or N m)
         By the names of the inputs that they drive.
     stepping : TimeStepping
+    options : Simulation
+        Keys of a scene's section of that name, of which each simulator reads its own.
     """
 
     paths: Mapping[str, SignalBase]
     loads: Mapping[str, SignalBase]
     stepping: TimeStepping
+    options: Simulation = field(default_factory=Simulation)
 
     @classmethod
     def of(cls, scene: Scene) -> Excitation:
         """Path, loads and time grid of a scene."""
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
-        return cls({SLIDER: scene.slider.path}, scene.signals, stepping)
+        return cls({SLIDER: scene.slider.path}, scene.signals, stepping, scene.simulation)
 
     @property
     def path(self) -> SignalBase:

@@ -103,7 +103,6 @@ def simulate(
     initial: InitialState | None = None,
     progress: Progress | None = None,
     formulation: Formulation = "springs",
-    newton: Mapping[str, bool | float] | None = None,
 ) -> Trajectory:
     """Simulate a reduced (dense) or full (sparse) body; rows and loads are set once a step.
 
@@ -111,8 +110,8 @@ def simulate(
     slider (`pmr.system.compliant_rows`); of a sparse body they keep their multiplier.  All formulations follow the same
     trajectory, to Newton's tolerance; those with callbacks refuse rows that give way.
 
-    Arguments and errors as for `pmr.simulate.Simulator`; `newton` holds Exudyn's settings of Newton's method by
-    their own names.  The initial accelerations are Exudyn's, which leave
+    Arguments and errors as for `pmr.simulate.Simulator`; the option `newton` of the excitation holds Exudyn's settings
+    of Newton's method by their own names.  The initial accelerations are Exudyn's, which leave
     out what moving rows add to them (2 s' C' v and more): exact where the slider starts at rest, or the body
     undeformed and still; the method stays of second order elsewhere.
     """
@@ -136,7 +135,7 @@ def simulate(
     linear_solver = exu.LinearSolverType.EigenSparse if sp.issparse(body.K) else exu.LinearSolverType.EigenDense
     chosen = solver_settings(stepping, linear_solver)
     chosen.timeIntegration.newton.useModifiedNewton = formulation == "callbacks-modified-newton"
-    change(chosen.timeIntegration.newton, newton or {})
+    change(chosen.timeIntegration.newton, excitation.options.newton)
     place = slider_at(inputs.position)
     seconds = solve(mbs, chosen, place, progress)
     q, v, *forces = (stored(mbs, sensor, stepping, place) for sensor in sensors)

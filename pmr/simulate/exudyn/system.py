@@ -51,18 +51,17 @@ def simulate_system(
     excitation: Excitation,
     initial: Mapping[str, InitialState] | None = None,
     progress: Progress | None = None,
-    newton: Mapping[str, bool | float] | None = None,
 ) -> SystemTrajectory:
     """Simulate reduced bodies that contacts join; arguments and errors as `pmr.simulate.native.multibody.simulate`.
 
-    `newton` holds Exudyn's settings of Newton's method by their own names.  A contact that only pushes lets go as
-    Exudyn's generalized-alpha has it: what its force leaves in the next step is not taken back, so that the motion is
-    the compiled one's in the limit of small steps.
+    The option `newton` of the excitation holds Exudyn's settings of Newton's method by their own names.  A contact that
+    only pushes lets go as Exudyn's generalized-alpha has it: what its force leaves in the next step is not taken back,
+    so that the motion is the compiled one's in the limit of small steps.
     """
     run = _Run(system, excitation, initial or {})
     stepping = run.excitation.stepping
     chosen = solver_settings(stepping, exu.LinearSolverType.EigenDense)
-    change(chosen.timeIntegration.newton, newton or {})
+    change(chosen.timeIntegration.newton, excitation.options.newton)
     seconds = solve(run.mbs, chosen, run.describe, progress)
     return run.trajectory(run.motion(), seconds)
 

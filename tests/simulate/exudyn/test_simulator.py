@@ -16,6 +16,7 @@ from oracle import full_body, generalized_alpha, project
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
+from pmr.scene.asked import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulate import InitialState, Simulator, TimeStepping
 from pmr.simulate.exudyn import Formulation, inputs, simulator
@@ -267,10 +268,12 @@ def test_newtons_method_takes_exudyns_own_settings(rich: FullBody) -> None:
     excitation = driven(PATH, LOADS, TimeStepping(end=0.02, step=1e-3))
     few = {"maxIterations": 1, "relativeTolerance": 1e-300, "absoluteTolerance": 1e-300}
     with pytest.raises(SimulationError, match="Newton's method does not converge"):
-        simulator.simulate(rich, excitation, newton=few)
-    found = simulator.simulate(rich, excitation, newton={"relativeTolerance": 1.0, "absoluteTolerance": 1.0})
+        simulator.simulate(rich, replace(excitation, options=Simulation(newton=few)))
+    found = simulator.simulate(
+        rich, replace(excitation, options=Simulation(newton={"relativeTolerance": 1.0, "absoluteTolerance": 1.0}))
+    )
     assert found.t[-1] == 0.02
     for wrong, said in (({"tolerance": 1e-9}, "one of .*relativeTolerance"), ({"maxIterations": 0.5}, "maxIterations")):
         with pytest.raises(InputError, match=said) as refused:
-            simulator.simulate(rich, excitation, newton=wrong)
+            simulator.simulate(rich, replace(excitation, options=Simulation(newton=wrong)))
         assert refused.value.key == f"simulation.newton.{next(iter(wrong))}" and "\n" not in str(refused.value)
