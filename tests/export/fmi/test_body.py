@@ -21,6 +21,7 @@ from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulate.excitation import SLIDER, Excitation
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
+from pmr.simulate.native.stepper import Stepper
 from pmr.simulate.stepping import TimeStepping
 from pmr.system.body import displacement
 from pmr.system.compliant_rows import CompliantRows
@@ -124,6 +125,17 @@ def test_co_simulation_is_march(made: Made) -> None:
     if made.model.clearance is not None:
         open_now = expected.multipliers[:, made.model.row_clearance >= 0.0] == 0.0
         assert 0.05 < open_now.mean() < 0.95
+
+
+def test_co_simulation_is_the_stepper(made: Made) -> None:
+    """Real time in Python and in C: two codes of one step, held against each other."""
+    found, _ = co_simulated(made, Instance(made.library))
+    excitation, f = made.excitation, made.excitation.forces(made.model.input_names)
+    s = excitation.s[:, 0]
+    stepper = Stepper(made.model, STEP, s[0], f[0], 0.8)
+    y = np.array([stepper.step(s[k], f[k]).copy() for k in range(1, len(s))])
+    assert np.abs(y).max() > 1e-6
+    np.testing.assert_allclose(found[1:], y, rtol=0.0, atol=1e-9 * np.abs(y).max())
 
 
 def test_a_long_communication_step_is_made_of_internal_ones(made: Made) -> None:
