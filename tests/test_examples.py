@@ -124,6 +124,14 @@ def saved_model(found: Found) -> None:
     assert abs(stopped - reduced).max() > 1e-4
 
 
+@figures_of
+def own_basis(found: Found) -> None:
+    errors, counts = found["errors"], found["COUNTS"]
+    for flexibility in ("false", "true"):
+        assert errors[flexibility, counts[-1]] < 0.5 * errors[flexibility, counts[0]]
+    assert errors["true", counts[-1]] < errors["false", counts[-1]] < 1.0
+
+
 def test_every_example_is_checked_and_short() -> None:
     scripts = {file.stem: file.read_text().splitlines() for file in EXAMPLES.glob("*.py")}
     assert set(scripts) == set(CHECKS) and len(scripts) >= 12
@@ -133,6 +141,8 @@ def test_every_example_is_checked_and_short() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CHECKS)
 def test_figures(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if name == "own_basis":
+        pytest.importorskip("pymor", reason="pyMOR is not installed: make docs does it")
     monkeypatch.setattr(plt, "show", lambda: None)
     plt.switch_backend("agg")
     found = runpy.run_path(str(EXAMPLES / f"{name}.py"))
