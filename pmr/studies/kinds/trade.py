@@ -51,7 +51,9 @@ FINER = 0.25
 REPEATS = 3
 #: Free modes with their flexibility, as good as all: what steps and meshes are tried on.
 MANY = 20
-TOLERANCES = (0.05, 0.01, 0.001, 0.0001)
+#: By tolerance what docs/trade.md recommends for free modes with residual flexibility: coordinates beyond the natural
+#: frequencies of the free body in the motion's band, and steps in a period of its highest frequency.
+RECOMMENDED = {0.05: (3, 110.0), 0.01: (5, 280.0), 0.001: (11, 1100.0), 0.0001: (15, 7000.0)}
 
 
 class Study(StudyBase):
@@ -61,6 +63,8 @@ class Study(StudyBase):
 
     Figures: ``<scene>.<method>.<tolerance>``, as ``"6 x 0.5"``: the fewest coordinates that hold the tolerance with any
     of the steps, and the longest one with which they do, as a multiple of the scene's.
+    ``<scene>.recommended.<tolerance>``: error of residual flexibility as `RECOMMENDED`, with the nearest size and step
+    among those simulated that are no less.
     """
 
     kind: Literal["trade"]
@@ -107,7 +111,11 @@ class Study(StudyBase):
         found: dict[str, Scalar] = {}
         for run in results.runs:
             scene, method = run.parameters["scene"], run.parameters["method"]
-            for tolerance in TOLERANCES if method in self.methods else ():
+            if method == "flexibility":
+                found |= {
+                    f"{scene}.recommended.{tolerance:g}": tried(run.figures, tolerance) for tolerance in RECOMMENDED
+                }
+            for tolerance in RECOMMENDED if method in self.methods else ():
                 best = holding(run.figures, tolerance)
                 found[f"{scene}.{method}.{tolerance:g}"] = None if best is None else f"{best[0]} x {best[1]:g}"
         return found
@@ -135,6 +143,20 @@ def holding(figures: Mapping[str, Scalar], tolerance: float) -> tuple[int, float
     return None
 
 
+def tried(figures: Mapping[str, Scalar], tolerance: float) -> float | None:
+    """Error of what is recommended for a tolerance; None where no model is as large, or no step as short."""
+    if not figures.get("band"):
+        return None
+    more, steps = RECOMMENDED[tolerance]
+    fits = [
+        (r, -h, error)
+        for r, h, error in points(figures)
+        if r >= number(figures["below"]) + more
+        and h * number(figures["scene step"]) * number(figures["band"]) * steps <= 1.0
+    ]
+    return min(fits)[2] if fits else None
+
+
 def without_axial(scene: Scene) -> Scene:
     """A planar beam without coordinates along its axis; any other scene as it is."""
     if scene.body.profile is None:
@@ -147,7 +169,7 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     """Task: ``y`` (T, o) in m, the full model's motion with a step `FINER` than all that are tried.
 
     Figures: ``step``, what its own step is off by, as a fraction; ``band`` in Hz, above which 1 % of the tip's motion
-    lies, ``below``, how many natural frequencies of the free body are lower, and ``first``, its lowest one in Hz.
+    lies, and ``below``, how many natural frequencies of the free body are lower, those of rigid motions included.
     """
     scene, steps = shared.scene_of(arguments), arguments["steps"]
     body = shared.model_of(scene).gather()
@@ -162,7 +184,6 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
         "step": nrms(coarser, y) / 3.0,
         "band": highest,
         "below": int(np.sum(f < highest)),
-        "first": float(f[f > 1e-3][0]),
     }
     return TaskResult(figures, {"y": y})
 
@@ -173,7 +194,8 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     Figures: ``total.<r>.<factor>``, e_NRMS of all displacements against the reference with the scene's step times a
     factor; ``reduction.<r>``, the same against the full model with the scene's own step; ``energy.<r>``, the largest
     difference to that one's energy while the slider moves, over its largest energy; ``reference``, what the reference's
-    step is off by.  None where there is no such model, or none that can be simulated.
+    step is off by, and its ``band`` and ``below``; ``scene step`` in s.  None where there is no model that can be
+    simulated.
     Seconds: ``offline``, of the processor, ``step.<r>`` and ``full``, of one step.
     """
     scene, truth = shared.scene_of(arguments), needs["truth"]
@@ -185,7 +207,8 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     full_energy = _energy(case.full, case)
     moving = np.abs(case.excitation.path_rate) > 0.0
     record: dict[str, Scalar] = {"reference": truth.record["step"]}
-    record |= {name: truth.record[name] for name in ("band", "below", "first")}
+    record |= {name: truth.record[name] for name in ("band", "below")}
+    record["scene step"] = scene.time.step
     for r, one in tried:
         names = [f"total.{r}.{factor:g}" for factor in arguments["steps"]]
         record |= dict.fromkeys((*names, f"reduction.{r}", f"energy.{r}"))
