@@ -15,8 +15,7 @@ Axial coordinates, which nothing excites, are left out of planar beams, for all 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -30,30 +29,24 @@ from pmr.compare.spectrum import band
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.balance import energy
-from pmr.simulate.blocks import Recorder
-from pmr.simulate.modal import ModalForm, modal_form
-from pmr.simulate.native import simulator as march
-from pmr.studies import bases, local_bases, shared
-from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of, number
+from pmr.simulate.modal import modal_form
+from pmr.studies import bases, candidates, shared
+from pmr.studies.candidates import observed, stepped
+from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
+from pmr.studies.recommended import RECOMMENDED, holding, tried
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.system.body import displacement, length_outputs
+from pmr.system.body import length_outputs
 
 Array = NDArray[np.float64]
-LOCAL = ("local", "matrices")
 Method = Literal["pod", "visited", "modes", "flexibility", "inertia", "local", "matrices", "trajectory"]
 METHODS: tuple[Method, ...] = get_args(Method)
-Simulate = Callable[[Excitation, int], local_bases.LocalMotion]  # each so many steps
 #: The reference's step, as a share of the smallest one that is tried.
 FINER = 0.25
 #: Simulations of which the fastest counts.
 REPEATS = 3
 #: Free modes with their flexibility, as good as all: what steps and meshes are tried on.
 MANY = 20
-#: By tolerance what docs/trade.md recommends for free modes with residual flexibility: coordinates beyond the natural
-#: frequencies of the free body in the motion's band, and steps in a period of its highest frequency.
-RECOMMENDED = {0.05: (3, 110.0), 0.01: (5, 280.0), 0.001: (11, 1100.0), 0.0001: (15, 7000.0)}
 
 
 class Study(StudyBase):
@@ -121,42 +114,6 @@ class Study(StudyBase):
         return found
 
 
-def points(figures: Mapping[str, Scalar]) -> list[tuple[int, float, float]]:
-    """Coordinates, step as a multiple of the scene's, and error of each model that was simulated."""
-    split = [(name.split("."), value) for name, value in figures.items() if name.startswith("total.")]
-    return [(int(part[1]), float(".".join(part[2:])), number(value)) for part, value in split if value is not None]
-
-
-def holding(figures: Mapping[str, Scalar], tolerance: float) -> tuple[int, float] | None:
-    """Fewest coordinates that hold a tolerance, and the longest step with which they do; None where none do.
-
-    With shorter steps they have to, too: errors of model and step that cancel each other are no merit.
-    """
-    for r in sorted({r for r, _, _ in points(figures)}):
-        longest = None
-        for _, h, error in sorted(point for point in points(figures) if point[0] == r):
-            if error > tolerance:
-                break
-            longest = h
-        if longest is not None:
-            return r, longest
-    return None
-
-
-def tried(figures: Mapping[str, Scalar], tolerance: float) -> float | None:
-    """Error of what is recommended for a tolerance; None where no model is as large, or no step as short."""
-    if not figures.get("band"):
-        return None
-    more, steps = RECOMMENDED[tolerance]
-    fits = [
-        (r, -h, error)
-        for r, h, error in points(figures)
-        if r >= number(figures["below"]) + more
-        and h * number(figures["scene step"]) * number(figures["band"]) * steps <= 1.0
-    ]
-    return min(fits)[2] if fits else None
-
-
 def without_axial(scene: Scene) -> Scene:
     """A planar beam without coordinates along its axis; any other scene as it is."""
     if scene.body.profile is None:
@@ -176,7 +133,7 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     assert body is not None
     form, given, finest = modal_form(body), Excitation.of(scene), FINER * steps[-1]
     coarser, y = (
-        _observed(form, stepped(given, factor * finest), round(steps[0] / (factor * finest))) for factor in (2.0, 1.0)
+        observed(form, stepped(given, factor * finest), round(steps[0] / (factor * finest))) for factor in (2.0, 1.0)
     )
     f = np.sqrt(np.maximum(form.omega2, 0.0)) / (2.0 * np.pi)
     highest = band(y[:, -1:], steps[0] * given.stepping.step)
@@ -194,21 +151,21 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     Figures: ``total.<r>.<factor>``, e_NRMS of all displacements against the reference with the scene's step times a
     factor; ``reduction.<r>``, the same against the full model with the scene's own step; ``energy.<r>``, the largest
     difference to that one's energy while the slider moves, over its largest energy; ``reference``, what the reference's
-    step is off by, and its ``band`` and ``below``; ``scene step`` in s.  None where there is no model that can be
-    simulated.
+    step is off by, and its ``band`` and ``below``; ``scene step`` in s and the number of ``steps``.  None where no
+    model can be simulated.
     Seconds: ``offline``, of the processor, ``step.<r>`` and ``full``, of one step.
     """
     scene, truth = shared.scene_of(arguments), needs["truth"]
     case = bases.Case.of(scene, 0.0)
     begin = time.process_time()
-    candidates = _candidates(case, arguments["method"])
-    tried = [(r, candidates.of(r)) for r in arguments["coordinates"] if r <= candidates.largest]
+    models = candidates.candidates(case, arguments["method"])
+    tried = [(r, models.of(r)) for r in arguments["coordinates"] if r <= models.largest]
     seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / scene.time.steps}
-    full_energy = _energy(case.full, case)
+    stored = candidates.full_energy(case)
     moving = np.abs(case.excitation.path_rate) > 0.0
     record: dict[str, Scalar] = {"reference": truth.record["step"]}
     record |= {name: truth.record[name] for name in ("band", "below")}
-    record["scene step"] = scene.time.step
+    record |= {"scene step": scene.time.step, "steps": scene.time.steps}
     for r, one in tried:
         names = [f"total.{r}.{factor:g}" for factor in arguments["steps"]]
         record |= dict.fromkeys((*names, f"reduction.{r}", f"energy.{r}"))
@@ -224,8 +181,8 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
             continue
         seconds[f"step.{r}"] = min(run.seconds for run in runs) / scene.time.steps
         record[f"reduction.{r}"] = nrms(runs[0].displacement, case.displacement[:, length_outputs(case.full)])
-        off = np.abs(runs[0].energy - full_energy)[moving].max(initial=0.0)
-        record[f"energy.{r}"] = float(min(off / full_energy.max(), 1e3))
+        off = np.abs(runs[0].energy - stored)[moving].max(initial=0.0)
+        record[f"energy.{r}"] = float(min(off / stored.max(), 1e3))
     return TaskResult(record, seconds=seconds)
 
 
@@ -236,7 +193,7 @@ def dissipated(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) ->
     for radius in arguments["radii"]:
         for factor in arguments["steps"]:
             stepping = TimeStepping(given.stepping.end, given.stepping.step * factor, radius)
-            y = _observed(form, given.with_stepping(stepping), round(arguments["steps"][0] / factor))
+            y = observed(form, given.with_stepping(stepping), round(arguments["steps"][0] / factor))
             record[f"rho.{radius:g}.{factor:g}"] = nrms(y, truth)
     return TaskResult(record)
 
@@ -248,46 +205,10 @@ def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
 
     def tip(count: int) -> Array:
         finer = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"elements": count})})
-        return _observed(modal_form(_many(finer)), Excitation.of(finer), 1)[:, -1:]
+        return observed(modal_form(_many(finer)), Excitation.of(finer), 1)[:, -1:]
 
     *tips, finest = map(tip, counts)
     return TaskResult({f"tip.{count}": nrms(y, finest) for count, y in zip(counts[:-1], tips, strict=True)})
-
-
-@dataclass(frozen=True)
-class _Candidates:
-    """What simulates models of one method by their number of coordinates, up to the largest."""
-
-    of: Callable[[int], Simulate]
-    largest: int
-
-
-def _candidates(case: bases.Case, method: str) -> _Candidates:
-    if method not in LOCAL:
-        models = bases.MODELS[method](case)
-        return _Candidates(lambda r: _marched(modal_form(models.of(r))), models.largest)
-    if np.any(case.full.row_compliance > 0.0):
-        return _Candidates(lambda r: _marched(modal_form(case.full)), 0)  # pads that give way hold no modes
-    s = local_bases.positions(case.full, case.scene.path_bounds)
-    return _Candidates(
-        lambda r: local_bases.local_model(case.full, s, r, method == "local").simulate, case.full.size // 2
-    )
-
-
-def _marched(form: ModalForm) -> Simulate:
-    def simulate(excitation: Excitation, every: int) -> local_bases.LocalMotion:
-        recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
-        run, f = recorder.trajectory(march.follow(form, excitation, recorder)), excitation.forces(form.body.input_names)
-        y = displacement(form.body, run.q, run.s, run.deforming, f[::every])[:, length_outputs(form.body)]
-        found = energy(form.body, run, f[::every])
-        return local_bases.LocalMotion(y, found.kinetic + found.strain, run.seconds)
-
-    return simulate
-
-
-def _energy(body: Any, case: bases.Case) -> Array:
-    found = energy(body, case.run, case.excitation.forces(body.input_names))
-    return np.asarray(found.kinetic + found.strain)
 
 
 def _many(scene: Scene) -> Any:
@@ -296,14 +217,3 @@ def _many(scene: Scene) -> Any:
     size = 2 * (scene.mesh.elements + 1) if scene.body.profile is not None else 10 * MANY
     update = {"reduction": bases.reduction(scene, "flexibility", min(MANY, size // 2))}
     return reduce(scene.model_copy(update=update)).reduced
-
-
-def stepped(excitation: Excitation, factor: float) -> Excitation:
-    """The same with a step that is so many times as long."""
-    given = excitation.stepping
-    return excitation.with_stepping(TimeStepping(given.end, given.step * factor, given.rho_inf))
-
-
-def _observed(form: ModalForm, excitation: Excitation, every: int) -> Array:
-    """Displacements (T, o) in m at each `every`-th step."""
-    return march.observe(form, excitation, np.flatnonzero(length_outputs(form.body)).tolist(), every).y

@@ -8,11 +8,13 @@ from finished import finished, short_scene
 
 from pmr.compare.errors import nrms
 from pmr.errors import InputError
+from pmr.report.studies.finished import FinishedStudy
+from pmr.report.studies.sections.trade import NAMES, content, front
 from pmr.scene import load
 from pmr.simulate import Excitation
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
-from pmr.studies import files, shared
+from pmr.studies import candidates, files, recommended, shared
 from pmr.studies.engine.task import number
 from pmr.studies.kinds import trade
 from pmr.studies.results import StudyResults
@@ -44,7 +46,7 @@ def figures(small: StudyResults) -> dict[str, dict]:
 def test_methods_differ_as_they_should(small: StudyResults) -> None:
     found = {method: number(figures(small)[method]["reduction.4"]) for method in trade.METHODS}
     assert found["inertia"] < found["flexibility"] < 0.5 * found["modes"]
-    local, matrices = (figures(small)[method] for method in trade.LOCAL)
+    local, matrices = (figures(small)[method] for method in candidates.LOCAL)
     assert number(local["reduction.8"]) < number(matrices["reduction.8"])
 
 
@@ -53,7 +55,7 @@ def test_the_reference_is_the_full_model_with_a_far_shorter_step(small: StudyRes
     body = shared.model_of(scene).gather()
     assert body is not None
     runs = [
-        march.observe(modal_form(body), trade.stepped(Excitation.of(scene), h), every=round(2.0 / h)).y
+        march.observe(modal_form(body), candidates.stepped(Excitation.of(scene), h), every=round(2.0 / h)).y
         for h in (0.125, 1 / 32)
     ]
     assert number(figures(small)["pod"]["reference"]) == pytest.approx(nrms(*runs), rel=0.5)
@@ -76,9 +78,9 @@ def test_what_holds_a_tolerance_holds_it_with_shorter_steps_too() -> None:
         "total.8.1": 0.02,
         "total.8.0.5": 0.004,
     }
-    assert trade.holding(found, 0.01) == (8, 0.5)
-    assert trade.holding(found, 0.02) == (4, 1.0)
-    assert trade.holding(found, 0.001) is None
+    assert recommended.holding(found, 0.01) == (8, 0.5)
+    assert recommended.holding(found, 0.02) == (4, 1.0)
+    assert recommended.holding(found, 0.001) is None
 
 
 def test_steps_that_do_not_meet_are_refused(tmp_path: Path) -> None:
@@ -86,3 +88,16 @@ def test_steps_that_do_not_meet_are_refused(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(SMALL.replace("[2.0, 1.0, 0.5]", "[3.0, 1.0]"))
     with pytest.raises(InputError, match="factors that divide"):
         files.load(tmp_path / "study.toml")
+
+
+def test_fronts_hold_what_nothing_beats() -> None:
+    assert front([(1.0, 0.5), (2.0, 0.6), (3.0, 0.1), (0.5, 0.9)]) == [(0.5, 0.9), (1.0, 0.5), (3.0, 0.1)]
+
+
+def test_the_report_shows_fronts_tolerances_and_energies(small: StudyResults) -> None:
+    chapter = content(FinishedStudy.load(small.folder), "small")
+    fronts, holding, energies = chapter.blocks
+    assert fronts.drawings and [row[0] for row in holding.grids[0].rows] == list(NAMES.values())
+    assert [row[0] for row in energies.grids[0].rows] == list(NAMES.values())
+    said = {row[0]: row[1:] for row in holding.grids[0].rows}
+    assert said["residual flexibility"][1].startswith("4 ×") and said["residual flexibility"][3] == "–"

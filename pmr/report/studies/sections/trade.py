@@ -1,0 +1,165 @@
+"""Accuracy against time: fronts of error against the time of a simulation, and what holds a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
+from pmr.report.figures.canvas import WIDE, log_axis, sheet
+from pmr.report.numbers import percent, plain, quantity
+from pmr.report.studies.axes import dots, log_x
+from pmr.report.studies.finished import FinishedStudy
+from pmr.studies.engine.task import number
+from pmr.studies.recommended import RECOMMENDED, points
+from pmr.studies.results import RunRecord
+
+NAMES = {
+    "pod": "POD, slider at nodes",
+    "visited": "POD, places visited",
+    "modes": "free modes",
+    "flexibility": "residual flexibility",
+    "inertia": "flexibility, inertia",
+    "local": "local bases",
+    "matrices": "local matrices",
+    "trajectory": "POD of the full motion",
+}
+COLUMNS = 2
+
+
+def content(study: FinishedStudy, prefix: str) -> Chapter:
+    """Fronts, tolerances, and what is recommended."""
+    tried = [value for name, value in study.figures.items() if ".recommended." in name and value is not None]
+    fronts_caption = (
+        "Error along the body against the full model with a far shorter step, over the time of one simulation: of each "
+        "method the models and steps that none of its others beats in both."
+    )
+    energy = "Error along the body, and the largest error of the energy while the slider moves, by coordinates."
+    return Chapter(
+        anchor=prefix,
+        title=study.title,
+        headline="How much time an error costs, by method, number of coordinates and step.",
+        key_numbers=[KeyNumber(plain(len(_scenes(study))), "scenes"), KeyNumber(plain(len(tried)), "tolerances tried")],
+        paragraphs=[
+            "Coordinates and steps each have their part of the error. What holds a tolerance here holds it with all "
+            "shorter steps too, so that no two parts cancel by chance.",
+            "Times are those of the compiled loops, that of a step times the number of steps; offline times are "
+            "those of the processor, without the assembly.",
+        ],
+        blocks=[
+            Block(
+                "Error over time",
+                ((drawing(f"{prefix}-fronts", fronts, fronts_caption, study),),),
+                grids=(_offline(study), *([_recommended(study)] if tried else [])),
+            ),
+            Block("What holds a tolerance", grids=tuple(_holding(study, scene) for scene in _scenes(study))),
+            Block(energy, grids=tuple(_energies(study, scene) for scene in _scenes(study)[:2])),
+        ],
+    )
+
+
+def fronts(study: FinishedStudy) -> Figure:
+    """A panel a scene, a front a method."""
+    scenes = _scenes(study)
+    rows, gaps = -(-len(scenes) // COLUMNS), {"wspace": 0.05, "hspace": 0.3}
+    grid = {"sharex": True, "sharey": True, "gridspec_kw": gaps}
+    figure, axes = sheet(WIDE, 0.9 + 1.6 * rows, rows, COLUMNS, {"top": 0.7}, **grid)
+    every = [point for ax, scene in zip(axes.flat, scenes, strict=False) for point in _panel(ax, study, scene)]
+    for ax in axes.flat[len(scenes) :]:
+        ax.set_visible(False)
+    seconds, found = np.array(every).T
+    log_axis(axes[0, 0], float(found.min()), 1.0)
+    log_x(axes[0, 0], 0.8 * float(seconds.min()), 1.25 * float(seconds.max()))
+    for ax in axes[:, 0]:
+        ax.set_ylabel("e_NRMS (–)")
+    for ax in axes[-1]:
+        ax.set_xlabel("Time of one simulation in ms")
+    handles = [Line2D([], [], label=label, **dots(i, 2.2)) for i, label in enumerate(NAMES.values())]
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=4, borderaxespad=0.25)
+    return figure
+
+
+def front(times_and_errors: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Points that no other one beats in both, by time."""
+    found: list[tuple[float, float]] = []
+    for seconds, error in sorted(times_and_errors):
+        if not found or error < found[-1][1]:
+            found.append((seconds, error))
+    return found
+
+
+def _panel(ax: Axes, study: FinishedStudy, scene: str) -> list[tuple[float, float]]:
+    every = []
+    for i, method in enumerate(NAMES):
+        for run in study.runs(scene=scene, method=method):
+            if shown := front(_timed(run)):
+                ax.plot(*np.array(shown).T, **dots(i, 2.2))
+                every += shown
+    ax.set_title(scene.replace("_", " "), loc="left", pad=3.0)
+    return every
+
+
+def _timed(run: RunRecord) -> list[tuple[float, float]]:
+    """Milliseconds and errors of all models and steps of a method: a step costs the same, however long it is."""
+    steps = run.figures.get("steps")
+    return [
+        (1e3 * run.seconds[f"step.{r}"] * number(steps) / h, error)
+        for r, h, error in points(run.figures)
+        if f"step.{r}" in run.seconds and steps is not None and 0.0 < error < 1.0
+    ]
+
+
+def _holding(study: FinishedStudy, scene: str) -> Grid:
+    rows = []
+    for method, name in NAMES.items():
+        cells = [study.figures.get(f"{scene}.{method}.{tolerance:g}") for tolerance in RECOMMENDED]
+        if study.runs(scene=scene, method=method):
+            rows.append((name, *("–" if cell is None else str(cell).replace(" x ", " × ") for cell in cells)))
+    caption = f"{scene.replace('_', ' ')}: coordinates × step (as a multiple of the scene's) that hold a tolerance."
+    return Grid(caption, ("method", *(percent(tolerance) for tolerance in RECOMMENDED)), tuple(rows))
+
+
+def _recommended(study: FinishedStudy) -> Grid:
+    rows = []
+    for scene in _scenes(study):
+        cells = [study.figures.get(f"{scene}.recommended.{tolerance:g}") for tolerance in RECOMMENDED]
+        rows.append((scene.replace("_", " "), *("–" if cell is None else percent(number(cell)) for cell in cells)))
+    caption = "Error of what is recommended for a tolerance; – where no model or step of this study is as fine."
+    return Grid(caption, ("scene", *(percent(tolerance) for tolerance in RECOMMENDED)), tuple(rows))
+
+
+def _offline(study: FinishedStudy) -> Grid:
+    methods = [method for method in NAMES if study.runs(method=method)]
+    rows = []
+    for scene in _scenes(study):
+        found = [study.runs(scene=scene, method=method) for method in methods]
+        rows.append((scene.replace("_", " "), *(_seconds(runs) for runs in found)))
+    return Grid("Offline time of the largest model.", ("scene", *(NAMES[method] for method in methods)), tuple(rows))
+
+
+def _seconds(runs: Sequence[RunRecord]) -> str:
+    """Of the processor; a method without models for a scene took none."""
+    if not runs or not any(name.startswith("step.") for name in runs[0].seconds):
+        return "–"
+    return quantity(runs[0].seconds["offline"], "s")
+
+
+def _energies(study: FinishedStudy, scene: str) -> Grid:
+    sizes = [int(r) for r in study.asked["coordinates"]]
+    rows = []
+    for method, name in NAMES.items():
+        for run in study.runs(scene=scene, method=method):
+            pairs = [(run.figures.get(f"reduction.{r}"), run.figures.get(f"energy.{r}")) for r in sizes]
+            cells = (
+                "–" if a is None or b is None else f"{percent(number(a), 2)}, {percent(number(b), 2)}" for a, b in pairs
+            )
+            rows.append((name, *cells))
+    return Grid(f"{scene.replace('_', ' ')}.", ("method", *(f"{r}" for r in sizes)), tuple(rows))
+
+
+def _scenes(study: FinishedStudy) -> list[str]:
+    return list(dict.fromkeys(str(run.parameters["scene"]) for run in study.results.runs))
