@@ -8,7 +8,7 @@ from decimal import Decimal
 from typing import Any
 
 from pmr.report.marks import SAME, WITHIN, ErrorTable, Row, apart, mark_for, signed_deviation
-from pmr.report.numbers import SPACE, length, percent, quantity
+from pmr.report.numbers import SPACE, length, percent, quantity, significant
 from pmr.report.subject import forces_called
 from pmr.results import RunResult
 from pmr.scene import Published
@@ -61,20 +61,20 @@ def _errors(result: RunResult) -> Iterator[Row]:
     decimals = _decimals(published) if published else 0
     printed: Mapping[str, Any] = published.model_dump()["errors"] if published else {}
     names = {"pad_force": forces_called(result)}
+    responses = result.responses.values()
+    units = {n: unit for one in responses for n, unit in zip(one.other_names, one.other_units, strict=True)}
     errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
     for pair in (*(p for p in ORDER if p in errors), *(p for p in errors if p not in ORDER)):
         first, _, second = pair.partition("_vs_")
         comparison = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}"
-        for place in PLACES:
-            if place not in errors[pair]:
-                continue
+        for place in (*(p for p in PLACES if p in errors[pair]), *(p for p in errors[pair] if p not in PLACES)):
             here, called = float(errors[pair][place]), names.get(place, place)
             other = printed.get(pair, {}).get(place)
             row = Row(comparison, called, percent(here))
             if other is not None:
                 row = _compared(comparison, called, here, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
-            norm = None if absolute is None else _norm(place, float(absolute))
+            norm = None if absolute is None else _norm(units.get(place, "N" if place == "pad_force" else "m"), absolute)
             yield replace(row, absolute=norm)
 
 
@@ -84,9 +84,13 @@ def _missing(result: RunResult) -> Iterator[Row]:
         yield Row(f"reduced against {NAMES.get(name, name)}", "", "no reference")
 
 
-def _norm(place: str, value: float) -> str:
-    """The norm of a difference with its unit: forces have one of their own."""
-    return quantity(value, "N") if place == "pad_force" else length(value, 3)
+def _norm(unit: str, value: float) -> str:
+    """The norm of a difference with its unit."""
+    if unit == "m":
+        return length(value, 3)
+    return (
+        quantity(value, unit) if unit in ("N", "Pa") else f"{significant(value)}{SPACE}{unit}".removesuffix(f"{SPACE}1")
+    )
 
 
 def _stresses(result: RunResult) -> Iterator[Row]:

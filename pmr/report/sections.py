@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pmr.report import parameters, provenance, sentences
+from pmr.report import borne, parameters, provenance, sentences
 from pmr.report.blocks import Block, Chapter, Drawing, Player, drawing
 from pmr.report.errors import compared, error_table
 from pmr.report.errors import rows as error_rows
@@ -105,7 +105,8 @@ def stress(result: RunResult, prefix: str) -> Block | None:
     where = sentences.where_the_peak_is(result, "reduced")
     dot = f" The dot is the largest of all, {where}." if where else ""
     caption = f"Largest von Mises stress over the whole body{below}.{dot}"
-    return Block(heading="Stress", rows=((drawing(f"{prefix}-stress", forces.stress, caption, result),),))
+    rows = ((drawing(f"{prefix}-stress", forces.stress, caption, result),),)
+    return Block(heading="Stress", rows=rows, grids=borne.regions(result))
 
 
 def contact(result: RunResult, prefix: str) -> Block | None:
@@ -115,7 +116,8 @@ def contact(result: RunResult, prefix: str) -> Block | None:
         (drawing(f"{prefix}-forces-{number}", forces.forces, _of_forces(result, name, len(group)), result, group),)
         for number, (name, group) in enumerate(groups.items(), start=1)
     )
-    return Block(heading=forces_called(result).capitalize(), rows=rows) if rows else None
+    heading = forces_called(result).capitalize()
+    return Block(heading=heading, rows=rows, grids=borne.forces(result)) if rows else None
 
 
 def energy(result: RunResult, prefix: str) -> Block:
@@ -167,7 +169,7 @@ def origin(result: RunResult, prefix: str) -> Block:
 
 #: In the order in which they stand in the page.
 SECTIONS: tuple[Show, ...] = (
-    errors, accuracy, motion, inputs_over_time, tip, stress, contact, energy, constraint, basis, origin,
+    errors, accuracy, motion, inputs_over_time, tip, stress, borne.probes, contact, energy, constraint, basis, origin,
 )  # fmt: skip
 
 

@@ -40,15 +40,20 @@ def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
 def opening(result: RunResult) -> str:
     """What it is about, in a sentence or two."""
     low, high = result.scene.path_bounds
-    end, model = reach(result), represented(result)
+    low, high, end = (round(x, 3) for x in (low, high, reach(result)))
+    model = represented(result)
     if moving(result) == "mouth":
-        out = f"{end - high:g}{SPACE}m to {end - low:g}{SPACE}m" if high > low else f"{end - low:g}{SPACE}m"
-        what = f"A section of {end:g}{SPACE}m slides through a mouth, beyond which {out} of it reach."
+        out = (
+            f"{plain(end - high)}{SPACE}m to {plain(end - low)}{SPACE}m"
+            if high > low
+            else f"{plain(end - low)}{SPACE}m"
+        )
+        what = f"A section of {plain(end)}{SPACE}m slides through a mouth, beyond which {out} of it reach."
     else:
         count = len(offsets(result))
-        where = f"between {low:g}{SPACE}m and {high:g}{SPACE}m" if high > low else f"at {low:g}{SPACE}m"
+        where = f"between {plain(low)}{SPACE}m and {plain(high)}{SPACE}m" if high > low else f"at {plain(low)}{SPACE}m"
         sliders = f"{count} sliders support" if count > 1 else "a slider supports"
-        what = f"A beam of {end:g}{SPACE}m, which {sliders} {where}."
+        what = f"A beam of {plain(end)}{SPACE}m, which {sliders} {where}."
     return f"{what} It is represented by {model.name}, {model.because}."
 
 
@@ -111,22 +116,41 @@ def _numbers(result: RunResult) -> Iterator[KeyNumber]:
         largest = summary.get("max_displacement")
         share = f"{percent(most / largest, 2)} of {length(largest)}, the largest displacement" if largest else ""
         yield KeyNumber(length(most), "largest difference to full", share)
-    errors = summary.get("errors", {}).get("reduced_vs_full", {})
-    forces = f"error of the {forces_called(result)}"
-    notes = {"tip": "RMS over time", "pad_force": _apart_from_blows(result)}
-    for place, label in (("tip", "error at the tip"), ("beam", "error along the beam"), ("pad_force", forces)):
-        if place in errors:
-            yield KeyNumber(percent(errors[place]), label, notes.get(place, ""))
-    estimated = summary.get("estimate", {}).get("beam")
-    if estimated is not None:
-        yield KeyNumber(percent(estimated), "estimated, along the beam", "without the full model")
+    yield from _errors(result)
     peak = summary.get("max_von_mises", {})
     if "reduced" in peak:
         full = f"full model {quantity(peak['full'], 'Pa')}" if "full" in peak else ""
         yield KeyNumber(quantity(peak["reduced"], "Pa"), "largest von Mises stress", full)
-    ratio = speed_ratio(result)
-    if ratio is not None:
+    yield from _speed(result)
+
+
+def _errors(result: RunResult) -> Iterator[KeyNumber]:
+    """Along the beam, with that at the tip and the estimate beside it; of forces."""
+    errors = result.summary.get("errors", {}).get("reduced_vs_full", {})
+    estimated = result.summary.get("estimate", {}).get("beam")
+    without = "" if estimated is None else f"estimated without the full model {percent(estimated)}"
+    if "beam" in errors:
+        tip = f"at the tip {percent(errors['tip'])}" if "tip" in errors else ""
+        yield KeyNumber(percent(errors["beam"]), "RMS error along the beam", "; ".join(filter(None, (tip, without))))
+    elif estimated is not None:
+        yield KeyNumber(percent(estimated), "estimated error along the beam", "without the full model")
+    if "pad_force" in errors:
+        yield KeyNumber(
+            percent(errors["pad_force"]), f"RMS error of the {forces_called(result)}", _apart_from_blows(result)
+        )
+
+
+def _speed(result: RunResult) -> Iterator[KeyNumber]:
+    """How much faster than the full model by the same simulator; by another one the times, which are no ratio."""
+    found, reduced = result.summary.get("simulators", {}), result.responses["reduced"].seconds
+    ratio, full = speed_ratio(result), result.responses.get("full")
+    if ratio is not None and found.get("reduced") == found.get("full"):
         yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "as fast as full", simulators(result))
+    elif reduced > 0.0:
+        who = SIMULATORS.get(found.get("full", ""), "")
+        slower = f"full model {quantity(full.seconds, 's', 2)}{f', {who}' if who else ''}" if ratio and full else ""
+        what = f"for {plain(result.scene.time.end)}{SPACE}s of motion"
+        yield KeyNumber(quantity(reduced, "s", 2), "one simulation", "; ".join(filter(None, (what, slower))))
 
 
 def published(table: Sequence[Row]) -> str:

@@ -177,7 +177,7 @@ class Simulation(Section):
     simulators: tuple[SimulatorName, ...] = Field(
         default=("march",), min_length=1, description="Of the reduced model, the first one counts"
     )
-    repeats: Count = Field(default=3, description="Of each simulator of the reduced model; seconds are their median")
+    repeats: Count = Field(default=3, description="Of each simulator of the reduced model; seconds are the least")
     full: Literal["auto", "march", "exudyn", "petsc"] = Field(default="auto", description="Of the full model")
     newton: dict[str, bool | int | float] = Field(
         default={}, description="Exudyn's settings of Newton's method by their own names, as relativeTolerance"

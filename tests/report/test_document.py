@@ -237,8 +237,13 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     said = " ".join(point.text for point in sentences.points(result))
     assert "1.26\u00a0% along the beam, 1.20 times the true error." in said
     numbers = {number.label: number for number in sentences.key_numbers(result)}
-    assert numbers["estimated, along the beam"].value == "1.26\u00a0%"
+    said = "at the tip 1.05\u00a0%; estimated without the full model 1.26\u00a0%"
+    assert (numbers["RMS error along the beam"].value, numbers["RMS error along the beam"].note) == (
+        "1.05\u00a0%",
+        said,
+    )
     alone = make_result(summary={"estimate": estimated})
+    assert "estimated error along the beam" in [number.label for number in sentences.key_numbers(alone)]
     assert sentences.estimate(alone).endswith("along the beam; it includes a margin of a quarter.")
     none = make_result(summary={"estimate": {"beam": None, "reason": "the basis is no good"}})
     assert sentences.estimate(none) == "The error can't be estimated without the full model: the basis is no good."
@@ -254,16 +259,18 @@ def test_the_largest_difference_is_seen_beside_the_motion(make_result) -> None:
 
 
 @pytest.mark.parametrize(
-    ("who", "said"),
+    ("who", "number"),
     [
-        ({"reduced": "march", "full": "march"}, "both compiled"),
-        ({"reduced": "march", "full": "petsc"}, "reduced compiled, full by PETSc"),
-        ({"reduced": "exudyn-callback"}, ""),
+        ({"reduced": "march", "full": "march"}, ("10\u00a0×", "as fast as full", "both compiled")),
+        ({"reduced": "march", "full": "petsc"},
+         ("300\u00a0ms", "one simulation", "for 3\u00a0s of motion; full model 3.0\u00a0s, by PETSc")),
+        ({"reduced": "exudyn-callback"},
+         ("300\u00a0ms", "one simulation", "for 3\u00a0s of motion; full model 3.0\u00a0s")),
     ],
-)
-def test_speed_says_who_simulated_what(make_result, who: dict[str, str], said: str) -> None:
+)  # fmt: skip
+def test_speed_is_a_ratio_where_one_simulator_did_both(make_result, who: dict[str, str], number: tuple) -> None:
     result = make_result(summary=make_result().summary | {"simulators": who})
-    assert sentences.key_numbers(result)[-1] == sentences.KeyNumber("10\u00a0×", "as fast as full", said)
+    assert sentences.key_numbers(result)[-1] == sentences.KeyNumber(*number)
 
 
 def test_a_report_has_the_dates_of_its_results() -> None:

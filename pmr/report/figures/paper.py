@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon, Rectangle
 
-from pmr.report.figures.canvas import INK, MUTED, WIDE, sheet
+from pmr.report.figures.canvas import INK, MUTED, sheet
 
 LOAD = "#7b2d8e"
+WIDTH = 4.9  # in: so narrow that a phone shows it whole and its text can be read
 LABELS = 1.5  # in, for what is written beside the tip
 
 
@@ -18,8 +19,8 @@ class Paper:
     """Axes in m of the system whose inches are known: `inch` m each, in both directions."""
 
     def __init__(self, left: float, right: float, height: float) -> None:
-        inches = WIDE - LABELS - 0.2
-        self.figure, axes = sheet(WIDE, height, margins={"left": 0.0, "right": 0.0, "top": 0.0, "bottom": 0.0})
+        inches = WIDTH - LABELS - 0.2
+        self.figure, axes = sheet(WIDTH, height, margins={"left": 0.0, "right": 0.0, "top": 0.0, "bottom": 0.0})
         self.ax: Axes = axes[0, 0]
         self.inch = (right - left) / inches
         self.ax.set_xlim(left - 0.2 * self.inch, right + LABELS * self.inch)

@@ -94,7 +94,7 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
         paper.ax.plot([-stretch.high - 0.1, tail], [0.0, 0.0], color=MUTED, linewidth=1.2)
         paper.write(
             (tail - stretch.high) / 2.0, 0.03 * inch, name, MUTED, va="bottom"
-        ) if stretch.high - stretch.low > inch else None
+        ) if stretch.high - stretch.low > 0.7 * inch else None
     if stretch.moves:
         back = end - stretch.high
         paper.ax.plot([back] * 2, [-tall / 2.0, tall / 2.0], color=BODY, linewidth=0.8, linestyle=(0, (3, 2)))

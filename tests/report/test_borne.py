@@ -1,0 +1,78 @@
+"""Tables of what a body bears, from histories whose extremes and cycles are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pmr.report import borne
+from pmr.report.errors import rows as error_rows
+from pmr.results import RunResult
+
+NAMES = ("weld stress along", "weld stress shear", "weld strain along", "weld displacement z")
+
+
+@pytest.fixture
+def probed(make_result) -> RunResult:
+    """A triangle between -20 and 60 MPa, six times up and down in three seconds; the shear is round-off."""
+    at = [{"name": name, "unit": unit, "at": [1.5, 1e-17, -0.2], "face": "outer"}
+          for name, unit in zip(NAMES, ("Pa", "Pa", "1", "mm"), strict=True)]  # fmt: skip
+    errors = {"reduced_vs_full": {"tip": 0.01, "beam": 0.01, "weld stress along": 0.002, "weld strain along": 0.003}}
+    norms = {"reduced_vs_full": {"tip": 0.01, "beam": 0.01, "weld stress along": 2e3, "weld strain along": 1e-6}}
+    summary = {"probes": at, "errors": errors, "absolute_errors": norms}
+    result = make_result(summary=summary, responses=("full", "reduced"))
+    found = {}
+    for name, response in result.responses.items():
+        wave = 20e6 - 40e6 * (2.0 * np.abs(2.0 * ((2.0 * response.t) % 1.0) - 1.0) - 1.0)
+        others = np.stack([wave, 1e-9 * wave / 60e6, wave / 210e9, 1e-6 * wave], axis=1)
+        names = ("force of slider",) if name == "reduced" else ()
+        found[name] = replace(
+            response, others=others, other_names=NAMES, other_units=("Pa", "Pa", "1", "mm"), force_names=names
+        )
+    return replace(result, responses=found)
+
+
+def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
+    block = borne.probes(probed, "case-1")
+    assert block is not None
+    extremes, stress, strain = block.grids
+    assert [row[0] for row in extremes.rows] == [
+        "weld stress along in MPa", "weld strain along in µm/m", "weld displacement z in mm",
+    ]  # fmt: skip
+    first = dict(zip(extremes.head, extremes.rows[0], strict=False))
+    assert (first["least"], first["largest"]) == ("\u221220.0", "60.0")
+    assert "weld stress at (1.50, 0, \u22120.200)\u00a0m, outer" in extremes.caption
+    assert stress.head == ("range in MPa", "cycles", "mean in MPa")
+    assert [row[1:] for row in stress.rows] == [("6", "20.0")] and stress.rows[0][0] == "72.0 to 80.0"
+    assert strain.head[0] == "range in µm/m"
+    assert len(block.drawings) == 3  # of each measure the component that is largest
+
+
+def test_forces_have_extremes_with_time_and_place(probed: RunResult) -> None:
+    (grid,) = borne.forces(probed)
+    ((name, least, t_least, _, largest, *_),) = grid.rows
+    assert (name, largest) == ("slider", "99.0") and grid.head[1] == "least in N"
+    response = probed.responses["reduced"]
+    assert float(t_least) == pytest.approx(response.t[response.slider_force[:, 0].argmin()], rel=1e-3)
+
+
+def test_the_error_table_has_probes_in_their_units(probed: RunResult) -> None:
+    found = {row.place: (row.here, row.absolute) for row in error_rows(probed)}
+    assert found["weld stress along"] == ("0.200\u00a0%", "2.00\u00a0kPa")
+    assert found["weld strain along"] == ("0.300\u00a0%", "1.00\u00a0·\u00a010⁻⁶")
+
+
+def test_regions_stand_beside_the_full_model(make_result) -> None:
+    peak = {"value": 50e6, "t": 0.5, "position": [1.0, 0.1, 0.2], "face": "outer"}
+    both = {"top": peak, "bottom": peak | {"value": 40e6}}
+    found = {"stress_by_region": {"reduced": both, "full": {name: one | {"value": 51e6} for name, one in both.items()}}}
+    (grid,) = borne.regions(make_result(summary=found))
+    assert grid.head[:3] == ("region", "in MPa", "full model")
+    assert grid.rows[1] == ("bottom", "40.00", "51.00", "0.5000", "(1.00, 0.100, 0.200)", "outer")
+    assert borne.regions(make_result(summary={"stress_by_region": {"reduced": {"body": peak}}})) == ()
+
+
+def test_without_probes_or_names_of_forces_nothing_is_said(make_result) -> None:
+    assert borne.probes(make_result(), "case-1") is None and borne.forces(make_result()) == ()
