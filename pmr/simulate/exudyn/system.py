@@ -213,8 +213,8 @@ class _Run:
         """From all parts of all steps, the forces of rigid contacts among them."""
         system, parts, m = self._system, self._parts, motion.forces.shape[1]
         found, pushes = self._balanced(motion), ~np.isnan(system.clearance)
-        mobility = self._assembly.B.T @ (self._assembly.B / self._assembly.M.diagonal()[:, None])
-        least = balance.round_off(np.asarray(mobility), self._f, float(self.excitation.times[1]))
+        B, inertia = self._assembly.B.toarray(), self._assembly.M.diagonal()
+        least = balance.round_off(B.T @ (B / inertia[:, None]), self._f, float(self.excitation.times[1]))
         surplus = balance.surplus(found.stored, found.work, least, since_start=bool(pushes.any()))
         balance.refuse_growth(surplus, "Exudyn", self._moving)
         steps = slice(None, None, parts)
