@@ -100,7 +100,7 @@ def write_frequency_response(npz_path: Path, target: Path, at: str | None) -> Pa
         As `write_matlab`.
     """
     space = _space(npz_path, at)
-    output = max(k for k, unit in enumerate(space.units) if unit != "N")
+    output = max(k for k, unit in enumerate(space.units) if unit == "m")
     r = space.A.shape[1] // 2
     natural = np.sqrt(np.abs(np.linalg.eigvals(-space.A[:, r:, :r]).real))
     f = np.geomspace(0.1 * natural.min(), 1.2 * natural.max(), FREQUENCIES) / (2.0 * np.pi)

@@ -70,7 +70,7 @@ def description_2(model: Described, variables: Sequence[Variable]) -> str:
         files = ET.SubElement(element, "SourceFiles")
         for name in model.sources:
             ET.SubElement(files, "File", name=name)
-    _units(root)
+    _units(root, variables)
     choice = ET.SubElement(ET.SubElement(root, "TypeDefinitions"), "SimpleType", name="Start")
     _items(ET.SubElement(choice, "Enumeration"))
     _experiment(root, model)
@@ -102,7 +102,7 @@ def description_3(model: Described, variables: Sequence[Variable]) -> str:
     steps = {"canHandleVariableCommunicationStepSize": "true", "maxOutputDerivativeOrder": "1"}
     for kind, more in _interfaces(model, steps):
         ET.SubElement(root, kind, {"modelIdentifier": model.identifier, **can, **more})
-    _units(root)
+    _units(root, variables)
     _items(ET.SubElement(ET.SubElement(root, "TypeDefinitions"), "EnumerationType", name="Start"))
     _experiment(root, model)
     listed = ET.SubElement(root, "ModelVariables")
@@ -154,11 +154,13 @@ def _interfaces(model: Described, of_steps: dict[str, str]) -> list[tuple[str, d
     return [("ModelExchange", {}), *interfaces] if model.model_exchange else interfaces
 
 
-def _units(root: ET.Element) -> None:
+def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
+    """Those that variables have; of one that is none of SI nothing is said but its name."""
     units = ET.SubElement(root, "UnitDefinitions")
-    for name, exponents in UNITS.items():
+    for name in dict.fromkeys(variable.unit for variable in variables if variable.unit):
         unit = ET.SubElement(units, "Unit", name=name)
-        ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
+        if name in UNITS:
+            ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in UNITS[name].items()})
 
 
 def _items(choice: ET.Element) -> None:

@@ -311,6 +311,19 @@ def test_the_same_model_makes_the_same_source(tmp_path: Path) -> None:
     assert once == again
 
 
+def test_what_probes_measure_has_its_unit() -> None:
+    model = model_of("flexible")
+    units = [*("m",) * (len(model.outputs) - 4), "Pa", "1", "mm", "furlong"]
+    measured = replace(model, output_units=tuple(units), output_names=tuple(f"p{k}" for k in range(len(units))))
+    for version, tag in (("2", "Real"), ("3", "Float64")):
+        root = ET.fromstring(contents(measured, "model.npz", "body", version).texts["modelDescription.xml"])
+        defined = {unit.attrib["name"]: unit for unit in root.iter("Unit")}
+        found = {v.attrib["unit"] for v in root.iter(tag) if "unit" in v.attrib}
+        assert {"Pa", "Pa/s", "1", "1/s", "mm", "mm/s", "furlong", "furlong/s"} <= found == set(defined)
+        assert [base.attrib for base in defined["mm"]] == [{"m": "1", "factor": "0.001"}]
+        assert [base.attrib for base in defined["Pa"]] == [{"kg": "1", "m": "-1", "s": "-2"}]
+
+
 def test_a_moment_has_its_unit() -> None:
     model = model_of("flexible")
     for load, name, direction in zip(model.provenance["scene"]["loads"], model.input_names, ("ry", "z"), strict=True):
