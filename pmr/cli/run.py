@@ -110,7 +110,7 @@ def run(
         with _progress(name, shown=first) as progress:
             try:
                 if isinstance(scene, scenes.Boom):
-                    outcome: Outcome | BoomOutcome | None = run_boom(scene, MPI.COMM_WORLD, Clock(progress))
+                    outcome: Outcome | BoomOutcome | None = run_boom(scene, MPI.COMM_WORLD, Clock(progress), checkpoint)
                 else:
                     outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), checkpoint, cache)
             except InputError as error:

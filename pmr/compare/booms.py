@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.compare.errors import Quantity, nrms, with_common_forces
 from pmr.compare.summary import Part
-from pmr.results import BoomFrequencies, Energy, Response
+from pmr.results import Energy, Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Boom
 from pmr.scene.boom import Joint
@@ -20,44 +19,63 @@ from pmr.simulate.booms import cylinder
 from pmr.simulate.native import multibody
 from pmr.system.assembly import Assembly
 from pmr.system.body import called, force_of, force_outputs, length_outputs
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
-#: Frequencies that are compared, and places on the way at which; coordinates from which on matrices stay sparse.
-CURVES, PLACES, FEWER_PLACES, SPARSE = 4, 13, 5, 1200
+#: Frequencies that are compared, and places on the way at which: fewer where matrices are large.
+CURVES, PLACES, FEWER_PLACES = 4, 13, 4
 #: Share of a pad's largest push, and of a tenth of the largest force of any, from which on a pull is told.
 PULLED = 0.01
 
 
+@dataclass(frozen=True)
+class Said:
+    """What a simulator says: outputs (T, o) of every body, forces and peaks (T, m) in N of contacts, energies."""
+
+    outputs: Mapping[str, Array]
+    forces: Array
+    peaks: Array
+    energy: Energy
+
+
 def respond(system: System, trajectory: SystemTrajectory) -> Response:
     """Displacements of all sections, one after the other, and the forces of all contacts and springs."""
+    kinetic = np.zeros(len(trajectory.t))
+    for name, body in system.bodies.items():
+        v = trajectory.bodies[name].v
+        kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
+    energy = Energy(kinetic, trajectory.energy - kinetic, -trajectory.work)
     outputs = multibody.displacements(system, trajectory)
-    moved, forces, kinetic = list[Array](), list[Array](), np.zeros(len(trajectory.t))
+    found = response_of(system, trajectory.t, Said(outputs, trajectory.forces, trajectory.peaks, energy))
+    return replace(found, seconds=trajectory.seconds, surplus=trajectory.surplus)
+
+
+def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
+    """The same of what any simulator says at the times t (T,) s."""
+    moved, springs = list[Array](), list[Array]()
     x, names, force_names = list[Array](), list[str](), list[str]()
     for name, body in system.bodies.items():
-        of, v = called(body, ()), trajectory.bodies[name].v
-        moved.append(outputs[name][:, length_outputs(body)])
-        forces.append(outputs[name][:, force_outputs(body)])
+        of, y = called(body, ()), said.outputs[name]
+        moved.append(y[:, length_outputs(body)])
+        springs.append(y[:, force_outputs(body)])
         x.append(body.output_positions[length_outputs(body)])
         names += [f"{name}: {one}" for one in of.moved]
         force_names += [f"{name}: {one}" for one in of.forces]
-        kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
-    not_known = np.full(len(trajectory.t), np.nan)
+    not_known = np.full(len(t), np.nan)
     return Response(
-        t=trajectory.t,
+        t=t,
         x=np.concatenate(x),
         displacement=np.hstack(moved),
-        energy=Energy(kinetic, trajectory.energy - kinetic, -trajectory.work),
-        slider_force=np.hstack([*forces, trajectory.forces]),
+        energy=said.energy,
+        slider_force=np.hstack([*springs, said.forces]),
         residual_position=not_known,
         residual_velocity=not_known,
-        seconds=trajectory.seconds,
+        seconds=np.nan,
         output_names=tuple(names),
         output_units=("m",) * len(names),
         force_names=(*force_names, *map(force_of, system.contact_names)),
-        force_peaks=np.hstack([*forces, trajectory.peaks]),
-        surplus=trajectory.surplus,
+        force_peaks=np.hstack([*springs, said.peaks]),
     )
 
 
@@ -108,38 +126,17 @@ def joints(boom: Boom, response: Response) -> Part:
     return Part({"pads": pads, "cylinders": cylinders}, _pulled(boom, pads))
 
 
-def frequencies(boom: Boom, systems: Mapping[str, System], t: Array) -> BoomFrequencies:
-    """The lowest natural frequencies of each system in Hz on its way out, every contact closed."""
-    large = max(sum(body.size for body in system.bodies.values()) for system in systems.values()) > SPARSE
-    times = on_the_way(boom, t, FEWER_PLACES if large else PLACES)
-    extensions, found = {name: path.value(times) for name, path in boom.paths.items()}, {}
-    for name, system in systems.items():
-        assembly = Assembly(system)
-        found[name] = np.array([_lowest(assembly, x) for x in system.coordinates(extensions)])
-    return BoomFrequencies(boom.reach(times), np.column_stack(list(extensions.values())), found)
+def frequencies(system: System, x: Array) -> Array:
+    """The lowest natural frequencies (S, f) in Hz of a small system at places x (S, sides) m, every contact closed."""
+    assembly = Assembly(system)
+    return np.array([assembly.frequencies(at, CURVES) for at in x])
 
 
-def on_the_way(boom: Boom, t: Array, count: int) -> Array:
-    """Times (S,) in s at which the boom first reaches so far, evenly from its shortest to its longest."""
+def on_the_way(boom: Boom, t: Array, count: int) -> NDArray[np.int64]:
+    """Steps (S,) at which the boom first reaches so far, evenly from its shortest to its longest."""
     reach = boom.reach(t)
     goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
-    return t[list(dict.fromkeys(int(np.argmin(np.abs(reach - goal))) for goal in goals))]
-
-
-def _lowest(assembly: Assembly, x: Array) -> Array:
-    if assembly.size <= SPARSE:
-        return assembly.frequencies(x, CURVES)
-    rows, n = assembly.at(x), assembly.size
-    scale = abs(assembly.K).max()  # forces in the unit of stiffness: rows of both kinds are of one size then
-    C, m = scale * sp.csr_matrix(rows.C), len(rows.F)
-    A = sp.bmat([[assembly.K, C.T], [C, -(scale**2) * sp.csr_matrix(rows.F)]], format="csc")
-    M = sp.block_diag([assembly.M, sp.csr_matrix((m, m))], format="csc")
-    shift = -1.0  # (rad/s)^2: below all of them, so that what holds is not singular
-    factor = spla.splu((A - shift * M).tocsc())
-    start = factor.solve(np.concatenate([assembly.M @ np.ones(n), np.zeros(m)]))
-    solved = spla.LinearOperator(A.shape, factor.solve)
-    values = spla.eigsh(A, CURVES, M=M, sigma=shift, OPinv=solved, v0=start, return_eigenvectors=False)
-    return np.asarray(np.sqrt(np.maximum(np.sort(values), 0.0)) / (2.0 * np.pi))
+    return np.array(list(dict.fromkeys(int(np.argmin(np.abs(reach - goal))) for goal in goals)))
 
 
 def _pulled(boom: Boom, pads: list[dict[str, Any]]) -> list[str]:

@@ -94,6 +94,21 @@ class FullModel:
         return self.rows.lasting
 
     @property
+    def held(self) -> dict[int, int]:
+        """Rows that hold one coordinate and do nothing else: number of the row to that of the coordinate."""
+        return self.rows.held
+
+    @property
+    def row_compliance(self) -> Array:
+        """1/k of each row's pad, (m,) in m/N."""
+        return self.rows.compliance
+
+    @property
+    def row_clearance(self) -> Array:
+        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
+        return self.rows.clearance
+
+    @property
     def carriers(self) -> SharedCarriers:
         """The rows on common carriers."""
         return self.rows.shared

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmr.compare import booms as compared
 from pmr.compare import errors
-from pmr.compare.boom_simulations import simulate
+from pmr.compare.boom_references import FullBoom
 from pmr.compare.summary import Part, driven, gathered, made_with, trusted
 from pmr.compare.validity import large_motion
 from pmr.environment import Clock
@@ -19,9 +19,12 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.sections import build_sections
 from pmr.reduce.sections import reduce_sections
 from pmr.reduced.model import ReducedModel
-from pmr.results import BoomResult, Response
+from pmr.results import BoomFrequencies, BoomResult, Response
 from pmr.scene import Boom
 from pmr.simulate.booms import excitation_of, system_of
+from pmr.simulate.native import multibody
+from pmr.simulate.native.multibody_march import parts_of, places
+from pmr.simulate.petsc import Checkpoint
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,12 @@ class BoomOutcome:
     reduced: Mapping[str, ReducedModel]
 
 
-def run_boom(boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> BoomOutcome | None:
+def run_boom(
+    boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None, checkpoint: Checkpoint | None = None
+) -> BoomOutcome | None:
     """Run a boom on `comm`; what is not distributed runs on rank 0, the other ranks get None.
+
+    With a `checkpoint` a full-order simulation that was cut off goes on.
 
     Raises
     ------
@@ -47,18 +54,28 @@ def run_boom(boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = 
         built = build_sections(boom, comm)
     with clock.stage("reduce"):
         reduced = reduce_sections(boom, built)
-    asked = "full" in boom.compare.against
-    bodies = {name: one.model.gather() for name, one in built.items()} if asked else {}
+    system = system_of(boom, reduced)
+    excitation = excitation_of(boom, system)
+    x, fine = places(system, excitation), parts_of(system, excitation)
+    full = FullBoom.of(boom, built) if "full" in boom.compare.against else None
+    with clock.stage("frequencies"):
+        large = full is not None and full.simulator == "petsc"
+        steps = compared.on_the_way(boom, excitation.times, compared.FEWER_PLACES if large else compared.PLACES)
+        omega = {} if full is None else {"full": full.frequencies(boom, steps)}
+    responses, missing = dict[str, Response](), dict[str, str]()
+    if full is not None:
+        found, failed = full.simulate(boom, fine, clock, checkpoint)
+        responses |= {"full": found} if found is not None else {}
+        missing |= {"full": failed} if failed else {}
     if comm.rank > 0:
         return None
-    systems = {"reduced": system_of(boom, reduced)}
-    if asked:
-        systems["full"] = system_of(boom, {name: body for name, body in bodies.items() if body is not None})
-    with clock.stage("frequencies"):
-        curves = compared.frequencies(boom, systems, excitation_of(boom, systems["reduced"]).times)
-    responses, missing = simulate(boom, systems, clock)
+    with clock.stage("reduced") as done:
+        simulated = multibody.simulate(system, excitation, multibody.static_start(system, excitation), done)
+        responses |= {"reduced": compared.respond(system, simulated)}
+    omega |= {"reduced": compared.frequencies(system, x[steps])}
+    curves = BoomFrequencies(boom.reach(excitation.times[steps]), excitation.s[steps], omega)
     sizes = {name: {"full": built[name].model.size, "reduced": body.size} for name, body in reduced.items()}
-    common, excitation = compared.with_forces_of_both(responses), excitation_of(boom, systems["reduced"])
+    common = compared.with_forces_of_both(responses)
     measured = compared.quantities(boom, responses["reduced"])
     whole = responses.get("full", responses["reduced"]).displacement
     off = np.abs(responses["reduced"].displacement - whole).max() if "full" in responses else None
@@ -72,7 +89,7 @@ def run_boom(boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = 
                 "absolute_errors": errors.errors(common, errors.absolute_error, quantities=measured),
                 "max_displacement": float(np.abs(whole).max()),
                 "max_error": None if off is None else float(off),
-                "simulators": {name: "march" for name in responses},
+                "simulators": {"reduced": "march"} | ({"full": full.simulator} if full and "full" in responses else {}),
                 "agreement": {},
             }
         ),
@@ -84,7 +101,7 @@ def run_boom(boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = 
         *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
         Part(warnings=large_motion(float(boom.reach(excitation.times).max()), responses.values())),
     ]
-    loads = excitation.forces(systems["reduced"].input_names)
+    loads = excitation.forces(system.input_names)
     result = BoomResult(boom, gathered(parts), responses, excitation.s, boom.reach(excitation.times), loads, curves)
     return BoomOutcome(result, reduced)
 

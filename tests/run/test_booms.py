@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
+from pmr.compare import boom_references
+from pmr.fem.compat import MPI
 from pmr.fullmodel.sections import build_sections
 from pmr.reduce.sections import reduce_sections
 from pmr.reduced.model import ReducedModel
@@ -51,6 +53,32 @@ def test_summary_says_what_each_section_and_joint_does(outcome: BoomOutcome) -> 
     force = outcome.result.responses["reduced"].force("force of fly mouth top", 0)
     told = next(pad for pad in summary["pads"] if pad["name"] == "fly mouth top")
     assert told["min"] == force.min() and told["max"] == force.max()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("pads", ["both ways", "pushing"])
+def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Motion, forces and frequencies of few coordinates, diagonalised and not."""
+    quick = [
+        "time.end=0.1",
+        "section.mesh.elements=8",
+        "section.joint.extension=1.0",
+        "section.reduction.coordinates=5",
+    ]
+    push = [f"section.joint.{end}.0.unilateral={str(pads == 'pushing').lower()}" for end in ("tail", "mouth")]
+    boom, found = load(*quick, *push, "sections.fly.loads.0.signal=3000.0"), []
+    for most in (1200, 0):
+        monkeypatch.setattr(boom_references, "MARCHED_UP_TO", most)
+        found.append(run_boom(boom))
+    if MPI.COMM_WORLD.rank > 0:
+        assert found == [None, None]
+        return
+    dense, sparse = (outcome.result for outcome in found)
+    assert (dense.summary["simulators"]["full"], sparse.summary["simulators"]["full"]) == ("march", "petsc")
+    for name in ("displacement", "slider_force"):
+        a, b = (getattr(one.responses["full"], name) for one in (dense, sparse))
+        assert np.abs(a - b).max() < 1e-6 * np.abs(a).max()
+    assert sparse.frequencies.models["full"] == pytest.approx(dense.frequencies.models["full"], rel=1e-6)
 
 
 def test_pads_that_hold_both_ways_and_pull_are_told_with_what_to_set(outcome: BoomOutcome) -> None:

@@ -1,0 +1,116 @@
+"""The full model of a boom: all of its sections in full order, by whoever is fastest for their size.
+
+A reference is checked before it judges, as that of one body is (`pmr.compare.references`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from pmr.compare.booms import CURVES, Said, frequencies, respond, response_of
+from pmr.compare.trust import distrust
+from pmr.environment import Clock
+from pmr.errors import SimulationError
+from pmr.fullmodel.build import Built
+from pmr.fullmodel.system import FullSystem
+from pmr.results import Response
+from pmr.scene import Boom
+from pmr.simulate.booms import contacts_of, excitation_of
+from pmr.simulate.native import multibody
+from pmr.simulate.native.multibody_march import places
+from pmr.simulate.petsc import Checkpoint, Recording, observe_system, static_start
+from pmr.simulate.petsc.rows import contact_rows
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+#: Coordinates of all sections together from which on matrices stay sparse, and PETSc simulates.
+MARCHED_UP_TO = 1200
+#: (rad/s)^2, below all that is looked for: what holds is not singular there.
+SHIFT = -1.0
+
+
+@dataclass(frozen=True)
+class FullBoom:
+    """All sections in full order, and `system` of the same on rank 0 where they are few enough to be diagonalised."""
+
+    whole: FullSystem
+    system: System | None
+
+    @classmethod
+    def of(cls, boom: Boom, built: Mapping[str, Built]) -> FullBoom:
+        """Collective."""
+        bodies = {name: one.model for name, one in built.items()}
+        whole = FullSystem(bodies, contacts_of(boom, bodies))
+        return cls(whole, whole.gather() if whole.size <= MARCHED_UP_TO else None)
+
+    @property
+    def simulator(self) -> str:
+        """Who simulates it."""
+        return "march" if self.whole.size <= MARCHED_UP_TO else "petsc"
+
+    def frequencies(self, boom: Boom, steps: NDArray[np.int64]) -> Array:
+        """The lowest natural frequencies (S, f) in Hz at some steps, every contact closed; collective."""
+        x = places(self.whole, excitation_of(boom, self.whole))[steps]
+        if self.simulator == "march":
+            found = None if self.system is None else frequencies(self.system, x)
+        else:
+            found = _sparse(self.whole, x)
+        return np.asarray(self.whole.comm.bcast(found))
+
+    def simulate(
+        self, boom: Boom, parts: int, clock: Clock, checkpoint: Checkpoint | None = None
+    ) -> tuple[Response | None, str]:
+        """Its response on rank 0, and why there is none; collective.  `parts` of a step as the reduced model takes."""
+        excitation, comm = excitation_of(boom, self.whole), self.whole.comm
+        excitation = excitation.with_stepping(replace(excitation.stepping, parts=parts))
+        found, failed = None, ""
+        try:
+            with clock.stage("full") as done:
+                start = static_start(self.whole, excitation)
+                if self.simulator == "march":
+                    if self.system is not None:
+                        found = respond(self.system, multibody.simulate(self.system, excitation, start, done))
+                else:
+                    recording = Recording(energies=True)
+                    history = observe_system(self.whole, excitation, recording, start, done, checkpoint)
+                    assert history.energy is not None
+                    said = Said(history.y, history.forces, history.peaks, history.energy)
+                    found = response_of(self.whole, history.t, said)
+                    found = replace(found, seconds=history.seconds, surplus=history.surplus)
+        except SimulationError as error:
+            failed = str(error)
+        if found is not None and (reason := distrust(found)):
+            found, failed = None, reason
+        failed = comm.bcast(failed)
+        return found, failed
+
+
+def _sparse(whole: FullSystem, x: Array) -> Array | None:
+    """By Lanczos iterations on the saddle point of the coordinates and the contacts' forces, on rank 0."""
+    system = whole.supported()
+    gathered = {id(model): model.gather() for model in dict((id(one), one) for one in system.models).values()}
+    if system.comm.rank > 0:
+        return None
+    bodies = [gathered[id(model)] for model in system.models]
+    K = sp.block_diag([body.K for body in bodies if body is not None], format="csr")
+    M = sp.block_diag([body.M for body in bodies if body is not None], format="csr")
+    m, scale = len(system.contacts), abs(K).max()  # forces in the unit of stiffness: rows of both kinds are of one size
+    mass = sp.block_diag([M, sp.csr_matrix((m, m))], format="csc")
+    supports = np.array([side.place.at for side in system.sides[x.shape[1] :]])
+    found = []
+    for at in x:
+        C = scale * contact_rows(system, np.concatenate([at, supports]))
+        A = sp.bmat([[K, C.T], [C, -(scale**2) * sp.diags(system.compliance)]], format="csc")
+        factor = spla.splu((A - SHIFT * mass).tocsc())
+        start = factor.solve(np.concatenate([M @ np.ones(M.shape[0]), np.zeros(m)]))
+        solved = spla.LinearOperator(A.shape, factor.solve)
+        values = spla.eigsh(A, CURVES, M=mass, sigma=SHIFT, OPinv=solved, v0=start, return_eigenvectors=False)
+        found.append(np.sqrt(np.maximum(np.sort(values), 0.0)) / (2.0 * np.pi))
+    return np.array(found)
