@@ -21,9 +21,10 @@ from pmr.reduce.sections import reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.results import BoomFrequencies, BoomResult, Response
 from pmr.scene import Boom
+from pmr.simulate import contact_step
 from pmr.simulate.booms import excitation_of, system_of
 from pmr.simulate.native import multibody
-from pmr.simulate.native.multibody_march import parts_of, places
+from pmr.simulate.native.multibody_march import contact_frequency, places
 from pmr.simulate.petsc import Checkpoint
 
 
@@ -56,12 +57,13 @@ def run_boom(
         reduced = reduce_sections(boom, built)
     system = system_of(boom, reduced)
     excitation = excitation_of(boom, system)
-    x, fine = places(system, excitation), parts_of(system, excitation)
+    x, omega = places(system, excitation), contact_frequency(system, excitation)
+    fine = contact_step.parts(omega, excitation.stepping) if omega else 0
     full = FullBoom.of(boom, built) if "full" in boom.compare.against else None
     with clock.stage("frequencies"):
         large = full is not None and full.simulator == "petsc"
         steps = compared.on_the_way(boom, excitation.times, compared.FEWER_PLACES if large else compared.PLACES)
-        omega = {} if full is None else {"full": full.frequencies(boom, steps)}
+        curves = {} if full is None else {"full": full.frequencies(boom, steps)}
     responses, missing = dict[str, Response](), dict[str, str]()
     if full is not None:
         found, failed = full.simulate(boom, fine, clock, checkpoint)
@@ -72,8 +74,8 @@ def run_boom(
     with clock.stage("reduced") as done:
         simulated = multibody.simulate(system, excitation, multibody.static_start(system, excitation), done)
         responses |= {"reduced": compared.respond(system, simulated)}
-    omega |= {"reduced": compared.frequencies(system, x[steps])}
-    curves = BoomFrequencies(boom.reach(excitation.times[steps]), excitation.s[steps], omega)
+    curves |= {"reduced": compared.frequencies(system, x[steps])}
+    frequencies = BoomFrequencies(boom.reach(excitation.times[steps]), excitation.s[steps], curves)
     sizes = {name: {"full": built[name].model.size, "reduced": body.size} for name, body in reduced.items()}
     common = compared.with_forces_of_both(responses)
     measured = compared.quantities(boom, responses["reduced"])
@@ -97,12 +99,15 @@ def run_boom(
         compared.sections(boom, responses, sizes),
         compared.joints(boom, responses["reduced"]),
         driven(excitation),
+        Part(contact_step.summary_of(omega, excitation.stepping), contact_step.warnings_of(omega, excitation.stepping)),
         trusted(missing, responses),
         *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
         Part(warnings=large_motion(float(boom.reach(excitation.times).max()), responses.values())),
     ]
     loads = excitation.forces(system.input_names)
-    result = BoomResult(boom, gathered(parts), responses, excitation.s, boom.reach(excitation.times), loads, curves)
+    result = BoomResult(
+        boom, gathered(parts), responses, excitation.s, boom.reach(excitation.times), loads, frequencies
+    )
     return BoomOutcome(result, reduced)
 
 

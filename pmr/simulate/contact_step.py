@@ -71,7 +71,11 @@ def with_parts(body: ReducedModel, excitation: Excitation) -> TimeStepping:
 
 def summary(body: ReducedModel, excitation: Excitation) -> dict[str, object]:
     """``contact`` of summary.json: ``omega`` in rad/s, ``parts`` of a step, ``h_omega`` of a part; else empty."""
-    omega, stepping = _omega(body, excitation), excitation.stepping
+    return summary_of(_omega(body, excitation), excitation.stepping)
+
+
+def summary_of(omega: float, stepping: TimeStepping) -> dict[str, object]:
+    """The same of contacts of circular frequency `omega` in rad/s; 0: there are none."""
     if omega == 0.0:
         return {}
     count = parts(omega, stepping)
@@ -80,7 +84,11 @@ def summary(body: ReducedModel, excitation: Excitation) -> dict[str, object]:
 
 def warnings(body: ReducedModel, excitation: Excitation) -> list[str]:
     """A line where even the parts of a step are too long for the contact."""
-    omega, stepping = _omega(body, excitation), excitation.stepping
+    return warnings_of(_omega(body, excitation), excitation.stepping)
+
+
+def warnings_of(omega: float, stepping: TimeStepping) -> list[str]:
+    """The same of contacts of circular frequency `omega` in rad/s."""
     count = parts(omega, stepping)
     reached = stepping.step * omega / count
     if reached <= RESOLVED * (1.0 + 1e-9):

@@ -21,7 +21,7 @@ from pmr.scene import Boom
 from pmr.simulate.booms import excitation_of, system_of
 from pmr.simulate.native import multibody
 
-THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
 #: Out by 0.6 m a joint within half a second.
 OUT = "{kind='smooth_ramp',times=[0.0,0.5],values=[1.0,1.6]}"
 QUICK = (
@@ -30,8 +30,8 @@ QUICK = (
 )  # fmt: skip
 
 
-def load(*changes: str) -> Boom:
-    found = scenes.load_any(THREE, changes)
+def load(*changes: str, file: str = "boom_three") -> Boom:
+    found = scenes.load_any(WORKFLOWS / f"{file}.toml", changes)
     assert isinstance(found, Boom)
     return found
 
@@ -56,11 +56,11 @@ def test_summary_says_what_each_section_and_joint_does(outcome: BoomOutcome) -> 
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("pads", ["both ways", "pushing"])
+@pytest.mark.parametrize("pads", ["both ways", pytest.param("pushing", marks=pytest.mark.slow)])
 def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Motion, forces and frequencies of few coordinates, diagonalised and not."""
     quick = [
-        "time.end=0.1",
+        "time.end=0.02",
         "section.mesh.elements=8",
         "section.joint.extension=1.0",
         "section.reduction.coordinates=5",
@@ -180,3 +180,23 @@ def test_three_sections_as_they_come() -> None:
     assert summary["coordinates"]["reduced"] == 15 and summary["warnings"] == []
     assert max(summary["errors"]["reduced_vs_full"].values()) < 2e-4
     assert min(pad["min"] for pad in summary["pads"]) >= 0.0
+
+
+@pytest.mark.slow
+def test_four_sections_that_extend_one_after_the_other() -> None:
+    outcome = run_boom(load(file="boom_four"))
+    assert outcome is not None
+    errors = outcome.result.summary["errors"]["reduced_vs_full"]
+    assert outcome.result.summary["coordinates"]["reduced"] == 18
+    assert errors["tip"] < 2e-4 and errors["beam"] < 2e-4 and errors["pad_force"] < 1e-2
+
+
+def test_the_published_boom_lift_on_two_rigid_pads_an_overlap() -> None:
+    """Overlaps of 5 to 35 % of the last section: figures of a planar prototype, to 0.1 %."""
+    outcome = run_boom(load("time.end=7.0", "time.step=1e-2", file="boom_lift"))
+    assert outcome is not None
+    first = {name: values[::-2, 0] for name, values in outcome.result.frequencies.models.items()}
+    expected = [0.8888, 0.9407, 0.9978, 1.0609, 1.1306, 1.2082, 1.2948]
+    assert first["full"] == pytest.approx(expected, rel=1e-3) and first["reduced"] == pytest.approx(expected, rel=1e-3)
+    overlap = 4.785 - outcome.result.frequencies.extensions[::-2, 1]
+    assert overlap == pytest.approx(4.478 * np.arange(0.05, 0.36, 0.05), abs=0.02)

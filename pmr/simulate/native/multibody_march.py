@@ -51,7 +51,8 @@ class MultibodyMarch:
         self._system, self._form, self._parts = system, multibody_form(system), 1
         self._t = excitation.times
         if not np.isnan(system.clearance).all():
-            self._parts = parts_of(system, excitation)
+            stepping = excitation.stepping
+            self._parts = stepping.parts or contact_step.parts(contact_frequency(system, excitation), stepping)
             excitation = excitation.with_stepping(excitation.stepping.divided(self._parts))
         self._x, self._f = places(system, excitation), excitation.forces(system.input_names)
         method = GeneralizedAlpha(excitation.stepping.step, excitation.stepping.rho_inf)
@@ -168,18 +169,12 @@ class MultibodyMarch:
         return SystemTrajectory(self._t, motions, record.multipliers, peaks, f, energy, work, seconds, found)
 
 
-def parts_of(system: System, excitation: Excitation) -> int:
-    """Parts of a step in which contacts that only push are followed; 0 without any."""
-    if np.isnan(system.clearance).all():
-        return 0
-    stepping = excitation.stepping
-    return stepping.parts or contact_step.parts(contact_frequency(system, excitation), stepping)
-
-
 def contact_frequency(system: System, excitation: Excitation) -> float:
-    """Largest omega in rad/s of the contacts that only push, along the paths; 0 if a rigid one does."""
+    """Largest omega in rad/s of the contacts that only push, along the paths; 0 without any, or if a rigid one does."""
     assembly, x = Assembly(system), places(system, excitation)
     pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
+    if not len(pushing):
+        return largest
     inverse = np.linalg.inv(assembly.M.toarray())
     for k in np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int)):
         rows = assembly.at(x[k])
