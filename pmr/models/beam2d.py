@@ -61,11 +61,13 @@ class Beam2D:
 
     @property
     def round_off(self) -> float:
-        """Relative error to expect in the lowest frequency from round-off in the stiffness: 2e-17 (L / h)^4, measured.
+        """Relative error to expect in the lowest frequency from round-off in the stiffness, measured: 2e-17 times the
+        sum of (L / h)^3 over the elements.
 
-        Entries of 12 EI / h^3 have to cancel to leave rigid rotation free; what is left of them acts as springs.
+        Entries of 12 EI / h^3 have to cancel to leave rigid rotation free; what is left of them in each element acts as
+        a spring.
         """
-        return float(2e-17 * (self.body.length / np.diff(self.nodes).min()) ** 4)
+        return float(2e-17 * np.sum((self.body.length / np.diff(self.nodes)) ** 3))
 
     @property
     def node_stations(self) -> Array:

@@ -75,3 +75,10 @@ def test_the_textbook_oracle_bends_like_a_beam() -> None:
     F[-2] = 10.0
     q = np.linalg.solve(K[3:, 3:], F[3:])
     assert q[-2] == pytest.approx(10.0 * 3.1**3 / (3.0 * EI), rel=1e-10)
+
+
+def test_a_few_short_elements_leave_less_round_off_than_many() -> None:
+    coarse, fine, finest = (beam(nodes=np.linspace(0.0, 5.0, n + 1)).round_off for n in (20, 40, 2000))
+    assert fine == pytest.approx(16.0 * coarse)
+    one_short = np.unique([*np.linspace(0.0, 5.0, 21), 2.5 + 5.0 / 2000])
+    assert beam(nodes=one_short).round_off == pytest.approx(finest / 2000, rel=0.01)

@@ -12,12 +12,16 @@ from oracle import LENGTH, TIP_LOAD, flexible, full_body, inertial, nrms_error
 
 from pmr.compare.errors import relative_error
 from pmr.constraints.polynomials import evaluate
+from pmr.fullmodel.build import full_model
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
+from pmr.run import reduce
 from pmr.scene.signals import Constant, SignalBase, SmoothRamp
 from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.balance import energy
+from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
+from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.start import InitialState
 from pmr.system.body import FullBody, SlidingBody, Trajectory, displacement
 
@@ -81,17 +85,49 @@ def test_numerical_dissipation(rho_inf: float, theta: float) -> None:
     assert loss == pytest.approx(2.0 * np.pi * ((1.0 - rho_inf) / (1.0 + rho_inf)) ** 3 * theta**3, rel=0.05)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("seconds", "share"), [(5.0, 5e-4), (20.0, 2e-5)])
-def test_a_slow_slide_keeps_energy_over_frequency(seconds: float, share: float) -> None:
-    """Adiabatic: from L/4 to 3 L/4 both grow by omega_1 / omega_0 = 2.9600321."""
-    low, high = LENGTH / 4.0, 3.0 * LENGTH / 4.0
-    path = SmoothRamp(times=(0.5, 0.5 + seconds), values=(low, high))
-    _, mode = constrained_mode(MODEL, low)
-    excitation = driven(path, NOTHING, 1.0 + seconds, 2e-4, 1.0)
-    run = march.simulate(MODEL, excitation, InitialState(0.01 * mode, np.zeros(6)))
-    stored = energy(MODEL, run, excitation.forces(MODEL.input_names)).total
-    assert stored[-2000:].mean() / stored[:2000].mean() == pytest.approx(2.9600321, rel=share)
+def test_a_slow_slide_keeps_energy_over_frequency() -> None:
+    """Adiabatic: from L/4 to 3 L/4 both grow by omega_1 / omega_0 = 2.9600321, in the mean of two phases.
+
+    By itself either phase is off by 2e-4 in 5 s, and they by the opposite: a slide of finite length drives the
+    oscillation a little or brakes it, which step, mesh and coordinates don't change.
+    """
+    low, high, h = LENGTH / 4.0, 3.0 * LENGTH / 4.0, 2e-4
+    excitation = driven(SmoothRamp(times=(0.5, 5.5), values=(low, high)), NOTHING, 6.0, h, 1.0)
+    omega, mode = constrained_mode(MODEL, low)
+    still = np.zeros(len(mode))
+    grown = []
+    for start in (InitialState(0.01 * mode, still), InitialState(still, 0.01 * omega * mode)):
+        run = march.simulate(MODEL, excitation, start)
+        stored = energy(MODEL, run, excitation.forces(MODEL.input_names)).total
+        grown.append(stored[-2000:].mean() / stored[:2000].mean())
+    assert np.mean(grown) == pytest.approx(2.9600321, rel=1e-4)
+    assert abs(grown[0] - grown[1]) > 1e-4 * grown[0]
+
+
+@pytest.mark.parametrize("offsets", [[0.0, 0.5], [0.0, 0.5, 1.0]])
+def test_the_matrix_of_a_step_tends_to_one_that_is_well_conditioned(load_scene, offsets: list[float]) -> None:
+    """dq C S^-1 C^T + G, scaled to a diagonal of ones: for h = 1e-4, 1e-5 and 1e-6 s, full and reduced."""
+    scene = load_scene("residual/steel_boom", [f"slider.offsets={offsets}"])
+    full = full_model(scene).gather()
+    assert full is not None
+    for body in (full, reduce(scene).reduced):
+        found = [condition(modal_form(body).body, scene.path_bounds, h) for h in (1e-4, 1e-5, 1e-6)]
+        assert max(found) < 1e3 and found[2] == pytest.approx(found[1], rel=0.2)
+
+
+def condition(body: ReducedModel, bounds: tuple[float, float], h: float) -> float:
+    """Largest condition number of the multipliers' matrix along a path, of a body in modal coordinates."""
+    scheme = GeneralizedAlpha(h, 0.9).scheme()
+    S = 1.0 + np.diagonal(body.D) * scheme.v_gain + np.diagonal(body.K) * scheme.z_gain
+    found = []
+    for s in np.linspace(*bounds, 13):
+        C = body.C(s)
+        A = scheme.z_gain * (C / S) @ C.T
+        if body.flexibility is not None:
+            A = A + evaluate(body.flexibility.rows, np.array([s]))[0]
+        scale = 1.0 / np.sqrt(np.diagonal(A))
+        found.append(np.linalg.cond(scale[:, None] * A * scale))
+    return float(max(found))
 
 
 def test_what_the_body_gains_while_it_slides_is_work() -> None:
