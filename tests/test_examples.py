@@ -95,6 +95,12 @@ def shell_boom(found: Found) -> None:
 
 
 @figures_of
+def sections(found: Found) -> None:
+    assert found["errors"]["tip"] < 1e-4 and found["heaviest"]["name"] == "middle mouth bottom"
+    assert min(pad["min"] for pad in found["pads"]) >= 0.0
+
+
+@figures_of
 def weld(found: Found) -> None:
     stress, cycles = found["stress"], found["cycles"]
     assert stress.max() > 1.0 and stress.min() < -1.0 and len(stress) == 10001

@@ -11,7 +11,7 @@ from typing import Any
 #: In which order examples are shown.
 EXAMPLES = (
     "sliding_beam", "own_beam", "residual_flexibility", "saved_model", "study", "accuracy", "pushing_pads", "crane",
-    "shell_boom", "weld", "own_mesh", "matrices", "real_time", "velocity_feedback", "fmu", "own_basis",
+    "shell_boom", "weld", "sections", "own_mesh", "matrices", "real_time", "velocity_feedback", "fmu", "own_basis",
 )  # fmt: skip
 FRAME = """
 .. raw:: html

@@ -1,0 +1,42 @@
+"""
+Sections that slide in each other
+=================================
+
+Three steel boxes of 6 m, one in the other, telescope together under a payload. Each section is reduced by itself; the
+pads between two of them sit on one and travel on the other. They only push.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from pmr import scene as scenes
+from pmr.run.booms import run_boom
+
+boom = scenes.load_any("boom_three", ["time.end=4.0", "section.mesh.elements=20"])
+result = run_boom(boom).result
+summary = result.summary
+for section in summary["sections"]:
+    sizes = section["coordinates"]
+    print(f"{section['name']}: {sizes['full']} degrees of freedom, {sizes['reduced']} coordinates")
+errors = summary["errors"]["reduced_vs_full"]
+print(f"{100 * errors['tip']:.4f} % off at the tip")
+
+# %%
+# Every pad's largest force: what is pressed most is the bottom pad at the mouth of the base, on which all that is out
+# rests.
+
+pads = summary["pads"]
+heaviest = max(pads, key=lambda pad: pad["max"])
+print(f"{1e-3 * heaviest['max']:.1f} kN on {heaviest['name']}")
+
+full, reduced = result.responses["full"], result.responses["reduced"]
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained", width_ratios=[3, 2])
+left.plot(full.t, 1e3 * full.tip, "k", label="full")
+left.plot(reduced.t, 1e3 * reduced.tip, "--", color="tab:orange", label="reduced")
+left.set(xlabel="t in s", ylabel="tip in mm")
+left.legend()
+names = [pad["name"] for pad in pads]
+right.barh(np.arange(len(pads)), [1e-3 * pad["max"] for pad in pads])
+right.set_yticks(np.arange(len(pads)), names, fontsize="small")
+right.set(xlabel="largest force in kN")
+plt.show()
