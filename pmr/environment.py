@@ -25,6 +25,9 @@ _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "we
 _NUMERICAL = ("numpy", "scipy", "numba", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
 
 
+_REPORTS = 'pip install "pmr[report]" installs it and what else reports need'
+#: Packages that write reports.
+REPORT = ("jinja2", "matplotlib", "fontTools", "weasyprint")
 #: Packages that only a part of the work needs: what for, and how to get them.
 _NEEDED = {
     "exudyn": (
@@ -34,7 +37,10 @@ _NEEDED = {
     "gmsh": "it draws the meshes of shells and solids; pip install gmsh installs it (or give mesh.file)",
     "pandas": "it makes frames of results; pip install pandas installs it",
     "ziglang": "it compiles FMUs for all systems; pip install ziglang installs it",
-    "weasyprint": "it writes report.pdf; pip install weasyprint installs it, its system libraries are Pango's",
+    "matplotlib": f"it draws figures; {_REPORTS}",
+    "jinja2": f"it writes reports; {_REPORTS}",
+    "fontTools": f"it writes reports; {_REPORTS}",
+    "weasyprint": f"it writes report.pdf; {_REPORTS}, its system libraries are Pango's",
 }
 
 
@@ -62,6 +68,12 @@ def check_installed(name: str) -> None:
     """
     if util.find_spec(name) is None:
         raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")
+
+
+def check_report() -> None:
+    """The same for all that reports need."""
+    for name in REPORT:
+        check_installed(name)
 
 
 def available_memory() -> int | None:

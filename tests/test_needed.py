@@ -13,6 +13,7 @@ from pmr import scene
 from pmr.compare import responses
 from pmr.environment import check_installed, needed
 from pmr.errors import InputError
+from pmr.run import reduce
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 MARCH_ALONE = ["simulation.simulators=['march']", "compare.against=['full']"]
@@ -64,7 +65,7 @@ def test_without_a_library_of_weasyprint_all_but_the_report_is_there(tmp_path: P
     found = run_without(tmp_path, "weasyprint", content, "run", scene, "--out", "results", *short)
     assert found.returncode == 1 and "Traceback" not in found.stderr
     assert "installation: weasyprint: not found (cannot load library libpango)" in found.stderr
-    assert "pip install weasyprint" in found.stderr and "the results themselves are in results" in found.stderr
+    assert 'pip install "pmr[report]"' in found.stderr and "the results themselves are in results" in found.stderr
     names = {file.name for file in (tmp_path / "results").iterdir()}
     assert {"summary.json", "reduced.npz", "trajectories.npz"} <= names and "report.pdf" not in names
 
@@ -82,3 +83,22 @@ def test_a_missing_package_is_named_before_the_work(monkeypatch: pytest.MonkeyPa
     responses.check_installed(scene.load(WORKFLOWS / "paper_simple.toml", MARCH_ALONE))
     with pytest.raises(InputError, match="installation: gmsh: not found .* pip install gmsh"):
         needed("gmsh")
+
+
+#: What extras bring: none of it may be needed to simulate a saved model, or to say what a run found.
+EXTRAS = (
+    "jinja2 matplotlib fontTools weasyprint pyvista PIL exudyn gmsh pandas ziglang dolfinx petsc4py slepc4py mpi4py"
+)
+
+
+def test_a_light_installation_simulates_a_saved_model(tmp_path: Path) -> None:
+    small = ["mesh.elements=20", "time.end=0.2", "slider.path=1.5", "compare.against=[]"]
+    reduce(scene.load(WORKFLOWS / "boom_beam.toml", small)).reduced.save(tmp_path / "reduced.npz")
+    hidden = f"import sys; sys.modules.update(dict.fromkeys({EXTRAS.split()}))\nfrom pmr.cli import main\nmain()"
+    overrides = [part for override in small for part in ("--set", override)]
+    asked = ["simulate", "reduced.npz", "--scene", "boom_beam", "--out", "shorter", *overrides]
+    found = subprocess.run([sys.executable, "-c", hidden, *asked], capture_output=True, text=True, cwd=tmp_path)
+    assert found.returncode == 0, found.stderr
+    assert (tmp_path / "shorter" / "tables" / "forces.csv").exists()
+    found = subprocess.run([sys.executable, "-c", hidden, "run", "boom_beam"], capture_output=True, text=True)
+    assert found.returncode == 2 and 'pip install "pmr[report]"' in found.stderr

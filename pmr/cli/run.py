@@ -89,7 +89,7 @@ def run(
     loaded = [(name, found, scenes.load_any(found, asked)) for name, found in zip(names, files, strict=True)]
     if len(set(names)) != len(names):
         raise InputError("command line", "SCENE", names, "names must differ")
-    environment.check_installed("weasyprint")  # before the work, not after it
+    environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])
     ensure_writable(folder)
     try:

@@ -12,6 +12,7 @@ import typer
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bars
 
+from pmr import environment
 from pmr.cli import files as named
 from pmr.cli.console import ensure_writable, err, no_report, out, say
 from pmr.errors import InputError
@@ -70,6 +71,7 @@ def study(
         for name in files.load(found, overrides or ()).runs:
             say(out, name)
         return
+    environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", study_file.stem)
     try:
         with _pool(jobs) as pool:

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.io
 from numpy.typing import NDArray
 
+from pmr.environment import check_installed
 from pmr.errors import InputError
 from pmr.export.state_space import StateSpace, places, state_space
 from pmr.files.whole import replaced
@@ -99,6 +100,7 @@ def write_frequency_response(npz_path: Path, target: Path, at: str | None) -> Pa
     InputError
         As `write_matlab`.
     """
+    check_installed("matplotlib")
     space = _space(npz_path, at)
     output = max(k for k, unit in enumerate(space.units) if unit == "m")
     r = space.A.shape[1] // 2

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from matplotlib.figure import Figure
-
-from pmr.report.figures.canvas import HALF, style
-from pmr.report.figures.vector import svg
 from pmr.report.marks import ErrorTable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -134,6 +133,9 @@ class Chapter:
 
 def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: Any) -> Drawing:
     """Draw a figure in the report's style; `name` is unique in the page."""
+    from pmr.report.figures.canvas import HALF, style  # sentences are wanted where matplotlib is not
+    from pmr.report.figures.vector import svg
+
     with style():
         figure = draw(*arguments)
         return Drawing(name, svg(figure, name, caption), caption, half=figure.get_figwidth() <= HALF)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from boom_results import boom, make_fields, make_space  # noqa: F401 fixtures
 
-from pmr.report import ReportFiles, write_report
+from pmr.report.document import ReportFiles, write_report
 from pmr.results import Energy, FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
 

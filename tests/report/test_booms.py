@@ -4,8 +4,9 @@ import re
 
 import pytest
 
-from pmr.report import errors, write_report
+from pmr.report import errors
 from pmr.report.document import page as render
+from pmr.report.document import write_report
 from pmr.report.sections import chapter as case
 from pmr.report.sentences import where_the_peak_is
 from pmr.results import RunResult

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from pmr.report import sentences, write_report
-from pmr.report.document import dated
+from pmr.report import sentences
+from pmr.report.document import dated, write_report
 from pmr.report.document import page as render
 from pmr.report.sections import chapter as case
 from pmr.results import RunResult

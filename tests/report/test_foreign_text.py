@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 import pytest
 
 from pmr.errors.text import visible
-from pmr.report import write_report
 from pmr.report.document import page as render
+from pmr.report.document import write_report
 from pmr.report.sections import chapter as case
 
 TEXTS = {

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +92,8 @@ def develop(shots: Sequence[Shot]) -> list[bytes]:
     NoPictureError
         If pyvista is not there or can't render.
     """
+    if find_spec("pyvista") is None:
+        raise NoPictureError('pyvista is not installed: pip install "pmr[pictures]" installs it')
     command = [sys.executable, "-m", "pmr.report.motion.render_process"]
     try:
         done = subprocess.run(command, input=pickle.dumps(list(shots)), capture_output=True, timeout=LONGEST)
