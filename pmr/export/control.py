@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from pmr.environment import check_installed
 from pmr.errors import InputError
-from pmr.export.state_space import StateSpace, places, state_space
+from pmr.export.places import places
 from pmr.files.whole import replaced
 from pmr.reduced.model import ReducedModel
+from pmr.simulate.state_space import StateSpace, state_space
 
 Array = NDArray[np.float64]
 #: Frequencies of a response.
@@ -68,7 +69,7 @@ def write_matlab(npz_path: Path, target: Path, at: str | None) -> Path:
     Raises
     ------
     InputError
-        As `pmr.export.state_space.state_space` and `places`.
+        As `pmr.simulate.state_space.state_space` and `pmr.export.places.places`.
     """
     return _written(_space(npz_path, at), target)
 
@@ -103,8 +104,7 @@ def write_frequency_response(npz_path: Path, target: Path, at: str | None) -> Pa
     check_installed("matplotlib")
     space = _space(npz_path, at)
     output = max(k for k, unit in enumerate(space.units) if unit == "m")
-    r = space.A.shape[1] // 2
-    natural = np.sqrt(np.abs(np.linalg.eigvals(-space.A[:, r:, :r]).real))
+    natural = space.natural
     f = np.geomspace(0.1 * natural.min(), 1.2 * natural.max(), FREQUENCIES) / (2.0 * np.pi)
     response = space.frequency_response(2.0 * np.pi * f)[:, :, output]
     with replaced(target) as part:

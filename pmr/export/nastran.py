@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.export.state_space import StateSpace, places, state_space
+from pmr.export.places import places
 from pmr.files.whole import replaced
 from pmr.reduced.model import ReducedModel
+from pmr.simulate.state_space import StateSpace, state_space
 
 Array = NDArray[np.float64]
 #: Letters of a wide field: 10 to 12 digits fit.
@@ -28,7 +29,7 @@ def write_dmig(npz_path: Path, target: Path, at: str | None) -> Path:
     Raises
     ------
     InputError
-        As `pmr.export.state_space.state_space` and `places`.
+        As `pmr.simulate.state_space.state_space` and `pmr.export.places.places`.
     """
     model = ReducedModel.load(npz_path)
     space = state_space(model, places(model, at), npz_path.name)

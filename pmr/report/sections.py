@@ -7,16 +7,17 @@ from collections.abc import Callable
 import numpy as np
 
 from pmr.report import borne, parameters, provenance, sentences
-from pmr.report.blocks import Block, Chapter, Drawing, Player, drawing
+from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, drawing
 from pmr.report.errors import compared, error_table
 from pmr.report.errors import rows as error_rows
 from pmr.report.figures import budget, captions, forces, histories, inputs, shapes, sketch, spectra
+from pmr.report.figures import response as in_frequency
 from pmr.report.figures.colours import ramp
 from pmr.report.figures.timeline import Array
 from pmr.report.motion import line, player
 from pmr.report.motion.album import album
 from pmr.report.motion.instants import top
-from pmr.report.numbers import SPACE, plain
+from pmr.report.numbers import SPACE, plain, significant
 from pmr.report.subject import ACROSS, forces_called, loads, moving, tips
 from pmr.report.subject import forces as forces_of
 from pmr.report.subject import line as line_of
@@ -156,6 +157,33 @@ def basis(result: RunResult, prefix: str) -> Block | None:
     return Block(heading="Basis and eigenfrequencies", rows=tuple(rows)) if rows else None
 
 
+def response(result: RunResult, prefix: str) -> Block | None:
+    """What moves the tip by how much at which frequency, where it was asked for."""
+    found = result.frequency_response
+    if found is None:
+        return None
+    drawings, grids = [], []
+    for k, name in enumerate(found.inputs):
+        if not np.any(found.gain[:, :, k]):
+            continue
+        caption = f"Response of {found.outputs[k]} to {name} with the sliders at rest, each curve at one s in m."
+        drawings.append(drawing(f"{prefix}-response-{k}", in_frequency.gain, caption, found, k))
+        said = result.summary["frequency_response"]["gain"][name]
+        rows = [
+            (
+                f"{plain(round(float(s), 3))}{SPACE}m",
+                significant(said["static"][j]),
+                significant(said["largest"][j]) if found.damped else "no damping",
+                significant(said["at"][j]),
+            )
+            for j, s in enumerate(found.s)
+        ]
+        head = ("s", f"static, {said['unit']}", f"largest, {said['unit']}", "at, Hz")
+        grids.append(Grid(f"{found.outputs[k]} under {name}", head, tuple(rows)))
+    pairs = tuple(tuple(drawings[k : k + 2]) for k in range(0, len(drawings), 2))
+    return Block(heading="Response in frequency", rows=pairs, grids=tuple(grids))
+
+
 def origin(result: RunResult, prefix: str) -> Block:
     """What was asked for, how large it became, how long it took, where it ran."""
     columns = (
@@ -169,7 +197,8 @@ def origin(result: RunResult, prefix: str) -> Block:
 
 #: In the order in which they stand in the page.
 SECTIONS: tuple[Show, ...] = (
-    errors, accuracy, motion, inputs_over_time, tip, stress, borne.probes, contact, energy, constraint, basis, origin,
+    errors, accuracy, motion, inputs_over_time, tip, stress, borne.probes, contact, energy, constraint,
+    basis, response, origin,
 )  # fmt: skip
 
 

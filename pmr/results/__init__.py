@@ -3,7 +3,7 @@
 from pmr.fields.series import Fields
 from pmr.results.boom import BoomFrequencies, BoomResult
 from pmr.results.frames import load
-from pmr.results.run import RESULT_FILES, Energy, FrequencyCurves, Response, RunResult, Shapes
+from pmr.results.run import RESULT_FILES, Energy, FrequencyCurves, FrequencyResponse, Response, RunResult, Shapes
 
 __all__ = [
     "RESULT_FILES",
@@ -12,6 +12,7 @@ __all__ = [
     "Energy",
     "Fields",
     "FrequencyCurves",
+    "FrequencyResponse",
     "Response",
     "RunResult",
     "Shapes",

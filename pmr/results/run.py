@@ -152,6 +152,33 @@ class FrequencyCurves:
 
 
 @dataclass(frozen=True)
+class FrequencyResponse:
+    """How far the tip moves under a sinusoidal load of unit size, with the sliders at rest.
+
+    Attributes
+    ----------
+    s : (S,) array, m
+    f : (W,) array, Hz
+    gain : (S, W, i) array
+        In `units`; `static` (S, i) with its sign at f = 0.
+    damped : bool
+        Whether anything damps it: otherwise peaks are as high as the frequencies happen to lie.
+    outputs : tuple of str
+        Of each input the direction in which it moves the tip most.
+    inputs, units : tuples of str
+    """
+
+    s: Array
+    f: Array
+    gain: Array
+    static: Array
+    damped: bool
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class RunResult:
     """All of one run.
 
@@ -177,6 +204,7 @@ class RunResult:
     frequencies: FrequencyCurves
     fields: Fields | None = None
     peak_stress: Mapping[str, Array] = field(default_factory=dict)
+    frequency_response: FrequencyResponse | None = None
 
     @property
     def columns(self) -> dict[str, list[str]]:
@@ -203,6 +231,8 @@ class RunResult:
         for simulator, response in self.responses.items():
             arrays |= records.arrays(response, f"{simulator}.")
         arrays |= {f"peak_stress.{name}": stress for name, stress in self.peak_stress.items()}
+        if self.frequency_response is not None:
+            arrays |= records.arrays(self.frequency_response, "frequency_response.")
         npz.write(folder / "trajectories.npz", arrays)
         if self.fields is not None:
             self.fields.save(folder / "fields.npz")
@@ -224,6 +254,9 @@ class RunResult:
             shapes=records.record(Shapes, data, "basis."),
             frequencies=records.record(FrequencyCurves, data, "frequencies."),
             fields=Fields.load(folder / "fields.npz") if (folder / "fields.npz").is_file() else None,
+            frequency_response=records.record(FrequencyResponse, data, "frequency_response.")
+            if "frequency_response.s" in data
+            else None,
             peak_stress={
                 key.removeprefix("peak_stress."): values
                 for key, values in data.items()

@@ -15,6 +15,8 @@ from pmr.accuracy import order
 from pmr.compare import memory
 from pmr.compare.estimated import reduction_error, step_part
 from pmr.compare.frequencies import CURVES, frequency_curves, visited_positions
+from pmr.compare.frequency_response import frequency_response
+from pmr.compare.frequency_response import part as frequency_part
 from pmr.compare.references import references
 from pmr.compare.responses import Simulations, check_installed, simulate
 from pmr.compare.summary import (
@@ -118,6 +120,7 @@ def run(
         return None
     responses = simulations.responses
     excitation, reduced = Excitation.of(scene), reduction.reduced
+    in_frequency = frequency_response(scene, reduced)
     parts = [
         made_with(scene, fenicsx_versions()),
         Part({"coordinates": {"full": size, "reduced": reduced.size}}),
@@ -137,9 +140,11 @@ def run(
         contact(reduced, excitation),
         trusted(found.missing, responses),
         theory(scene, responses),
+        frequency_part(in_frequency),
         Part() if seen is None else Part(seen.summary()),
     ]
     result = _result(scene, gathered(parts), responses, reduction, curves)
+    result = replace(result, frequency_response=in_frequency)
     if seen is not None:
         result = replace(result, fields=seen.reduced.fields, peak_stress=seen.histories())
     return Outcome(result, reduction.reduced)

@@ -86,6 +86,9 @@ class Observe(Section):
     )
     tip: str = Field(default="tip", description="The group at the end")
     rotation: Switch = Field(default=False, description="Whether the tip's rotation is observed too")
+    frequency_response: Switch = Field(
+        default=False, description="Whether the tip's response to each load in frequency is found along the path"
+    )
 
     @model_validator(mode="after")
     def _both_ends(self) -> Observe:

@@ -33,6 +33,7 @@ def check(scene: Scene) -> None:
     _continuous(scene)
     check_structure(scene)
     _recovery(scene)
+    _frequency_response(scene)
     _comparison(scene)
     _simulators(scene)
 
@@ -101,6 +102,18 @@ def _recovery(scene: Scene) -> None:
     if abs(steps - round(steps)) > 1e-6 or not 1 <= round(steps) <= scene.time.steps:
         allowed = f"a multiple of time.step = {scene.time.step:g} s up to time.end is allowed"
         raise _refusal("recovery.every", scene.recovery.every, allowed)
+
+
+def _frequency_response(scene: Scene) -> None:
+    """Linear equations in coordinates that are free: rows give way, hold both ways, and leave no inertia behind."""
+    choice = scene.reduction
+    rigid = bool(scene.points) or any(ring.stiffness == "rigid" for ring in scene.pads)
+    rigid = rigid or any(one.stiffness == "rigid" and one.points == "mean" for one in scene.supports)
+    if not scene.observe.frequency_response:
+        return
+    if (rigid and not choice.flexibility) or any(ring.unilateral for ring in scene.pads) or choice.residual_inertia:
+        allowed = "true is allowed with reduction.flexibility, pads that hold both ways and without residual_inertia"
+        raise _refusal("observe.frequency_response", True, allowed)
 
 
 def _comparison(scene: Scene) -> None:

@@ -17,8 +17,9 @@ from processes import called
 
 from pmr.compare.frequencies import reduced_frequencies
 from pmr.errors import InputError
-from pmr.export.state_space import places, state_space
+from pmr.export.places import places
 from pmr.reduced.model import ReducedModel
+from pmr.simulate.state_space import state_space
 
 S = np.array([1.7, 2.3, 2.9])
 

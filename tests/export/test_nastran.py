@@ -11,7 +11,7 @@ from oracle import flexible, rich_body
 from processes import called
 
 from pmr.export.nastran import FIELD, _field
-from pmr.export.state_space import state_space
+from pmr.simulate.state_space import state_space
 
 bdf = pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")
 S = np.array([1.7, 2.9])

@@ -23,8 +23,6 @@ from pmr.system.body import force_of, pushing_rows
 from pmr.system.compliant_rows import CompliantRows
 
 Array = NDArray[np.float64]
-#: Places along the path where none are asked for.
-PLACES = 21
 
 
 @dataclass(frozen=True)
@@ -49,6 +47,13 @@ class StateSpace:
     units: tuple[str, ...]
     states: tuple[str, ...]
 
+    @property
+    def natural(self) -> Array:
+        """Circular frequencies (S, r) in rad/s of the undamped system, ascending."""
+        r = self.A.shape[1] // 2
+        found: Array = np.sqrt(np.abs(np.linalg.eigvals(-self.A[:, r:, :r]).real))
+        return np.sort(found, axis=1)
+
     def frequency_response(self, omega: Array) -> NDArray[np.complex128]:
         """C (i omega - A)^-1 B + D, complex (S, W, q, i), at circular frequencies (W,) in rad/s."""
         size = self.A.shape[1]
@@ -56,27 +61,6 @@ class StateSpace:
         for k, w in enumerate(omega):
             found[:, k] = self.C @ np.linalg.solve(1j * w * np.eye(size) - self.A, self.B) + self.D
         return found
-
-
-def places(model: ReducedModel, asked: str | None) -> Array:
-    """Path coordinates (S,) in m, ascending: those that are asked for, separated by commas, or a grid.
-
-    Raises
-    ------
-    InputError
-        If they are no numbers or lie off the model's path.
-    """
-    low, high = model.domain
-    if asked is None:
-        return np.linspace(low, high, PLACES)
-    allowed = f"places from {low:g} to {high:g} m, separated by commas, are allowed"
-    try:
-        found = np.array(sorted({float(part) for part in asked.split(",")}))
-    except ValueError:
-        raise InputError("command line", "--at", asked, allowed) from None
-    if not np.all((found >= low) & (found <= high)):  # NaN neither
-        raise InputError("command line", "--at", asked, allowed)
-    return found
 
 
 def state_space(model: ReducedModel, s: Array, source: str) -> StateSpace:

@@ -1,0 +1,34 @@
+"""Places of the sliders that a file is asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.reduced.model import ReducedModel
+
+Array = NDArray[np.float64]
+#: Along the path where none are asked for.
+PLACES = 21
+
+
+def places(model: ReducedModel, asked: str | None) -> Array:
+    """Path coordinates (S,) in m, ascending: those that are asked for, separated by commas, or a grid.
+
+    Raises
+    ------
+    InputError
+        If they are no numbers or lie off the model's path.
+    """
+    low, high = model.domain
+    if asked is None:
+        return np.linspace(low, high, PLACES)
+    allowed = f"places from {low:g} to {high:g} m, separated by commas, are allowed"
+    try:
+        found = np.array(sorted({float(part) for part in asked.split(",")}))
+    except ValueError:
+        raise InputError("command line", "--at", asked, allowed) from None
+    if not np.all((found >= low) & (found <= high)):  # NaN neither
+        raise InputError("command line", "--at", asked, allowed)
+    return found
