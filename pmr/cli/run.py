@@ -142,6 +142,7 @@ def _save(outcome: Outcome, folder: Path) -> None:
     from pmr.export.paraview import write_series
     from pmr.report.document import REPORT_FILES
     from pmr.results import RESULT_FILES
+    from pmr.results.pads import pads_over_time, place_of
     from pmr.results.tables import write as write_tables
 
     result = outcome.result
@@ -151,7 +152,7 @@ def _save(outcome: Outcome, folder: Path) -> None:
         write_tables(result, new)
         outcome.reduced.save(new / "reduced.npz")
         if recovery is not None and recovery.series and result.fields is not None:
-            write_series(new, "fields", result.fields)
+            write_series(new, "fields", result.fields, place_of(result), pads_over_time(result))
 
 
 def _save_boom(outcome: BoomOutcome, folder: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,24 @@ ROOM = 2**28  # fields at rest up to a thousand times as much: bytes that any fi
 
 
 @dataclass(frozen=True)
+class Boxes:
+    """Boxes that stand beside a body at S times, as its pads do.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the P boxes.
+    corners : (S, P, 8, 3) array, m
+        In VTK's order of a hexahedron.
+    values : mapping of name to (S, P) array
+    """
+
+    names: tuple[str, ...]
+    corners: Array
+    values: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
 class Fields:
     """Displacements and fields over the cells at S times, in single precision.
 
@@ -30,12 +48,15 @@ class Fields:
     displacement : (S, N, 3) array, m
     von_mises : mapping of a face's name to (S, C) array
         Von Mises' stress in Pa on that face of the cells; empty where no stress is known.
+    stress : mapping of a face and a component to (S, C) array
+        Signed stress in Pa where von Mises' is largest in the cell; empty unless it is asked for.
     """
 
     grid: Grid
     t: Array
     displacement: Single
     von_mises: Mapping[str, Single]
+    stress: Mapping[str, Single] = field(default_factory=dict)
 
     @property
     def points(self) -> Array:

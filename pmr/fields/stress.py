@@ -87,6 +87,22 @@ class StressRows:
             found[face][:, absent] = whole[:, absent]
         return found
 
+    def components_by_cell(self, stresses: Array, cells: int) -> dict[str, Array]:
+        """Of stresses (S, P, c) those where von Mises' is largest in each cell, (S, cells), by face and component.
+
+        A cell without a point on a face takes its largest one anywhere.
+        """
+        mises, found = self.von_mises(stresses), dict[str, Array]()
+        whole = _where_largest(mises, self.cell, cells)
+        for face in self.faces:
+            on = self.on(face)
+            at = on[_where_largest(mises[:, on], self.cell[on], cells)]
+            absent = np.setdiff1d(np.arange(cells), self.cell[on])
+            at[:, absent] = whole[:, absent]
+            for k, component in enumerate(self.components):
+                found[f"{face} {component}"] = np.take_along_axis(stresses[:, :, k], at, axis=1)
+        return found
+
 
 @dataclass(frozen=True)
 class StressPeak:
@@ -176,3 +192,12 @@ def _largest(values: Array, cell: Indices, cells: int) -> Array:
     result = np.full((cells, len(values)), -np.inf)
     np.maximum.at(result, cell, values.T)
     return result.T
+
+
+def _where_largest(values: Array, cell: Indices, cells: int) -> Indices:
+    """Which of the p points of values (S, p) is the largest in each of the cells, (S, cells); 0 where there is none."""
+    order = np.argsort(values, axis=1, kind="stable")
+    result = np.zeros((len(values), cells), np.int64)
+    rows = np.arange(len(values))[:, None]
+    result[rows, cell[order]] = order  # the last one that is written to a cell is its largest
+    return result

@@ -95,7 +95,7 @@ class Seen:
     by_region: Mapping[str, StressPeak]
 
 
-def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] = ()) -> Seen:
+def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] = (), components: bool = False) -> Seen:
     """Go through states once; collective.
 
     Parameters
@@ -107,11 +107,14 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
         This rank's rows of the states, in order: `pmr.recover.coordinates.Recovery.blocks`, or `in_blocks`.
     pictures : sequence of int
         Numbers of the states whose fields are stored.
+    components : bool
+        Whether their signed stresses are stored too.
     """
     rows, cells, chosen = view.stress_rows, len(view.grid.cells), np.unique(np.asarray(pictures, np.int64))
     largest, point = np.zeros(len(t)), np.zeros(len(t), np.int64)
     displacement = np.zeros((len(chosen), len(view.grid.points), 3), np.float32)
     fields = {face: np.zeros((len(chosen), cells), np.float32) for face in (rows.faces if rows else ())}
+    signed = dict[str, NDArray[np.float32]]()
     most = np.full(len(rows.points) if rows else 0, -np.inf)
     first, at_peak, when = 0, np.zeros(0), np.zeros(len(most))
     for q in blocks:
@@ -119,7 +122,8 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
         found = np.flatnonzero((chosen >= first) & (chosen < last))
         displacement[found] = view.displacements(q[chosen[found] - first])
         if rows is not None:
-            values = rows.von_mises(view.stresses(q))
+            stresses = view.stresses(q)
+            values = rows.von_mises(stresses)
             largest[first:last], point[first:last] = values.max(axis=1), values.argmax(axis=1)
             higher = values.max(axis=0) > most
             when[higher] = np.asarray(t)[first:last][values.argmax(axis=0)[higher]]
@@ -128,10 +132,13 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
                 at_peak = values[values.max(axis=1).argmax()].copy()
             for face, part in rows.by_cell(values[chosen[found] - first], cells).items():
                 fields[face][found] = part
+            if components:
+                for name, part in rows.components_by_cell(stresses[chosen[found] - first], cells).items():
+                    signed.setdefault(name, np.zeros((len(chosen), cells), np.float32))[found] = part
         first = last
     history = None if rows is None else stress_history(rows, view.grid, t, largest, point, at_peak)
     regions = {} if rows is None else peaks_by_region(rows, view.grid, most, when)
-    return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields), regions)
+    return Seen(history, Fields(view.grid, np.asarray(t)[chosen], displacement, fields, signed), regions)
 
 
 def in_blocks(q: Array) -> Iterator[Array]:

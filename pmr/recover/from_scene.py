@@ -70,7 +70,8 @@ def recover(
     full_states : (S, n_local) array, optional
         This rank's rows of the full model's coordinates at the same times.
     """
-    assert scene.recovery is not None
+    wanted = scene.recovery
+    assert wanted is not None
     comm, steps = built.model.comm, recovered_steps(scene)
     states = None
     if reduced is not None:
@@ -78,12 +79,12 @@ def recover(
         states = chosen_states(reduced, loads, np.arange(len(steps)))
     states = comm.bcast(states)
     assert states is not None
-    view = View.of(built.structure, comm, stresses=scene.recovery.stress)
-    frames = min(scene.recovery.frames, len(steps))
+    view = View.of(built.structure, comm, stresses=wanted.stress)
+    frames = min(wanted.frames, len(steps))
     pictures = np.unique(np.rint(np.linspace(0, len(steps) - 1, frames)).astype(np.int64))
 
     def seen(blocks: Iterable[Array], pictured: NDArray[np.int64]) -> Seen:
-        return look(view, states.t, blocks, pictured.tolist())
+        return look(view, states.t, blocks, pictured.tolist(), wanted.components)
 
     whole = None if full_states is None else seen(in_blocks(full_states), pictures[:0])
     return Recovered(seen(recovery.blocks(states), pictures), whole)

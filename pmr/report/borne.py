@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 MOST_DRAWN = 4
 #: Share of the largest value of its unit below which what a probe measures is round-off.
 NOTHING = 1e-5
+#: The same of forces, which a support has even where nothing acts along it.
+ROUND_OFF = 1e-9
 #: Classes of the range of load cycles.
 CLASSES = 10
 STRAIN = Unit(1e-6, "µm/m")
@@ -33,7 +36,12 @@ def forces(result: RunResult) -> tuple[Grid, ...]:
     found = force_extremes(result.responses["reduced"], result.path)
     if not found:
         return ()
-    unit = unit_for(max(max(one.most, -one.least) for one in found.values()), "N")
+    largest = max(map(_size, found.values()))
+    unit = unit_for(largest, "N")
+    found = {
+        name: one if _size(one) > ROUND_OFF * largest else replace(one, least=0.0, most=0.0)
+        for name, one in found.items()
+    }
     caption = "Least and largest forces, when they occur, and the path coordinate s then."
     head = ("", f"least in {unit.name}", *_WHEN, f"largest in {unit.name}", *_WHEN)
     return (Grid(caption, head, tuple((name or "slider", *_cells(one, unit)) for name, one in found.items())),)

@@ -114,6 +114,7 @@ class Recovery(Section):
     every: Time = Field(default=0.02, description="Time between two of them")
     stress: Switch = Field(default=True, description="Whether stresses are asked for")
     frames: Count = Field(default=101, description="Of the fields that are stored, for pictures")
+    components: Switch = Field(default=False, description="Whether signed stresses are stored beside von Mises'")
     series: Switch = Field(default=True, description="Whether a series of fields is written that ParaView opens")
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from pmr.export.paraview import write_series
 from pmr.fields.grid import Grid
-from pmr.fields.series import Fields
+from pmr.fields.series import Boxes, Fields
 
 POINTS = np.random.default_rng(1).normal(size=(8, 3))
 CELLS = {
@@ -24,7 +24,8 @@ def fields(cell: str, times: int = 3) -> Fields:
     grid = Grid(cell, POINTS, np.array(CELLS[cell]), {"some": np.array([0])})
     values = np.random.default_rng(2).normal(size=(times, 8, 3)).astype(np.float32)
     stress = {face: 1e8 * np.abs(values[:, : len(grid.cells), k]) for k, face in enumerate(("outer", "inner"))}
-    return Fields(grid, 0.1 * np.arange(times), values, stress)
+    signed = {"outer along": -stress["outer"]}
+    return Fields(grid, 0.1 * np.arange(times), values, stress, signed)
 
 
 @pytest.mark.parametrize("cell", CELLS)
@@ -41,7 +42,25 @@ def test_a_series_is_read_back(tmp_path: Path, cell: str) -> None:
         assert np.array_equal(mesh.point_data["displacement"], written.displacement[k])
         assert {name: parts[0].tolist() for name, parts in mesh.cell_data.items()} == {
             f"von_mises_{name}": values[k].tolist() for name, values in written.von_mises.items()
+        } | {
+            "stress_outer_along": written.stress["outer along"][k].tolist(),
+            "region_some": [1, *[0] * (len(CELLS[cell]) - 1)],
         }
+
+
+def test_the_body_stands_where_it_is_beside_its_pads(tmp_path: Path) -> None:
+    written, s = fields("triangle"), np.array([1.5, 2.0, 2.5])
+    corners = np.random.default_rng(3).normal(size=(3, 2, 8, 3))
+    pads = Boxes(("a", "b"), corners, {"force": np.array([[1.0, 2.0], [3.0, 4.0], [5.0, np.nan]])})
+    sets = ElementTree.parse(write_series(tmp_path, "boom", written, s, pads)).getroot().findall("Collection/DataSet")
+    assert [(entry.attrib["part"], float(entry.attrib["timestep"])) for entry in sets] == [
+        (part, t) for t in written.t.tolist() for part in ("0", "1")
+    ]
+    body, boxes = (meshio.read(tmp_path / entry.attrib["file"]) for entry in sets[-2:])
+    assert np.allclose(body.points - POINTS, (-2.5, 0.0, 0.0), rtol=0.0, atol=1e-15)
+    assert np.array_equal(boxes.points.reshape(2, 8, 3), corners[2])
+    assert np.array_equal(boxes.cell_data["force"][0], (5.0, np.nan), equal_nan=True)
+    assert boxes.cell_data["pad"][0].tolist() == [0, 1]
 
 
 def test_a_shorter_series_leaves_nothing_of_a_longer_one(tmp_path: Path) -> None:

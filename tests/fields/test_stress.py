@@ -80,3 +80,22 @@ def test_each_region_has_the_largest_stress_of_its_points() -> None:
         "a": (5.0, 0.1, 0, "outer"), "b": (9.0, 0.3, 1, "inner"),
     }  # fmt: skip
     assert found["b"].position == (6.0, 7.0, 8.0)
+
+
+def test_signed_stresses_are_those_of_the_point_with_the_largest_von_mises() -> None:
+    """Two points of the second cell share a face: the one that is pressed harder counts, with its sign."""
+    found = rows(PLANE, face=(0, 0, 0), faces=("outer",))
+    stresses = np.zeros((2, 3, 3))
+    stresses[:, :, 0] = [[1.0, 2.0, -9.0], [4.0, -5.0, 3.0]]
+    signed = found.components_by_cell(stresses, cells=2)
+    assert signed["outer a"].tolist() == [[1.0, -9.0], [4.0, -5.0]]
+    assert signed["outer b"].tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    mises = found.by_cell(found.von_mises(stresses), cells=2)["outer"]
+    assert np.allclose(np.abs(signed["outer a"]), mises)
+
+
+def test_a_cell_without_a_face_shows_the_signed_stress_that_it_has() -> None:
+    stresses = np.zeros((1, 3, 3))
+    stresses[0, :, 0] = [-1.0, 2.0, -3.0]
+    signed = rows(PLANE).components_by_cell(stresses, cells=2)
+    assert (signed["outer a"].tolist(), signed["inner a"].tolist()) == ([[-1.0, 2.0]], [[-1.0, -3.0]])

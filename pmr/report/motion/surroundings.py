@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from pmr.report.motion.surface import Surface
 from pmr.results import RunResult
-from pmr.scene.built import Face, PadRing
+from pmr.results.pads import THICK, pad_extent
+from pmr.scene.built import PadRing
 
 Array = NDArray[np.float64]
 
-THICK = 0.025  # of a pad as drawn, m: the gap between both sections
 _CUBE = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 _SIDES = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
 
@@ -52,18 +52,9 @@ def stage(result: RunResult, body: Surface) -> Stage:
 
 
 def _pads(ring: PadRing, low: Array, high: Array) -> list[Block]:
-    return [_pad(ring, face, across, low, high) for _, face, across in ring.places]
-
-
-def _pad(ring: PadRing, face: Face, across: float, low: Array, high: Array) -> Block:
-    """A plate on a face of the box between `low` and `high`; faces are bottom and top (z), right and left (y)."""
-    normal, along = (2, 1) if face in ("bottom", "top") else (1, 2)
-    middle, size = (low + high) / 2.0, np.zeros(3)
-    outwards = -1.0 if face in ("bottom", "right") else 1.0
-    middle[0], middle[along] = ring.at, middle[along] + across
-    middle[normal] = (low if outwards < 0.0 else high)[normal] + outwards * THICK / 2.0
-    size[0], size[along], size[normal] = ring.length, ring.width, THICK
-    return _block(middle - size / 2.0, middle + size / 2.0, _SIDES)
+    body = np.array([low, high])
+    found = [pad_extent(ring, face, across, body) for _, face, across in ring.places]
+    return [_block(start, end, _SIDES) for start, end in found]
 
 
 def _block(start: Array, end: Array, sides: NDArray[np.int64]) -> Block:

@@ -25,7 +25,7 @@ from pmr.report.studies.names import (
 )
 from pmr.studies.results import RunRecord
 
-MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_VALUES = 60, 7, 3, 8
+MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_VALUES, MOST_PANELS = 60, 7, 3, 8, 4
 COORDINATES = "reduction.coordinates"
 #: What is drawn, if the runs have it: the first one that they have is what accuracy is judged by.
 ERRORS = ("errors.reduced_vs_full.beam", "errors.reduced_vs_ancf.beam", "errors.full_vs_ancf.beam")
@@ -114,7 +114,9 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
         others = {key_words(key) for key in done[0].parameters if key != over}
         apart = f", a curve for each {' and '.join(sorted(others))}" if others else ""
         caption = f"What was found over the {key_words(over)}{apart}."
-        drawn.append((drawing(f"{prefix}-varied", over_parameter, caption, done, over, beside),))
+        for k in range(0, len(beside), MOST_PANELS):  # more of them would leave a page empty
+            name, panels = f"{prefix}-varied{k // MOST_PANELS or ''}", beside[k : k + MOST_PANELS]
+            drawn.append((drawing(name, over_parameter, caption, done, over, panels),))
     timed = [run for run in done if run.seconds.get(TIME)]
     if error and len(having(timed, error)) > 1 and _cost_differs(timed):
         label = quantity_of(error).label.capitalize()

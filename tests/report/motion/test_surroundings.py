@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from pmr.report.motion.surface import surface
-from pmr.report.motion.surroundings import THICK, Block, stage
+from pmr.report.motion.surroundings import Block, stage
 from pmr.results import RunResult
+from pmr.results.pads import THICK
 
 
 @pytest.fixture(scope="module")

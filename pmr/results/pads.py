@@ -1,0 +1,70 @@
+"""Pads as boxes in the frame of the section that a body slides in: its mouth stays at x = 0, the body moves by -s."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.fields.series import Boxes
+from pmr.results.run import RunResult
+from pmr.results.tables import FORCE_OF
+from pmr.scene.built import Face, PadRing
+
+Array = NDArray[np.float64]
+
+THICK = 0.025  # of a pad as drawn, m: the gap between both sections
+#: Corners of the unit cube in VTK's order of a hexahedron.
+CUBE = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))])
+
+
+def pad_extent(ring: PadRing, face: Face, across: float, body: Array) -> Array:
+    """Least and largest coordinates (2, 3) in m of a pad at s = 0, a plate on a face of a body that reaches so far.
+
+    Faces are bottom and top (z), right and left (y).
+    """
+    low, high = body
+    normal, along = (2, 1) if face in ("bottom", "top") else (1, 2)
+    middle, size = (low + high) / 2.0, np.zeros(3)
+    outwards = -1.0 if face in ("bottom", "right") else 1.0
+    middle[0], middle[along] = ring.at, middle[along] + across
+    middle[normal] = (low if outwards < 0.0 else high)[normal] + outwards * THICK / 2.0
+    size[0], size[along], size[normal] = ring.length, ring.width, THICK
+    return np.array([middle - size / 2.0, middle + size / 2.0])
+
+
+def pads_over_time(result: RunResult) -> Boxes | None:
+    """All pads at the times of the recovered fields, with their forces in N, NaN if unknown; None without pads."""
+    places = [(ring, *place) for ring in result.scene.pads for place in ring.places]
+    if result.fields is None or not places:
+        return None
+    t, response, body = result.fields.t, result.responses["reduced"], _extent(result)
+    s = place_of(result)
+    corners = np.empty((len(t), len(places), 8, 3))
+    force = np.full((len(t), len(places)), np.nan)
+    for k, (ring, name, face, across) in enumerate(places):
+        start, end = pad_extent(ring, face, across, body)
+        corners[:, k] = start + CUBE * (end - start)
+        if not ring.moving:
+            corners[:, k, :, 0] -= s[:, None]
+        if FORCE_OF + name in response.force_names:
+            force[:, k] = np.interp(t, response.t, response.force(FORCE_OF + name, 0))
+    return Boxes(tuple(name for _, name, _, _ in places), corners, {"force": force})
+
+
+def _extent(result: RunResult) -> Array:
+    """Of the body at rest, (2, 3) m: that of a beam is its box's."""
+    assert result.fields is not None
+    points, box = result.fields.points, result.scene.body.box
+    found = np.array([points.min(axis=0), points.max(axis=0)])
+    if result.fields.kind == "line" and box is not None:
+        half = np.array([0.0, box.width + box.wall, box.height + box.wall]) / 2.0
+        found += np.array([-half, half])
+    return found
+
+
+def place_of(result: RunResult) -> Array:
+    """How far a body is drawn in, s (S,) in m, at the times of the recovered fields; 0 where points slide on it."""
+    assert result.fields is not None
+    if result.scene.points:
+        return np.zeros(len(result.fields.t))
+    return np.asarray(result.scene.slider.path.value(result.fields.t))
