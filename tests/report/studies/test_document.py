@@ -21,7 +21,7 @@ STUDIES = {
     "speed": 'scenes = ["short.toml"]\nrepeats = 2\nshare = { full-callbacks = 0.04, full-callbacks-modified = 0.04 }',
     "scenes": 'scenes = ["short.toml"]\n[change]\ncompare.against = ["full"]\n[grid]\nreduction.coordinates = [10, 12]',
 }
-FIGURES = {"histories": 3, "convergence": 1, "combinations": 2, "error_map": 3, "speed": 1, "scenes": 2}
+FIGURES = {"histories": 3, "convergence": 1, "combinations": 2, "error_map": 3, "speed": 1, "scenes": 3}
 STATEMENT = """
 [[published]]
 figure = "{figure}"
