@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.linalg
-import scipy.optimize
+from complementarity import by_least_squares
 from nested import FROM_END, LENGTH, Box, Nested, full, full_section, plain, reduced, reduced_section
 
 from pmr.constraints.rows import Rows, carrier, fixed_row
@@ -116,28 +115,6 @@ def test_contacts_carry_the_weight() -> None:
             # lambda pushes the inner section down where it has come up
             assert tail + mouth == pytest.approx(up, rel=1e-9)
             assert tail * FROM_END + mouth * at == pytest.approx(moment, rel=1e-9)
-
-
-def by_least_squares(system: System, x: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """Forces of pads that only push, from their own quadratic problem.
-
-    min lambda^T A lambda / 2 - b^T lambda over lambda >= 0 and Z^T C^T lambda = Z^T B f, with A = C K^+ C^T + F and
-    the rigid motions Z; as non-negative least squares, the equilibrium of rigid motions weighing a million times more.
-    """
-    a = Assembly(system)
-    rows, K = a.at(x), a.K.toarray()
-    C, scale = rows.C.toarray(), np.sqrt(np.diagonal(K))
-    values, vectors = np.linalg.eigh(K / np.outer(scale, scale))
-    elastic = values > 1e-9
-    Y, Z = vectors[:, elastic] / scale[:, None] / np.sqrt(values[elastic]), vectors[:, ~elastic] / scale[:, None]
-    A, b = C @ Y @ Y.T @ C.T + rows.F, C @ Y @ Y.T @ (a.B @ f) - system.clearance
-    unit = 1.0 / np.sqrt(np.diagonal(A))  # lambda = unit * mu
-    R = scipy.linalg.cholesky(A * np.outer(unit, unit))
-    E = Z.T @ C.T * unit
-    size = 1e6 / np.linalg.norm(E, axis=1)
-    left = np.vstack([R, size[:, None] * E])
-    right = np.concatenate([scipy.linalg.solve_triangular(R.T, unit * b, lower=True), size * (Z.T @ (a.B @ f))])
-    return np.asarray(unit * scipy.optimize.nnls(left, right)[0])
 
 
 @pytest.mark.parametrize("tip", [-2e3, 9e4])

@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from complementarity import by_least_squares
 from distributed import distributed
-from nested import Nested, full
+from nested import Nested, full, reduced
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.factor import Factor
+from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
 from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulate import Excitation, TimeStepping
@@ -80,6 +82,39 @@ def test_as_bodies_that_are_diagonalised(pads: str) -> None:
 
 
 @pytest.mark.mpi
+def test_pads_that_only_push_start_as_a_complementarity_problem_has_them() -> None:
+    """Static forces in full order, against non-negative least squares; then nothing moves."""
+    system = full(Nested(3, elements=10, compliance=1e-7, clearance=1e-3))
+    rest = {name: Constant(amount=9e4 if name.endswith("F") else 9.81) for name in system.input_names}
+    excitation = Excitation(
+        {name: Constant(amount=2.4) for name in system.paths}, rest, TimeStepping(0.01, 1e-3, 0.8, 1)
+    )
+    found = simulated(system, excitation)
+    f = np.array([rest[name].amount for name in system.input_names])
+    expected = by_least_squares(system, system.coordinates(dict.fromkeys(system.paths, 2.4)), f)
+    largest = np.abs(expected).max()
+    assert 0 < np.count_nonzero(found.forces[0]) < len(expected)
+    assert np.abs(found.forces[0] - expected).max() < 1e-9 * largest
+    assert np.abs(found.forces - expected).max() < 1e-6 * largest
+
+
+@pytest.mark.parametrize("pads", ["yielding", "pushing"])
+def test_reduced_sections_follow_it(pads: str) -> None:
+    """With residual flexibility and four elastic modes each: tip and forces within 1 %."""
+    boom = replace(BOOMS[pads], elements=20)
+    whole, few = full(boom), reduced(boom, 4)
+    found, excitation = simulated(whole, driven(whole, rho_inf=1.0), MPI.COMM_SELF), driven(few, rho_inf=1.0)
+    small = multibody.simulate(few, excitation, multibody.static_start(few, excitation))
+    line = multibody.displacements(few, small)["2"]
+    assert rms(line - found.y["2"]) < 0.01 * rms(found.y["2"])
+    assert rms(small.forces - found.forces) < 0.01 * rms(found.forces)
+
+
+def rms(y: Array) -> float:
+    return float(np.sqrt(np.mean(y**2)))
+
+
+@pytest.mark.mpi
 @pytest.mark.parametrize("memory", [2**30, 0], ids=["answers stored", "two solves"])
 def test_ranks_agree_with_one(memory: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(constraint, "STORED_BYTES", memory)
@@ -139,8 +174,15 @@ def test_equal_sections_share_a_factor() -> None:
 
 
 def factors(system: FullSystem) -> int:
-    """How many factors there are."""
-    return len({id(one) for one in BlockFactor(system, lambda model: Factor(model.M, "M")).of_bodies})
+    """How many are made."""
+    made = []
+
+    def factorised(model: FullModel) -> Factor:
+        made.append(Factor(model.M, "M"))
+        return made[-1]
+
+    BlockFactor(system, factorised).destroy()
+    return len(made)
 
 
 class InterruptionError(Exception):

@@ -1,0 +1,32 @@
+"""Contacts of a system that only push, at rest, by a way of the tests' own."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+
+from pmr.system.assembly import Assembly
+from pmr.system.system import System
+
+
+def by_least_squares(system: System, x: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """Forces of pads that only push, from their own quadratic problem.
+
+    min lambda^T A lambda / 2 - b^T lambda over lambda >= 0 and Z^T C^T lambda = Z^T B f, with A = C K^+ C^T + F and
+    the rigid motions Z; as non-negative least squares, the equilibrium of rigid motions weighing a million times more.
+    """
+    a = Assembly(system)
+    rows, K = a.at(x), a.K.toarray()
+    C, scale = rows.C.toarray(), np.sqrt(np.diagonal(K))
+    values, vectors = np.linalg.eigh(K / np.outer(scale, scale))
+    elastic = values > 1e-9
+    Y, Z = vectors[:, elastic] / scale[:, None] / np.sqrt(values[elastic]), vectors[:, ~elastic] / scale[:, None]
+    A, b = C @ Y @ Y.T @ C.T + rows.F, C @ Y @ Y.T @ (a.B @ f) - system.clearance
+    unit = 1.0 / np.sqrt(np.diagonal(A))  # lambda = unit * mu
+    R = scipy.linalg.cholesky(A * np.outer(unit, unit))
+    E = Z.T @ C.T * unit
+    size = 1e6 / np.linalg.norm(E, axis=1)
+    left = np.vstack([R, size[:, None] * E])
+    right = np.concatenate([scipy.linalg.solve_triangular(R.T, unit * b, lower=True), size * (Z.T @ (a.B @ f))])
+    return np.asarray(unit * scipy.optimize.nnls(left, right)[0])
