@@ -34,7 +34,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Done = Callable[[float], None]
 Indices = NDArray[np.int64]
-Respond = Callable[[Scene, SlidingBody, "Done | None", Indices], "Simulated"]
+Simulate = Callable[["Done | None", Indices], "Simulated"]
+#: What every simulation of a scene and a body needs is made once.
+Prepare = Callable[[Scene, SlidingBody], Simulate]
 
 #: A full model of more coordinates than this goes through PETSc, for diagonalising costs more.  Exudyn factorises in
 #: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
@@ -175,41 +177,50 @@ def _repeated(
     steps: Sequence[int] = (),
 ) -> Simulated:
     """A response, of several simulations unless the first takes longer than `longest`; its seconds are the least."""
-    found, seconds = None, list[float]()
+    simulate, found, seconds = _PREPARED[simulator](scene, body), None, list[float]()
     while found is None or (len(seconds) < scene.simulation.repeats and seconds[0] <= longest):
         found = None  # two of them at once would take twice the memory
-        found = _RESPOND[simulator](scene, body, None if seconds else done, np.asarray(steps, np.int64))
+        found = simulate(None if seconds else done, np.asarray(steps, np.int64))
         seconds.append(found.response.seconds)
     return replace(found, response=replace(found.response, seconds=min(seconds)))
 
 
-def _in_exudyn(formulation: Formulation) -> Respond:
-    def response(scene: Scene, body: SlidingBody, done: Done | None, steps: Indices) -> Simulated:
+def _in_exudyn(formulation: Formulation) -> Prepare:
+    def prepared(scene: Scene, body: SlidingBody) -> Simulate:
         excitation = Excitation.of(scene)
-        trajectory = exudyn.simulate(body, excitation, progress=done, formulation=formulation)
-        found = respond(body, trajectory, excitation.path_rate, excitation.forces(body.input_names))
-        return Simulated(found, trajectory.at(steps) if len(steps) else None)
+        f = excitation.forces(body.input_names)
 
-    return response
+        def simulate(done: Done | None, steps: Indices) -> Simulated:
+            trajectory = exudyn.simulate(body, excitation, progress=done, formulation=formulation)
+            found = respond(body, trajectory, excitation.path_rate, f)
+            return Simulated(found, trajectory.at(steps) if len(steps) else None)
+
+        return simulate
+
+    return prepared
 
 
-def _in_march(scene: Scene, body: SlidingBody, done: Done | None, steps: Indices) -> Simulated:
+def _in_march(scene: Scene, body: SlidingBody) -> Simulate:
     """In modal coordinates throughout, of which the steps alone are kept: a response does not depend on them."""
     form, excitation = modal_form(body), Excitation.of(scene)
     f = excitation.forces(body.input_names)
-    evaluation, recorder = Evaluation(form.body, excitation.times, excitation.path_rate, f), Recorder(steps)
 
-    def take(block: Block) -> None:
-        evaluation(block)
-        if len(steps):
-            recorder(block)
+    def simulate(done: Done | None, steps: Indices) -> Simulated:
+        evaluation, recorder = Evaluation(form.body, excitation.times, excitation.path_rate, f), Recorder(steps)
 
-    ended = march.follow(form, excitation, take, progress=done)
-    states = march.in_coordinates(body, form, recorder.trajectory(ended), f[steps]) if len(steps) else None
-    return Simulated(evaluation.response(ended), states)
+        def take(block: Block) -> None:
+            evaluation(block)
+            if len(steps):
+                recorder(block)
+
+        ended = march.follow(form, excitation, take, progress=done)
+        states = march.in_coordinates(body, form, recorder.trajectory(ended), f[steps]) if len(steps) else None
+        return Simulated(evaluation.response(ended), states)
+
+    return simulate
 
 
-_RESPOND: dict[str, Respond] = {
+_PREPARED: dict[str, Prepare] = {
     "march": _in_march,
     "exudyn": _in_exudyn("springs"),
     "exudyn-multiplier": _in_exudyn("multipliers"),

@@ -41,7 +41,8 @@ class Worker:
         if order.code not in ("", sources().digest):  # a rank on a machine that sees other files, or saw them later
             return Answer("failed", 0.0, "pmr's sources were edited while the study began; call it again")
         child = self._child if self._child is not None and self._child.poll() is None else self._start()
-        self._log.truncate(0)
+        self._log.seek(0)  # the child writes where its parent has stopped to read
+        self._log.truncate()
         begin = time.perf_counter()
         assert child.stdin is not None and child.stdout is not None
         try:
