@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 import re
 import runpy
 import tomllib
@@ -26,6 +28,14 @@ COMPLETE = (
     sorted({*(ROOT / "workflows").glob("*.toml")} - {*STUDIES, ROOT / "workflows" / "paper_base.toml"}) + SIX + HOLDOUT
 )
 RESIDUAL = [ROOT / "workflows" / f"{name}_residual.toml" for name in ("simple", "evolved")] + SIX
+
+COORDINATES = (5, 6, 10)
+#: `PMR_SWEEP=full` takes each scene with each number of coordinates.
+ESTIMATED = (
+    list(itertools.product(RESIDUAL, COORDINATES))
+    if os.environ.get("PMR_SWEEP") == "full"
+    else list(zip(RESIDUAL, itertools.cycle(COORDINATES)))
+)
 
 
 @pytest.mark.parametrize("file", COMPLETE, ids=lambda file: file.stem)
@@ -64,8 +74,7 @@ def assert_estimated(summary: dict) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("coordinates", [5, 6, 10])
-@pytest.mark.parametrize("file", RESIDUAL, ids=lambda file: file.stem)
+@pytest.mark.parametrize(("file", "coordinates"), ESTIMATED, ids=lambda value: getattr(value, "stem", value))
 def test_the_estimate_is_the_error_and_a_margin(file: Path, coordinates: int) -> None:
     choice = [f"reduction.coordinates={coordinates}", "simulation.simulators=['march']", "simulation.repeats=1"]
     outcome = run(scene.load(file, choice))

@@ -30,7 +30,7 @@ from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
 from pmr.system.body import force_outputs, released_rows
 
-SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(6)
+SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(4)
 TOLERANCES = (0.01, 0.001, 0.0001)
 #: Steps of a reference for each step that was chosen, and at most.
 FINER, MOST = 4, 300_000

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -56,32 +57,38 @@ def coordinates(folder: Path) -> set[int]:
     return found | {json.loads((folder / "scene.json").read_text())["reduction"]["coordinates"]}
 
 
+@dataclass(frozen=True)
+class Old:
+    """Results that are there already, and the seconds that they took."""
+
+    folder: Path
+    took: float
+
+
 @pytest.fixture(scope="module")
-def old(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("old")
+def old(tmp_path_factory: pytest.TempPathFactory) -> Old:
+    folder, begin = tmp_path_factory.mktemp("old"), time.perf_counter()
     ran(folder, OLD)
+    took = time.perf_counter() - begin
     (folder / "notes.txt").write_text("mine")
     assert coordinates(folder) == {OLD}
-    return folder
+    return Old(folder, took)
 
 
 @pytest.mark.slow
-def test_a_run_may_be_killed_at_any_time(old: Path, tmp_path: Path) -> None:
+def test_a_run_may_be_killed_at_any_time(old: Old, tmp_path: Path) -> None:
     rng = np.random.default_rng(19)
-    before, outcomes = digests(old), []
-    begin = time.perf_counter()
-    ran(tmp_path / "timed", NEW)
-    took = time.perf_counter() - begin
+    before, outcomes = digests(old.folder), []
     for k in range(KILLS):
         folder = tmp_path / str(k)
-        shutil.copytree(old, folder)
+        shutil.copytree(old.folder, folder)
         process = subprocess.Popen([sys.executable, "-m", "pmr", *command(folder, NEW)], stdout=subprocess.DEVNULL)
         if k % 2:  # while it writes
             while process.poll() is None and not list(folder.glob(".pmr-new-*")):
                 time.sleep(0.0005)
             time.sleep(rng.uniform(0.0, 0.05))
         else:
-            time.sleep(took * rng.uniform())
+            time.sleep(old.took * rng.uniform())
         process.send_signal(signal.SIGKILL)
         process.wait()
         finished(folder)
@@ -93,17 +100,17 @@ def test_a_run_may_be_killed_at_any_time(old: Path, tmp_path: Path) -> None:
         ran(folder, NEW)
         assert coordinates(folder) == {NEW}
         left = {path.name for path in folder.iterdir()}
-        assert left == {path.name for path in old.iterdir()}  # no rest of any of it, what was there beside is there
+        assert left == {path.name for path in old.folder.iterdir()}  # no rest, and the notes
     print(f"old {outcomes.count({OLD})}, new {outcomes.count({NEW})}")  # noqa: T201  (counts of a sweep)
 
 
 @pytest.mark.slow
-def test_no_room_is_one_line_and_leaves_the_old_results(old: Path, tmp_path: Path) -> None:
+def test_no_room_is_one_line_and_leaves_the_old_results(old: Old, tmp_path: Path) -> None:
     folder = tmp_path / "full"
-    shutil.copytree(old, folder)
+    shutil.copytree(old.folder, folder)
     left = subprocess.run(
         [sys.executable, "-c", NO_ROOM, *command(folder, NEW)], check=False, capture_output=True, text=True
     )
     assert left.returncode == 1
     assert left.stderr == f"pmr: {folder} could not be written: File too large\n"
-    assert digests(folder) == digests(old)
+    assert digests(folder) == digests(old.folder)

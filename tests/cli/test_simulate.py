@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import called
 
 from pmr import run as whole
 from pmr import scene
@@ -86,10 +87,12 @@ REFUSED = [
 
 @pytest.mark.parametrize(("arguments", "says"), REFUSED, ids=[" ".join(a) for a, _ in REFUSED])
 def test_what_does_not_fit_the_model_is_refused_in_one_line(
-    saved: Path, arguments: list[str], says: str, tmp_path: Path
+    saved: Path, arguments: list[str], says: str, tmp_path: Path, monkeypatch, capsys
 ) -> None:
     chosen = [] if "--scene" in arguments else ["--scene", str(ROOT / "workflows" / "evolved_residual.toml")]
-    done = alone("simulate", str(saved), *chosen, *arguments, "--out", str(tmp_path / "out"))
+    monkeypatch.setitem(sys.modules, "exudyn", None)
+    out = str(tmp_path / "out")
+    done = called(monkeypatch, capsys, "simulate", str(saved), *chosen, *arguments, "--out", out)
     assert done.returncode == 2
     assert says in done.stderr and len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "out" / "summary.json").exists()

@@ -61,12 +61,14 @@ def test_the_error_table_has_pad_forces_in_newtons_and_stresses(boom: RunResult)
     assert table["largest von Mises stress", "reduced to full"] == ("−2.0\u00a0%", None)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_a_run_lacks_is_left_out(make_space) -> None:
     alone = make_space(responses=("reduced",), summary={}, stress=())
     page = render([case(alone, "case-1")])
     assert "stress" not in figures(page) and "von Mises" not in page and "Errors" not in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_without_a_reference_the_largest_values_stand_alone(make_space) -> None:
     alone = make_space(responses=("reduced",), summary={"errors": {}, "max_displacement": 0.008}, stress=())
     first = case(alone, "case-1").blocks[0]
@@ -75,6 +77,7 @@ def test_without_a_reference_the_largest_values_stand_alone(make_space) -> None:
     assert case(kept, "case-1").blocks[0].heading == "Errors"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_planar_model_moves_up_and_down_only(boom: RunResult, make_space) -> None:
     planar = make_space(body={"model": "beam2d", "box": boom.scene.body.box})
     assert "tip-y" not in figures(render([case(planar, "case-1")]))

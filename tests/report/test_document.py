@@ -221,6 +221,7 @@ def test_without_a_reduced_beam_there_is_no_report(make_result, tmp_path: Path) 
         write_report([make_result(responses=("full",))], tmp_path)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_warnings_stand_by_themselves_below_the_key_figures(make_result) -> None:
     warned = make_result(summary=make_result().summary | {"warnings": ["mind the gap", "and < the step"]})
     page = render([case(warned, "case-1")])

@@ -156,14 +156,15 @@ def test_only_what_a_missing_run_needs_is_computed_again(done: Path, tmp_path: P
     assert run(tmp_path, study, jobs=1).computed == 2
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "emptied", "another"])
-def test_a_damaged_result_is_computed_again(done: Path, tmp_path: Path, damage: str) -> None:
+def test_a_damaged_result_is_computed_again(done: Path, tmp_path: Path) -> None:
+    """Cut off, with flipped bits, emptied, and that of another task."""
     study, file = copied(done, tmp_path), stored(tmp_path)
-    content = bytearray(file["sum-3"].read_bytes())
-    content[len(content) // 2] ^= 0xFF
-    damaged = {"cut": content[:-40], "flipped": content, "emptied": b"", "another": file["sum-4"].read_bytes()}
-    file["sum-3"].write_bytes(damaged[damage])
-    assert run(tmp_path, study, jobs=1).computed == 1
+    cut, flipped, another = (bytearray(file[key].read_bytes()) for key in ("sum-3", "sum-4", "sum-7"))
+    flipped[len(flipped) // 2] ^= 0xFF
+    damaged = {"sum-3": cut[:-40], "sum-4": flipped, "sum-5": b"", "sum-6": another}
+    for key, content in damaged.items():
+        file[key].write_bytes(content)
+    assert run(tmp_path, study, jobs=1).computed == len(damaged)
     assert tables(tmp_path) == tables(done)
 
 
@@ -191,14 +192,15 @@ def test_a_failing_run_is_recorded_and_the_others_go_on(tmp_path: Path) -> None:
     assert "study_tasks.py" in bad["detail"] and "Traceback" in bad["detail"]
 
 
-@pytest.mark.parametrize(("how", "reason"), [("exit", "exit code 3"), ("kill", "SIGKILL, no memory left?")])
-def test_a_worker_that_dies_fails_its_own_task_only(tmp_path: Path, how: str, reason: str) -> None:
+def test_a_worker_that_dies_fails_its_own_task_only(tmp_path: Path) -> None:
     squares = [Task(f"x={x}", study_tasks.square, {"x": x}) for x in range(6)]
-    plan = Plan((*squares[:3], Task("dead", study_tasks.die, {"how": how}), *squares[3:]))
-    outcome = run(tmp_path, Listed(tasks=plan))
+    reasons = {"exit": "exit code 3", "kill": "SIGKILL, no memory left?"}
+    dying = [Task(how, study_tasks.die, {"how": how}) for how in reasons]
+    outcome = run(tmp_path, Listed(tasks=Plan((*squares[:3], *dying, *squares[3:]))))
     records = {record.key: record for record in outcome.results[""].runs}
-    dead = records.pop("dead")
-    assert (dead.status, dead.reason) == ("failed", f"its process died ({reason})") and dead.detail == "last words"
+    for how, reason in reasons.items():
+        dead = records.pop(how)
+        assert (dead.status, dead.reason) == ("failed", f"its process died ({reason})") and dead.detail == "last words"
     assert {record.status for record in records.values()} == {"done"}
 
 

@@ -56,6 +56,7 @@ def test_a_driver_that_ends_its_process_ends_no_report(monkeypatch) -> None:
         develop([SHOT])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> None:
     monkeypatch.setattr(pictures, "develop", lambda shots: [b"picture"] * len(shots))
     page = render([case(make_space(fields=make_fields("triangle")), "case-1")])
@@ -68,6 +69,7 @@ def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> Non
     assert "largest von Mises stress 47.2\u00a0MPa" in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_page_without_pictures_says_why(monkeypatch, make_space, make_fields) -> None:
     def refuse(shots: object) -> None:
         raise NoPictureError("nothing to draw with")

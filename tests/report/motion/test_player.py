@@ -103,6 +103,7 @@ def test_script_reads_what_is_there(data: dict[str, Any]) -> None:
     assert asked <= set(data) and {"motion", "stress", "triangles", "tail", "scale"} - {"scale"} <= asked
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_plays_offline_and_pictures_stand_beside(monkeypatch, boom_in_motion: RunResult) -> None:
     def refuse(shots: object) -> None:
         raise NoPictureError("nothing to draw with")
