@@ -15,9 +15,8 @@ from pmr.fullmodel.build import build
 from pmr.fullmodel.eigensolvers import eigensolver
 from pmr.fullmodel.pads import restrain
 from pmr.fullmodel.structure import Action, Structure, couple
-from pmr.models import StructuralModel
+from pmr.models import StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
-from pmr.models.solid import Solid
 from pmr.scene import Scene
 
 Array = NDArray[np.float64]
@@ -71,9 +70,12 @@ def nodes_of(model: StructuralModel) -> Indices:
     InputError
         If a node has others.
     """
-    if isinstance(model, Solid):
-        of_cells = model.element_coordinates(np.arange(len(model.mesh.cells)))
-        return np.unique(np.column_stack([part.ravel() for part in of_cells]), axis=0)
+    if is_assembled(model):
+        from pmr.models.solid import Solid  # its forms need FEniCSx, which given matrices do without
+
+        if isinstance(model, Solid):
+            of_cells = model.element_coordinates(np.arange(len(model.mesh.cells)))
+            return np.unique(np.column_stack([part.ravel() for part in of_cells]), axis=0)
     if isinstance(model, Matrices):
         given = model.given
         order = np.lexsort((given.direction, given.node))
