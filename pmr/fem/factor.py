@@ -80,7 +80,7 @@ class Factor:
 
         Right-hand sides in Fortran's order are not copied; the result is in that order.
         """
-        return solved(self._factor, columns)
+        return _solved(self._factor, columns)
 
     def destroy(self) -> None:
         """Give the factor's memory back."""
@@ -123,7 +123,7 @@ class SequentialFactor:
 
     def solve_columns(self, columns: Array) -> Array:
         """As `Factor.solve_columns`."""
-        return solved(self._factor, columns)
+        return _solved(self._factor, columns)
 
     def destroy(self) -> None:
         """Give the factor's memory back."""
@@ -157,7 +157,7 @@ def not_definite(name: str) -> InputError:
     return InputError("body", name, None, "a positive definite matrix is allowed")
 
 
-def solved(factor: PETSc.Mat, columns: Array) -> Array:
+def _solved(factor: PETSc.Mat, columns: Array) -> Array:
     """Answers to a few right-hand sides."""
     result = np.empty(columns.shape, order="F")
     for k in range(0, columns.shape[1], BLOCK):

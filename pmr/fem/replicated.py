@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import freed
-from pmr.fem.factor import BLOCK, NO_MEMORY, TOO_LITTLE, Factor, ample, factorised, free_memory, not_definite, solved
+from pmr.fem.distributed import freed, view
+from pmr.fem.factor import BLOCK, NO_MEMORY, TOO_LITTLE, Factor, ample, factorised, free_memory, not_definite
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -58,12 +58,19 @@ class ReplicatedFactor:
             raise not_definite(name)
 
     def solve_columns(self, columns: Array) -> Array:
-        """As `Factor.solve_columns`; best of as many times `BLOCK` columns as there are ranks."""
-        result, many = np.empty(columns.shape, order="F"), self._exchange.ranks * min(BLOCK, self._exchange.most)
+        """As `Factor.solve_columns`, but where they are: right-hand sides in Fortran's order become the answers.
+
+        Best of as many times `BLOCK` columns as there are ranks.
+        """
+        columns, many = np.asfortranarray(columns), self._exchange.ranks * min(BLOCK, self._exchange.most)
         for k in range(0, columns.shape[1], many):
-            mine = self._exchange.columns(np.asfortranarray(columns[:, k : k + many]))
-            self._exchange.rows(solved(self._factor, mine), result[:, k : k + many])
-        return result
+            mine = self._exchange.columns(columns[:, k : k + many])
+            if mine.size:  # fewer columns than ranks leave some without
+                right, answer = view(mine, self._factor), view(mine, self._factor)
+                self._factor.matSolve(right, answer)
+                freed(right, answer)
+            self._exchange.rows(mine, columns[:, k : k + many])
+        return columns
 
     def destroy(self) -> None:
         """Give the factor's memory back."""

@@ -43,7 +43,11 @@ def test_each_rank_answers_its_share_as_all_together_do() -> None:
     for count in (1, factor.BLOCK * MPI.COMM_WORLD.size + 7):
         g = rng.normal(size=(A.getLocalSize()[0], count))
         spread, held = Factor(A, "K"), ReplicatedFactor(A, "K")
-        np.testing.assert_allclose(held.solve_columns(g), spread.solve_columns(g), rtol=1e-9, atol=1e-9)
+        expected = spread.solve_columns(g)
+        np.testing.assert_allclose(held.solve_columns(g.copy(order="C")), expected, rtol=1e-9, atol=1e-9)
+        in_place = g.copy(order="F")
+        assert held.solve_columns(in_place) is in_place
+        np.testing.assert_allclose(in_place, expected, rtol=1e-9, atol=1e-9)
         spread.destroy()
         held.destroy()
 
