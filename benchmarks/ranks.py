@@ -18,6 +18,8 @@ from typing import IO, Any
 
 #: Seconds between two looks at a run's memory, and bytes that are left to all others on the machine.
 LOOK, LEFT = 0.5, 2**30
+#: This checkout.
+HERE = Path(__file__).resolve().parents[1]
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 _MPI = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -37,16 +39,17 @@ class Bounds:
     memory: float = float("inf")
 
 
-def record_of(module: str, arguments: Sequence[str], ranks: int, bounds: Bounds) -> dict[str, Any]:
+def record_of(
+    module: str, arguments: Sequence[str], ranks: int, bounds: Bounds, checkout: Path = HERE
+) -> dict[str, Any]:
     """The last JSON line that ``python -m module arguments`` prints; where there is none, ``{"notes": [why]}``."""
     command = [sys.executable, "-m", module, *arguments]
     if ranks > 1:
         command = [_launcher(), "-n", str(ranks), *command]
     environment = os.environ | _MPI | {"OMP_NUM_THREADS": "1"}
-    folder = Path(__file__).resolve().parents[1]
     with TemporaryFile("w+") as out, TemporaryFile("w+") as complaints:
         run = subprocess.Popen(
-            command, cwd=folder, env=environment, stdout=out, stderr=complaints, start_new_session=True
+            command, cwd=checkout, env=environment, stdout=out, stderr=complaints, start_new_session=True
         )
         try:
             stopped = _watched(run, bounds)
