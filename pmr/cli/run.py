@@ -157,13 +157,17 @@ def _save(outcome: Outcome, folder: Path) -> None:
 
 def _save_boom(outcome: BoomOutcome, folder: Path) -> None:
     """The same of a boom, with the reduced model of every section."""
+    from pmr.export.paraview import Travelling, write_bodies
     from pmr.report.document import REPORT_FILES
     from pmr.results import RESULT_FILES
 
+    result = outcome.result
     with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
-        outcome.result.save(new)
+        result.save(new)
         for name, model in outcome.reduced.items():
             model.save(new / f"reduced-{name}.npz")
+        if result.fields and result.scene.recovery is not None and result.scene.recovery.series:
+            write_bodies(new, "fields", {name: Travelling(*one) for name, one in result.travelling.items()})
 
 
 def _to(tolerance: str) -> list[str]:

@@ -37,6 +37,24 @@ SHIFT = -1.0
 
 
 @dataclass(frozen=True)
+class FullRun:
+    """A simulation of all sections in full order.
+
+    Attributes
+    ----------
+    response : Response or None
+        On rank 0; None where it failed or can't be trusted, why `missing` says.
+    missing : str
+    states : mapping of str to (S, n_local) array
+        This rank's rows of the coordinates of every section at the steps that were asked for.
+    """
+
+    response: Response | None
+    missing: str
+    states: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
 class FullBoom:
     """All sections in full order, and `system` of the same on rank 0 where they are few enough to be diagonalised."""
 
@@ -65,31 +83,39 @@ class FullBoom:
         return np.asarray(self.whole.comm.bcast(found))
 
     def simulate(
-        self, boom: Boom, parts: int, clock: Clock, checkpoint: Checkpoint | None = None
-    ) -> tuple[Response | None, str]:
-        """Its response on rank 0, and why there is none; collective.  `parts` of a step as the reduced model takes."""
+        self,
+        boom: Boom,
+        parts: int,
+        steps: NDArray[np.int64],
+        clock: Clock,
+        checkpoint: Checkpoint | None = None,
+    ) -> FullRun:
+        """Its motion, and its states at some steps; `parts` of a step as the reduced model takes.  Collective."""
         excitation, comm = excitation_of(boom, self.whole), self.whole.comm
         excitation = excitation.with_stepping(replace(excitation.stepping, parts=parts))
-        found, failed = None, ""
+        found, failed, states = None, "", dict[str, Array]()
         try:
             with clock.stage("full") as done:
                 start = static_start(self.whole, excitation)
-                if self.simulator == "march":
-                    if self.system is not None:
-                        found = respond(self.system, multibody.simulate(self.system, excitation, start, done))
-                else:
-                    recording = Recording(energies=True)
+                if self.simulator == "petsc":
+                    recording = Recording(energies=True, states=(steps * boom.time.step).tolist())
                     history = observe_system(self.whole, excitation, recording, start, done, checkpoint)
                     assert history.energy is not None
                     said = Said(history.y, history.forces, history.peaks, history.energy)
                     found = response_of(self.whole, history.t, said)
                     found = replace(found, seconds=history.seconds, surplus=history.surplus)
+                    states = {name: one.q for name, one in history.states.items()}
+                elif self.system is not None:
+                    trajectory = multibody.simulate(self.system, excitation, start, done)
+                    found = respond(self.system, trajectory)
+                    states = {name: one.q[steps] for name, one in trajectory.bodies.items()}
         except SimulationError as error:
-            failed = str(error)
-        if found is not None and (reason := distrust(found)):
-            found, failed = None, reason
-        failed = comm.bcast(failed)
-        return found, failed
+            failed = str(error).removeprefix("full: ")  # the clock's stage
+        failed = comm.bcast(failed or (distrust(found) if found is not None else None) or "")
+        if self.simulator == "march":
+            whole = comm.bcast(states)
+            states = {name: q[:, self.whole.bodies[name].share] for name, q in whole.items()}
+        return FullRun(None if failed else found, failed, states)
 
 
 def _sparse(whole: FullSystem, x: Array) -> Array | None:

@@ -101,16 +101,32 @@ def columns_of(section: str, response: Response) -> list[int]:
     return [k for k, name in enumerate(response.output_names) if name.startswith(f"{section}: ")]
 
 
-def sections(boom: Boom, responses: Mapping[str, Response], sizes: Mapping[str, Mapping[str, int]]) -> Part:
-    """``sections`` of summary.json: name, coordinates, and the error along each against the full model."""
+def sections(
+    boom: Boom,
+    responses: Mapping[str, Response],
+    sizes: Mapping[str, Mapping[str, int]],
+    stresses: Mapping[str, Mapping[str, Any]],
+) -> Part:
+    """``sections`` of summary.json: name, coordinates, the error along each against the full model, its stress.
+
+    `stresses` are what `pmr.recover` says of each section; ``max_von_mises`` and ``stress_peak`` are those of all.
+    """
     reduced, full, found = responses["reduced"], responses.get("full"), []
     for name in boom.names:
         columns, said = columns_of(name, reduced), {"name": name, "coordinates": dict(sizes[name])}
         if full is not None:
             error = nrms(reduced.displacement[:, columns], full.displacement[:, columns])
             said |= {"errors": {"reduced_vs_full": {"beam": error}}}
-        found.append(said)
-    return Part({"sections": found})
+        found.append(said | dict(stresses.get(name, {})))
+    peaks = [(one["name"], one["stress_peak"]) for one in found if "stress_peak" in one]
+    if not peaks:
+        return Part({"sections": found})
+    highest = {
+        model: max(({"section": name, **peak[model]} for name, peak in peaks), key=lambda one: float(one["value"]))
+        for model in peaks[0][1]
+    }
+    most = {model: peak["value"] for model, peak in highest.items()}
+    return Part({"sections": found, "max_von_mises": most, "stress_peak": highest})
 
 
 def joints(boom: Boom, response: Response) -> Part:

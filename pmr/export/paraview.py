@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -26,6 +28,41 @@ def write_series(folder: Path, name: str, fields: Fields, s: Array | None = None
     With the path coordinate `s` (S,) m the body stands where it is: the mouth that it slides through at x = 0.  The
     pads are a second part, with their values.
     """
+    body = Travelling(fields, np.zeros(len(fields.t)) if s is None else -s)
+    drawn = {"": body.mesh} | ({PADS: lambda k: _of_pads(pads, k)} if pads is not None else {})
+    return _written(folder, name, fields.t, drawn)
+
+
+@dataclass(frozen=True)
+class Travelling:
+    """Fields of a body whose frame is at `along` (S,) m on the axis x at the times of the fields."""
+
+    fields: Fields
+    along: Array
+
+    def mesh(self, k: int) -> Any:
+        """As meshio has it, at time number k."""
+        import meshio
+
+        fields = self.fields
+        named = {f"von_mises_{_word(face)}": stress[k] for face, stress in fields.von_mises.items()}
+        named |= {f"stress_{_word(of)}": stress[k] for of, stress in fields.stress.items()}
+        return meshio.Mesh(
+            fields.grid.points + (self.along[k], 0.0, 0.0),
+            [(fields.grid.cell, fields.grid.cells)],
+            point_data={"displacement": np.ascontiguousarray(fields.displacement[k])},
+            cell_data=_cells(named | _regions(fields.grid)),
+        )
+
+
+def write_bodies(folder: Path, name: str, bodies: Mapping[str, Travelling]) -> Path:
+    """The same of several bodies by their names, at the same times, each where it is."""
+    times = next(iter(bodies.values())).fields.t
+    return _written(folder, name, times, {f"{one}-": body.mesh for one, body in bodies.items()})
+
+
+def _written(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable[[int], Any]]) -> Path:
+    """A file for each time and part; what is `drawn` by the beginnings of the files' names."""
     import meshio
 
     steps = folder / name
@@ -34,32 +71,24 @@ def write_series(folder: Path, name: str, fields: Fields, s: Array | None = None
         old.unlink()
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
     collection = ElementTree.SubElement(root, "Collection")
-    ahead = np.zeros(len(fields.t)) if s is None else -s
-    regions = _regions(fields.grid)
-    for k, t in enumerate(fields.t):
-        named = {f"von_mises_{_word(face)}": stress[k] for face, stress in fields.von_mises.items()}
-        named |= {f"stress_{_word(of)}": stress[k] for of, stress in fields.stress.items()}
-        parts = [
-            meshio.Mesh(
-                fields.grid.points + (ahead[k], 0.0, 0.0),
-                [(fields.grid.cell, fields.grid.cells)],
-                point_data={"displacement": np.ascontiguousarray(fields.displacement[k])},
-                cell_data=_cells(named | regions),
-            )
-        ]
-        if pads is not None:
-            cells = [("hexahedron", np.arange(8 * len(pads.names)).reshape(-1, 8))]
-            values = {"pad": np.arange(len(pads.names))} | {what: value[k] for what, value in pads.values.items()}
-            parts.append(meshio.Mesh(pads.corners[k].reshape(-1, 3), cells, cell_data=_cells(values)))
-        for number, mesh in enumerate(parts):
-            file = f"{name}/{PADS if number else ''}{k:05}.vtu"
-            meshio.write(folder / file, mesh)
+    for k, t in enumerate(times):
+        for number, (called, mesh) in enumerate(drawn.items()):
+            file = f"{name}/{called}{k:05}.vtu"
+            meshio.write(folder / file, mesh(k))
             ElementTree.SubElement(
                 collection, "DataSet", timestep=repr(float(t)), group="", part=str(number), file=file
             )
     listing = folder / f"{name}.pvd"
     ElementTree.ElementTree(root).write(listing, encoding="utf-8", xml_declaration=True)
     return listing
+
+
+def _of_pads(pads: Boxes, k: int) -> Any:
+    import meshio
+
+    cells = [("hexahedron", np.arange(8 * len(pads.names)).reshape(-1, 8))]
+    values = {"pad": np.arange(len(pads.names))} | {what: value[k] for what, value in pads.values.items()}
+    return meshio.Mesh(pads.corners[k].reshape(-1, 3), cells, cell_data=_cells(values))
 
 
 def _regions(grid: Grid) -> dict[str, NDArray[Any]]:

@@ -12,7 +12,7 @@ load has a kink (`pmr.compare.velocities`; docs/moving_residual_flexibility.md, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,7 +40,9 @@ class ReducedStates:
 
     Attributes
     ----------
-    t, s : (S,) arrays, s and m
+    t : (S,) array, s
+    s : (S,) array, m
+        (S, m) of a body of a system, whose rows are each at a place of their own.
     p, v : (S, r) arrays
         Coordinates and their rates.
     multipliers : (S, m) array, N
@@ -80,15 +82,24 @@ class Recovery:
         The same on every rank.
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
         As for the residual flexibility's tables.
+    rows : sequence of str, optional
+        The row of each of the states' multipliers; by default those of the reduced model.
     """
 
-    def __init__(self, model: FullModel, V: Array, reduced: ReducedModel, solver: str = "auto") -> None:
+    def __init__(
+        self,
+        model: FullModel,
+        V: Array,
+        reduced: ReducedModel,
+        solver: str = "auto",
+        rows: Sequence[str] | None = None,
+    ) -> None:
         self.reduced = reduced
         self._model, self._V = model, np.ascontiguousarray(V[:, : reduced.size])
         self._share = slice(*model.M.getOwnershipRange())
         self._residual: ResidualFlexibility | None = None
         if reduced.flexibility is not None:
-            self._rows = [model.rows.rows[model.rows.names.index(name)] for name in reduced.row_names]
+            self._rows = [model.rows.rows[model.rows.names.index(name)] for name in rows or reduced.row_names]
             self._inputs = local_csr(model.inputs)
             self._residual = ResidualFlexibility(FreeBody(model, solver), self._V)
 
@@ -122,7 +133,8 @@ class Recovery:
     def _loads(self, states: ReducedStates) -> Array:
         """This rank's rows (n_local, S) of B f - C(s)^T z, in N."""
         g = np.asarray(self._inputs @ states.loads.T)
-        for row, z in zip(self._rows, states.multipliers.T, strict=True):
-            weights = sp.diags(z) @ row.weights(states.s)
+        s = states.s if states.s.ndim == 2 else np.repeat(states.s[:, None], len(self._rows), axis=1)
+        for row, z, at in zip(self._rows, states.multipliers.T, s.T, strict=True):
+            weights = sp.diags(z) @ row.weights(at)
             g -= (weights @ row.carriers[:, self._share]).T.toarray()
         return g

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fullmodel.build import Built
@@ -15,7 +18,15 @@ from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 
 
-def reduce_sections(boom: Boom, built: Mapping[str, Built]) -> Mapping[str, ReducedModel]:
+@dataclass(frozen=True)
+class ReducedSection:
+    """A section's reduced model, and this rank's rows V (n_local, r) of its basis."""
+
+    model: ReducedModel
+    V: NDArray[np.float64]
+
+
+def reduce_sections(boom: Boom, built: Mapping[str, Built]) -> Mapping[str, ReducedSection]:
     """The reduced model of every section, those of equal ones once; collective.
 
     Raises
@@ -23,7 +34,7 @@ def reduce_sections(boom: Boom, built: Mapping[str, Built]) -> Mapping[str, Redu
     InputError
         With the section's key.
     """
-    made, found = dict[tuple[int, Reduction], ReducedModel](), dict[str, ReducedModel]()
+    made, found = dict[tuple[int, Reduction], ReducedSection](), dict[str, ReducedSection]()
     for number, part in enumerate(boom.sections):
         key = id(built[part.name]), part.reduction
         if key not in made:
@@ -36,11 +47,11 @@ def reduce_sections(boom: Boom, built: Mapping[str, Built]) -> Mapping[str, Redu
     return found
 
 
-def _reduced(built: Built, choice: Reduction) -> ReducedModel:
+def _reduced(built: Built, choice: Reduction) -> ReducedSection:
     body = FreeBody(built.model, choice.solver)
-    modes = free_modes(built.model, choice.coordinates, choice.solver, body=body)
-    model = section_model(built.model, modal_basis(modes), {}, choice.coordinates, choice.solver, body)
-    if choice.flexibility:
-        return model
-    assert model.carriers is not None  # as section models have
-    return replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None))
+    basis = modal_basis(free_modes(built.model, choice.coordinates, choice.solver, body=body))
+    model, V = section_model(built.model, basis, {}, choice.coordinates, choice.solver, body), basis.V.getDenseArray()
+    if not choice.flexibility:
+        assert model.carriers is not None  # as section models have
+        model = replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None))
+    return ReducedSection(model, np.array(V))

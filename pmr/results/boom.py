@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.fields.series import Fields
 from pmr.files import jsonfile, npz, records
 from pmr.files.swap import finished
 from pmr.results.run import Response
@@ -47,6 +48,17 @@ class BoomResult:
     reach: Array  # of the tip from the base's tail, (T,) m
     loads: Array  # (T, i), as the system names its inputs
     frequencies: BoomFrequencies
+    fields: Mapping[str, Fields] = field(default_factory=dict)  # by section, in its own frame
+
+    @property
+    def travelling(self) -> dict[str, tuple[Fields, Array]]:
+        """Fields of each section, and where its tail is along the boom at their times, m."""
+        t, tails = self.responses["reduced"].t, np.cumsum(self.extensions, axis=1)
+        tails = np.hstack([np.zeros((len(t), 1)), tails])
+        return {
+            name: (self.fields[name], np.interp(self.fields[name].t, t, tail))
+            for name, tail in zip(self.scene.names, tails.T, strict=True)
+        }
 
     def save(self, folder: Path) -> None:
         """Write scene.json, summary.json and trajectories.npz into `folder`."""
@@ -63,6 +75,8 @@ class BoomResult:
         for model, response in self.responses.items():
             arrays |= records.arrays(response, f"{model}.")
         npz.write(folder / "trajectories.npz", arrays)
+        for name, fields in self.fields.items():
+            fields.save(folder / f"fields-{name}.npz")
 
     @classmethod
     def load(cls, folder: Path) -> BoomResult:
@@ -78,4 +92,7 @@ class BoomResult:
             reach=data["reach"],
             loads=data["loads"],
             frequencies=records.record(BoomFrequencies, data, "frequencies."),
+            fields={
+                file.stem.removeprefix("fields-"): Fields.load(file) for file in sorted(folder.glob("fields-*.npz"))
+            },
         )

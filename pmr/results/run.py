@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 #: Names of all that a run may leave in its folder, the report aside: files that go together.
 RESULT_FILES = (
-    "scene.json", "summary.json", "trajectories.npz", "reduced.npz", "reduced-*.npz", "fields.npz", "fields.pvd",
+    "scene.json", "summary.json", "trajectories.npz", "reduced.npz", "reduced-*.npz", "fields*.npz", "fields.pvd",
     "fields/*.vtu", "tables/*.csv",
 )  # fmt: skip
 

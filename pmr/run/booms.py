@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from pmr.compare import booms as compared
 from pmr.compare import errors
-from pmr.compare.boom_references import FullBoom
+from pmr.compare.boom_references import FullBoom, FullRun
 from pmr.compare.summary import Part, driven, gathered, made_with, trusted
 from pmr.compare.validity import large_motion
 from pmr.environment import Clock
@@ -17,15 +17,21 @@ from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.sections import build_sections
+from pmr.recover.from_scene import Recovered
+from pmr.recover.sections import recover_sections, recovered_steps, states_of
 from pmr.reduce.sections import reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.results import BoomFrequencies, BoomResult, Response
 from pmr.scene import Boom
-from pmr.simulate import contact_step
+from pmr.simulate import Excitation, contact_step
 from pmr.simulate.booms import excitation_of, system_of
 from pmr.simulate.native import multibody
 from pmr.simulate.native.multibody_march import contact_frequency, places
 from pmr.simulate.petsc import Checkpoint
+from pmr.system.system import System, SystemTrajectory
+
+#: s: what takes no longer is simulated several times.
+SHORT = 2.0
 
 
 @dataclass(frozen=True)
@@ -54,33 +60,42 @@ def run_boom(
     with clock.stage("assemble"):
         built = build_sections(boom, comm)
     with clock.stage("reduce"):
-        reduced = reduce_sections(boom, built)
+        sections = reduce_sections(boom, built)
+    reduced = {name: one.model for name, one in sections.items()}
     system = system_of(boom, reduced)
     excitation = excitation_of(boom, system)
     x, omega = places(system, excitation), contact_frequency(system, excitation)
-    fine = contact_step.parts(omega, excitation.stepping) if omega else 0
     full = FullBoom.of(boom, built) if "full" in boom.compare.against else None
     with clock.stage("frequencies"):
         large = full is not None and full.simulator == "petsc"
         steps = compared.on_the_way(boom, excitation.times, compared.FEWER_PLACES if large else compared.PLACES)
         curves = {} if full is None else {"full": full.frequencies(boom, steps)}
-    responses, missing = dict[str, Response](), dict[str, str]()
+    whole, recovered = FullRun(None, "", {}), recovered_steps(boom)
     if full is not None:
-        found, failed = full.simulate(boom, fine, clock, checkpoint)
-        responses |= {"full": found} if found is not None else {}
-        missing |= {"full": failed} if failed else {}
+        fine = contact_step.parts(omega, excitation.stepping) if omega else 0
+        whole = full.simulate(boom, fine, recovered, clock, checkpoint)
+    responses: dict[str, Response] = {} if whole.response is None else {"full": whole.response}
+    states = None
+    if comm.rank == 0:
+        with clock.stage("reduced") as done:
+            simulated = _simulated(boom, system, excitation, done)
+        responses |= {"reduced": compared.respond(system, simulated)}
+        states = states_of(system, simulated, recovered)
+    seen = dict[str, Recovered]()
+    if boom.recovery is not None:
+        with clock.stage("recover"):
+            states = comm.bcast(states)
+            assert states is not None
+            seen = recover_sections(boom, built, sections, states, {} if whole.missing else whole.states)
     if comm.rank > 0:
         return None
-    with clock.stage("reduced") as done:
-        simulated = multibody.simulate(system, excitation, multibody.static_start(system, excitation), done)
-        responses |= {"reduced": compared.respond(system, simulated)}
     curves |= {"reduced": compared.frequencies(system, x[steps])}
     frequencies = BoomFrequencies(boom.reach(excitation.times[steps]), excitation.s[steps], curves)
     sizes = {name: {"full": built[name].model.size, "reduced": body.size} for name, body in reduced.items()}
     common = compared.with_forces_of_both(responses)
     measured = compared.quantities(boom, responses["reduced"])
-    whole = responses.get("full", responses["reduced"]).displacement
-    off = np.abs(responses["reduced"].displacement - whole).max() if "full" in responses else None
+    reference = responses.get("full", responses["reduced"]).displacement
+    off = np.abs(responses["reduced"].displacement - reference).max() if "full" in responses else None
     parts = [
         made_with(boom, fenicsx_versions()),
         Part({"coordinates": {kind: sum(size[kind] for size in sizes.values()) for kind in ("full", "reduced")}}),
@@ -89,30 +104,46 @@ def run_boom(
             {
                 "errors": errors.errors(common, quantities=measured),
                 "absolute_errors": errors.errors(common, errors.absolute_error, quantities=measured),
-                "max_displacement": float(np.abs(whole).max()),
+                "max_displacement": float(np.abs(reference).max()),
                 "max_error": None if off is None else float(off),
                 "simulators": {"reduced": "march"} | ({"full": full.simulator} if full and "full" in responses else {}),
                 "agreement": {},
             }
         ),
         _seconds(clock, responses),
-        compared.sections(boom, responses, sizes),
+        compared.sections(boom, responses, sizes, {name: one.summary() for name, one in seen.items()}),
         compared.joints(boom, responses["reduced"]),
         driven(excitation),
         Part(contact_step.summary_of(omega, excitation.stepping), contact_step.warnings_of(omega, excitation.stepping)),
-        trusted(missing, responses),
+        trusted({"full": whole.missing} if whole.missing else {}, responses),
         *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
         Part(warnings=large_motion(float(boom.reach(excitation.times).max()), responses.values())),
     ]
     loads = excitation.forces(system.input_names)
     result = BoomResult(
-        boom, gathered(parts), responses, excitation.s, boom.reach(excitation.times), loads, frequencies
+        boom,
+        gathered(parts),
+        responses,
+        excitation.s,
+        boom.reach(excitation.times),
+        loads,
+        frequencies,
+        {name: one.reduced.fields for name, one in seen.items()},
     )
     return BoomOutcome(result, reduced)
 
 
+def _simulated(boom: Boom, system: System, excitation: Excitation, done: Callable[[float], None]) -> SystemTrajectory:
+    """From equilibrium; a short simulation is repeated as the scene says, and the fastest counts."""
+    start = multibody.static_start(system, excitation)
+    found = [multibody.simulate(system, excitation, start, done)]
+    while len(found) < boom.simulation.repeats and found[0].seconds < SHORT:
+        found.append(multibody.simulate(system, excitation, start))
+    return min(found, key=lambda one: one.seconds)
+
+
 def _seconds(clock: Clock, responses: Mapping[str, Response]) -> Part:
-    stages = {name: clock.seconds[name] for name in ("assemble", "reduce") if name in clock.seconds}
+    stages = {name: clock.seconds[name] for name in ("assemble", "reduce", "recover") if name in clock.seconds}
     simulated = {"march": responses["reduced"].seconds}
     if "full" in responses:
         simulated["full"] = responses["full"].seconds

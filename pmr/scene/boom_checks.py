@@ -80,6 +80,11 @@ def _time(boom: Boom) -> None:
         raise _refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
     if time.steps > MOST_STEPS:
         raise _refusal("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
+    if boom.recovery is not None:
+        steps = boom.recovery.every / time.step
+        if abs(steps - round(steps)) > 1e-6 or not 1 <= round(steps) <= time.steps:
+            allowed = f"a multiple of time.step = {time.step:g} s up to time.end is allowed"
+            raise _refusal("recovery.every", boom.recovery.every, allowed)
 
 
 def _reduction(boom: Boom, number: int) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
 from pmr import scene as scenes
 from pmr.compare import boom_references
+from pmr.export.paraview import Travelling, write_bodies
 from pmr.fem.compat import MPI
 from pmr.fullmodel.sections import build_sections
 from pmr.reduce.sections import reduce_sections
@@ -130,6 +132,33 @@ step = 1e-3
 """
 
 
+def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(tmp_path: Path) -> None:
+    """Beams in space: the tip's displacement among the fields, stresses beside the full model's, for ParaView."""
+    around = "[{at=0.15,unilateral=false,faces={bottom=[-0.06,0.06],top=[0.0],left=[0.0],right=[0.0]}}]"
+    boom = load(
+        *QUICK[:3], f"section.joint.tail={around}", f"section.joint.mouth={around}", "section.body.model=beam3d",
+        "section.reduction.coordinates=9", "sections.base.reduction.coordinates=4", "recovery.every=0.1",
+        "sections.fly.loads.0.signal=3000.0",
+    )  # fmt: skip
+    outcome = run_boom(boom)
+    assert outcome is not None
+    result = outcome.result
+    response, fields = result.responses["reduced"], result.fields["fly"]
+    tip = response.displacement[::100, response.output_names.index("fly: tip z")]
+    last = int(np.argmax(fields.points[:, 0]))
+    assert fields.displacement[:, last, 2] == pytest.approx(tip, rel=1e-5)
+    told = result.summary["max_von_mises"]
+    assert told["reduced"] == pytest.approx(told["full"], rel=0.02) and told["reduced"] > 1e6
+    by_section = [one["max_von_mises"]["reduced"] for one in result.summary["sections"]]
+    assert max(by_section) == told["reduced"]
+    along = {name: one[1] for name, one in result.travelling.items()}
+    assert along["fly"][[0, -1]] == pytest.approx([2.0, 3.2]) and not along["base"].any()
+    listing = write_bodies(tmp_path, "fields", {name: Travelling(*one) for name, one in result.travelling.items()})
+    assert listing.read_text().count("DataSet") == 3 * 6
+    first = meshio.read(tmp_path / "fields" / "fly-00005.vtu")
+    assert first.points[:, 0].max() == pytest.approx(9.2)
+
+
 def test_equal_sections_are_built_and_reduced_once_and_points_hold_beams(tmp_path: Path) -> None:
     (tmp_path / "points.toml").write_text(POINTS)
     boom = scenes.load_any(tmp_path / "points.toml")
@@ -137,7 +166,7 @@ def test_equal_sections_are_built_and_reduced_once_and_points_hold_beams(tmp_pat
     built = build_sections(boom)
     reduced = reduce_sections(boom, built)
     assert built["one"] is built["two"] and reduced["one"] is reduced["two"] and built["tip"] is not built["two"]
-    system = system_of(boom, reduced)
+    system = system_of(boom, {name: one.model for name, one in reduced.items()})
     assert system.contact_names == tuple(f"{name} {end}" for name in boom.names[1:] for end in ("tail", "mouth"))
     outcome = run_boom(boom)
     assert outcome is not None and max(outcome.result.summary["errors"]["reduced_vs_full"].values()) < 1e-3
@@ -158,7 +187,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_and_the_weight_alo
     boxes = {part.name: part.body.box for part in boom.sections if part.body.box is not None}
     masses = {name: 7850.0 * 6.0 * 2.0 * box.wall * (box.width + box.height) for name, box in boxes.items()}
     masses["fly"] += 250.0
-    system = system_of(boom, reduce_sections(boom, build_sections(boom)))
+    system = system_of(boom, {name: one.model for name, one in reduce_sections(boom, build_sections(boom)).items()})
     given = excitation_of(boom, system)
     found = multibody.simulate(system, given, multibody.static_start(system, given))
     t = given.times

@@ -74,6 +74,7 @@ REFUSED = [
     ("simulation.simulators=['exudyn']", r"simulation.simulators = 'exudyn': march is allowed: exudyn knows one path"),
     ("compare.against=['ancf']", r"compare.against = \['ancf'\]: \['full'\] or \[\] is allowed"),
     ("time.step=3e-3", r"time.step = 0\.003: a whole number of steps"),
+    ("recovery.every=1.5e-3", r"recovery.every = 0\.0015: a multiple of time.step"),
     ("sections.fly.bodi=1", r"unknown key; did you mean 'body'\?"),
 ]  # fmt: skip
 

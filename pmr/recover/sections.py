@@ -1,0 +1,78 @@
+"""Fields and stresses of a boom's sections, each from its own coordinates and the forces of its contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.fullmodel.build import Built
+from pmr.recover.coordinates import Recovery, ReducedStates, chosen_states
+from pmr.recover.fields import View, in_blocks, look
+from pmr.recover.from_scene import Recovered
+from pmr.reduce.sections import ReducedSection
+from pmr.scene import Boom
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SectionStates:
+    """What a section of a simulated boom says at some steps, and the rows that its multipliers belong to."""
+
+    states: ReducedStates
+    rows: tuple[str, ...]
+
+
+def recovered_steps(boom: Boom) -> NDArray[np.int64]:
+    """Numbers (S,) of the steps whose states are recovered; empty where the boom asks for none."""
+    if boom.recovery is None:
+        return np.empty(0, np.int64)
+    return np.arange(0, boom.time.steps + 1, round(boom.recovery.every / boom.time.step))
+
+
+def states_of(system: System, trajectory: SystemTrajectory, steps: NDArray[np.int64]) -> dict[str, SectionStates]:
+    """Of every section at some of the steps."""
+    found, first = {}, 0
+    for name, body in system.bodies.items():
+        last = first + len(body.input_names)
+        rows = tuple(side.place.row for side in system.sides if side.place.body == name)
+        found[name] = SectionStates(
+            chosen_states(trajectory.bodies[name], trajectory.loads[:, first:last], steps), rows
+        )
+        first = last
+    return found
+
+
+def recover_sections(
+    boom: Boom,
+    built: Mapping[str, Built],
+    reduced: Mapping[str, ReducedSection],
+    states: Mapping[str, SectionStates],
+    full: Mapping[str, Array],
+) -> dict[str, Recovered]:
+    """What the boom asks for, section by section; collective.
+
+    Parameters
+    ----------
+    states : mapping
+        Of the reduced sections at the `recovered_steps`, the same on every rank.
+    full : mapping of str to (S, n_local) array
+        This rank's rows of the full sections' coordinates at the same steps; empty without a full model.
+    """
+    assert boom.recovery is not None
+    found = {}
+    for part in boom.sections:
+        name, one = part.name, states[part.name]
+        model, structure = built[name].model, built[name].structure
+        recovery = Recovery(model, reduced[name].V, reduced[name].model, part.reduction.solver, one.rows)
+        view = View.of(structure, model.comm, stresses=boom.recovery.stress)
+        frames = min(boom.recovery.frames, len(one.states.t))
+        pictures = np.unique(np.rint(np.linspace(0, len(one.states.t) - 1, frames)).astype(np.int64)).tolist()
+        seen = look(view, one.states.t, recovery.blocks(one.states), pictures)
+        whole = look(view, one.states.t, in_blocks(full[name]), []) if full else None
+        found[name] = Recovered(seen, whole)
+    return found
