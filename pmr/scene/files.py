@@ -86,11 +86,22 @@ def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene | Boom:
     InputError
         As `load`.
     """
-    file = TomlFile.read(found(Path(path), "scene.toml"), DIALECT)
+    return vary_any(found(Path(path), "scene.toml"), [override(text) for text in overrides])
+
+
+def vary_any(path: str | Path, changes: Sequence[Change]) -> Scene | Boom:
+    """As `vary`, of a file that may have several sections.
+
+    Raises
+    ------
+    InputError
+        As `load`.
+    """
+    file = TomlFile.read(path, DIALECT)
     if "sections" not in file.data:
-        return load(path, overrides)
-    for text in overrides:
-        file.apply(override(text))
+        return vary(path, changes)
+    for change in changes:
+        file.apply(change)
     boom = file.validated(Boom)
     try:
         check_boom(boom)

@@ -14,9 +14,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.results import Response
-from pmr.scene import Scene
+from pmr.scene import Boom, Scene
 from pmr.scene.tomlfiles import Change
 from pmr.studies import grid, shared
+from pmr.studies.booms import boom_arguments, run_boom_case
 from pmr.studies.engine.task import KEY, Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.study import StudyBase
 
@@ -48,6 +49,9 @@ class Study(StudyBase):
         runs, common = [], dict[str, Task]()
         for point in self._points():
             scene = self._scene(point)
+            if isinstance(scene, Boom):
+                runs.append(Task(point.key, run_boom_case, boom_arguments(scene), {}, point.parameters))
+                continue
             needs = shared.modes_tasks(scene) | {"frequencies": shared.frequencies_task(scene)}
             needs |= {name: shared.reference_task(scene, name) for name in scene.compare.against}
             common |= {task.key: task for task in needs.values()}
@@ -71,9 +75,9 @@ class Study(StudyBase):
                     parameters = {**of_scene, **of_case, **point.parameters}
                     yield _Point(key_of(",".join(words) or file.stem), file, (*before, *point.changes), parameters)
 
-    def _scene(self, point: _Point) -> Scene:
+    def _scene(self, point: _Point) -> Scene | Boom:
         try:
-            return scenes.vary(point.file, point.changes)
+            return scenes.vary_any(point.file, point.changes)
         except InputError as error:
             source, key = error.source, error.key
             if source in {change.source for change in point.changes}:

@@ -154,3 +154,29 @@ def test_modes_of_a_boom_know_its_path() -> None:
     boom = scene.load(SCENE.with_name("boom_beam.toml"))
     (task,) = common.modes_tasks(boom).values()
     assert common.scene_of(task.arguments).path_bounds == boom.path_bounds == (1.5, 4.0)
+
+
+@pytest.mark.slow
+def test_booms_of_sections_are_cases_too(tmp_path: Path) -> None:
+    """With residual flexibility and without it, the same figures in the table as of one body, and more."""
+    file, boom = tmp_path / "study.toml", SCENE.with_name("boom_two.toml")
+    file.write_text(
+        f"""
+kind = "scenes"
+title = "Sections"
+scenes = ["{boom}"]
+[change]
+time.end = 0.1
+section.mesh.elements = 10
+section.joint.tail.0.unilateral = false
+section.joint.mouth.0.unilateral = false
+[grid]
+section.reduction.flexibility = [true, false]
+"""
+    )
+    with pools.local_pool(1) as pool:
+        outcome = compute(files.load(file), tmp_path / "out", pool, lambda progress: None)
+    with_flexibility, without = (run.figures for run in outcome.results[""].runs)
+    assert with_flexibility["errors.reduced_vs_full.beam"] < 1e-3 < without["errors.reduced_vs_full.beam"]
+    assert with_flexibility["coordinates.reduced"] == without["coordinates.reduced"] == 9
+    assert with_flexibility["largest_force"] > 0.0 and "cylinders.cylinder of fly.max" in without
