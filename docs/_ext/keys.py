@@ -70,11 +70,12 @@ def section(title: str, part: Schema, level: int) -> str:
         cell(part.get("description", "")),
         "",
     ]
-    lines += ["| key | allowed | unit | default | |", "|---|---|---|---|---|"]
+    lines += ["| key | | allowed | default |", "|---|---|---|---|"]
     needed = part.get("required", [])
     for key, value in part.get("properties", {}).items():
         default = "must be given" if key in needed else shown(value.get("default"), allowed(value))
-        cells = [f"`{key}`", allowed(value), ", ".join(units(value)), default, cell(value.get("description", ""))]
+        unit = "".join(f", in {unit}" for unit in units(value))
+        cells = [f"`{key}`", cell(value.get("description", "")), allowed(value) + unit, default]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join([*lines, ""])
 

@@ -84,7 +84,8 @@ print(f"the tip goes down by {-lowest:.1f} mm, stresses reach {1e-6 * summary['m
 # %%
 surface, walls = result.fields, max(result.fields.von_mises.values(), key=lambda stress: stress[0].max())[0]
 figure = plt.figure(figsize=(9, 4), layout="constrained")
-axes = figure.add_subplot(projection="3d", box_aspect=(3, 0.6, 0.6))
+axes = figure.add_subplot(projection="3d")
+axes.set_box_aspect((3, 0.6, 0.6), zoom=1.6)
 drawn = axes.plot_trisurf(*surface.points.T, triangles=surface.cells, lw=0.0)
 drawn.set(array=1e-6 * walls, cmap="viridis")
 figure.colorbar(drawn, label="von Mises stress in MPa", shrink=0.6)

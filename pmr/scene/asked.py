@@ -37,10 +37,10 @@ class Damping(Section):
     model_config = ConfigDict(json_schema_extra=_or_ratio)
 
     mass: Annotated[float, Field(ge=0.0, strict=True), Quantity("1/s", 0.0, 1e9)] = Field(
-        default=0.0, description="Share of M"
+        default=0.0, description="Share of the mass matrix M in D"
     )
     stiffness: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e6)] = Field(
-        default=0.0, description="Share of K"
+        default=0.0, description="Share of the stiffness matrix K in D"
     )
 
     @model_validator(mode="before")

@@ -74,7 +74,7 @@ class Body(Section):
     regions: dict[str, Region] = Field(default={}, description="Named regions of the mesh that differ from the rest")
     shear: Switch = Field(default=True, description="Shear deformation and rotary inertia of beams in space")
     shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
-        default=5.0 / 6.0, description="kappa of shells"
+        default=5.0 / 6.0, description="Shear correction factor kappa of shells"
     )
     section: BeamSection | None = Field(default=None, description="Of a beam in space, by default that of the box")
 

@@ -57,7 +57,7 @@ def _spoken(node: Any) -> Any:
     if "constant" in node.get("discriminator", {}).get("mapping", {}):
         found["anyOf"] = [{"type": "number"}, {"oneOf": found.pop("oneOf")}]
     if isinstance(node.get("description"), str) and isinstance(node.get("unit"), str) and node["unit"] != "1":
-        found["description"] += f", {node['unit']}"
+        found["description"] += f", in {node['unit']}"
     return found
 
 

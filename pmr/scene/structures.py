@@ -46,11 +46,11 @@ def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, fl
 class Material(Section):
     """Isotropic and linear elastic; structural steel by default."""
 
-    young: Pressure = Field(default=210.0e9, description="E")
+    young: Pressure = Field(default=210.0e9, description="Young's modulus E")
     poisson: Annotated[float, Field(gt=-1.0, lt=0.5, strict=True), Quantity("1", -0.99, 0.4999)] = Field(
-        default=0.3, description="nu"
+        default=0.3, description="Poisson's ratio nu"
     )
-    density: Density = Field(default=7850.0, description="rho")
+    density: Density = Field(default=7850.0, description="Density rho")
 
     @property
     def shear_modulus(self) -> float:
@@ -101,13 +101,13 @@ class Profile(Section):
 
     length: Length = Field(description="Along x")
     bending_stiffness: Annotated[float, Field(gt=0.0, strict=True), Quantity("N m^2", 1e-15, 1e25)] = Field(
-        description="E I"
+        description="Bending stiffness E I"
     )
     mass_per_length: Annotated[float, Field(gt=0.0, strict=True), Quantity("kg/m", 1e-12, 1e12)] = Field(
-        description="rho A"
+        description="Mass per length rho A"
     )
     axial_stiffness: Annotated[float, Field(gt=0.0, strict=True), Quantity("N", 1e-9, 1e25)] | None = Field(
-        default=None, description="E A"
+        default=None, description="Axial stiffness E A"
     )
     axial: Switch = Field(default=False, description="Whether there are axial coordinates")
 
@@ -140,12 +140,12 @@ class SolidBody(Section):
 class BeamSection(Section):
     """Properties of a cross-section about its centroid; z points up in the section, y across."""
 
-    area: Area = Field(description="A")
-    second_moment_y: SecondMoment = Field(description="I_y, which resists bending along z")
-    second_moment_z: SecondMoment = Field(description="I_z, which resists bending along y")
-    torsion_constant: SecondMoment = Field(description="J")
-    shear_area_y: Area | None = Field(default=None, description="kappa A for forces along y")
-    shear_area_z: Area | None = Field(default=None, description="kappa A for forces along z")
+    area: Area = Field(description="Area A")
+    second_moment_y: SecondMoment = Field(description="Second moment I_y, which resists bending along z")
+    second_moment_z: SecondMoment = Field(description="Second moment I_z, which resists bending along y")
+    torsion_constant: SecondMoment = Field(description="Torsion constant J")
+    shear_area_y: Area | None = Field(default=None, description="Shear area kappa A for forces along y")
+    shear_area_z: Area | None = Field(default=None, description="Shear area kappa A for forces along z")
 
     @property
     def polar_moment(self) -> float:

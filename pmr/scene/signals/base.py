@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 Array = NDArray[np.float64]
 #: A number in the unit of what the signal drives: m of a path, N or N m of a load.
-Real = Annotated[float, Field(strict=True, json_schema_extra={"unit": "of what it drives"})]
+Real = Annotated[float, Field(strict=True, json_schema_extra={"unit": "the unit of what it drives"})]
 Seconds = Annotated[float, Field(strict=True, json_schema_extra={"unit": "s"})]
 Hertz = Annotated[float, Field(strict=True, json_schema_extra={"unit": "Hz"})]
 Radians = Annotated[float, Field(strict=True, json_schema_extra={"unit": "rad"})]
