@@ -104,6 +104,14 @@ bench-full: setup .venv/.bench ## the same with the paper's way over its whole t
 docs: setup .venv/.docs ## the manual: docs/_build/html/index.html, which needs no network
 	@.venv/bin/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 
+.PHONY: docs-check
+docs-check: setup .venv/.docs ## the same without executing the examples, which the tests do
+	@.venv/bin/python -m sphinx -q -W --keep-going -b html -D plot_gallery=0 docs docs/_build/check
+
+.PHONY: first-boom
+first-boom: ## the tutorial's first steps, from a wheel in an environment of its own (Python 3.12 or newer)
+	@.ci/first_boom "$(PYTHON312)"
+
 .PHONY: test
 test: lint ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too, beside it
 	@if [ "$$CI" != true ]; then $(MAKE) --no-print-directory test-debian && echo "wheel stack not tested: make test-wheel does it"; \
@@ -167,6 +175,10 @@ PYTHON312 = $(shell for p in python3.12 python3.13 python3.14 python3 \
     "$${PYENV_ROOT:-$$HOME/.pyenv}"/versions/3.1[2-9]*/bin/python; do \
     "$$p" -c 'import ensurepip, sys; sys.version_info < (3, 12) and sys.exit(1); print(sys.executable)' 2>/dev/null && break; done)
 
+.PHONY: python312
+python312:
+	@echo "$(PYTHON312)"
+
 .venv-wheel/.ready: $(PINS)
 	@[ -n "$(PYTHON312)" ] || { echo "the wheel stack needs Python 3.12 or newer: none found" >&2; exit 1; }
 	@echo "installing Python packages into .venv-wheel"
@@ -192,5 +204,5 @@ schemas: setup ## write what editors complete and check workflows from
 
 .PHONY: clean
 clean: ## remove what make and the tests made, the venvs too
-	rm -rf docs/_build .venv .venv-wheel .venv-snakemake .venv-fmi .snakemake build dist reports/paper reports/benchmarks .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf docs/_build docs/gallery docs/_static/report_*.html .venv .venv-wheel .venv-snakemake .venv-fmi .snakemake build dist reports/paper reports/benchmarks .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 	find pmr tests -name __pycache__ -prune -exec rm -rf {} +
