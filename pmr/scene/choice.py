@@ -97,7 +97,8 @@ def highest_frequency(signal: SignalBase) -> float:
 
 
 def _stresses(scene: Scene) -> list[str]:
-    asked = scene.recovery is not None and scene.recovery.stress
+    measured = {measure for probe in scene.probes for measure in probe.measures}
+    asked = scene.recovery is not None and scene.recovery.stress or bool(measured & {"stress", "strain"})
     return ["stresses are asked for, which pads and walls decide"] * asked
 
 

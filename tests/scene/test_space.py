@@ -18,6 +18,7 @@ AT_THE_WEB = (
     "{name='b',moving=true,width=0.06,faces={top=[0.12]}}]"
 )
 MOUTH = "name='mouth',moving=true,faces={bottom=[0.0]}"
+PROBE = "probes=[{name='p',at=[3.0,0.0,0.2],measures=['%s']}]"
 VERTICAL = "loads=[{name='F',signal=1000.0}]"
 
 
@@ -104,6 +105,8 @@ def test_damping_in_two_ways_names_the_file_that_has_both(tmp_path: Path) -> Non
         ((AT_THE_WEB,), "beam3d", "the load gust acts along y"),
         ((AT_THE_WEB, VERTICAL), "beam2d", "all loads and masses lie in the vertical plane"),
         ((AT_THE_WEB, VERTICAL, "recovery={every=0.1}"), "shell", "stresses are asked for"),
+        ((AT_THE_WEB, VERTICAL, PROBE % "strain"), "shell", "stresses are asked for"),
+        ((AT_THE_WEB, VERTICAL, PROBE % "displacement"), "beam2d", "vertical"),
         ((AT_THE_WEB, VERTICAL, "body.box.wall=0.002"), "beam2d", "vertical plane"),
         (
             (AT_THE_WEB, "loads=[{name='F',signal={kind='sine',amplitude=1.0,frequency=50.0}}]"),
