@@ -18,7 +18,6 @@ TIME = "simulate.reduced"  # seconds of one simulation of the reduced model
 _PLACES = {
     "tip": "at the tip",
     "beam": "along the beam",
-    "slider_force": "of the slider force",
     "pad_force": "of the forces",
 }
 #: Places of the path by the names that figures give them.

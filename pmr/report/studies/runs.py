@@ -30,6 +30,8 @@ COORDINATES = "reduction.coordinates"
 #: What is drawn, if the runs have it: the first one that they have is what accuracy is judged by.
 ERRORS = ("errors.reduced_vs_full.beam", "errors.reduced_vs_ancf.beam", "errors.full_vs_ancf.beam")
 BESIDE = ("errors.reduced_vs_full.tip", "max_displacement", "max_error", "largest_force", "frequencies.s_min.1")
+#: Share of a size by which it has to differ for a curve.
+VISIBLE = 0.01
 #: Sections of a scene whose keys decide how long a simulation takes.
 COSTLY = ("reduction", "mesh", "time", "simulation", "body", "scene", "case")
 
@@ -109,7 +111,7 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
         return
     drawn = list[tuple[Drawing, ...]]()
     ranges = [name for name in dict.fromkeys(n for run in done for n in run.figures) if name.endswith(".range")]
-    beside = [name for name in (error, *BESIDE, *ranges[:1]) if name and differs(done, name)]
+    beside = [name for name in (error, *BESIDE, *ranges[:1]) if name and differs(done, name) and _seen(done, name)]
     if beside:
         others = {key_words(key) for key in done[0].parameters if key != over}
         apart = f", a curve for each {' and '.join(sorted(others))}" if others else ""
@@ -124,6 +126,12 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
         drawn.append((drawing(f"{prefix}-seconds", over_seconds, caption, timed, over, error),))
     if drawn:
         yield Block(f"Over the {key_words(over)}", tuple(drawn))
+
+
+def _seen(runs: Sequence[RunRecord], name: str) -> bool:
+    """Whether a curve shows that a figure differs: errors are drawn by their powers of ten."""
+    values = [value_of(run, name) for run in having(runs, name)]
+    return name.startswith(("errors", "max_error")) or max(values) - min(values) > VISIBLE * max(map(abs, values))
 
 
 def varied(done: Sequence[RunRecord]) -> str | None:

@@ -26,8 +26,12 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
     done = [run for run in runs if run.status == "done"]
     if not 0 < len(done) <= MOST_RUNS:
         return
+    newton = _newton(done)
     found = {
-        "Forces of pads, sliders and supports": ("Least … largest; when and where stands in runs.csv.", _forces(done)),
+        "Forces of pads, sliders and supports": (
+            f"Least … largest in {newton.name}; when and where stands in runs.csv.",
+            _forces(done, newton),
+        ),
         "Frequencies": (f"In Hz, while pads and sliders rest{_stretch(done)}.", _frequencies(done)),
         "Probes": ("Least … largest, and the largest range of a load cycle.", _probes(done)),
     }
@@ -37,12 +41,14 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
             yield Block(heading, grids=(Grid(caption, head, tuple(rows)),))
 
 
-def _forces(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
+def _newton(runs: Sequence[RunRecord]) -> Unit:
+    names = [f"forces.{name}" for name in _names(runs, "forces.", ".max")]
+    return unit_for(max((abs(v) for name in names for v in _values(runs, name, "min", "max")), default=0.0), "N")
+
+
+def _forces(runs: Sequence[RunRecord], unit: Unit) -> list[tuple[str, ...]]:
     names = _names(runs, "forces.", ".max")
-    size = unit_for(
-        max((abs(v) for name in names for v in _values(runs, f"forces.{name}", "min", "max")), default=0.0), "N"
-    )
-    return [(f"{name} in {size.name}", *(_span(run, f"forces.{name}", size.size) for run in runs)) for name in names]
+    return [(name, *(_span(run, f"forces.{name}", unit.size) for run in runs)) for name in names]
 
 
 def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
