@@ -107,7 +107,7 @@ class Assembly:
             k, body = side.contact, side.place.body
             carriers = system.bodies[body].carriers
             assert carriers is not None
-            C[:, k, self.coordinates[body]] = b @ carriers.values[:, self.free[body]]
+            C[:, k, self.coordinates[body]] = (b @ carriers.values)[:, self.free[body]]
             if carriers.flexibility is None:
                 continue
             H[:, k, self.inputs[body]] += b @ carriers.flexibility.inputs
