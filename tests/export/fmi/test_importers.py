@@ -81,6 +81,11 @@ def test_fmpy_finds_nothing_and_steps_as_march_does(exported: Exported, fmpy: Pa
     assert found["N"] < 1e-3
 
 
+def test_another_importer_steps_as_march_does(exported: Exported, fmpy: Path) -> None:
+    """libcosim, which knows FMI 2.0."""
+    assert under(fmpy, "cosim", str(exported.files["2"])) < 1e-9
+
+
 @pytest.mark.parametrize("version", fmu.VERSIONS)
 def test_model_exchange_under_cvode(exported: Exported, fmpy: Path, version: str, tmp_path: Path) -> None:
     """Against march with a hundredth of the step, which is off by some 1e-7 m itself."""

@@ -1,4 +1,4 @@
-"""Run FMUs with FMPy, in its own environment: under_fmpy.py validate|steps|cvode|symbols FMU [npz] prints JSON."""
+"""Run FMUs with FMPy, in its own environment: under_fmpy.py validate|steps|cvode|cosim|symbols FMU [npz], for JSON."""
 
 from __future__ import annotations
 
@@ -87,6 +87,37 @@ def cvode(fmu: str, npz: str) -> Any:
     return worst
 
 
+def cosim(fmu: str) -> Any:
+    """The same as `steps` under libcosim, whose importer is FMI Library: largest difference of a displacement in m."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimManipulator import CosimManipulator
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    folder = Path(extract(fmu))
+    said = read_model_description(folder)
+    inputs, reference = (read_csv(str(folder / "resources" / f"reference_{name}.csv")) for name in ("in", "out"))
+    known = {v.name: v for v in said.modelVariables}
+    moved = [name for name in reference.dtype.names if name in known and known[name].unit == "m"]
+    given = [name for name in inputs.dtype.names if name != "time"]
+    execution = CosimExecution.from_step_size(round(1e9 * float(said.defaultExperiment.stepSize)))
+    unit = execution.add_local_slave(CosimLocalSlave(fmu_path=fmu, instance_name="body"))
+    drive, seen = CosimManipulator.create_override(), CosimObserver.create_last_value()
+    execution.add_manipulator(drive)
+    execution.add_observer(seen)
+    values, outputs = ([known[name].valueReference for name in names] for names in (given, moved))
+    instants = {round(float(row["time"]), 9): row for row in reference}
+    worst = 0.0
+    for now, after in zip(inputs[:-1], inputs[1:], strict=True):
+        drive.slave_real_values(slave_index=unit, variable_references=values, values=[float(now[n]) for n in given])
+        assert execution.step()
+        row = instants.get(round(float(after["time"]), 9))
+        if row is not None:
+            found = seen.last_real_values(slave_index=unit, variable_references=outputs)
+            worst = max(worst, float(np.abs(np.array(found) - [row[name] for name in moved]).max()))
+    return worst
+
+
 def symbols(fmu: str) -> Any:
     """Exported functions of the interface, by the file."""
     import lief
@@ -103,6 +134,8 @@ def symbols(fmu: str) -> Any:
 if __name__ == "__main__":
     print(
         json.dumps(
-            {"validate": validate, "steps": steps, "cvode": cvode, "symbols": symbols}[sys.argv[1]](*sys.argv[2:])
+            {"validate": validate, "steps": steps, "cvode": cvode, "cosim": cosim, "symbols": symbols}[sys.argv[1]](
+                *sys.argv[2:]
+            )
         )
     )
