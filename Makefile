@@ -113,11 +113,11 @@ first-boom: ## the tutorial's first steps, from a wheel in an environment of its
 	@.ci/first_boom "$(PYTHON312)"
 
 .PHONY: test
-test: lint ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too, beside it
-	@if [ "$$CI" != true ]; then $(MAKE) --no-print-directory test-debian && echo "wheel stack not tested: make test-wheel does it"; \
-	elif [ -z "$(PYTHON312)" ]; then $(MAKE) --no-print-directory test-debian && echo "wheel stack not tested: no Python 3.12 or newer found"; \
+test: setup ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too, beside it
+	@if [ "$$CI" != true ]; then $(MAKE) --no-print-directory lint test-debian && echo "wheel stack not tested: make test-wheel does it"; \
+	elif [ -z "$(PYTHON312)" ]; then $(MAKE) --no-print-directory lint test-debian && echo "wheel stack not tested: no Python 3.12 or newer found"; \
 	else log=$$(mktemp); $(MAKE) --no-print-directory test-wheel >"$$log" 2>&1 </dev/null & \
-	    $(MAKE) --no-print-directory test-debian; status=$$?; \
+	    $(MAKE) --no-print-directory lint test-debian; status=$$?; \
 	    wait $$! || status=1; echo "--- wheel stack:"; cat "$$log"; rm -f "$$log"; exit $$status; fi
 
 .PHONY: test-debian
