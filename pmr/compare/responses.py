@@ -19,7 +19,7 @@ from pmr.environment import Clock
 from pmr.errors import GrowthError
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
-from pmr.scene import Scene
+from pmr.scene import Boom, Scene
 from pmr.scene.choice import transverse
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulate import Excitation, exudyn
@@ -140,7 +140,7 @@ def simulate_reference(
         return _repeated(scene, full, full_simulator(scene, full.size), done, SHORT, steps)
 
 
-def check_installed(scene: Scene) -> None:
+def check_installed(scene: Scene | Boom) -> None:
     """Refuse before the work what a scene's simulators need and isn't there.
 
     Raises

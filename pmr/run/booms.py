@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from pmr.compare import booms as compared
 from pmr.compare import errors
 from pmr.compare.boom_references import FullBoom, FullRun
+from pmr.compare.boom_simulations import BoomSimulations, simulate
+from pmr.compare.responses import check_installed
 from pmr.compare.summary import Part, driven, gathered, made_with, trusted
 from pmr.compare.validity import large_motion
 from pmr.environment import Clock
@@ -23,15 +25,10 @@ from pmr.reduce.sections import reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.results import BoomFrequencies, BoomResult, Response
 from pmr.scene import Boom
-from pmr.simulate import Excitation, contact_step
+from pmr.simulate import contact_step
 from pmr.simulate.booms import excitation_of, system_of
-from pmr.simulate.native import multibody
 from pmr.simulate.native.multibody_march import contact_frequency, places
 from pmr.simulate.petsc import Checkpoint
-from pmr.system.system import System, SystemTrajectory
-
-#: s: what takes no longer is simulated several times.
-SHORT = 2.0
 
 
 @dataclass(frozen=True)
@@ -56,6 +53,7 @@ def run_boom(
     ConvergenceError, SimulationError
         If a solver fails.
     """
+    check_installed(boom)
     clock = clock or Clock()
     with clock.stage("assemble"):
         built = build_sections(boom, comm)
@@ -77,10 +75,9 @@ def run_boom(
     responses: dict[str, Response] = {} if whole.response is None else {"full": whole.response}
     states = None
     if comm.rank == 0:
-        with clock.stage("reduced") as done:
-            simulated = _simulated(boom, system, excitation, done)
-        responses |= {"reduced": compared.respond(system, simulated)}
-        states = states_of(system, simulated, recovered)
+        simulations = simulate(boom, system, excitation, clock)
+        responses |= {"reduced": simulations.response}
+        states = states_of(system, simulations.first, recovered)
     seen = dict[str, Recovered]()
     if boom.recovery is not None:
         with clock.stage("recover"):
@@ -106,11 +103,12 @@ def run_boom(
                 "absolute_errors": errors.errors(common, errors.absolute_error, quantities=measured),
                 "max_displacement": float(np.abs(reference).max()),
                 "max_error": None if off is None else float(off),
-                "simulators": {"reduced": "march"} | ({"full": full.simulator} if full and "full" in responses else {}),
-                "agreement": {},
+                "simulators": {"reduced": boom.simulation.simulators[0]}
+                | ({"full": full.simulator} if full and "full" in responses else {}),
+                "agreement": dict(simulations.agreement),
             }
         ),
-        _seconds(clock, responses),
+        _seconds(clock, simulations, responses),
         compared.sections(boom, responses, sizes, {name: one.summary() for name, one in seen.items()}),
         compared.joints(boom, responses["reduced"]),
         driven(excitation),
@@ -133,18 +131,9 @@ def run_boom(
     return BoomOutcome(result, reduced)
 
 
-def _simulated(boom: Boom, system: System, excitation: Excitation, done: Callable[[float], None]) -> SystemTrajectory:
-    """From equilibrium; a short simulation is repeated as the scene says, and the fastest counts."""
-    start = multibody.static_start(system, excitation)
-    found = [multibody.simulate(system, excitation, start, done)]
-    while len(found) < boom.simulation.repeats and found[0].seconds < SHORT:
-        found.append(multibody.simulate(system, excitation, start))
-    return min(found, key=lambda one: one.seconds)
-
-
-def _seconds(clock: Clock, responses: Mapping[str, Response]) -> Part:
+def _seconds(clock: Clock, simulations: BoomSimulations, responses: Mapping[str, Response]) -> Part:
     stages = {name: clock.seconds[name] for name in ("assemble", "reduce", "recover") if name in clock.seconds}
-    simulated = {"march": responses["reduced"].seconds}
+    simulated = dict(simulations.seconds)
     if "full" in responses:
         simulated["full"] = responses["full"].seconds
     return Part({"seconds": {**stages, "simulate": simulated}})

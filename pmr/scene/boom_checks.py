@@ -14,7 +14,7 @@ from pmr.scene.boom_parts import footprint, is_planar, seats, section_scene
 from pmr.scene.checks import MOST_STEPS
 from pmr.scene.magnitudes import check_magnitudes
 from pmr.scene.signals import bounds
-from pmr.scene.simulators import Needs, refuse
+from pmr.scene.simulators import SIMULATORS
 from pmr.scene.structure_checks import check_structure
 
 #: Round-off of a user's arithmetic, m for each m of length.
@@ -210,4 +210,6 @@ def _simulators(boom: Boom) -> None:
     if "ancf" in boom.compare.against:
         raise _refusal("compare.against", list(boom.compare.against), "['full'] or [] is allowed for sections")
     for name in boom.simulation.simulators:
-        refuse(name, Needs(paths=boom.names[1:]))
+        if not SIMULATORS[name].several_paths:
+            able = [one for one, can in SIMULATORS.items() if can.several_paths and can.reduced_models]
+            raise _refusal("simulation.simulators", name, f"{' and '.join(able)} are allowed for sections")

@@ -54,7 +54,7 @@ class Capabilities:
 #: By the names of `simulation.simulators` and `simulation.full`.
 SIMULATORS = {
     "march": Capabilities(rows_that_push=True, kept_inertia=True, several_paths=True),
-    "exudyn": Capabilities(package="exudyn"),
+    "exudyn": Capabilities(several_paths=True, package="exudyn"),
     "exudyn-multiplier": Capabilities(package="exudyn"),
     "exudyn-callback": Capabilities(rows_that_give_way=False, package="exudyn"),
     "petsc": Capabilities(rows_that_push=True, several_paths=True, reduced_models=False),

@@ -72,7 +72,7 @@ def excitation_of(boom: Boom, system: Joined[Section]) -> Excitation:
         known: dict[str, SignalBase] = {load.name: load.signal for load in part.loads}
         known |= {"gravity": boom.gravity.signal, DRIVEN: Acceleration(paths=paths, step=stepping.step)}
         loads |= {f"{part.name}.{name}": known[name] for name in system.bodies[part.name].input_names}
-    return Excitation(boom.paths, loads, stepping)
+    return Excitation(boom.paths, loads, stepping, boom.simulation)
 
 
 class Acceleration(SignalBase):

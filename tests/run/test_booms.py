@@ -57,6 +57,15 @@ def test_summary_says_what_each_section_and_joint_does(outcome: BoomOutcome) -> 
     assert told["min"] == force.min() and told["max"] == force.max()
 
 
+def test_exudyn_simulates_the_sections_beside_march() -> None:
+    """By a cylinder, pads and an acceleration along the boom; to Newton's tolerance."""
+    found = run_boom(load(*QUICK, "compare.against=[]", "simulation.simulators=['march','exudyn']", "time.end=0.1"))
+    assert found is not None
+    summary = found.result.summary
+    assert summary["agreement"]["march_vs_exudyn"] < 1e-9 * summary["max_displacement"]
+    assert summary["simulators"]["reduced"] == "march" and set(summary["seconds"]["simulate"]) == {"march", "exudyn"}
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize("pads", ["both ways", pytest.param("pushing", marks=pytest.mark.slow)])
 def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.MonkeyPatch) -> None:

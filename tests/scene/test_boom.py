@@ -71,7 +71,7 @@ REFUSED = [
     ("section.joint.tail.0.faces.bottom=[0.2]", r"sections\[1\].joint.tail\[0\].faces.bottom = 0\.2: the pad"),
     ("section.joint.tail.0.unilateral=false", ""),
     ("section.joint.tail=[{at=0.15,unilateral=false,clearance=0.01}]", r"a clearance goes with unilateral = true"),
-    ("simulation.simulators=['exudyn']", r"simulation.simulators = 'exudyn': march is allowed: exudyn knows one path"),
+    ("simulation.simulators=['exudyn-callback']", r"simulators = 'exudyn-callback': march and exudyn are allowed"),
     ("compare.against=['ancf']", r"compare.against = \['ancf'\]: \['full'\] or \[\] is allowed"),
     ("time.step=3e-3", r"time.step = 0\.003: a whole number of steps"),
     ("recovery.every=1.5e-3", r"recovery.every = 0\.0015: a multiple of time.step"),
