@@ -15,6 +15,8 @@ basis whose coordinates keep their meaning, and leaves the sliders as a few cons
     response = pmr.simulate(scene, model)
     response.t, response.displacement
 
+    pmr.run(pmr.load_scene("boom_three"))         # a boom of several sections; workflows go by their names
+
     given = pmr.from_matrices(M, K, points, groups)  # what another program assembled
     given.save("boom.npz")                        # body.model = "matrices", mesh.file = "boom.npz"
 
@@ -31,8 +33,9 @@ if TYPE_CHECKING:
     from pmr.files.matrices import from_matrices
     from pmr.reduced.model import ReducedModel
     from pmr.results import RunResult
-    from pmr.scene import load as load_scene
+    from pmr.scene import load_any as load_scene
     from pmr.simulate.native.stepper import Stepper
+    from pmr.system.system import System
 
 __version__ = "0.1.0"
 
@@ -44,13 +47,14 @@ _PLACES = {
     "RunResult": "pmr.results:RunResult",
     "SimulationError": "pmr.errors:SimulationError",
     "Stepper": "pmr.simulate.native.stepper:Stepper",
+    "System": "pmr.system.system:System",
     "from_matrices": "pmr.files.matrices:from_matrices",
-    "load_scene": "pmr.scene:load",
+    "load_scene": "pmr.scene:load_any",
 }
 #: Rooms that are called by what one does there: `pmr.reduce(scene)`, and `pmr.reduce.basis` as of any package.
 _VERBS = {
     "reduce": "pmr.run:reduce",
-    "run": "pmr.run:run",
+    "run": "pmr.run.either:run_either",
     "simulate": "pmr.compare.responses:simulate_reduced",
 }
 
@@ -61,6 +65,7 @@ __all__ = [
     "RunResult",
     "SimulationError",
     "Stepper",
+    "System",
     "from_matrices",
     "load_scene",
 ]

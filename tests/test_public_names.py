@@ -13,8 +13,8 @@ from pmr import scene as scenes
 
 
 def test_every_public_name_is_there() -> None:
-    assert pmr.load_scene is scenes.load
-    assert {"ReducedModel", "Stepper", "load_scene", "reduce", "run", "simulate"} <= set(dir(pmr))
+    assert pmr.load_scene is scenes.load_any
+    assert {"ReducedModel", "Stepper", "System", "load_scene", "reduce", "run", "simulate"} <= set(dir(pmr))
     assert all(getattr(pmr, name) is not None for name in dir(pmr))
 
 

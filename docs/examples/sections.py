@@ -9,11 +9,10 @@ pads between two of them sit on one and travel on the other. They only push.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pmr import scene as scenes
-from pmr.run.booms import run_boom
+import pmr
 
-boom = scenes.load_any("boom_three", ["time.end=4.0", "section.mesh.elements=20"])
-result = run_boom(boom).result
+boom = pmr.load_scene("boom_three", ["time.end=4.0", "section.mesh.elements=20"])
+result = pmr.run(boom).result
 summary = result.summary
 for section in summary["sections"]:
     sizes = section["coordinates"]

@@ -98,8 +98,8 @@ def run(
         leave(f"FEniCSx is not installed ({error}); reduced models simulate without it, new ones need it", 1)
     from pmr.environment import Clock
     from pmr.report.document import REPORT_FILES, write_report
-    from pmr.run import run as run_scene
-    from pmr.run.booms import BoomOutcome, run_boom
+    from pmr.run.booms import BoomOutcome
+    from pmr.run.either import run_either
     from pmr.simulate.petsc import Checkpoint
 
     first = MPI.COMM_WORLD.rank == 0
@@ -109,10 +109,7 @@ def run(
         checkpoint = Checkpoint(where / f"full-{scene.hash}.checkpoint")
         with _progress(name, shown=first) as progress:
             try:
-                if isinstance(scene, scenes.Boom):
-                    outcome: Outcome | BoomOutcome | None = run_boom(scene, MPI.COMM_WORLD, Clock(progress), checkpoint)
-                else:
-                    outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), checkpoint, cache)
+                outcome = run_either(scene, MPI.COMM_WORLD, Clock(progress), checkpoint, cache)
             except InputError as error:
                 raise error.found_in(str(file)) from None
             except (np.linalg.LinAlgError, ArithmeticError) as error:
