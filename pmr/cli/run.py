@@ -157,10 +157,12 @@ def _save_boom(outcome: BoomOutcome, folder: Path) -> None:
     from pmr.export.paraview import Travelling, write_bodies
     from pmr.report.document import REPORT_FILES
     from pmr.results import RESULT_FILES
+    from pmr.results.tables import write as write_tables
 
     result = outcome.result
     with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
         result.save(new)
+        write_tables(result, new)
         for name, model in outcome.reduced.items():
             model.save(new / f"reduced-{name}.npz")
         if result.fields and result.scene.recovery is not None and result.scene.recovery.series:

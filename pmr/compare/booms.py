@@ -53,12 +53,16 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
 
 def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
     """The same of what any simulator says at the times t (T,) s."""
-    moved, springs = list[Array](), list[Array]()
+    moved, springs, others = list[Array](), list[Array](), list[Array]()
+    other_names, other_units = list[str](), list[str]()
     x, names, force_names = list[Array](), list[str](), list[str]()
     for name, body in system.bodies.items():
         of, y = called(body, ()), said.outputs[name]
         moved.append(y[:, length_outputs(body)])
         springs.append(y[:, force_outputs(body)])
+        others.append(y[:, ~(length_outputs(body) | force_outputs(body))])
+        other_names += [f"{name}: {one}" for one in of.others]
+        other_units += of.other_units
         x.append(body.output_positions[length_outputs(body)])
         names += [f"{name}: {one}" for one in of.moved]
         force_names += [f"{name}: {one}" for one in of.forces]
@@ -76,6 +80,9 @@ def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
         output_units=("m",) * len(names),
         force_names=(*force_names, *map(force_of, system.contact_names)),
         force_peaks=np.hstack([*springs, said.peaks]),
+        others=np.hstack(others) if other_names else None,
+        other_names=tuple(other_names),
+        other_units=tuple(other_units),
     )
 
 

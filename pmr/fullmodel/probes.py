@@ -9,7 +9,7 @@ A mean over a group weighs each of its stress points alike.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,10 +71,17 @@ def gauges(scene: Scene, model: StructuralModel) -> list[Gauge]:
     return found
 
 
-def places(outputs: Iterable[object]) -> dict[str, list[dict[str, Any]]]:
-    """``probes`` of summary.json: name, unit, place in m and face of each gauge among the outputs of a structure."""
-    found = [one for one in outputs if isinstance(one, Gauge)]
-    said = [{"name": one.name, "unit": one.unit, "at": one.at.tolist(), "face": one.face} for one in found]
+def places(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, Any]]]:
+    """``probes`` of summary.json: name, unit, place in m and face of each gauge among the outputs of bodies.
+
+    Names begin with that of the body, unless this is empty.
+    """
+    said = [
+        {"name": f"{body}: {one.name}" if body else one.name, "unit": one.unit, "at": one.at.tolist(), "face": one.face}
+        for body, gauges in outputs.items()
+        for one in gauges
+        if isinstance(one, Gauge)
+    ]
     return {"probes": said} if said else {}
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pmr.environment import needed
 from pmr.errors import InputError
 from pmr.files.swap import finished
+from pmr.results.boom import BoomResult
 from pmr.results.run import RunResult
 from pmr.results.tables import tables
 
@@ -36,7 +37,8 @@ def load(folder: str | Path) -> dict[str, DataFrame]:
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     if "studies" in summary:
         return {f"{one}/{name}": frame for one in summary["studies"] for name, frame in load(folder / one).items()}
-    result = RunResult.load(folder)
+    several = "sections" in json.loads((folder / "scene.json").read_text(encoding="utf-8"))
+    result = BoomResult.load(folder) if several else RunResult.load(folder)
     found = {
         name: pandas.DataFrame(list(table.rows), columns=list(table.columns)) for name, table in tables(result).items()
     }

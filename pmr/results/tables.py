@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.results.boom import BoomResult
 from pmr.results.cycles import cycles
 from pmr.results.extremes import Extremes
 from pmr.results.run import Response, RunResult
@@ -33,13 +34,15 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
 
 
-def tables(result: RunResult) -> dict[str, Table]:
-    """Those for which a run has rows, by the names of their files."""
+def tables(result: RunResult | BoomResult) -> dict[str, Table]:
+    """Those for which a run has rows, by the names of their files; of a boom of sections `s` is its reach."""
     found = {name: make(result) for name, make in _TABLES.items()}
+    if isinstance(result, RunResult):
+        found["stress"] = stress(result)
     return {name: table for name, table in found.items() if table.rows}
 
 
-def write(result: RunResult, folder: Path) -> None:
+def write(result: RunResult | BoomResult, folder: Path) -> None:
     """Write each table as ``tables/<name>.csv`` into a run's folder."""
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     for name, table in tables(result).items():
@@ -49,7 +52,7 @@ def write(result: RunResult, folder: Path) -> None:
             writer.writerows([cell if isinstance(cell, str) else repr(cell) for cell in row] for row in table.rows)
 
 
-def forces(result: RunResult) -> Table:
+def forces(result: RunResult | BoomResult) -> Table:
     """Smallest and largest force of every pad, slider and support that gives way, when, and where the path is then."""
     rows: list[tuple[Cell, ...]] = [
         (model, name, *found.summary().values())
@@ -72,14 +75,17 @@ def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
     return {name: Extremes.of(response.other(name), response.t, path) for name in response.other_names}
 
 
-def frequencies(result: RunResult) -> Table:
-    """Lowest frequencies over the path coordinate s."""
-    found = result.frequencies
-    known = {name: getattr(found, name) for name in ("reduced", "full", "closed_form")}
-    known = {name: omega for name, omega in known.items() if omega.size}
-    heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, omega in known.items() for k in range(omega.shape[1])]
-    values = np.column_stack([found.s, *(omega / (2.0 * np.pi) for omega in known.values())])
-    return Table(("s [m]", *heads), tuple(map(tuple, values.tolist())) if known else ())
+def frequencies(result: RunResult | BoomResult) -> Table:
+    """Lowest frequencies over the path coordinate s, or over the reach of a boom of sections."""
+    if isinstance(result, BoomResult):
+        place, at, known = "reach [m]", result.frequencies.reach, dict(result.frequencies.models)
+    else:
+        found = result.frequencies
+        known = {name: getattr(found, name) / (2.0 * np.pi) for name in ("reduced", "full", "closed_form")}
+        place, at, known = "s [m]", found.s, {name: f for name, f in known.items() if f.size}
+    heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in known.items() for k in range(f.shape[1])]
+    values = np.column_stack([at, *known.values()])
+    return Table((place, *heads), tuple(map(tuple, values.tolist())) if known else ())
 
 
 def stress(result: RunResult) -> Table:
@@ -92,7 +98,7 @@ def stress(result: RunResult) -> Table:
     return Table(("model", "region", "von Mises [Pa]", "t [s]", *places, "face"), tuple(rows))
 
 
-def probes(result: RunResult) -> Table:
+def probes(result: RunResult | BoomResult) -> Table:
     """Smallest and largest value of what each probe measures."""
     rows = []
     for model, response in result.responses.items():
@@ -106,7 +112,7 @@ def probes(result: RunResult) -> Table:
     )
 
 
-def load_cycles(result: RunResult) -> Table:
+def load_cycles(result: RunResult | BoomResult) -> Table:
     """Rainflow cycles of what the probes measure in stress and strain, for a fatigue assessment."""
     rows = []
     for model, response in result.responses.items():
@@ -117,10 +123,9 @@ def load_cycles(result: RunResult) -> Table:
     return Table(("model", "probe", "unit", "range", "mean", "count", "t_begin [s]", "t_end [s]"), tuple(rows))
 
 
-_TABLES: Mapping[str, Callable[[RunResult], Table]] = {
+_TABLES: Mapping[str, Callable[[RunResult | BoomResult], Table]] = {
     "forces": forces,
     "frequencies": frequencies,
-    "stress": stress,
     "probes": probes,
     "cycles": load_cycles,
 }
@@ -130,11 +135,11 @@ def _extremes(unit: str) -> tuple[str, ...]:
     return f"min [{unit}]", "t_min [s]", "s_min [m]", f"max [{unit}]", "t_max [s]", "s_max [m]"
 
 
-def _probes(result: RunResult, response: Response) -> Iterator[Mapping[str, Any]]:
+def _probes(result: RunResult | BoomResult, response: Response) -> Iterator[Mapping[str, Any]]:
     yield from (probe for probe in result.summary.get("probes", ()) if probe["name"] in response.other_names)
 
 
-def _path(result: RunResult, response: Response) -> Array:
-    """s(t) in m at the times of a response, which may have fewer steps."""
-    t = response.t
-    return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(result.path)), result.path)
+def _path(result: RunResult | BoomResult, response: Response) -> Array:
+    """Path coordinate or reach in m at the times of a response, which may have fewer steps."""
+    t, path = response.t, result.reach if isinstance(result, BoomResult) else result.path
+    return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(path)), path)

@@ -136,7 +136,7 @@ def run(
         Part(warnings=build_warnings(built.structure)),
         Part(warnings=free_motions.warnings(built.structure, scene.path_bounds)),
         pads(scene, responses["reduced"]),
-        Part(places(built.structure.outputs)),
+        Part(places({"": built.structure.outputs})),
         contact(reduced, excitation),
         trusted(found.missing, responses),
         theory(scene, responses),

@@ -17,6 +17,7 @@ from pmr.compare.validity import large_motion
 from pmr.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
+from pmr.fullmodel import probes
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.sections import build_sections
 from pmr.recover.from_scene import Recovered
@@ -111,6 +112,7 @@ def run_boom(
         _seconds(clock, simulations, responses),
         compared.sections(boom, responses, sizes, {name: one.summary() for name, one in seen.items()}),
         compared.joints(boom, responses["reduced"]),
+        Part(probes.places({name: one.structure.outputs for name, one in built.items()})),
         driven(excitation),
         Part(contact_step.summary_of(omega, excitation.stepping), contact_step.warnings_of(omega, excitation.stepping)),
         trusted({"full": whole.missing} if whole.missing else {}, responses),

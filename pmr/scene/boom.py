@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 
 from pmr.scene.asked import Compare, Damping, Observe, Published, Recovery, Reduction, Simulation, TimeChoice
 from pmr.scene.built import Body, Face, Gravity, Load, MeshChoice, PadRing, Support
+from pmr.scene.probes import Probe
 from pmr.scene.section import Distance, Place, Quantity, Section, Size, Stiffness, Switch
 from pmr.scene.signals import Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats
@@ -91,6 +92,7 @@ class BoomSection(Section):
     masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to it")
     loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
     observe: Observe = Field(default=Observe(), description="Where motions are compared and drawn")
+    probes: tuple[Probe, ...] = Field(default=(), description="Where stress, strain or motion is followed")
     reduction: Reduction = Field(default=Reduction(), description="How it is reduced")
     joint: Joint | None = Field(default=None, description="How it slides in the section before it")
 

@@ -121,6 +121,7 @@ def section_scene(boom: Boom, number: int) -> Scene:
         damping=boom.damping,
         time=boom.time,
         observe=part.observe,
+        probes=part.probes,
         recovery=boom.recovery,
         reduction=part.reduction,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 import meshio
@@ -18,6 +19,8 @@ from pmr.reduce.sections import reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.report.document import write_report
 from pmr.results import BoomResult
+from pmr.results import load as load_frames
+from pmr.results.tables import tables
 from pmr.run.booms import BoomOutcome, run_boom
 from pmr.scene import Boom
 from pmr.simulate.booms import excitation_of, system_of
@@ -40,7 +43,8 @@ def load(*changes: str, file: str = "boom_three") -> Boom:
 
 @pytest.fixture(scope="module")
 def outcome() -> BoomOutcome:
-    found = run_boom(load(*QUICK, "sections.fly.loads.0.signal=3000.0"))
+    probe = "sections.middle.probes=[{name='waist',at=[3.0,0.0,0.0],measures=['displacement']}]"
+    found = run_boom(load(*QUICK, "sections.fly.loads.0.signal=3000.0", probe))
     assert found is not None
     return found
 
@@ -48,7 +52,7 @@ def outcome() -> BoomOutcome:
 def test_summary_says_what_each_section_and_joint_does(outcome: BoomOutcome) -> None:
     summary = outcome.result.summary
     assert summary["coordinates"] == {"full": 117, "reduced": 15}
-    assert max(summary["errors"]["reduced_vs_full"].values()) < 5e-3
+    assert max(summary["errors"]["reduced_vs_full"][of] for of in ("tip", "beam", "pad_force")) < 5e-3
     assert [one["name"] for one in summary["sections"]] == ["base", "middle", "fly"]
     assert summary["sections"][2]["coordinates"] == {"full": 39, "reduced": 6}
     assert len(summary["pads"]) == 8 and len(summary["cylinders"]) == 2
@@ -92,6 +96,22 @@ def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.Monk
     assert sparse.frequencies.models["full"] == pytest.approx(dense.frequencies.models["full"], rel=1e-6)
 
 
+def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: BoomOutcome) -> None:
+    result, found = outcome.result, tables(outcome.result)
+    assert set(found) == {"forces", "frequencies", "probes"}
+    assert found["frequencies"].columns[0] == "reach [m]"
+    assert [row[0] for row in found["frequencies"].rows] == result.frequencies.reach.tolist()
+    told = {row[1]: row for row in found["forces"].rows if row[0] == "reduced"}
+    assert set(told) == {one["name"] for kind in ("pads", "cylinders") for one in result.summary[kind]}
+    probe = next(row for row in found["probes"].rows if row[:2] == ("reduced", "middle: waist displacement z"))
+    response = result.responses["reduced"]
+    beside = 1e3 * response.displacement[:, response.output_names.index("middle: z at 3 m")]
+    moved = response.other("middle: waist displacement z")
+    assert np.abs(moved - beside).max() < 1e-9 * np.abs(beside).max()
+    assert (probe[7], probe[10]) == (moved.min(), moved.max()) and probe[2:6] == ("mm", 3.0, 0.0, 0.0)
+    assert result.summary["errors"]["reduced_vs_full"]["middle: waist displacement z"] < 5e-3
+
+
 def test_pads_that_hold_both_ways_and_pull_are_told_with_what_to_set(outcome: BoomOutcome) -> None:
     said = [line for line in outcome.result.summary["warnings"] if "pull" in line]
     assert said and all("unilateral = true in sections." in line for line in said)
@@ -108,6 +128,8 @@ def test_frequencies_are_those_of_the_full_model_from_the_shortest_to_the_longes
 def test_a_result_is_read_as_it_was_saved_and_reported(outcome: BoomOutcome, tmp_path: Path) -> None:
     outcome.result.save(tmp_path)
     again = BoomResult.load(tmp_path)
+    if find_spec("pandas"):
+        assert len(load_frames(tmp_path)["reduced"]) == len(again.responses["reduced"].t)
     assert again.scene.hash == outcome.result.scene.hash and again.summary == json.loads(json.dumps(again.summary))
     assert np.array_equal(again.responses["full"].slider_force, outcome.result.responses["full"].slider_force)
     assert np.array_equal(again.frequencies.models["full"], outcome.result.frequencies.models["full"])
