@@ -37,13 +37,16 @@ def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
     assert 0.5 in {round(share, 2) for stage, share in stages if stage == "ancf"}
     result, summary = outcome.result, outcome.result.summary
     assert list(dict.fromkeys(stage for stage, share in stages if share == 1.0)) == [
-        "assemble", "snapshots", "pod", "frequencies", "full", "ancf", "reduced, march", "reduced, exudyn", "step"
+        "assemble", "snapshots", "pod", "frequencies", "full", "ancf", "reduced, march", "reduced, exudyn", "estimate",
+        "step",
     ]  # fmt: skip
     assert set(summary["errors"]) == {"reduced_vs_full", "full_vs_ancf", "reduced_vs_ancf"}
     assert summary["coordinates"] == {"full": 63, "reduced": 20} and summary["scene_hash"] == scene.hash
     assert set(summary["seconds"]) == {"assemble", "snapshots", "pod", "simulate"}
     assert set(summary["seconds"]["simulate"]) == {"march", "exudyn", "full", "ancf"}
-    assert summary["estimate"]["beam"] is None and "residual flexibility" in summary["estimate"]["reason"]
+    assert summary["estimate"]["by"] == "other model"
+    assert 1.0 <= summary["estimate"]["beam"] / summary["errors"]["reduced_vs_full"]["beam"] < 2.0
+    assert result.tip_error is not None and result.tip_error.shape == (len(result.path), 1)
     assert summary["warnings"] == []
     assert set(summary["agreement"]) == {"march_vs_exudyn"} and 0.0 < summary["agreement"]["march_vs_exudyn"] < 1e-11
     assert summary["simulators"] == {"reduced": "march", "full": "march"}

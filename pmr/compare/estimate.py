@@ -59,11 +59,11 @@ class Estimate:
         The same of the forces of sliders and pads; None where these have no size (`pmr.compare.outputs.impulsive`).
     velocity : float
         The same of the displacements' rates.
-    kappa : float
+    kappa : float or None
         Share of the residual part's inertia that the enrichment modes carry.
     by : str
-        What told: ``inertia`` (d), or ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d).
-    chi : float
+        What told: ``inertia`` (d), ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d) or ``other model``.
+    chi : float or None
         Share of the first truncated mode's motion that is not quasi-static.
     error : (T, o) array, m
         What is missing in the outputs, as far as these runs know, without margin.
@@ -75,9 +75,9 @@ class Estimate:
     tip: float
     pad_force: float | None
     velocity: float
-    kappa: float
+    kappa: float | None
     by: str
-    chi: float
+    chi: float | None
     error: Array
     seconds: float
 
@@ -157,6 +157,41 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
     )
 
 
+def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation, tips: int = 1) -> Estimate:
+    r"""The error of a model on any basis, from another one of the same body whose error can be estimated.
+
+    .. math:: \lVert y - y_r \rVert \le \lVert y_b - y_r \rVert + \lVert y - y_b \rVert
+
+    with y_b the motion of free modes with residual flexibility, and their own estimate for the last term.
+
+    Raises
+    ------
+    ValueError, InputError, SimulationError
+        As for `estimate` of the other model.
+    """
+    begin = time.perf_counter()
+    own_of_better = estimate(better, excitation, tips)
+
+    def simulated(one: ReducedModel) -> Outputs:
+        form = modal_form(one)
+        return outputs(form.body, march.simulate_modal(form, excitation), excitation, tips)
+
+    own, other = simulated(model), simulated(better)
+    found = differences(own, other, Floors.of(better, excitation))
+    known = own.force.shape == other.force.shape and own_of_better.pad_force is not None
+    return Estimate(
+        beam=found["beam"] + own_of_better.beam,
+        tip=found["tip"] + own_of_better.tip,
+        pad_force=found["pad_force"] + (own_of_better.pad_force or 0.0) if known else None,
+        velocity=found["velocity"] + own_of_better.velocity,
+        kappa=None,
+        by="other model",
+        chi=None,
+        error=other.displacement - own.displacement + own_of_better.error,
+        seconds=time.perf_counter() - begin,
+    )
+
+
 def summary(
     model: ReducedModel, estimated: Estimate | None, not_covered: Sequence[str] = (), failed: str | None = None
 ) -> dict[str, float | str | list[str] | None]:
@@ -179,7 +214,7 @@ def warnings(model: ReducedModel, stepping: TimeStepping, estimated: Estimate | 
             f"the estimated error is {rounded(estimated.beam)} times the motion: "
             f"too few coordinates, or a motion that grows"
         )
-    if estimated is not None and estimated.beam > 0.0 and estimated.chi > REACHED:
+    if estimated is not None and estimated.beam > 0.0 and (estimated.chi or 0.0) > REACHED:
         found.append(
             f"load or slide reach the first truncated mode (chi = {estimated.chi:.2f}): more coordinates are worth most"
         )

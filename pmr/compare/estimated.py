@@ -2,38 +2,83 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from pmr.compare import coverage, estimate, step_advice, step_error
 from pmr.compare.summary import Part
 from pmr.environment import Clock
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
-from pmr.scene import Scene
+from pmr.scene import Reduction, Scene
 from pmr.scene.choice import transverse
 from pmr.simulate import Excitation
+from pmr.system.body import pushing_rows
 
 Array = NDArray[np.float64]
 
+#: Coordinates of the model that tells the error of another one.
+FEWEST = 6
 
-def reduction_error(scene: Scene, reduced: ReducedModel, clock: Clock) -> Part:
-    """``estimate``: the reduction's error as the enrichment modes tell it, and what is not in it."""
+
+@dataclass(frozen=True)
+class ReductionError:
+    """``estimate`` of a summary, and how far off the tip may be over time, (T, d) in m; None: not known."""
+
+    part: Part
+    band: Array | None
+
+
+def asks_for_other(scene: Scene, reduced: ReducedModel) -> bool:
+    """Whether it takes another model of the same body to tell the error (`pmr.compare.estimate.by_other`)."""
+    return scene.reduction.estimate and estimate.no_estimate(reduced) is not None and not pushing_rows(reduced)
+
+
+def other_of(scene: Scene, reduced: ReducedModel) -> Scene:
+    """The scene that has it: free modes with residual flexibility, no fewer coordinates."""
+    choice = scene.reduction
+    other = Reduction(basis="free_modes", coordinates=max(FEWEST, reduced.size), solver=choice.solver)
+    return scene.model_copy(update={"reduction": other})
+
+
+def reduction_error(
+    scene: Scene, reduced: ReducedModel, clock: Clock, other: ReducedModel | None = None
+) -> ReductionError:
+    """The reduction's error as the enrichment modes tell it, or an `other` model, and what is not in it."""
     excitation, found, failed, left_out = Excitation.of(scene), None, None, list[str]()
-    if scene.reduction.estimate and estimate.no_estimate(reduced) is None:
+    telling, tips = other or reduced, len(transverse(scene))
+    if scene.reduction.estimate and estimate.no_estimate(telling) is None:
         with clock.stage("estimate"):
             try:
-                found = estimate.estimate(reduced, excitation, len(transverse(scene)))
-                left_out = coverage.not_covered(reduced, excitation.signals, excitation.stepping)
+                if other is None:
+                    found = estimate.estimate(reduced, excitation, tips)
+                else:
+                    found = estimate.by_other(reduced, other, excitation, tips)
+                left_out = coverage.not_covered(telling, excitation.signals, excitation.stepping)
                 left_out += [coverage.BLOWS] * (found.pad_force is None)
             except SimulationError as error:
                 failed = str(error)
     figures: dict[str, Any] = {}
     if scene.reduction.estimate:
         figures = {"estimate": estimate.summary(reduced, found, left_out, failed)}
-    return Part(figures, estimate.warnings(reduced, excitation.stepping, found) + coverage.warnings(left_out))
+    said = estimate.warnings(reduced, excitation.stepping, found) + coverage.warnings(left_out)
+    band = None if found is None else envelope(estimate.MARGIN * found.error[:, -tips:])
+    return ReductionError(Part(figures, said), band)
+
+
+def envelope(error: Array) -> Array:
+    """What signals (T, o) stay within for two periods of their oscillation around each time."""
+    signs = np.signbit(error)
+    crossings = np.count_nonzero(signs[1:] != signs[:-1], axis=0)
+    found = np.empty_like(error)
+    for k, count in enumerate(crossings):
+        size = min(len(error), 4 * len(error) // max(int(count), 1))
+        found[:, k] = maximum_filter1d(np.abs(error[:, k]), size)
+    return found
 
 
 def step_part(scene: Scene, reduced: ReducedModel, omega: Array, clock: Clock) -> Part:

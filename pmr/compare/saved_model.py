@@ -49,12 +49,13 @@ def simulate_saved(reduced: ReducedModel, scene: Scene, clock: Clock | None = No
     }
     s = np.unique(np.linspace(excitation.s.min(), excitation.s.max(), POSITIONS))
     found = reduced_frequencies(reduced, s, min(FREQUENCIES, reduced.size))
+    estimated = reduction_error(scene, reduced, clock)
     parts = [
         made_with(scene),
         Part(figures),
         simulated(simulations, {}),
         driven(excitation),
-        reduction_error(scene, reduced, clock),
+        estimated.part,
         step_part(scene, reduced, found, clock),
         pads(scene, response),
         contact(reduced, excitation),
@@ -69,4 +70,5 @@ def simulate_saved(reduced: ReducedModel, scene: Scene, clock: Clock | None = No
         excitation.forces(reduced.input_names),
         Shapes(np.zeros(0), reduced.output_positions, reduced.outputs),
         FrequencyCurves(s, full=nothing, reduced=found, closed_form=nothing),
+        tip_error=estimated.band,
     )

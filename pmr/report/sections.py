@@ -10,7 +10,7 @@ from pmr.report import borne, parameters, provenance, sentences
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, drawing
 from pmr.report.errors import compared, error_table
 from pmr.report.errors import rows as error_rows
-from pmr.report.figures import budget, captions, forces, histories, inputs, shapes, sketch, spectra
+from pmr.report.figures import band, budget, captions, forces, histories, inputs, shapes, sketch, spectra
 from pmr.report.figures import response as in_frequency
 from pmr.report.figures.colours import ramp
 from pmr.report.figures.timeline import Array
@@ -92,9 +92,14 @@ def motion(result: RunResult, prefix: str) -> Block | None:
 def tip(result: RunResult, prefix: str) -> Block:
     """Displacement of the tip along every direction across the axis."""
     rows = []
-    for direction, what in tips(result).items():
+    for number, (direction, what) in enumerate(tips(result).items()):
         caption, label = captions.tip(result, ACROSS[direction], what), f"Tip {direction}"
         rows.append((drawing(f"{prefix}-tip-{direction}", histories.history, caption, result, what, label, "m", what),))
+        if result.tip_error is not None:
+            inside = "; in it the difference to the full model" if "full" in result.responses else ""
+            said = f"How far off the tip may be {ACROSS[direction]} by the estimate{inside}."
+            wide = result.tip_error[:, number]
+            rows.append((drawing(f"{prefix}-band-{direction}", band.band, said, result, what, wide),))
     return Block(heading="Motion of the tip", rows=tuple(rows))
 
 

@@ -69,11 +69,12 @@ def estimate(result: RunResult) -> str:
     said = f"The estimate, which needs no full model, is {tip} at the tip and {beam} along the beam"
     if found.get("pad_force") is not None:
         said = f"{said.replace(' and ', ', ')} and {percent(found['pad_force'])} in the {forces_called(result)}"
-    known = (
-        f", {significant(found['beam'] / true, 3)} times the true error"
-        if true
-        else "; it includes a margin of a quarter"
+    of = (
+        "it is made by a model of free modes"
+        if found.get("by") == "other model"
+        else "it includes a margin of a quarter"
     )
+    known = f", {significant(found['beam'] / true, 3)} times the true error" if true else f"; {of}"
     left_out = found.get("not_covered")
     rest = f" It does not cover {'; nor '.join(left_out)}." if left_out else ""
     return f"{said}{known}.{rest}"

@@ -205,6 +205,7 @@ class RunResult:
     fields: Fields | None = None
     peak_stress: Mapping[str, Array] = field(default_factory=dict)
     frequency_response: FrequencyResponse | None = None
+    tip_error: Array | None = None  # how far off the tip may be by the estimate, (T, d) m
 
     @property
     def columns(self) -> dict[str, list[str]]:
@@ -214,6 +215,8 @@ class RunResult:
         for name in ("full", "reduced", "closed_form"):
             count = getattr(self.frequencies, name).shape[1]
             found[f"frequencies.{name}"] = [f"frequency {k + 1} [rad/s]" for k in range(count)]
+        if self.tip_error is not None:
+            found["estimate.tip"] = [f"tip {k + 1} [m]" for k in range(self.tip_error.shape[1])]
         for simulator, response in self.responses.items():
             found |= {f"{simulator}.{array}": names for array, names in response.columns.items()}
             if response.force_peaks is not None:
@@ -231,6 +234,8 @@ class RunResult:
         for simulator, response in self.responses.items():
             arrays |= records.arrays(response, f"{simulator}.")
         arrays |= {f"peak_stress.{name}": stress for name, stress in self.peak_stress.items()}
+        if self.tip_error is not None:
+            arrays["estimate.tip"] = self.tip_error
         if self.frequency_response is not None:
             arrays |= records.arrays(self.frequency_response, "frequency_response.")
         npz.write(folder / "trajectories.npz", arrays)
@@ -257,6 +262,7 @@ class RunResult:
             frequency_response=records.record(FrequencyResponse, data, "frequency_response.")
             if "frequency_response.s" in data
             else None,
+            tip_error=data.get("estimate.tip"),
             peak_stress={
                 key.removeprefix("peak_stress."): values
                 for key, values in data.items()

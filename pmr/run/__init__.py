@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pmr import environment
 from pmr.accuracy import order
 from pmr.compare import memory
-from pmr.compare.estimated import reduction_error, step_part
+from pmr.compare.estimated import asks_for_other, other_of, reduction_error, step_part
 from pmr.compare.frequencies import CURVES, frequency_curves, visited_positions
 from pmr.compare.frequency_response import frequency_response
 from pmr.compare.frequency_response import part as frequency_part
@@ -33,6 +33,7 @@ from pmr.compare.summary import (
     trusted,
 )
 from pmr.environment import Clock
+from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fem.distributed import free_dropped
@@ -110,6 +111,7 @@ def run(
     choice = _chosen(scene, reduction, clock, cached)
     if choice is not None:
         scene, reduction = choice.scene, replace(reduction, reduced=choice.reduced)
+    other = _other(scene, reduction, cached)
     with clock.stage("frequencies"):
         curves = _frequency_curves(scene, reduction, cached)
     steps = recovered_steps(scene).tolist()
@@ -120,6 +122,7 @@ def run(
         return None
     responses = simulations.responses
     excitation, reduced = Excitation.of(scene), reduction.reduced
+    estimated = reduction_error(scene, reduced, clock, other)
     in_frequency = frequency_response(scene, reduced)
     parts = [
         made_with(scene, fenicsx_versions()),
@@ -129,7 +132,7 @@ def run(
         simulated(simulations, {name: clock.seconds[name] for name in STAGES if name in clock.seconds}),
         struck(reduced, excitation, responses),
         driven(excitation),
-        reduction_error(scene, reduced, clock),
+        estimated.part,
         step_part(scene, reduced, curves.reduced, clock),
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
@@ -144,7 +147,7 @@ def run(
         Part() if seen is None else Part(seen.summary()),
     ]
     result = _result(scene, gathered(parts), responses, reduction, curves)
-    result = replace(result, frequency_response=in_frequency)
+    result = replace(result, frequency_response=in_frequency, tip_error=estimated.band)
     if seen is not None:
         result = replace(result, fields=seen.reduced.fields, peak_stress=seen.histories())
     return Outcome(result, reduction.reduced)
@@ -232,6 +235,16 @@ def _chosen(scene: Scene, reduction: Reduction, clock: Clock, cached: Cache | No
 
     with clock.stage("finer mesh"):
         return order.with_mesh(choice, reduced_of)
+
+
+def _other(scene: Scene, reduction: Reduction, cached: Cache | None) -> ReducedModel | None:
+    """A model that tells the error of one which can't by itself; None where that can, or no model tells it."""
+    if not asks_for_other(scene, reduction.reduced):
+        return None
+    try:
+        return _cached_or_reduced(other_of(scene, reduction.reduced), reduction.model, Clock(), cached).reduced
+    except InputError:  # as few modes as a small mesh has
+        return None
 
 
 def _frequency_curves(scene: Scene, reduction: Reduction, cached: Cache | None) -> FrequencyCurves:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from oracle import flexible, full_body, inertial, nrms_error, paper_basis, project, rich_body
 
 from pmr.compare import estimate as estimates
-from pmr.compare.estimate import MARGIN, Estimate, estimate, no_estimate, warnings
+from pmr.compare.estimate import MARGIN, Estimate, by_other, estimate, no_estimate, warnings
+from pmr.compare.estimated import envelope
 from pmr.compare.indicators import kappa
 from pmr.compare.outputs import outputs
 from pmr.reduced.model import ReducedModel
@@ -173,6 +174,28 @@ def test_an_error_larger_than_the_motion_is_not_capped() -> None:
     found = estimate(model, driven(Constant(amount=2.0), Sine(amplitude=50.0, frequency=2.5), TimeStepping(3.0, 1e-3)))
     assert found.beam > 1.2 and found.tip > 1.2
     assert "times the motion: too few coordinates" in warnings(model, STEPPING, found)[0]
+
+
+@pytest.mark.parametrize("r", [12, 18])
+def test_of_any_basis_a_model_of_free_modes_tells_the_error(r: int) -> None:
+    """At least the true one, and more by what that model is off by itself."""
+    full, excitation = full_body(30), driven(PATH, LOADS[0], STEPPING)
+    pod, w = project(full, paper_basis(full, 5, 6, r)), truth(full, PATH, LOADS[0], STEPPING)
+    beam, error = errors(by_other(pod, inertial(full, 6, enrichment=4), excitation), pod, w, PATH, LOADS[0])
+    for free in (6, 10):
+        better = inertial(full, free, enrichment=4)
+        found, own = by_other(pod, better, excitation), estimate(better, excitation)
+        assert beam <= found.beam <= 1.01 * beam + 2.0 * own.beam
+        assert np.abs(found.error - error).max() < 0.5 * own.largest
+        assert found.by == "other model" and found.kappa is None and estimates.summary(pod, found)["chi"] is None
+
+
+def test_an_envelope_holds_an_oscillation_without_its_zeros() -> None:
+    t = np.linspace(0.0, 10.0, 2001)
+    error = np.stack([t * np.sin(2.0 * np.pi * 3.0 * t), np.zeros_like(t)], axis=1)
+    found = envelope(error)
+    assert np.all(found >= np.abs(error)) and np.all(found[:, 1] == 0.0)
+    assert np.all(found[:, 0] <= t + 0.5) and np.all(found[200:, 0] >= t[200:] - 0.5)
 
 
 def test_where_there_is_no_estimate_it_says_why() -> None:

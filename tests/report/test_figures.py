@@ -9,6 +9,7 @@ from matplotlib import pyplot
 
 from pmr.report.blocks import Drawing, drawing
 from pmr.report.figures import captions, histories
+from pmr.report.figures.band import band
 from pmr.report.figures.canvas import PENS, SHADE, log_axis, octave_axis, sheet
 from pmr.report.figures.timeline import Span, Timeline, sliding, tip_of
 from pmr.results import RunResult
@@ -171,3 +172,14 @@ def test_frequencies_over_decades_are_labelled_in_hertz() -> None:
     octave_axis(axes[0, 0], 0.0, 44.0)
     octave_axis(axes[0, 0], 31.0, 44.0)
     assert axes[0, 0].get_yscale() == "linear"
+
+
+def test_the_band_of_the_estimate_holds_what_is_drawn(make_result) -> None:
+    result = make_result()
+    wide = np.full(len(result.path), 2e-3)
+    figure = band(result, lambda response: response.tip, wide)
+    (filled,) = [one for one in figure.axes[0].collections if len(one.get_paths()[0].vertices) > 4]
+    off = 1e3 * np.abs(result.responses["reduced"].tip - result.responses["full"].tip).max()
+    edges = filled.get_paths()[0].vertices[:, 1]
+    assert edges.max() == -edges.min() == pytest.approx(2.0)
+    assert max(np.abs(line.get_ydata()).max() for line in figure.axes[0].lines) == pytest.approx(off)
