@@ -47,7 +47,8 @@ def test_another_signal_computes_nothing_again(load_scene, tmp_path: Path, compu
         run(load_scene("evolved_residual", [*SHORT, *choice, loads(signal)]), cache=tmp_path)
         for signal in ("-50.0", "-50.0", "20.0")
     )
-    assert computed == ["_reduce", "lowest_frequencies"]
+    told_by_others = basis != "free_modes"  # whose error takes a second reduction
+    assert computed == ["_reduce"] * (1 + told_by_others) + ["lowest_frequencies"]
     assert first and again and other
     for name in ("M", "D", "K", "B", "outputs"):
         assert np.array_equal(getattr(first.reduced, name), getattr(other.reduced, name)), name
