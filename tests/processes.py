@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,10 @@ import pytest
 from waiting import PATIENCE
 
 from pmr.cli.app import main
+
+FENICSX = ("dolfinx", "dolfinx_solver", "ufl", "basix", "ffcx")
+PETSC = ("petsc4py", "slepc4py", "mpi4py")
+COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
 
 
 @dataclass(frozen=True)
@@ -50,3 +55,8 @@ def python(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subproce
         cwd=cwd,
         env=dict(os.environ),
     )
+
+
+def without(packages: Sequence[str], *arguments: str, code: str = COMMAND) -> subprocess.CompletedProcess[str]:
+    """The command `pmr` with the given arguments, or other code, where none of the packages can be imported."""
+    return python("-c", f"import sys; sys.modules |= dict.fromkeys({list(packages)})\n{code}", *arguments)

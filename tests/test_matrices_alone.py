@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bricks import bricks, on_pads
+from processes import FENICSX, without
 
 from pmr import run as whole
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.files.matrices import from_matrices
-
-#: The command line where nothing of FEniCSx can be imported: PETSc and SLEPc are there.
-ALONE = """
-import sys
-for name in ("dolfinx", "ufl", "basix", "ffcx"):
-    sys.modules[name] = None
-from pmr.cli import main
-main()
-"""
 
 
 @pytest.fixture(scope="module")
@@ -32,13 +22,9 @@ def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return on_pads(folder)
 
 
-def alone(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", ALONE, *arguments], capture_output=True, text=True, timeout=300)
-
-
 @pytest.mark.slow
 def test_the_whole_way_without_fenicsx(scene_file: Path, tmp_path: Path) -> None:
-    done = alone("run", str(scene_file), "--out", str(tmp_path))
+    done = without(FENICSX, "run", str(scene_file), "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
     outcome = whole.run(scenes.load(scene_file))
     assert outcome is not None
@@ -54,7 +40,7 @@ def test_the_whole_way_without_fenicsx(scene_file: Path, tmp_path: Path) -> None
 
 
 def test_a_model_of_forms_is_refused_in_one_line() -> None:
-    done = alone("run", "paper_simple")
+    done = without(FENICSX, "run", "paper_simple")
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert "body.model = 'beam2d': matrices is allowed without FEniCSx" in done.stderr.replace('"', "'")
 

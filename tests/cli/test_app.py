@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from on_pads import beam_on_pads, modes_on_pads
 from oracle import flexible, full_body
-from processes import called, python
+from processes import called, python, without
 
 from pmr.cli.info import described_model
 
@@ -199,8 +199,7 @@ def test_unknown_simulators_are_refused(names: str, says: str, monkeypatch, caps
 
 
 def test_without_fenicsx_a_run_says_so_in_one_line() -> None:
-    blocked = "import sys; sys.modules['dolfinx'] = None; sys.argv[0] = 'pmr'; from pmr.cli.app import main; main()"
-    done = python("-c", blocked, "run", SIMPLE)
+    done = without(["dolfinx"], "run", SIMPLE)
     assert done.returncode == 2 and "allowed without FEniCSx" in done.stderr and "Traceback" not in done.stderr
 
 

@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import called
+from processes import FENICSX, PETSC, called, without
 
 from pmr import run as whole
 from pmr import scene
 
 ROOT = Path(__file__).parents[2]
-#: The command line where nothing of FEniCSx, nor Exudyn, can be imported.
-ALONE = """
-import sys
-for name in ("dolfinx", "dolfinx_solver", "petsc4py", "slepc4py", "mpi4py", "ufl", "basix", "ffcx", "exudyn"):
-    sys.modules[name] = None
-from pmr.cli import main
-main()
-"""
+#: What simulates a saved model needs none of these.
+ABSENT = (*FENICSX, *PETSC, "exudyn")
 OURS = ["compare.against=[]", "simulation.simulators=['march']", "simulation.repeats=1"]
 OTHER = {
     "evolved_residual": ["slider.path={kind='smooth_ramp',times=[0.2,0.6,1.0],values=[1.5,3.2,2.0]}", "time.end=1"],
@@ -34,11 +27,6 @@ OTHER = {
     ],
 }
 MODELS = {"evolved_residual": OURS, "boom_beam": [*OURS, "slider.travel=[1.4,4.2]"]}
-
-
-def alone(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", ALONE, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +45,8 @@ def test_it_finds_what_a_run_of_that_scene_finds(name: str, tmp_path: Path) -> N
     """The run makes a model of its own; forces follow from displacements by stiffnesses of 1e6 N/m and more."""
     file, ours = ROOT / "workflows" / f"{name}.toml", MODELS[name]
     reduced = whole.reduce(scene.load(file, ours)).reduced.save(tmp_path / "reduced.npz")
-    done = alone(
-        "simulate", str(reduced), "--scene", str(file), "--out", str(tmp_path / "out"), *sets(ours + OTHER[name])
-    )
+    asked = ["--scene", str(file), "--out", str(tmp_path / "out"), *sets(ours + OTHER[name])]
+    done = without(ABSENT, "simulate", str(reduced), *asked)
     assert done.returncode == 0, done.stderr
     outcome = whole.run(scene.load(file, ours + OTHER[name]))
     assert outcome is not None
@@ -99,5 +86,5 @@ def test_what_does_not_fit_the_model_is_refused_in_one_line(
 
 
 def test_the_folder_of_the_model_is_left_alone(saved: Path) -> None:
-    done = alone("simulate", str(saved), "--scene", "evolved_residual", "--out", str(saved.parent))
+    done = without(ABSENT, "simulate", str(saved), "--scene", "evolved_residual", "--out", str(saved.parent))
     assert done.returncode == 2 and "other than the model's" in done.stderr
