@@ -9,6 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.report.subject import MODELS
 from pmr.scene import Scene
 from pmr.scene.section import quantity_of as quantity_in
 from pmr.studies.engine.task import Scalar, number
@@ -56,6 +57,8 @@ def worded(value: Scalar) -> str:
     """A value that was chosen, in words."""
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if value in MODELS:
+        return MODELS[str(value)].partition(" ")[2]
     return value.replace("_", " ") if isinstance(value, str) else ("–" if value is None else plain(number(value)))
 
 

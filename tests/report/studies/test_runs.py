@@ -67,6 +67,7 @@ def test_runs_are_called_by_what_was_varied() -> None:
     assert called(one) == "fine-inertia, 10 coordinates, time step 0.001\u00a0s, flexibility yes"
     assert called(one, "reduction.coordinates") == "fine-inertia, time step 0.001\u00a0s, flexibility yes"
     assert called(run("alone", {})) == "alone"
+    assert called(run("key", {"body.model": "beam3d"})) == "model beam in space"
     assert (key_words("reduction.residual_inertia"), heading("time.step")) == ("residual inertia", "time step in s")
 
 
