@@ -60,7 +60,7 @@ def reduction_error(
                     found = estimate.by_other(reduced, other, excitation, tips)
                 left_out = coverage.not_covered(telling, excitation.signals, excitation.stepping)
                 left_out += [coverage.BLOWS] * (found.pad_force is None)
-            except SimulationError as error:
+            except (SimulationError, InputError) as error:  # other simulators may do what march refuses
                 failed = str(error)
     figures: dict[str, Any] = {}
     if scene.reduction.estimate:

@@ -12,6 +12,7 @@ from oracle import full_body, inertial
 from pmr.compare import coverage
 from pmr.compare.coverage import BLOWS, NEVER, highest_known, not_covered
 from pmr.compare.estimate import estimate
+from pmr.errors import InputError, SimulationError
 from pmr.report import sentences
 from pmr.run import run
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
@@ -105,18 +106,24 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
     assert all(clause in text for clause in left_out)
 
 
-def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch) -> None:
-    from pmr.errors import SimulationError
-
+@pytest.mark.parametrize(
+    ("name", "told", "error"),
+    [
+        ("evolved_residual", "estimate.estimate", SimulationError("march failed at step 7")),
+        ("paper_evolved", "estimate.by_other", InputError("scene", "time", None, "march refuses")),
+        ("paper_evolved", "estimate.by_other", SimulationError("march failed at step 7")),
+    ],
+)
+def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch, name, told, error) -> None:
     def fails(*_: object) -> None:
-        raise SimulationError("march failed at step 7")
+        raise error
 
-    monkeypatch.setattr("pmr.compare.estimated.estimate.estimate", fails)
-    outcome = run(load_scene("evolved_residual", [*SHORT, "simulation.simulators=['march']", "compare.against=[]"]))
+    monkeypatch.setattr(f"pmr.compare.estimated.{told}", fails)
+    outcome = run(load_scene(name, [*SHORT, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     found = outcome.result.summary["estimate"]
-    assert found["beam"] is None and found["reason"] == "march failed at step 7"
-    assert "march failed at step 7" in sentences.estimate(outcome.result)
+    assert found["beam"] is None and found["reason"] == str(error) and outcome.result.tip_error is None
+    assert str(error) in sentences.estimate(outcome.result)
 
 
 def test_without_tones_and_steps_there_is_no_share() -> None:
