@@ -21,7 +21,7 @@ LOOK, LEFT = 0.5, 2**30
 #: This checkout.
 HERE = Path(__file__).resolve().parents[1]
 _PAGE = os.sysconf("SC_PAGE_SIZE")
-_MPI = {
+MPI_SETTINGS = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
     "OMPI_MCA_rmaps_base_oversubscribe": "1",
@@ -46,7 +46,7 @@ def record_of(
     command = [sys.executable, "-m", module, *arguments]
     if ranks > 1:
         command = [_launcher(), "-n", str(ranks), *command]
-    environment = os.environ | _MPI | {"OMP_NUM_THREADS": "1"}
+    environment = os.environ | MPI_SETTINGS | {"OMP_NUM_THREADS": "1"}
     with TemporaryFile("w+") as out, TemporaryFile("w+") as complaints:
         run = subprocess.Popen(
             command, cwd=checkout, env=environment, stdout=out, stderr=complaints, start_new_session=True

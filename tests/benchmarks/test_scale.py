@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ import pytest
 from waiting import PATIENCE, is_alive, wait_until
 
 from benchmarks import page_of_scale, requirements, scale
-from benchmarks.ranks import Bounds, record_of
+from benchmarks.ranks import HERE, MPI_SETTINGS, Bounds, record_of
 
 MB = 2.0**20
 
@@ -95,7 +97,7 @@ def record(size: int, ranks: int) -> dict:
         "seconds": seconds,
         "processor": 1e-5 * size,
         "peak_MB": [200.0 + 1e-2 * size / ranks] * ranks,
-        "peak_MB_after": dict.fromkeys(scale.STAGES, 300.0),
+        "peak_MB_after": dict.fromkeys(scale.STAGES, [300.0]),
         "loaded_MB": [200.0] * ranks,
         "load": (1.0, 2.0),
         "notes": [],
@@ -137,3 +139,12 @@ def test_what_is_measured_is_a_run(tmp_path: Path) -> None:
         assert list(found["peak_MB_after"].values()) == sorted(found["peak_MB_after"].values())
         assert scale.own_memory(found) < 300.0 * ranks
     assert max(scale.difference(*files).values()) < 1e-8
+
+
+@pytest.mark.slow
+def test_the_slurm_script_runs_each_number_of_ranks() -> None:
+    command = ["bash", "workflows/scale.slurm", "0.3", "1", "2"]
+    environment = os.environ | MPI_SETTINGS | {"PMR_LAUNCH": "mpiexec"}
+    done = subprocess.run(command, cwd=HERE, env=environment, capture_output=True, text=True, check=True)
+    records = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    assert [(record["ranks"], len(record["peak_MB"])) for record in records] == [(1, 1), (2, 2)]
