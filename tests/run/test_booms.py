@@ -182,6 +182,8 @@ def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(
     assert told["reduced"] == pytest.approx(told["full"], rel=0.02) and told["reduced"] > 1e6
     by_section = [one["max_von_mises"]["reduced"] for one in result.summary["sections"]]
     assert max(by_section) == told["reduced"]
+    page = write_report([result], tmp_path).html.read_text(encoding="utf-8")
+    assert "Largest von Mises stress of each section" in page and "fly, full" in page
     along = {name: one[1] for name, one in result.travelling.items()}
     assert along["fly"][[0, -1]] == pytest.approx([2.0, 3.2]) and not along["base"].any()
     listing = write_bodies(tmp_path, "fields", {name: Travelling(*one) for name, one in result.travelling.items()})

@@ -52,6 +52,8 @@ def rows(result: BoomResult) -> list[Row]:
     found.append(Row("largest transverse displacement", "", length(summary["max_displacement"], 4)))
     if summary["max_error"] is not None:
         found.append(Row("largest difference, reduced to full", "", length(summary["max_error"], 4)))
+    for model, value in summary.get("max_von_mises", {}).items():
+        found.append(Row("largest von Mises stress", model, quantity(value, "Pa", 4)))
     return found
 
 
@@ -97,6 +99,8 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
     if result.summary["cylinders"]:
         note = "What a cylinder or rope pushes its section out with; negative where it pulls."
         yield _forces(result, prefix, "cylinders", "Cylinder forces", note)
+    if "max_von_mises" in result.summary:
+        yield _stresses(result)
     yield _origin(result)
 
 
@@ -126,6 +130,18 @@ def _forces(result: BoomResult, prefix: str, kind: str, heading: str, note: str)
         ),
     )
     return Block(heading=heading, rows=tuple((one,) for one in drawn), grids=(table,))
+
+
+def _stresses(result: BoomResult) -> Block:
+    """Of every section: the largest stress of each model, when, and where it is along the section."""
+    found = []
+    for one in result.summary["sections"]:
+        for model, peak in one.get("stress_peak", {}).items():
+            at, where = f"{peak['t']:.4g}{SPACE}s", f"{peak['position'][0]:.3g}{SPACE}m"
+            face = f"{peak['face']} of {peak['region']}" if peak["region"] else peak["face"]
+            found.append((f"{one['name']}, {model}", quantity(peak["value"], "Pa", 4), at, where, face))
+    head = ("", "von Mises", "at", "from the tail", "on")
+    return Block(heading="Stress", grids=(Grid("Largest von Mises stress of each section.", head, tuple(found)),))
 
 
 def _origin(result: BoomResult) -> Block:
