@@ -12,7 +12,7 @@ from pmr.errors import InputError
 from pmr.scene.boom import Boom, Joint, Linear
 from pmr.scene.boom_parts import footprint, is_planar, seats, section_scene
 from pmr.scene.checks import MOST_STEPS
-from pmr.scene.magnitudes import check_magnitudes
+from pmr.scene.magnitudes import check_magnitudes, check_sizes
 from pmr.scene.signals import bounds
 from pmr.scene.simulators import SIMULATORS
 from pmr.scene.structure_checks import check_structure
@@ -29,6 +29,7 @@ def check_boom(boom: Boom) -> None:
     InputError
         With source ``"scene"``; the reader of the file replaces it by the file in which the key stands.
     """
+    check_sizes(boom)  # first: what others compute with is then finite
     _names(boom)
     _time(boom)
     for number in range(len(boom.sections)):

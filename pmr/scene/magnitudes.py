@@ -29,12 +29,23 @@ def check_magnitudes(scene: Scene) -> None:
     InputError
         With the key and its range.
     """
-    for key, value, (low, high) in _sized(scene, ""):
-        if not low <= value <= high:
-            raise InputError("scene", key, value, f"a number from {low:g} to {high:g} is allowed (SI units)")
+    check_sizes(scene)
     _proportions(scene)
     for i, load in enumerate(scene.loads):
         _check_load(load.signal, f"loads[{i}].signal", scene.time.end)
+
+
+def check_sizes(part: Section) -> None:
+    """Refuse any number, in a section or in those within it, that is out of its range.
+
+    Raises
+    ------
+    InputError
+        With the key and its range.
+    """
+    for key, value, (low, high) in _sized(part, ""):
+        if not low <= value <= high:
+            raise InputError("scene", key, value, f"a number from {low:g} to {high:g} is allowed (SI units)")
 
 
 def _sized(part: Any, key: str) -> Iterator[tuple[str, float, Range]]:

@@ -73,6 +73,8 @@ REFUSED = [
     ("section.joint.tail=[{at=0.15,unilateral=false,clearance=0.01}]", r"a clearance goes with unilateral = true"),
     ("simulation.simulators=['exudyn-callback']", r"simulators = 'exudyn-callback': march and exudyn are allowed"),
     ("compare.against=['ancf']", r"compare.against = \['ancf'\]: \['full'\] or \[\] is allowed"),
+    ("time.step=1e-320", r"time.step = 1e-320: a number from 1e-12 to 1e\+09 is allowed"),
+    ("sections.fly.joint.tail.0.length=1e9", r"sections\[2\].joint.tail\[0\].length = 1000000000.0: a number from"),
     ("time.step=3e-3", r"time.step = 0\.003: a whole number of steps"),
     ("recovery.every=1.5e-3", r"recovery.every = 0\.0015: a multiple of time.step"),
     ("sections.fly.bodi=1", r"unknown key; did you mean 'body'\?"),
