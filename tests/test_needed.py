@@ -91,6 +91,7 @@ EXTRAS = (
 )
 
 
+@pytest.mark.slow
 def test_a_light_installation_simulates_a_saved_model(tmp_path: Path) -> None:
     small = ["mesh.elements=20", "time.end=0.2", "slider.path=1.5", "compare.against=[]"]
     reduce(scene.load(WORKFLOWS / "boom_beam.toml", small)).reduced.save(tmp_path / "reduced.npz")

@@ -2,8 +2,8 @@
 Pads that only push
 ===================
 
-Real pads can't pull.  A scene starts with pads that hold both ways, since a linear model can be compared with them;
-with `unilateral = true` they lift off where they would pull, and others carry more.
+Real pads can't pull.  A scene starts with pads that hold both ways, which keeps the model linear; with
+`unilateral = true` they lift off where they would pull, and others carry more.
 """
 
 import matplotlib.pyplot as plt
