@@ -61,6 +61,7 @@ def test_rigid_contacts_and_one_that_gives_way() -> None:
     assert_same(simulate_system(system, given, start), multibody.simulate(system, given, start), 1e-8)
 
 
+@pytest.mark.slow
 def test_pads_that_only_push() -> None:
     """They lift off and land; Exudyn takes nothing back where one lets go, so the two meet as steps get smaller."""
     system, off = reduced(Nested(2, elements=12, clearance=2e-4, compliance=1e-6), 3), []

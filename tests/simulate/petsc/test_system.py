@@ -98,7 +98,7 @@ def test_pads_that_only_push_start_as_a_complementarity_problem_has_them() -> No
     assert np.abs(found.forces - expected).max() < 1e-6 * largest
 
 
-@pytest.mark.parametrize("pads", ["yielding", "pushing"])
+@pytest.mark.parametrize("pads", ["yielding", pytest.param("pushing", marks=pytest.mark.slow)])
 def test_reduced_sections_follow_it(pads: str) -> None:
     """With residual flexibility and four elastic modes each: tip and forces within 1 %."""
     boom = replace(BOOMS[pads], elements=20)
