@@ -18,6 +18,8 @@ Entity = tuple[int, int]  # dimension and tag
 
 #: gmsh's element types: meshio's name and number of vertices.
 ELEMENTS = {1: ("line", 2), 2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8)}
+#: Bytes that no disk has that had no room for an array.
+BEYOND = 2**20
 
 
 class NotDrawnError(ValueError):
@@ -134,7 +136,13 @@ class Drawing:
                     physical.append(np.full(len(block), tag))
         data = {"gmsh:physical": physical, "gmsh:geometrical": physical}
         mesh = meshio.Mesh(points, cells, cell_data=data, field_data=field_data)
-        meshio.write(file, mesh, file_format="gmsh22", binary=True)
+        try:
+            meshio.write(file, mesh, file_format="gmsh22", binary=True)
+        except OSError as error:
+            if error.errno is None:  # arrays that are cut off don't say why; what is written beyond them does
+                with file.open("ab") as stream:
+                    stream.write(bytes(BEYOND))
+            raise
 
 
 def crossed(points: Array, quads: Indices) -> tuple[Array, Indices]:
