@@ -47,7 +47,7 @@ def case(seed: int) -> Case:
     scene = random_scene(seed)
     model = build(scene, MPI.COMM_SELF).model
     reduced = reduce_with(scene, model, take_snapshots(scene, model)).reduced
-    full = simulate_reference("full", scene, model.gather()).displacement
+    full = simulate_reference("full", scene, model.gather()).response.displacement
     own = simulate_reduced(scene, reduced).displacement
     found = estimates.estimate(reduced, Excitation.of(scene))
     moves = np.sqrt(np.mean(full**2, axis=0))

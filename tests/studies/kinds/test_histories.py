@@ -42,7 +42,7 @@ def test_errors_are_those_of_single_runs(small: StudyResults) -> None:
         assert full is not None
         responses = {
             "reduced": simulate_reduced(scene, reduction.reduced),
-            "full": simulate_reference("full", scene, full),
+            "full": simulate_reference("full", scene, full).response,
         }
         expected = compare.errors(responses)["reduced_vs_full"]
         assert (found[tip], found[beam]) == pytest.approx((expected["tip"], expected["beam"]), rel=1e-6)

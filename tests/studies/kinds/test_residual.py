@@ -56,7 +56,7 @@ def test_errors_are_those_of_a_run(small: StudyResults, inertia: str) -> None:
     reduction = reduce(short)
     body = reduction.model.gather()
     assert body is not None
-    full, reduced = simulate_reference("full", short, body), simulate_reduced(short, reduction.reduced)
+    full, reduced = simulate_reference("full", short, body).response, simulate_reduced(short, reduction.reduced)
     found = figures(small)["inertia" if inertia == "true" else "flexibility"]["beam.5"]
     assert found == pytest.approx(compare.nrms(reduced.displacement, full.displacement), rel=1e-3)
 
