@@ -20,8 +20,8 @@ from pmr.fem.factor import BLOCK, NO_MEMORY, TOO_LITTLE, Factor, ample, factoris
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Share of the free memory that the factors of all ranks on a machine may take together.
-COPIES = 0.25
+#: Share of the memory that one factor could have which the factors of all ranks on a machine may take together.
+COPIES = 0.5
 
 #: Bytes in a message: MPI counts them in 32 bits.
 LARGEST = 2**31 - 1
