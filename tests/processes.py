@@ -14,8 +14,8 @@ from waiting import PATIENCE
 
 from pmr.cli.app import main
 
-FENICSX = ("dolfinx", "dolfinx_solver", "ufl", "basix", "ffcx")
-PETSC = ("petsc4py", "slepc4py", "mpi4py")
+FENICSX = ("dolfinx", "ufl", "basix", "ffcx")
+PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
 
 
