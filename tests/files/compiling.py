@@ -12,6 +12,7 @@ from pmr.fem.compat import MPI, assemble, interval_mesh, lagrange_space
 
 
 def main() -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it, and so do theirs
     mesh = interval_mesh(MPI.COMM_WORLD, np.linspace(0.0, 2.0, 9))
     space = lagrange_space(mesh, 1)
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
