@@ -74,7 +74,7 @@ def run(
             running[pool.submit(_order(node, store))] = node
             wait(running)
         finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
-        for future in finished:
+        for future in [one for one in running if one in finished]:  # as submitted: which failure is named does not vary
             node, answer = running.pop(future), _answer(future)
             if answer.status == "done":
                 state.done(node)
