@@ -55,7 +55,7 @@ def read_bulk(path: Path) -> Bulk:
     try:
         deck.read_bdf(str(path), xref=False, punch=True)
     except (RuntimeError, SyntaxError, AttributeError, SystemExit) as error:  # pyNastran's own errors are the first
-        raise ValueError(str(error).splitlines()[0] if str(error) else type(error).__name__) from None
+        raise ValueError(_told(error)) from None
     square = {name: card for name, card in deck.dmig.items() if card.matrix_form in (SQUARE, SYMMETRIC)}
     entries = {name: _entries(card) for name, card in square.items()}
     pairs = np.unique(np.vstack([np.empty((0, 2), np.int64), *(one.pairs for one in entries.values())]), axis=0)
@@ -84,8 +84,13 @@ def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
     read = _pynastran("pyNastran.op4.op4").read_op4
     try:
         return {name.strip(): sp.csr_matrix(one.data) for name, one in read(str(path), debug=None).items()}
-    except (RuntimeError, AssertionError, AttributeError, NotImplementedError) as error:
-        raise ValueError(str(error).splitlines()[0] if str(error) else type(error).__name__) from None
+    except (RuntimeError, AssertionError, AttributeError, NotImplementedError) as error:  # of files that are cut off
+        raise ValueError(_told(error)) from None
+
+
+def _told(error: BaseException) -> str:
+    """The first line of what pyNastran says."""
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
 
 
 def named(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
