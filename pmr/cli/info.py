@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.table import Table
 
@@ -17,7 +18,6 @@ from pmr.errors.text import visible
 from pmr.files.swap import finished
 from pmr.reduced.model import ReducedModel
 from pmr.scene.choice import choose
-from pmr.system.body import pushing_rows
 
 #: Names of outputs of one unit that are listed; of more the first and the last.
 LISTED = 8
@@ -115,8 +115,8 @@ def described_model(model: ReducedModel) -> dict[str, str]:
 
 def _rows(model: ReducedModel) -> list[str]:
     """Names of the rows, and which of them only push."""
-    pushing = set(pushing_rows(model))
-    return [f"{name} (only pushes)" if k in pushing else name for k, name in enumerate(model.row_names)]
+    holds = np.isnan(model.row_clearance)
+    return [name if both else f"{name} (only pushes)" for name, both in zip(model.row_names, holds, strict=True)]
 
 
 def _describe_outputs(model: ReducedModel) -> str:

@@ -15,10 +15,12 @@ from pmr.results import Energy, Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Boom
 from pmr.scene.boom import Joint
+from pmr.scene.built import force_of
 from pmr.simulate.booms import cylinder
+from pmr.simulate.columns import called
 from pmr.simulate.native import multibody
 from pmr.system.assembly import Assembly
-from pmr.system.body import called, force_of, force_outputs, length_outputs
+from pmr.system.body import force_outputs, length_outputs
 from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]

@@ -9,7 +9,8 @@ from pmr.compare.errors import force_round_off, refuse_infinite, round_off
 from pmr.results import Energy, Response
 from pmr.simulate.balance import blocks, energy, part_of
 from pmr.simulate.blocks import Block, Ended
-from pmr.system.body import SlidingBody, Trajectory, called, displacement, force_outputs, length_outputs, released_rows
+from pmr.simulate.columns import called
+from pmr.system.body import SlidingBody, Trajectory, displacement, force_outputs, length_outputs, released_rows
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,7 @@ import numpy as np
 from pmr.results import Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Scene
-from pmr.scene.built import PadRing
-from pmr.system.body import force_of
+from pmr.scene.built import PadRing, force_of
 
 #: Share of a pad's largest push, and of a tenth of the largest force of any pad, from which on a pull is told.
 PULLED = 0.01

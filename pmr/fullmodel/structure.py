@@ -29,8 +29,8 @@ from pmr.fullmodel.probes import Gauge
 from pmr.models import StructuralModel
 from pmr.models.rigid import RigidMotions
 from pmr.scene import Damping
+from pmr.scene.built import force_of
 from pmr.scene.structures import PointMass, unit_vector
-from pmr.system.body import force_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fullmodel.build import Built
-from pmr.recover.coordinates import Recovery, chosen_states
+from pmr.fullmodel.structure import Structure
+from pmr.recover.coordinates import Recovery, ReducedStates
 from pmr.recover.fields import Seen, View, in_blocks, look
-from pmr.scene import Scene
-from pmr.simulate import Excitation
-from pmr.system.body import Trajectory
+from pmr.scene import Boom, Scene
+from pmr.scene.asked import Recovery as FieldsAsked
 
 Array = NDArray[np.float64]
 
@@ -49,7 +47,7 @@ class Recovered:
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
 
 
-def recovered_steps(scene: Scene) -> NDArray[np.int64]:
+def recovered_steps(scene: Scene | Boom) -> NDArray[np.int64]:
     """Numbers (S,) of the steps whose states are recovered; empty where the scene asks for none."""
     if scene.recovery is None:
         return np.empty(0, np.int64)
@@ -57,34 +55,22 @@ def recovered_steps(scene: Scene) -> NDArray[np.int64]:
 
 
 def recover(
-    scene: Scene, built: Built, recovery: Recovery, reduced: Trajectory | None, full_states: Array | None
+    wanted: FieldsAsked, structure: Structure, recovery: Recovery, states: ReducedStates, full_states: Array | None
 ) -> Recovered:
-    """Recover what the scene asks for; collective.
+    """Recover what is asked for; collective.
 
     Parameters
     ----------
-    built : Built
-    recovery : Recovery
-    reduced : Trajectory
-        The reduced model's states at the `recovered_steps`, on rank 0.
+    wanted : pmr.scene.asked.Recovery
+    structure : Structure
+        Of the model that `recovery` belongs to.
+    states : ReducedStates
+        At the `recovered_steps`, the same on every rank.
     full_states : (S, n_local) array, optional
         This rank's rows of the full model's coordinates at the same times.
     """
-    wanted = scene.recovery
-    assert wanted is not None
-    comm, steps = built.model.comm, recovered_steps(scene)
-    states = None
-    if reduced is not None:
-        loads = Excitation.of(scene).forces(recovery.reduced.input_names)[steps]
-        states = chosen_states(reduced, loads, np.arange(len(steps)))
-    states = comm.bcast(states)
-    assert states is not None
-    view = View.of(built.structure, comm, stresses=wanted.stress)
-    frames = min(wanted.frames, len(steps))
-    pictures = np.unique(np.rint(np.linspace(0, len(steps) - 1, frames)).astype(np.int64))
-
-    def seen(blocks: Iterable[Array], pictured: NDArray[np.int64]) -> Seen:
-        return look(view, states.t, blocks, pictured.tolist(), wanted.components)
-
-    whole = None if full_states is None else seen(in_blocks(full_states), pictures[:0])
-    return Recovered(seen(recovery.blocks(states), pictures), whole)
+    view = View.of(structure, recovery.comm, stresses=wanted.stress)
+    frames = min(wanted.frames, len(states.t))
+    pictures = np.unique(np.rint(np.linspace(0, len(states.t) - 1, frames)).astype(np.int64))
+    seen = look(view, states.t, recovery.blocks(states), pictures.tolist(), wanted.components)
+    return Recovered(seen, None if full_states is None else look(view, states.t, in_blocks(full_states)))

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.fullmodel.build import Built
 from pmr.recover.coordinates import Recovery, ReducedStates, chosen_states
-from pmr.recover.fields import View, in_blocks, look
-from pmr.recover.from_scene import Recovered
+from pmr.recover.from_scene import Recovered, recover
 from pmr.reduce.sections import ReducedSection
 from pmr.scene import Boom
 from pmr.system.system import System, SystemTrajectory
@@ -25,13 +24,6 @@ class SectionStates:
 
     states: ReducedStates
     rows: tuple[str, ...]
-
-
-def recovered_steps(boom: Boom) -> NDArray[np.int64]:
-    """Numbers (S,) of the steps whose states are recovered; empty where the boom asks for none."""
-    if boom.recovery is None:
-        return np.empty(0, np.int64)
-    return np.arange(0, boom.time.steps + 1, round(boom.recovery.every / boom.time.step))
 
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: NDArray[np.int64]) -> dict[str, SectionStates]:
@@ -67,12 +59,7 @@ def recover_sections(
     found = {}
     for part in boom.sections:
         name, one = part.name, states[part.name]
-        model, structure = built[name].model, built[name].structure
-        recovery = Recovery(model, reduced[name].V, reduced[name].model, part.reduction.solver, one.rows)
-        view = View.of(structure, model.comm, stresses=boom.recovery.stress)
-        frames = min(boom.recovery.frames, len(one.states.t))
-        pictures = np.unique(np.rint(np.linspace(0, len(one.states.t) - 1, frames)).astype(np.int64)).tolist()
-        seen = look(view, one.states.t, recovery.blocks(one.states), pictures)
-        whole = look(view, one.states.t, in_blocks(full[name]), []) if full else None
-        found[name] = Recovered(seen, whole)
+        model, of = built[name].model, reduced[name]
+        recovery = Recovery(model, of.V, of.model, part.reduction.solver, one.rows)
+        found[name] = recover(boom.recovery, built[name].structure, recovery, one.states, full.get(name))
     return found

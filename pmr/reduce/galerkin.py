@@ -28,7 +28,7 @@ from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis
 from pmr.reduced.model import ReducedModel, satisfied_rows
-from pmr.system.projection import symmetric
+from pmr.reduced.soundness import symmetric
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)

@@ -40,7 +40,7 @@ def given_vectors(model: FullModel, file: Path) -> Snapshots:
         raise InputError(str(file), "V", None, "finite entries are allowed")
     unknown = np.full(V.shape[1], np.nan)
     local = np.ascontiguousarray(V[slice(*model.M.getOwnershipRange())])
-    return Snapshots(tall(local, model.M), unknown, unknown, unknown, f"vectors from {file.name}")
+    return Snapshots.of(local, model, unknown, unknown, unknown, f"vectors from {file.name}")
 
 
 def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction) -> Basis:

@@ -30,6 +30,11 @@ def misfit(part: Any, shapes: Mapping[str, tuple[int, ...]], prefix: str = "") -
     return None
 
 
+def symmetric(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrices (..., n, n) without what round-off leaves of an asymmetry."""
+    return (A + A.swapaxes(-2, -1)) / 2.0
+
+
 def asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
     """What is wrong with a mass, damping or stiffness, in words: one that is not positive lets motions grow."""
     for name, matrix in matrices.items():

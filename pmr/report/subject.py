@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from pmr.report.numbers import SPACE, plain
 from pmr.results import Response, RunResult
 from pmr.scene import Scene
+from pmr.scene.built import force_of
 from pmr.scene.choice import choose, model_of, transverse
 from pmr.scene.signals import SignalBase
-from pmr.system.body import force_of
 
 Array = NDArray[np.float64]
 Quantity = Callable[[Response], Array]

@@ -43,7 +43,7 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
-from pmr.recover.coordinates import Recovery
+from pmr.recover.coordinates import Recovery, chosen_states
 from pmr.recover.from_scene import Recovered, recover, recovered_steps
 from pmr.recover.nodal import held_body as held_body
 from pmr.reduce.basis import Basis
@@ -193,7 +193,11 @@ def _recovered(
     with clock.stage("recover"):
         V = np.array(reduction.basis.V.getDenseArray())
         recovery = Recovery(built.model, V, reduction.reduced, scene.reduction.solver)
-        return recover(scene, built, recovery, None if simulations is None else simulations.states, full_states)
+        states = None
+        if simulations is not None and simulations.states is not None:
+            loads, steps = Excitation.of(scene).forces(recovery.reduced.input_names), recovered_steps(scene)
+            states = chosen_states(simulations.states, loads[steps], np.arange(len(steps)))
+        return recover(scene.recovery, built.structure, recovery, built.model.comm.bcast(states), full_states)
 
 
 def _reduce(scene: Scene, model: FullModel, clock: Clock) -> Reduction:

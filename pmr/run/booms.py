@@ -20,8 +20,8 @@ from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fullmodel import probes
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.sections import build_sections
-from pmr.recover.from_scene import Recovered
-from pmr.recover.sections import recover_sections, recovered_steps, states_of
+from pmr.recover.from_scene import Recovered, recovered_steps
+from pmr.recover.sections import recover_sections, states_of
 from pmr.reduce.sections import reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.results import BoomFrequencies, BoomResult, Response

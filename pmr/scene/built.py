@@ -195,6 +195,11 @@ class PadRing(Section):
         return found
 
 
+def force_of(name: str) -> str:
+    """What the force of a pad or slider is called, whether it is an output or the multiplier of a row."""
+    return f"force of {name}"
+
+
 class Load(Section):
     """A force in N (moment in N m) along a direction, spread over a named group or at a place along the axis."""
 

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.soundness import symmetric
 from pmr.simulate.start import InitialState
 from pmr.system.body import SlidingBody, Trajectory
-from pmr.system.projection import projected, symmetric
+from pmr.system.projection import projected
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from pmr.constraints.polynomials import evaluate
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
+from pmr.scene.built import force_of
 from pmr.simulate.modal import modal_form
-from pmr.system.body import force_of, pushing_rows
+from pmr.system.body import pushing_rows
 from pmr.system.compliant_rows import CompliantRows
 
 Array = NDArray[np.float64]

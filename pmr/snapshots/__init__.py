@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.fem.compat import PETSc
+from pmr.fem.distributed import tall
+from pmr.fullmodel.model import FullModel
 
 Array = NDArray[np.float64]
 
@@ -34,3 +36,8 @@ class Snapshots:
     s: Array
     residuals: Array
     source: str
+
+    @classmethod
+    def of(cls, local: Array, model: FullModel, omega: Array, s: Array, residuals: Array, source: str) -> Snapshots:
+        """Of a model, from this rank's rows (n_local, k) of the columns; collective."""
+        return cls(tall(local, model.M), omega, s, residuals, source)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fem.distributed import tall
 from pmr.fullmodel.eigensolvers import EigenSolver, eigensolver
 from pmr.fullmodel.elimination import DependentRowsError
 from pmr.fullmodel.model import FullModel
@@ -79,8 +78,9 @@ def eigenmode_snapshots(model: FullModel, scene: Scene, solver: EigenSolver | No
             modes.append(solver.lowest(float(s), scene.reduction.modes))
         except DependentRowsError as error:
             raise InputError("scene", "reduction.positions", float(s), error.allowed) from None
-    return Snapshots(
-        S=tall(np.concatenate([m.phi for m in modes], axis=1), model.M),
+    return Snapshots.of(
+        np.concatenate([m.phi for m in modes], axis=1),
+        model,
         omega=np.concatenate([m.omega for m in modes]),
         s=np.repeat(at, scene.reduction.modes),
         residuals=np.concatenate([m.residuals for m in modes]),

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pmr.constraints.polynomials import contributions
 from pmr.constraints.rows import Rows
 from pmr.errors import ConvergenceError, InputError
-from pmr.fem.distributed import inner, tall, times
+from pmr.fem.distributed import inner, times
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, is_dense
 from pmr.fullmodel.model import FullModel
@@ -76,8 +76,9 @@ def free_modes(
         allowed = f"loads and sliders excite {found} modes of this mesh; fewer than these are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
     taken = min(count + enrichment, found - 1)
-    return Snapshots(
-        S=tall(np.ascontiguousarray(modes.phi[:, :taken]), model.M),
+    return Snapshots.of(
+        np.ascontiguousarray(modes.phi[:, :taken]),
+        model,
         omega=modes.omega[:taken],
         s=np.full(taken, np.nan),
         residuals=modes.residuals[:taken],

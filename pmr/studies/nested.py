@@ -160,10 +160,9 @@ def _positions(scene: Scene, model: FullModel, count: int) -> Array:
 
 
 def _pool(model: FullModel, library: TaskResult, at: Array, modes: int) -> Snapshots:
-    from pmr.fem.distributed import tall
     from pmr.snapshots import Snapshots
 
     number = np.searchsorted(library.arrays["s"], at)
     phi = np.concatenate(library.arrays["phi"][number, :, :modes], axis=1)
     omega, residuals = (library.arrays[name][number, :modes].ravel() for name in ("omega", "residuals"))
-    return Snapshots(tall(phi, model.M), omega, np.repeat(at, modes), residuals, source="eigenmodes")
+    return Snapshots.of(phi, model, omega, np.repeat(at, modes), residuals, source="eigenmodes")

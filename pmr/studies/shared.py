@@ -103,7 +103,6 @@ def frequencies_task(scene: Scene) -> Task:
 
 def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
     """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
-    from pmr.fem.distributed import tall
     from pmr.reduce.given import given_vectors
     from pmr.snapshots import Snapshots
 
@@ -112,7 +111,7 @@ def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
     taken = [needs[f"modes{k}"].arrays for k in range(sum(name.startswith("modes") for name in needs))]
     phi = np.concatenate([modes["phi"] for modes in taken], axis=1)
     omega, s, residuals = (np.concatenate([modes[name] for modes in taken]) for name in ("omega", "s", "residuals"))
-    return Snapshots(tall(phi, model_of(scene).M), omega, s, residuals, source=scene.reduction.basis)
+    return Snapshots.of(phi, model_of(scene), omega, s, residuals, source=scene.reduction.basis)
 
 
 def response_from(result: TaskResult) -> Response:

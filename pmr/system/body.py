@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -133,44 +132,6 @@ class Observed(Protocol):
     def output_names(self) -> tuple[str, ...]: ...
     @property
     def output_units(self) -> tuple[str, ...]: ...
-
-
-@dataclass(frozen=True)
-class Called:
-    """What the columns of a response are called.
-
-    Attributes
-    ----------
-    moved : tuple of str
-        Of the outputs in m.
-    forces : tuple of str
-        Of those in N, then of rows, each by `force_of` what pushes.
-    others, other_units : tuples of str
-        Of all other outputs, and their units.
-    """
-
-    moved: tuple[str, ...]
-    forces: tuple[str, ...]
-    others: tuple[str, ...]
-    other_units: tuple[str, ...]
-
-
-def force_of(name: str) -> str:
-    """What the force of a pad or slider is called, whether it is an output or the multiplier of a row."""
-    return f"force of {name}"
-
-
-def called(body: Observed, rows: Sequence[str]) -> Called:
-    """Names of a body's outputs, and of the forces of `rows`, given by their names."""
-    count = len(body.output_positions)
-    names = body.output_names or tuple(f"output {k}" for k in range(count))
-    of = list(zip(names, body.output_units or ("m",) * count, strict=True))
-    return Called(
-        moved=tuple(name for name, unit in of if unit == "m"),
-        forces=(*(name for name, unit in of if unit == "N"), *(force_of(row) for row in rows)),
-        others=tuple(name for name, unit in of if unit not in ("m", "N")),
-        other_units=tuple(unit for _, unit in of if unit not in ("m", "N")),
-    )
 
 
 def force_outputs(body: Observed) -> NDArray[np.bool_]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.soundness import symmetric
 from pmr.system.body import SlidingBody
 
 Array = NDArray[np.float64]
@@ -38,8 +39,3 @@ def projected(body: SlidingBody, V: Array) -> ReducedModel:
         clearance=None if np.isnan(clearance).all() else clearance,
         rayleigh=body.rayleigh,
     )
-
-
-def symmetric(A: Array) -> Array:
-    """Without what round-off leaves of an asymmetry."""
-    return (A + A.T) / 2.0

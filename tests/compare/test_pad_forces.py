@@ -22,8 +22,7 @@ from pmr.report.subject import forces, tips
 from pmr.results import Energy, Response, RunResult
 from pmr.run import reduce, run
 from pmr.scene import Scene
-from pmr.scene.built import GRAVITY
-from pmr.system.body import force_of
+from pmr.scene.built import GRAVITY, force_of
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 ALL_ROUND = "faces={bottom=[-0.1,0.1],top=[-0.1,0.1],left=[0.0],right=[0.0]}"

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.reduced.model import ReducedModel
-from pmr.system.body import force_of, force_outputs
+from pmr.scene.built import force_of
+from pmr.system.body import force_outputs
 
 Array = NDArray[np.float64]
 #: What the parameter `start` may be.

@@ -15,6 +15,7 @@ from pmr.reduce.residual.tables import paired, stacked
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.inertia import Inertia
+from pmr.reduced.soundness import symmetric
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -96,16 +97,12 @@ def with_inertia(flexibility: Flexibility, products: ResidualProducts, shared: S
         return PPoly(coefficients, breaks)
 
     inertia = Inertia(
-        A0=table(_symmetric(paired(C, of_mass[:p, :p], C))),
+        A0=table(symmetric(paired(C, of_mass[:p, :p], C))),
         A1=table(paired(C, of_mass[:p, :p], C1)),
         A2=table(paired(C, of_mass[:p, :p], C2)),
         E0=table(C.times(of_mass[:p, p:])),
-        D0=table(_symmetric(paired(C, of_damping[:p, :p], C))),
+        D0=table(symmetric(paired(C, of_damping[:p, :p], C))),
         D1=table(paired(C, of_damping[:p, :p], C1)),
         F0=table(C.times(of_damping[:p, p:])),
     )
     return replace(flexibility, inertia=inertia)
-
-
-def _symmetric(c: Array) -> Array:
-    return (c + c.swapaxes(2, 3)) / 2.0

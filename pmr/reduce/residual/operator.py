@@ -23,6 +23,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from pmr.fem.distributed import inner, subtract, times
+from pmr.fullmodel.model import FullModel
 from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.rigid import rigid_bodies
 
@@ -43,6 +44,11 @@ class ResidualFlexibility:
         W = _orthonormal(W, times(model.K, W), self._comm)
         self._basis = np.asfortranarray(np.hstack([Z, W]))
         self._dual = np.asfortranarray(np.hstack([MZ, times(model.K, W)]))
+
+    @classmethod
+    def of(cls, model: FullModel, V: Array, solver: str = "auto") -> ResidualFlexibility:
+        """With a factor of the model's own."""
+        return cls(FreeBody(model, solver), V)
 
     def apply(self, g: Array) -> Array:
         """R g, this rank's rows (n_local, k) in m, of loads in N given likewise, which may be overwritten."""

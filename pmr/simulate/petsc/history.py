@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pmr.fullmodel.model import FullModel
 from pmr.results import Energy, Response
-from pmr.system.body import called, force_outputs, length_outputs
+from pmr.simulate.columns import called
+from pmr.system.body import force_outputs, length_outputs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

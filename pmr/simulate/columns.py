@@ -1,0 +1,42 @@
+"""What the columns of a response are called."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pmr.scene.built import force_of
+from pmr.system.body import Observed
+
+
+@dataclass(frozen=True)
+class Called:
+    """What the columns of a response are called.
+
+    Attributes
+    ----------
+    moved : tuple of str
+        Of the outputs in m.
+    forces : tuple of str
+        Of those in N, then of rows, each by `force_of` what pushes.
+    others, other_units : tuples of str
+        Of all other outputs, and their units.
+    """
+
+    moved: tuple[str, ...]
+    forces: tuple[str, ...]
+    others: tuple[str, ...]
+    other_units: tuple[str, ...]
+
+
+def called(body: Observed, rows: Sequence[str]) -> Called:
+    """Names of a body's outputs, and of the forces of `rows`, given by their names."""
+    count = len(body.output_positions)
+    names = body.output_names or tuple(f"output {k}" for k in range(count))
+    of = list(zip(names, body.output_units or ("m",) * count, strict=True))
+    return Called(
+        moved=tuple(name for name, unit in of if unit == "m"),
+        forces=(*(name for name, unit in of if unit == "N"), *(force_of(row) for row in rows)),
+        others=tuple(name for name, unit in of if unit not in ("m", "N")),
+        other_units=tuple(unit for _, unit in of if unit not in ("m", "N")),
+    )
