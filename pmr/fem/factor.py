@@ -18,12 +18,21 @@ _log = logging.getLogger(__name__)
 
 #: Right-hand sides solved at once: a column then costs a sixth of what it costs alone (18,000 coordinates).
 BLOCK = 64
-#: MUMPS' answers where it was allowed less memory than it needs, and where it could not have what it was allowed.
-TOO_LITTLE, NO_MEMORY = -19, (-9, -13)
+#: MUMPS' answers (its manual, "Error and warning diagnostics") where it was allowed less memory than it needs; where it
+#: could not have what it was allowed, in the analysis, for integers, numbers or messages; where files can't be written;
+#: and where the structure, a pivot or its sign says that the matrix is not positive definite.
+TOO_LITTLE, NO_MEMORY, NO_FILES, NOT_DEFINITE = -19, (-5, -7, -8, -9, -11, -13, -14, -17, -20), -90, (-6, -10, -40)
 #: Share of the free memory that a factor may take: solves and what follows need some too.
 SHARE = 0.8
 #: Entries of a factor over those of its matrix, and more than almost any has.
 FILL = 20
+
+
+class NotDefiniteError(InputError):
+    """A matrix, called `name`, has no Cholesky factor."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__("body", name, None, "a positive definite matrix is allowed")
 
 
 class Factor:
@@ -34,8 +43,10 @@ class Factor:
 
     Raises
     ------
+    NotDefiniteError
+        If the matrix, called `name`, is not positive definite.
     InputError
-        If the matrix, called `name`, is not positive definite, or its factor does not even fit with files.
+        If its factor does not even fit with files.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
@@ -51,12 +62,8 @@ class Factor:
             self._factor = factorised(A, free, in_files=True)
             self._say(name, needed, free)
         code = self._factor.getMumpsInfog(1)
-        if code in NO_MEMORY:
-            raise InputError(
-                "scene", "mesh", None, f"no memory for the factor of {name} (MUMPS {code}); a coarser mesh"
-            )
         if code < 0:
-            raise not_definite(name)
+            raise refusal(name, code)
 
     def _is_too_little(self) -> bool:
         return bool(self._factor.getMumpsInfog(1) == TOO_LITTLE)
@@ -103,7 +110,7 @@ class SequentialFactor:
 
     Raises
     ------
-    InputError
+    NotDefiniteError
         If the matrix, called `name`, is not positive definite.
     """
 
@@ -113,7 +120,7 @@ class SequentialFactor:
         try:
             pc.setUp()
         except PETSc.Error:
-            raise not_definite(name) from None
+            raise NotDefiniteError(name) from None
         self._factor = pc.getFactorMatrix()
         pc.destroy()
 
@@ -152,9 +159,19 @@ def _by_cholmod(A: PETSc.Mat) -> PETSc.PC:
     return pc
 
 
-def not_definite(name: str) -> InputError:
-    """What is said of a matrix that has no such factor."""
-    return InputError("body", name, None, "a positive definite matrix is allowed")
+def refusal(name: str, code: int) -> InputError:
+    """What is said of a matrix whose factor MUMPS refuses with a negative `code`."""
+    if code in NOT_DEFINITE:
+        return NotDefiniteError(name)
+    allowed = f"the factor of {name} failed in MUMPS with error {code}"
+    if code in (TOO_LITTLE, *NO_MEMORY):
+        allowed = f"no memory for the factor of {name} (MUMPS {code}); a coarser mesh or more memory is allowed"
+    elif code == NO_FILES:
+        allowed = (
+            f"the factor of {name} can't be kept in files (MUMPS {code}); a folder in MUMPS_OOC_TMPDIR that can be "
+            "written to and has room, a coarser mesh or more memory is allowed"
+        )
+    return InputError("scene", "mesh", None, allowed)
 
 
 def _solved(factor: PETSc.Mat, columns: Array) -> Array:

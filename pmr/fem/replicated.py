@@ -6,6 +6,7 @@ reach the ranks that own their rows, which PETSc finds out anew at each call.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -15,10 +16,11 @@ from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, view
-from pmr.fem.factor import BLOCK, NO_MEMORY, TOO_LITTLE, Factor, ample, factorised, free_memory, not_definite
+from pmr.fem.factor import BLOCK, NO_MEMORY, TOO_LITTLE, Factor, ample, factorised, free_memory, refusal
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+_log = logging.getLogger(__name__)
 
 #: Share of the memory that one factor could have which the factors of all ranks on a machine may take together.
 COPIES = 0.5
@@ -38,7 +40,7 @@ class ReplicatedFactor:
     ------
     TooLargeError
         On all ranks, if it is so on one.
-    InputError
+    NotDefiniteError
         If the matrix, called `name`, is not positive definite.
     """
 
@@ -48,14 +50,16 @@ class ReplicatedFactor:
         whole = A.getRedundantMatrix(comm.size, PETSc.COMM_SELF)
         whole.setOption(PETSc.Mat.Option.SPD, True)
         free = free_memory(comm)
-        self._factor = factorised(whole, min(max(1, int(COPIES * free)) if free else 0, ample(whole)))
+        share = max(1, int(COPIES * free)) if free else 0
+        self._factor = factorised(whole, min(share, ample(whole)))
         freed(whole)
         codes = comm.allgather(self._factor.getMumpsInfog(1))
         if {TOO_LITTLE, *NO_MEMORY} & set(codes):
+            needed = self._factor.getMumpsInfog(16)
             self.destroy()
-            raise TooLargeError
+            raise TooLargeError(f"the factor of {name} takes {needed} MB, {share} MB are there for it on each rank")
         if min(codes) < 0:
-            raise not_definite(name)
+            raise refusal(name, min(codes))
 
     def solve_columns(self, columns: Array) -> Array:
         """As `Factor.solve_columns`, but where they are: right-hand sides in Fortran's order become the answers.
@@ -82,8 +86,9 @@ def factor_for_columns(A: PETSc.Mat, name: str) -> Factor | ReplicatedFactor:
     if A.comm.size > 1:
         try:
             return ReplicatedFactor(A, name)
-        except TooLargeError:
-            pass
+        except TooLargeError as error:
+            if A.comm.rank == 0:
+                _log.warning("%s: it is spread over the ranks, which takes less memory and solves slower", error)
     return Factor(A, name)
 
 

@@ -10,8 +10,9 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row, Rows
-from pmr.errors import ConvergenceError, InputError
+from pmr.errors import ConvergenceError
 from pmr.fem.distributed import freed
+from pmr.fem.factor import NotDefiniteError
 from pmr.fem.matrices import gather
 from pmr.fem.replicated import factor_for_columns
 from pmr.fullmodel.eigensolvers import is_dense
@@ -46,6 +47,8 @@ def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -
         If they do.
     DependentRowsError
         If they depend on each other.
+    InputError
+        If the factor takes more memory than there is.
     """
     rows = Rows(tuple(held), model.size)
     elimination = eliminate(rows.at(rows.domain[0]) if held else rows.at(0.0), rows.names)
@@ -81,7 +84,7 @@ class _Mumps:
         K = elimination.condensed(model.K)
         try:
             self._factor = factor_for_columns(K, "stiffness")
-        except InputError as error:
+        except NotDefiniteError as error:
             raise ConvergenceError(_SINGULAR.format(error)) from None
         finally:
             freed(K)

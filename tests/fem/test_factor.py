@@ -12,7 +12,7 @@ from pmr.errors import InputError
 from pmr.fem import factor
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import sparse
-from pmr.fem.factor import Factor, SequentialFactor, factor_for_steps
+from pmr.fem.factor import Factor, NotDefiniteError, SequentialFactor, factor_for_steps, refusal
 from pmr.fullmodel.assembly import share
 
 pytestmark = pytest.mark.mpi
@@ -54,10 +54,27 @@ def test_a_factor_that_does_not_even_fit_with_files_is_refused(monkeypatch: pyte
         Factor(laplacian(), "K")
 
 
+def test_files_that_can_not_be_written_are_said_to_be(monkeypatch: pytest.MonkeyPatch, capfd) -> None:
+    A = laplacian()
+    within = Factor(A, "K")
+    whole, beside = (within._factor.getMumpsInfog(i) for i in (16, 26))
+    within.destroy()
+    monkeypatch.setattr(factor, "free_memory", lambda comm: (whole + 2 * beside) // 3)
+    monkeypatch.setenv("MUMPS_OOC_TMPDIR", "/nowhere/at/all")
+    with pytest.raises(InputError, match=r"can't be kept in files \(MUMPS -90\); a folder in MUMPS_OOC_TMPDIR"):
+        Factor(A, "K")
+
+
+@pytest.mark.parametrize("code", [-5, -7, -8, -9, -13, -17, -19, -20])
+def test_no_memory_is_told_from_a_matrix_without_a_factor(code: int) -> None:
+    said = refusal("K", code)
+    assert not isinstance(said, NotDefiniteError) and f"no memory for the factor of K (MUMPS {code})" in str(said)
+
+
 def test_a_singular_matrix_is_refused() -> None:
     A = laplacian()
     A.zeroRowsColumns([0] if MPI.COMM_WORLD.rank == 0 else [], diag=0.0)
-    with pytest.raises(InputError, match="positive definite"):
+    with pytest.raises(NotDefiniteError, match="positive definite"):
         Factor(A, "K")
 
 

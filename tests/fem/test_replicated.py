@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pmr.errors import InputError
 from pmr.fem import factor, replicated
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import sparse
-from pmr.fem.factor import Factor
+from pmr.fem.factor import Factor, NotDefiniteError
 from pmr.fem.replicated import Exchange, ReplicatedFactor, TooLargeError, factor_for_columns
 from pmr.fullmodel.assembly import share
 
@@ -52,17 +53,22 @@ def test_each_rank_answers_its_share_as_all_together_do() -> None:
         held.destroy()
 
 
-def test_what_does_not_fit_on_each_rank_is_spread_over_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_does_not_fit_on_each_rank_is_spread_over_them_and_said_to_be(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     A = laplacian()
     assert isinstance(factor_for_columns(A, "K"), Factor if MPI.COMM_WORLD.size == 1 else ReplicatedFactor)
     monkeypatch.setattr(replicated, "free_memory", lambda comm: 1)
     with pytest.raises(TooLargeError):
         ReplicatedFactor(A, "K")
-    assert isinstance(factor_for_columns(A, "K"), Factor)
+    with caplog.at_level(logging.WARNING):
+        assert isinstance(factor_for_columns(A, "K"), Factor)
+    said = MPI.COMM_WORLD.size > 1 and MPI.COMM_WORLD.rank == 0
+    assert ("the factor of K takes " in caplog.text) == ("spread over the ranks" in caplog.text) == said
 
 
 def test_a_singular_matrix_is_refused_on_all_ranks() -> None:
     A = laplacian()
     A.zeroRowsColumns([0] if MPI.COMM_WORLD.rank == 0 else [], diag=0.0)
-    with pytest.raises(InputError, match="positive definite"):
+    with pytest.raises(NotDefiniteError, match="positive definite"):
         ReplicatedFactor(A, "K")

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from pmr.constraints.rows import carrier, fixed_row
+from pmr.errors import ConvergenceError, InputError
+from pmr.fem.factor import refusal
+from pmr.fullmodel import statics
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.statics import static_solver
@@ -36,3 +39,19 @@ def test_answers_are_those_of_the_motions_that_the_rows_leave(load_scene, solver
     x = solve.solve(np.asfortranarray(g[share]))
     assert x == pytest.approx((inverse @ g)[share], abs=1e-8 * np.abs(inverse @ g).max())
     solve.destroy()
+
+
+@pytest.mark.parametrize(
+    ("code", "error", "said"), [(-13, InputError, "no memory"), (-10, ConvergenceError, "singular")]
+)
+def test_no_memory_is_not_called_a_singular_stiffness(
+    load_scene, monkeypatch: pytest.MonkeyPatch, code: int, error: type[Exception], said: str
+) -> None:
+    full = full_model(load_scene("paper_simple", ["mesh.elements=20", "compare.against=[]"]))
+
+    def refused(A: object, name: str) -> None:
+        raise refusal(name, code)
+
+    monkeypatch.setattr(statics, "factor_for_columns", refused)
+    with pytest.raises(error, match=said):
+        static_solver(full, held(full)[0], "slepc")
