@@ -42,20 +42,21 @@ def flexible(
         raise InputError("command line", "--to", to, f"{', '.join(BODY_FORMATS)} is allowed")
     if modes < 1:
         raise InputError("command line", "--modes", modes, "1 or more is allowed")
-    target = out_file or Path(BODY_FORMATS[to].file_name)
+    chosen = BODY_FORMATS[to]
+    target = out_file or Path(chosen.file_name)
     if target.is_dir():
         raise InputError("command line", "--out", str(target), "the name of a file is allowed")
     ensure_writable(target.parent)
     file = scene_file(scene)
     asked = scenes.load(file, overrides or ())
-    from pmr.run import held_body
+    from pmr.run import framed_body, held_body
 
     try:
-        body = held_body(asked, at, modes)
+        body = (framed_body if chosen.by == "frame" else held_body)(asked, at, modes)
     except InputError as error:
         raise error.found_in(str(file)) from None
-    BODY_FORMATS[to].write(body, target)
+    chosen.write(body, target)
     for k, (name, point) in enumerate(zip(body.places.names, body.places.points, strict=True), start=1):
-        say(out, f"node {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")
+        say(out, f"{chosen.by} {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")
     say(out, f"{len(body.omega)} modes, {', '.join(f'{w / 6.283185307179586:.4g}' for w in body.omega)} Hz")
     say(out, str(target))

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pmr import environment
 from pmr.errors import InputError
 from pmr.errors.text import hint
+from pmr.fields.framed import FramedBody
 from pmr.fields.nodal import NodalBody
 
 
@@ -88,11 +90,14 @@ FORMATS = {
 
 @dataclass(frozen=True)
 class BodyFormat:
-    """A format of flexible bodies: what it is, the name of its file, and its writer (body, target)."""
+    """A format of flexible bodies: what it is, the name of its file, what it describes a body by (node, frame), and its
+    writer (body, target).
+    """
 
     says: str
     file_name: str
-    write: Callable[[NodalBody, Path], Path]
+    by: str
+    write: Callable[[Any, Path], Path]
 
 
 def _sid(body: NodalBody, target: Path) -> Path:
@@ -107,9 +112,16 @@ def _ffrf(body: NodalBody, target: Path) -> Path:
     return write_ffrf(body, target)
 
 
+def _simscape(body: FramedBody, target: Path) -> Path:
+    from pmr.export.simscape import write_simscape
+
+    return write_simscape(body, target)
+
+
 BODY_FORMATS = {
-    "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", _sid),
-    "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", _ffrf),
+    "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", "node", _sid),
+    "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", "node", _ffrf),
+    "simscape": BodyFormat("Reduced Order Flexible Solid of Simscape", "body.mat", "frame", _simscape),
 }
 
 

@@ -11,7 +11,7 @@ from pmr.fem.compat import MPI
 from pmr.fem.matrices import gather
 from pmr.fields.nodal import NodalBody, Places
 from pmr.fullmodel.assembly import operators_of
-from pmr.fullmodel.build import build
+from pmr.fullmodel.build import Built, build
 from pmr.fullmodel.eigensolvers import eigensolver
 from pmr.fullmodel.pads import restrain
 from pmr.fullmodel.structure import Action, Structure, couple
@@ -35,11 +35,8 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
     if scene.masses:
         allowed = "none is allowed: a flexible body is what they are attached to, in the program that reads it"
         raise InputError("scene", "masses", scene.masses[0].name, allowed)
-    built = build(scene, MPI.COMM_SELF)
+    built = built_at(scene, s)
     structure, full = built.structure, built.model
-    low, high = full.rows.domain
-    if not low <= s <= high:
-        raise InputError("command line", "--at", s, f"a place from {low:g} to {high:g} m is allowed")
     model, T = structure.model, couple(structure).T
     order = nodes_of(model).ravel()
     found = eigensolver(full, scene.reduction.solver).lowest(s, count)
@@ -60,6 +57,25 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
         damping=scene.damping.mass + scene.damping.stiffness * omega2,
         places=_places(structure, q),
     )
+
+
+def built_at(scene: Scene, s: float) -> Built:
+    """The full model of a scene on one rank, to be held with its sliders at s (m).
+
+    Raises
+    ------
+    InputError
+        If s lies off the path, or a row only pushes.
+    """
+    built = build(scene, MPI.COMM_SELF)
+    low, high = built.model.rows.domain
+    if not low <= s <= high:
+        raise InputError("command line", "--at", s, f"a place from {low:g} to {high:g} m is allowed")
+    for row in built.model.rows.rows:
+        if row.clearance is not None:
+            allowed = f"rows that hold both ways are allowed in a flexible-body file; {row.name} only pushes"
+            raise InputError("scene", "pads.unilateral", True, allowed)
+    return built
 
 
 def nodes_of(model: StructuralModel) -> Indices:
@@ -91,9 +107,6 @@ def _springs(structure: Structure, s: float) -> sp.csr_matrix:
     restraints = restrain(structure.pads, structure.model, sp.eye(size, format="csr"))
     K = restraints.stiffness(size)
     for row in restraints.rows:
-        if row.clearance is not None:
-            allowed = f"rows that hold both ways are allowed in a flexible-body file; {row.name} only pushes"
-            raise InputError("scene", "pads.unilateral", True, allowed)
         if row.compliance > 0.0:
             c = row.at(s)
             K = K + c.T @ c / row.compliance

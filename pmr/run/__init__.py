@@ -44,6 +44,7 @@ from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
 from pmr.recover.coordinates import Recovery, chosen_states
+from pmr.recover.framed import framed_body as framed_body
 from pmr.recover.from_scene import Recovered, recover, recovered_steps
 from pmr.recover.nodal import held_body as held_body
 from pmr.reduce.basis import Basis
