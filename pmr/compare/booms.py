@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from pmr.compare.errors import Quantity, nrms, with_common_forces
 from pmr.compare.summary import Part
-from pmr.results import Energy, Response
+from pmr.results import BoomFrequencies, Energy, Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Boom
 from pmr.scene.boom import Joint
+from pmr.scene.boom_parts import STRAIGHT
 from pmr.scene.built import force_of
 from pmr.simulate.booms import cylinder
 from pmr.simulate.columns import called
@@ -68,20 +69,21 @@ def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
         x.append(body.output_positions[length_outputs(body)])
         names += [f"{name}: {one}" for one in of.moved]
         force_names += [f"{name}: {one}" for one in of.forces]
+    borne = [k for k, contact in enumerate(system.contacts) if contact.inner.row not in STRAIGHT]
     not_known = np.full(len(t), np.nan)
     return Response(
         t=t,
         x=np.concatenate(x),
         displacement=np.hstack(moved),
         energy=said.energy,
-        slider_force=np.hstack([*springs, said.forces]),
+        slider_force=np.hstack([*springs, said.forces[:, borne]]),
         residual_position=not_known,
         residual_velocity=not_known,
         seconds=np.nan,
         output_names=tuple(names),
         output_units=("m",) * len(names),
-        force_names=(*force_names, *map(force_of, system.contact_names)),
-        force_peaks=np.hstack([*springs, said.peaks]),
+        force_names=(*force_names, *(force_of(system.contact_names[k]) for k in borne)),
+        force_peaks=np.hstack([*springs, said.peaks[:, borne]]),
         others=np.hstack(others) if other_names else None,
         other_names=tuple(other_names),
         other_units=tuple(other_units),
@@ -149,6 +151,18 @@ def joints(boom: Boom, response: Response) -> Part:
     pads = [load for name, load in zip(response.force_names, loads, strict=True) if name not in driven]
     cylinders = [load for name, load in zip(response.force_names, loads, strict=True) if name in driven]
     return Part({"pads": pads, "cylinders": cylinders}, _pulled(boom, pads))
+
+
+def beside_published(boom: Boom, found: BoomFrequencies) -> Part:
+    """``published_frequencies``: the first one where it is published, and what each model has there."""
+    if boom.published is None or not boom.published.frequencies:
+        return Part()
+    rows = [
+        {"reach": one.reach, "published": one.first}
+        | {model: float(np.interp(one.reach, found.reach, f[:, 0])) for model, f in found.models.items()}
+        for one in boom.published.frequencies
+    ]
+    return Part({"published_frequencies": rows})
 
 
 def frequencies(system: System, x: Array) -> Array:

@@ -50,7 +50,7 @@ def freedoms(structure: Structure, path: tuple[float, float]) -> list[Freedom]:
     """What is free at places along the path, from its one end to the other, m."""
     model, pads = structure.model, structure.pads
     R, whole = model.rigid_motions(), sp.eye(structure.model.size, format="csr")
-    still = restrain(replace(pads, moving=(), sliders=()), model, whole)
+    still = restrain(replace(pads, moving=(), sliders=(), straight=()), model, whole)
     points = restrain(Pads(sliders=pads.sliders), model, whole).rows
     held = [_measured((*still.rows, *still.springs), R)]
     held += [R[model.coordinates_on(clamp.on, clamp.directions)] for clamp in structure.clamps]

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from pmr.constraints.bsplines import bump, value
 from pmr.constraints.polynomials import rebased
 from pmr.constraints.rows import Row, fixed_row
+from pmr.constraints.straight import Straight
 from pmr.errors import InputError
 from pmr.mesh.strip import Extent, Window
 from pmr.models import StructuralModel
@@ -136,6 +137,8 @@ class Pads:
         Smallest and largest s.
     ends : tuple of Support
         Places that another body holds, not the ground: rows whose stiffness is that body's matter.
+    straight : tuple of Straight
+        Stretches of a planar beam that another body keeps from bending.
     """
 
     fixed: tuple[Pad, ...] = ()
@@ -144,6 +147,7 @@ class Pads:
     sliders: tuple[Slider, ...] = ()
     travel: tuple[float, float] = (0.0, 1.0)
     ends: tuple[Support, ...] = ()
+    straight: tuple[Straight, ...] = ()
 
     def __post_init__(self) -> None:
         low, high = self.travel
@@ -214,6 +218,7 @@ def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints
         *(_point(slider, model, T) for slider in pads.sliders),
         *(moving_pad(pad, model, T, pad.travel or pads.travel) for pad in pads.moving),
         *(_end(end, model, T, pads.travel) for end in pads.ends),
+        *(row for one in pads.straight for row in one.rows(_point(Slider(), model, T))),
     ]
     springs = [row.compliance > 0.0 and row.clearance is None for row in staying]
     rows = [row for row, spring in zip(staying, springs, strict=True) if not spring]

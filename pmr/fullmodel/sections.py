@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from pmr.constraints.straight import Straight
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.pads import Pad, Pads, Support
 from pmr.fullmodel.structure import Structure, Weight, structural_model
 from pmr.scene import Boom
-from pmr.scene.boom_parts import DRIVEN, POINT, TAIL, Footprint, footprints, is_axial, section_scene
+from pmr.scene.boom_parts import DRIVEN, POINT, TAIL, Footprint, footprints, is_axial, section_scene, stiffened
 
 
 def build_sections(boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, Built]:
@@ -42,6 +43,7 @@ def _structure(boom: Boom, number: int, comm: MPI.Comm) -> Structure:
         pads,
         moving=tuple(_travelling(pad, travels) for pad in pads.moving),
         sliders=tuple(replace(point, name=POINT) for point in pads.sliders),
+        straight=tuple(Straight(end, names) for names, end in stiffened(boom, number).items()),
     )
     if number and is_axial(boom, number):
         pads = replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_stretch(pads))

@@ -112,6 +112,7 @@ def run_boom(
         _seconds(clock, simulations, responses),
         compared.sections(boom, responses, sizes, {name: one.summary() for name, one in seen.items()}),
         compared.joints(boom, responses["reduced"]),
+        compared.beside_published(boom, frequencies),
         Part(probes.places({name: one.structure.outputs for name, one in built.items()})),
         driven(excitation),
         Part(contact_step.summary_of(omega, excitation.stepping), contact_step.warnings_of(omega, excitation.stepping)),

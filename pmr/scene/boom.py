@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from pmr.scene.asked import Compare, Damping, Observe, Published, Recovery, Reduction, Simulation, TimeChoice
+from pmr.scene.asked import Compare, Damping, Observe, Recovery, Reduction, Simulation, TimeChoice
 from pmr.scene.built import Body, Face, Gravity, Load, MeshChoice, PadRing, Support
 from pmr.scene.probes import Probe
-from pmr.scene.section import Distance, Place, Quantity, Section, Size, Stiffness, Switch
+from pmr.scene.section import Distance, Frequency, Length, Place, Quantity, Section, Size, Stiffness, Switch
 from pmr.scene.signals import Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats
 from pmr.scene.structures import PointMass
@@ -68,6 +68,9 @@ class Joint(Section):
     tail: tuple[JointPads, ...] = Field(min_length=1, description="Pads that travel with this section's tail")
     mouth: tuple[JointPads, ...] = Field(min_length=1, description="Pads at the mouth of the next outer section")
     cylinder: Cylinder = Field(default=Cylinder(), description="What drives it along the boom")
+    rigid_overlap: Switch = Field(
+        default=False, description="Whether neither section bends from the first pads at the tail to those at the mouth"
+    )
 
     @model_validator(mode="after")
     def _driven_once(self) -> Joint:
@@ -79,6 +82,25 @@ class Joint(Section):
     def rings(self) -> tuple[JointPads, ...]:
         """All pads of the joint."""
         return (*self.tail, *self.mouth)
+
+    def first_at(self, rings: tuple[JointPads, ...]) -> float:
+        """Distance in m of the first of some rings from the end that they sit at."""
+        return min(ring.at for ring in rings)
+
+
+class PublishedFrequency(Section):
+    """The first natural frequency of a boom that reaches so far."""
+
+    reach: Length = Field(description="Of the tip from the base's tail")
+    first: Frequency = Field(description="Lowest natural frequency")
+
+
+class PublishedBoom(Section):
+    """Figures from a publication, shown beside ours."""
+
+    source: str = Field(description="Where they stand")
+    frequencies: tuple[PublishedFrequency, ...] = Field(default=(), description="First ones, at rest")
+    remarks: tuple[str, ...] = Field(default=(), description="Where and why our figures differ, for the report")
 
 
 class BoomSection(Section):
@@ -112,7 +134,7 @@ class Boom(Section):
     recovery: Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
     simulation: Simulation = Field(default=Simulation(), description="Who simulates")
     compare: Compare = Field(default=Compare(), description="What the reduced model is compared with")
-    published: Published | None = Field(default=None, description="Figures from a publication")
+    published: PublishedBoom | None = Field(default=None, description="Figures from a publication")
 
     @model_validator(mode="before")
     @classmethod

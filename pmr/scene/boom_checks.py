@@ -201,6 +201,8 @@ def _by_itself(boom: Boom, number: int) -> None:
 
 def _points(boom: Boom, planar: bool) -> None:
     for number in range(1, len(boom.sections)):
+        if _joint(boom, number).rigid_overlap and not planar:
+            raise _refusal(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
         for seat in seats(boom, number):
             if seat.joint == number and seat.ring.faces is None and not planar:
                 allowed = "faces are needed: only on planar beams pads are points"

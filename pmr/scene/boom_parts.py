@@ -15,6 +15,10 @@ from pmr.scene.signals import Ramp, bounds
 
 #: What the row of points on a planar beam is called, and that of a section's tail along the boom.
 POINT, TAIL = "deflection", "tail x"
+#: What the rows are called that keep a planar beam straight within an overlap: within the next outer section, and what
+#: of the next inner one is within it.
+WITHIN, AROUND = ("straight within at the tail", "straight within"), ("straight around at the mouth", "straight around")
+STRAIGHT = (*WITHIN, *AROUND)
 #: The input that accelerates a section along the boom.
 DRIVEN = "extension"
 
@@ -125,6 +129,18 @@ def section_scene(boom: Boom, number: int) -> Scene:
         recovery=boom.recovery,
         reduction=part.reduction,
     )
+
+
+def stiffened(boom: Boom, number: int) -> dict[tuple[str, str], float]:
+    """Rows that keep a section straight in its rigid overlaps: their names, and the end of each that stays, m."""
+    found = {}
+    own = boom.sections[number].joint
+    if own is not None and own.rigid_overlap:
+        found[WITHIN] = own.first_at(own.tail)
+    following = boom.sections[number + 1].joint if number + 1 < len(boom.sections) else None
+    if following is not None and following.rigid_overlap:
+        found[AROUND] = boom.length(number) - following.first_at(following.mouth)
+    return found
 
 
 def is_axial(boom: Boom, number: int) -> bool:

@@ -8,6 +8,7 @@ one against the ground; what it pushes with follows from the equations of motion
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import accumulate
 from typing import Protocol
 
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from pmr.scene import Boom
 from pmr.scene.boom import JointPads
-from pmr.scene.boom_parts import DRIVEN, POINT, TAIL, as_pads, footprint
+from pmr.scene.boom_parts import AROUND, DRIVEN, POINT, TAIL, WITHIN, as_pads, footprint
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Array, Floats
 from pmr.simulate.excitation import Excitation
@@ -112,6 +113,11 @@ def _between(boom: Boom, number: int, bodies: Mapping[str, Section]) -> Iterator
         tuple(pad for ring in joint.tail for pad in _pads(boom, ring, f"{inner} tail", rows)),
         tuple(pad for ring in joint.mouth for pad in _pads(boom, ring, f"{inner} mouth", rows)),
     ).contacts
+    if joint.rigid_overlap:
+        within = Place(inner, "", boom.length(number - 1) - joint.first_at(joint.mouth), inner, -1.0)
+        around = Place(outer, "", joint.first_at(joint.tail), inner)
+        for place, names in ((within, WITHIN), (around, AROUND)):
+            yield from (Contact(f"{place.body} {name}", replace(place, row=name)) for name in names)
     if TAIL in bodies[inner].row_names:
         at = _somewhere(bodies[inner], TAIL)
         held = Place(outer, TAIL, _somewhere(bodies[outer], TAIL)) if TAIL in bodies[outer].row_names else None

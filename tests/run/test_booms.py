@@ -262,3 +262,16 @@ def test_the_published_boom_lift_on_two_rigid_pads_an_overlap() -> None:
     assert first["full"] == pytest.approx(expected, rel=1e-3) and first["reduced"] == pytest.approx(expected, rel=1e-3)
     overlap = 4.785 - outcome.result.frequencies.extensions[::-2, 1]
     assert overlap == pytest.approx(4.478 * np.arange(0.05, 0.36, 0.05), abs=0.02)
+
+
+def test_the_published_boom_lift_with_rigid_overlaps(tmp_path: Path) -> None:
+    """Seven published frequencies to 2 %: nothing bends within an overlap, in full order and reduced; in the report."""
+    outcome = run_boom(load("time.end=7.0", "time.step=1e-2", file="boom_lift_rigid"))
+    assert outcome is not None
+    rows = outcome.result.summary["published_frequencies"]
+    assert len(rows) == 7
+    for row in rows:
+        assert row["full"] == pytest.approx(row["published"], rel=0.02)
+        assert row["reduced"] == pytest.approx(row["full"], rel=1e-4)
+    assert [one["name"] for one in outcome.result.summary["pads"]] == ["mid tail", "mid mouth", "fly tail", "fly mouth"]
+    assert "beside the published one" in write_report([outcome.result], tmp_path).html.read_text(encoding="utf-8")

@@ -91,6 +91,12 @@ def test_what_contradicts_itself_is_refused_with_key_and_numbers(change: str, sa
     assert "\n" not in str(told.value)
 
 
+def test_only_planar_beams_have_rigid_overlaps() -> None:
+    assert load("section.joint.rigid_overlap=true").sections[2].joint.rigid_overlap
+    with pytest.raises(InputError, match=r"sections\[1\].joint.rigid_overlap = True: false is allowed but for planar"):
+        load("section.joint.rigid_overlap=true", "section.body.model=beam3d")
+
+
 def test_whoever_takes_one_body_says_so() -> None:
     with pytest.raises(InputError, match="sections: a scene of one body is allowed here; pmr run takes booms"):
         scenes.load(THREE)

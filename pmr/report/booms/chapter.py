@@ -9,7 +9,7 @@ from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber, Player, 
 from pmr.report.booms import figures
 from pmr.report.booms.lines import tip
 from pmr.report.booms.motion import motion, said
-from pmr.report.marks import ErrorTable, Row
+from pmr.report.marks import ErrorTable, Row, signed_deviation
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
 from pmr.results import BoomResult
 
@@ -85,7 +85,8 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
         drawing(f"{prefix}-extensions", figures.extensions, "Extension of each section over time.", result),
         drawing(f"{prefix}-frequencies", figures.frequencies, _of_frequencies(), result),
     ]
-    yield Block(heading="Extensions and frequencies", rows=(tuple(row),))
+    published = _published(result) if "published_frequencies" in result.summary else ()
+    yield Block(heading="Extensions and frequencies", rows=(tuple(row),), grids=published)
     tips = [direction for direction in "yz" if tip(result, result.responses["reduced"], direction) is not None]
     difference = "; below, the difference to the full model" if compared else ""
     yield Block(
@@ -102,6 +103,17 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
     if "max_von_mises" in result.summary:
         yield _stresses(result)
     yield _origin(result)
+
+
+def _published(result: BoomResult) -> tuple[Grid]:
+    assert result.scene.published is not None
+    rows = []
+    for one in result.summary["published_frequencies"]:
+        models = [name for name in ("full", "reduced") if name in one]
+        ours = [f"{one[name]:.4f} ({signed_deviation(one[name], one['published'])})" for name in models]
+        rows.append((f"{one['reach']:.5g}{SPACE}m", f"{one['published']:g}", *ours))
+    caption = f"First natural frequency in Hz beside the published one ({result.scene.published.source})."
+    return (Grid(caption, ("reach", "published", *models), tuple(rows)),)
 
 
 def _of_frequencies() -> str:
