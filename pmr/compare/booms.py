@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.boom_friction import friction
 from pmr.compare.errors import Quantity, nrms, with_common_forces
 from pmr.compare.summary import Part
 from pmr.results import BoomFrequencies, Energy, Response
@@ -22,6 +23,7 @@ from pmr.simulate.columns import called
 from pmr.simulate.native import multibody
 from pmr.system.assembly import Assembly
 from pmr.system.body import force_outputs, length_outputs
+from pmr.system.contacts import Contact
 from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -140,8 +142,11 @@ def sections(
     return Part({"sections": found, "max_von_mises": most, "stress_peak": highest})
 
 
-def joints(boom: Boom, response: Response) -> Part:
-    """``pads`` and ``cylinders`` of summary.json, smallest and largest force with their times; pads that are pulled."""
+def joints(boom: Boom, response: Response, contacts: Sequence[Contact]) -> Part:
+    """``pads`` and ``cylinders`` of summary.json, smallest and largest force with their times; pads that are pulled.
+
+    Of cylinders also the largest ``friction`` that they overcome, where there is any.
+    """
     driven = {force_of(cylinder(name)) for name in boom.names[1:]} & set(response.force_names)
     reach = boom.reach(response.t)
     loads: list[dict[str, Any]] = [
@@ -149,7 +154,12 @@ def joints(boom: Boom, response: Response) -> Part:
         for name in response.force_names
     ]
     pads = [load for name, load in zip(response.force_names, loads, strict=True) if name not in driven]
-    cylinders = [load for name, load in zip(response.force_names, loads, strict=True) if name in driven]
+    resisting = {cylinder(name): values for name, values in friction(boom, contacts, response).items()}
+    cylinders = [
+        load | ({"friction": float(np.abs(resisting[load["name"]]).max())} if load["name"] in resisting else {})
+        for name, load in zip(response.force_names, loads, strict=True)
+        if name in driven
+    ]
     return Part({"pads": pads, "cylinders": cylinders}, _pulled(boom, pads))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from pmr.compare import booms as compared
 from pmr.compare import errors
+from pmr.compare.boom_friction import with_friction
 from pmr.compare.boom_references import FullBoom, FullRun
 from pmr.compare.boom_simulations import BoomSimulations, simulate
 from pmr.compare.responses import check_installed
@@ -87,6 +88,7 @@ def run_boom(
             seen = recover_sections(boom, built, sections, states, {} if whole.missing else whole.states)
     if comm.rank > 0:
         return None
+    responses = {name: with_friction(boom, system.contacts, one) for name, one in responses.items()}
     curves |= {"reduced": compared.frequencies(system, x[steps])}
     frequencies = BoomFrequencies(boom.reach(excitation.times[steps]), excitation.s[steps], curves)
     sizes = {name: {"full": built[name].model.size, "reduced": body.size} for name, body in reduced.items()}
@@ -111,7 +113,7 @@ def run_boom(
         ),
         _seconds(clock, simulations, responses),
         compared.sections(boom, responses, sizes, {name: one.summary() for name, one in seen.items()}),
-        compared.joints(boom, responses["reduced"]),
+        compared.joints(boom, responses["reduced"], system.contacts),
         compared.beside_published(boom, frequencies),
         Part(probes.places({name: one.structure.outputs for name, one in built.items()})),
         driven(excitation),

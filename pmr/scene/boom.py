@@ -14,7 +14,19 @@ from pydantic import Field, model_validator
 from pmr.scene.asked import Compare, Damping, Observe, Recovery, Reduction, Simulation, TimeChoice
 from pmr.scene.built import Body, Face, Gravity, Load, MeshChoice, PadRing, Support
 from pmr.scene.probes import Probe
-from pmr.scene.section import Distance, Frequency, Length, Place, Quantity, Section, Size, Stiffness, Switch
+from pmr.scene.section import (
+    Distance,
+    Frequency,
+    Length,
+    Place,
+    Quantity,
+    Section,
+    Share,
+    Size,
+    Speed,
+    Stiffness,
+    Switch,
+)
 from pmr.scene.signals import Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats
 from pmr.scene.structures import PointMass
@@ -39,6 +51,7 @@ class JointPads(Section):
     stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Of each pad")
     unilateral: Switch = Field(default=True, description="Whether they only push")
     clearance: Distance = Field(default=0.0, description="Between pads that only push and the section at rest")
+    friction: Share = Field(default=0.0, description="Coulomb's coefficient along the boom, part of cylinder forces")
 
     @model_validator(mode="after")
     def _only_what_pushes_has_play(self) -> JointPads:
@@ -68,6 +81,7 @@ class Joint(Section):
     tail: tuple[JointPads, ...] = Field(min_length=1, description="Pads that travel with this section's tail")
     mouth: tuple[JointPads, ...] = Field(min_length=1, description="Pads at the mouth of the next outer section")
     cylinder: Cylinder = Field(default=Cylinder(), description="What drives it along the boom")
+    friction_speed: Speed = Field(default=1e-3, description="Sliding speed at which friction is at 76 %")
     rigid_overlap: Switch = Field(
         default=False, description="Whether neither section bends from the first pads at the tail to those at the mouth"
     )

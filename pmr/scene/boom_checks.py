@@ -10,7 +10,7 @@ import numpy as np
 
 from pmr.errors import InputError
 from pmr.scene.boom import Boom, Joint, Linear
-from pmr.scene.boom_parts import footprint, is_planar, seats, section_scene
+from pmr.scene.boom_parts import footprint, is_axial, is_planar, seats, section_scene
 from pmr.scene.checks import MOST_STEPS
 from pmr.scene.magnitudes import check_magnitudes, check_sizes
 from pmr.scene.signals import bounds
@@ -47,6 +47,7 @@ def check_boom(boom: Boom) -> None:
         names = ", ".join(name for name, flat in zip(boom.names, planar, strict=True) if flat)
         raise _refusal("sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none")
     _points(boom, planar[0])
+    _friction(boom)
     _simulators(boom)
 
 
@@ -207,6 +208,14 @@ def _points(boom: Boom, planar: bool) -> None:
             if seat.joint == number and seat.ring.faces is None and not planar:
                 allowed = "faces are needed: only on planar beams pads are points"
                 raise _refusal(f"sections[{number}].joint.{seat.key}.faces", None, allowed)
+
+
+def _friction(boom: Boom) -> None:
+    for number in range(1, len(boom.sections)):
+        for seat in seats(boom, number):
+            if seat.joint == number and seat.ring.friction and not is_axial(boom, number):
+                allowed = f"0 is allowed: {boom.names[number]} has no coordinates along the boom, and so no cylinder"
+                raise _refusal(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
 
 
 def _simulators(boom: Boom) -> None:

@@ -133,12 +133,12 @@ def _pads(boom: Boom, ring: JointPads, called: str, rows: set[str]) -> Iterator[
     clearance = ring.clearance if ring.unilateral else None
     if ring.faces is None:
         for way, direction in {" above": 1.0, " below": -1.0}.items() if ring.unilateral else {"": 1.0}.items():
-            yield JointPad(called + way, POINT, ring.at, direction, compliance, clearance)
+            yield JointPad(called + way, POINT, ring.at, direction, compliance, clearance, ring.friction)
         return
     name = footprint(boom, ring)
     for row, _, _ in as_pads(ring, name).places:
         if row in rows:
-            yield JointPad(called + row.removeprefix(name), row, ring.at, 1.0, compliance, clearance)
+            yield JointPad(called + row.removeprefix(name), row, ring.at, 1.0, compliance, clearance, ring.friction)
 
 
 def _on_ground(name: str, body: Section, joined: set[tuple[str, str]]) -> Iterator[Contact]:

@@ -56,6 +56,8 @@ class Contact:
         1/k; 0 for a rigid one.
     clearance : float, m, or None
         Of a contact that only pushes: how far the inner place may go before it closes.  None: it holds both ways.
+    friction : float
+        Coulomb's coefficient along the path.  Nothing is simulated with it: what drives a section has to overcome it.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Contact:
     direction: float = 1.0
     compliance: float = 0.0
     clearance: float | None = None
+    friction: float = 0.0
 
     def __post_init__(self) -> None:
         if self.direction not in (1.0, -1.0):

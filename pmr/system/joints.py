@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class JointPad:
-    """A pad of a joint; `direction`, `compliance` and `clearance` as of a `Contact`.
+    """A pad of a joint; `direction`, `compliance`, `clearance` and `friction` as of a `Contact`.
 
     Attributes
     ----------
@@ -38,6 +38,7 @@ class JointPad:
     direction: float = 1.0
     compliance: float = 0.0
     clearance: float | None = None
+    friction: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Joint:
             (pad, Place(self.inner, pad.row, x, self.path, -1.0), Place(self.outer, pad.row, x)) for pad, x in places
         ]
         return tuple(
-            Contact(pad.name, inner, outer, pad.direction, pad.compliance, pad.clearance)
+            Contact(pad.name, inner, outer, pad.direction, pad.compliance, pad.clearance, pad.friction)
             for pad, inner, outer in (*at_tail, *at_mouth)
         )
 

@@ -12,6 +12,8 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.compare import boom_references
+from pmr.compare.boom_friction import with_friction
+from pmr.compare.booms import joints, respond
 from pmr.export.paraview import Travelling, write_bodies
 from pmr.fem.compat import MPI
 from pmr.fullmodel.sections import build_sections
@@ -205,14 +207,20 @@ def test_equal_sections_are_built_and_reduced_once_and_points_hold_beams(tmp_pat
     assert outcome is not None and max(outcome.result.summary["errors"]["reduced_vs_full"].values()) < 1e-3
 
 
-def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_and_the_weight_along_the_boom() -> None:
-    """m (a + g sin phi), of sections so stiff that they follow at once; the second cylinder carries the fly alone."""
+def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_boom_and_friction() -> None:
+    """m (a + g sin phi), of sections so stiff that they follow at once; the second cylinder carries the fly alone.
+
+    Friction is that of the pad forces which balance weight and moment of what a joint carries; pads keep theirs.
+    """
     slope = 0.3
     boom = load(
         *QUICK,
         "section.joint.extension={kind='smooth_ramp',times=[0.0,4.0],values=[1.0,4.0]}",
         "time.end=2.0",
         "section.body.material.young=2.1e17",
+        "section.joint.tail.0.friction=0.1",
+        "section.joint.mouth.0.friction=0.1",
+        "section.joint.friction_speed=0.2",
         "sections.fly.loads.0.signal=0.0",
         "damping.ratio=0.0",
         f"gravity.direction=[{-np.sin(slope)},0.0,{-np.cos(slope)}]",
@@ -222,16 +230,32 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_and_the_weight_alo
     masses["fly"] += 250.0
     system = system_of(boom, {name: one.model for name, one in reduce_sections(boom, build_sections(boom)).items()})
     given = excitation_of(boom, system)
-    found = multibody.simulate(system, given, multibody.static_start(system, given))
+    found = respond(system, multibody.simulate(system, given, multibody.static_start(system, given)))
     t = given.times
     x = t / 4.0
     a = 3.0 * (60.0 * x - 180.0 * x**2 + 120.0 * x**3) / 4.0**2
     g = 9.80665 * np.sin(slope)
-    force = dict(zip(system.contact_names, found.forces.T, strict=True))
     fly = masses["fly"] * (2.0 * a + g)
-    expected = {"cylinder of fly": fly, "cylinder of middle": masses["middle"] * (a + g) + fly}
+    expected = {"fly": fly, "middle": masses["middle"] * (a + g) + fly}
     for name, one in expected.items():  # where the motion begins a step sees half of it
-        assert np.abs(force[name] - one)[1:].max() < 1e-6 * np.abs(one).max()
+        assert np.abs(found.force(f"force of cylinder of {name}", 0) - one)[1:].max() < 1e-6 * np.abs(one).max()
+    rubbing = with_friction(boom, system.contacts, found)
+    tail, speed = given.s, boom.paths["fly"].rate(t)
+    across = 9.80665 * np.cos(slope)
+    weight, moment = np.zeros(len(t)), np.zeros(len(t))  # of all that a joint carries, about the base's tail
+    for name, out in (("fly", tail.sum(axis=1)), ("middle", tail[:, 0])):
+        weight += masses[name] * across
+        moment += across * (masses[name] * (out + 3.0) + (250.0 * 3.0 if name == "fly" else 0.0))
+        mouth = out - boom.paths[name].value(t) + 5.85
+        on_mouth = (moment - weight * (out + 0.15)) / (mouth - out - 0.15)
+        resisting = 0.1 * (on_mouth + np.abs(weight - on_mouth)) * np.tanh(speed / 0.2)
+        added = rubbing.force(f"force of cylinder of {name}", 0) - found.force(f"force of cylinder of {name}", 0)
+        assert np.abs(added - resisting).max() < 1e-3 * np.abs(resisting).max()
+    drives = [name.startswith("force of cylinder") for name in found.force_names]
+    assert np.array_equal(rubbing.slider_force[:, np.invert(drives)], found.slider_force[:, np.invert(drives)])
+    told = {one["name"]: one for one in joints(boom, rubbing, system.contacts).figures["cylinders"]}
+    assert told["cylinder of fly"]["max"] == rubbing.force("force of cylinder of fly", 0).max()
+    assert told["cylinder of middle"]["friction"] == pytest.approx(np.abs(resisting).max(), rel=1e-3)
 
 
 @pytest.mark.slow

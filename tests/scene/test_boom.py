@@ -10,6 +10,7 @@ import pytest
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Boom
+from pmr.scene.boom_checks import check_boom
 from pmr.scene.boom_parts import footprints, section_scene
 
 THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
@@ -89,6 +90,15 @@ def test_what_contradicts_itself_is_refused_with_key_and_numbers(change: str, sa
     with pytest.raises(InputError, match=said) as told:
         load(change)
     assert "\n" not in str(told.value)
+
+
+def test_friction_needs_a_cylinder() -> None:
+    assert load("section.joint.tail.0.friction=0.1").sections[1].joint.rings[0].friction == 0.1
+    data = load("section.joint.tail.0.friction=0.1").model_dump(mode="json", exclude={"section"})
+    for part in data["sections"]:
+        part["body"] = {"profile": {"length": 6.0, "bending_stiffness": 2e7, "mass_per_length": 60.0}}
+    with pytest.raises(InputError, match=r"sections\[1\].joint.tail\[0\].friction = 0.1: 0 is allowed: middle has no"):
+        check_boom(Boom.model_validate(data))
 
 
 def test_only_planar_beams_have_rigid_overlaps() -> None:

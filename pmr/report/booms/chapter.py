@@ -98,7 +98,7 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
     )
     yield _forces(result, prefix, "pads", "Pad forces", "Positive where a pad pushes the sections apart.")
     if result.summary["cylinders"]:
-        note = "What a cylinder or rope pushes its section out with; negative where it pulls."
+        note = "What a cylinder or rope pushes its section out with, friction included; negative where it pulls."
         yield _forces(result, prefix, "cylinders", "Cylinder forces", note)
     if "max_von_mises" in result.summary:
         yield _stresses(result)
@@ -123,13 +123,14 @@ def _of_frequencies() -> str:
 def _forces(result: BoomResult, prefix: str, kind: str, heading: str, note: str) -> Block:
     found: Sequence[Mapping[str, Any]] = result.summary[kind]
     names = [f"force of {one['name']}" for one in found]
+    rubbing = any("friction" in one for one in found)
     drawn: list[Drawing] = []
     for first in range(0, len(names), figures.MOST_FORCES):
         some = names[first : first + figures.MOST_FORCES]
         drawn.append(drawing(f"{prefix}-{kind}-{first}", figures.forces, f"{heading} over time. {note}", result, some))
     table = Grid(
         "Smallest and largest force, and when.",
-        ("", "smallest", "at", "largest", "at"),
+        ("", "smallest", "at", "largest", "at", *(["friction up to"] if rubbing else [])),
         tuple(
             (
                 str(one["name"]),
@@ -137,6 +138,7 @@ def _forces(result: BoomResult, prefix: str, kind: str, heading: str, note: str)
                 f"{one['t_min']:.4g}{SPACE}s",
                 quantity(one["max"], "N"),
                 f"{one['t_max']:.4g}{SPACE}s",
+                *([quantity(one.get("friction", 0.0), "N")] if rubbing else []),
             )
             for one in found
         ),
