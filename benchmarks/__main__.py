@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks import approaches, compiling, growth, latency, limit, offline, peer, report, requirements, scale
+from benchmarks import approaches, compiling, fmu, growth, latency, limit, offline, peer, report, requirements, scale
 from pmr import environment
 from pmr.fem.compat import versions as fenicsx_versions
 
@@ -31,6 +31,7 @@ def sections(long: bool) -> Mapping[str, Callable[[], Any]]:
         "limit": limit.measure,
         "latency": lambda: latency.measure(STEPS),
         "growth": lambda: growth.measure(long),
+        "fmu": lambda: fmu.measure(repeats),
         "compiling": compiling.measure,
         "peer": lambda: [peer.measure(elements, repeats) for elements in PEER_ELEMENTS],
         "approaches": lambda: {

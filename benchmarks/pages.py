@@ -129,6 +129,22 @@ def latency(found: Mapping[str, Any], prefix: str) -> Chapter:
     )
 
 
+def fmu(found: Mapping[str, Any], prefix: str) -> Chapter:
+    """One communication step of FMUs."""
+    rows = tuple((name, quantity(t["min"], "s"), quantity(t["median"], "s")) for name, t in found["seconds"].items())
+    caption = (
+        f"Seconds of the processor, {plain(found['steps'])} steps of {quantity(found['step'], 's')} in a row: all "
+        "inputs set, one step done, all displacements read."
+    )
+    name, first = next(iter(found["seconds"].items()))
+    return Chapter(
+        anchor=prefix,
+        title="",
+        headline=f"{quantity(first['median'], 's', 2)} a communication step of the {name}.",
+        blocks=[Block("FMI 2.0, called from C", grids=(Grid(caption, ("model", "least", "median"), rows),))],
+    )
+
+
 def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
     """Cost against size."""
     modes, full = found["modes"], found["full"]
@@ -344,6 +360,7 @@ def _times(ratio: float) -> str:
 PAGES: Mapping[str, tuple[str, Callable[[Any, str], Chapter]]] = {
     "approaches": ("The paper's cases in every way", approaches),
     "latency": ("One step", latency),
+    "fmu": ("An FMU's step", fmu),
     "growth": ("Cost against size", growth),
     "limit": ("Distance to the machine's limit", limit),
     "compiling": ("Compiling", compiling),

