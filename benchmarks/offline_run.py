@@ -9,7 +9,6 @@ import contextlib
 import io
 import json
 import logging
-import resource
 import sys
 import time
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks import beams
+from benchmarks.timing import peak_memory
 from pmr.compare.frequencies import closed_form_frequencies
 from pmr.errors import ConvergenceError, InputError
 from pmr.fem.compat import MPI
@@ -61,7 +61,7 @@ def main(elements: int) -> None:
     with contextlib.suppress(InputError), stage("project"):
         reduced_model(model, basis, {})
     record["seconds"] = seconds
-    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    own = peak_memory()
     record["peak_MB_a_rank"] = comm.allreduce(own, MPI.MAX)
     record["notes"] += sorted({line.strip() for line in warned.getvalue().splitlines() if line.strip()})[:1]
     if comm.rank == 0:

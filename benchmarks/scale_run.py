@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 import json
-import resource
 import sys
 import time
 from collections.abc import Callable
@@ -22,6 +21,7 @@ from scipy.interpolate import PPoly
 import pmr.fullmodel.build
 import pmr.reduce.residual.model
 import pmr.run
+from benchmarks.timing import peak_memory
 from pmr import scene
 from pmr.constraints.polynomials import evaluate
 from pmr.fem.compat import MPI
@@ -55,7 +55,7 @@ def main(cells: float, file: Path | None = None) -> None:
     coarse = boom(1.0)
     structure = structure_of(coarse, comm)
     assemble_model(structure.model, structure.model.domain(comm))  # forms compiled
-    timer, loaded = Timer(comm), _peak()
+    timer, loaded = Timer(comm), peak_memory()
     for stage, places in STAGES.items():
         for module, name in places:
             setattr(module, name, timer.of(stage, getattr(module, name)))
@@ -70,7 +70,7 @@ def main(cells: float, file: Path | None = None) -> None:
         "seconds": seconds,
         "processor": comm.allreduce(time.process_time() - before, MPI.SUM),
         "processor_of_stages": {stage: spent.tolist() for stage, spent in timer.processor.items()},
-        "peak_MB": comm.allgather(_peak()),
+        "peak_MB": comm.allgather(peak_memory()),
         "peak_MB_after": timer.peaks,
         "loaded_MB": comm.allgather(loaded),
         "notes": [],
@@ -113,7 +113,7 @@ class Timer:
                 self._inner[-1] += spent
             self.seconds[stage] = self.seconds.get(stage, 0.0) + own[0]
             self.processor[stage] = self.processor.get(stage, 0.0) + own[1:]
-            self.peaks[stage] = self._comm.allgather(_peak())
+            self.peaks[stage] = self._comm.allgather(peak_memory())
             return result
 
         return timed
@@ -150,11 +150,6 @@ def values(flexibility: Flexibility) -> dict[str, Array]:
         "table input inertia": along(inertia.E0, 2),
         "table row damping": along(inertia.D0),
     }
-
-
-def _peak() -> float:
-    """Peak memory of this rank, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
 if __name__ == "__main__":

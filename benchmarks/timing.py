@@ -1,11 +1,13 @@
-"""Times of several ways to do the same, taken in turn, so that a busy machine hits all of them alike."""
+"""Times of several ways to do the same, taken in turn, so that a busy machine hits all alike; memory of a process."""
 
 from __future__ import annotations
 
+import re
 import statistics
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,3 +54,10 @@ def side_by_side(ways: Mapping[str, Way], repeats: int = 5) -> dict[str, Times]:
 def exponent(x: Array, y: Array) -> float:
     """Slope of log y over log x by least squares."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def peak_memory() -> float:
+    """Peak memory of this process, MB; getrusage's would be that of the process that started it, if this was larger."""
+    found = re.search(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text())
+    assert found is not None
+    return int(found[1]) / 1024.0
