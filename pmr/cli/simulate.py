@@ -41,6 +41,7 @@ def simulate(
     from pmr.compare.saved_model import simulate_saved
     from pmr.report import sentences
     from pmr.results import RESULT_FILES
+    from pmr.results.tables import reaction_extremes
     from pmr.results.tables import write as write_tables
 
     finished(model.parent)
@@ -61,6 +62,8 @@ def simulate(
     table.add_row("largest displacement", f"{1e3 * summary['max_displacement']:.4g} mm")
     for name, force in zip(response.force_names, response.slider_force.T, strict=False):
         table.add_row(visible(name), f"{force.min():.4g} to {force.max():.4g} N")
+    for of, found in reaction_extremes(response, result.path).items():
+        table.add_row(visible(f"reaction of {of.support}"), f"{found.least:.4g} to {found.most:.4g} {of.unit}")
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
     for said in filter(None, (sentences.estimate(result), sentences.step(result))):

@@ -139,17 +139,22 @@ def errors(
     for a, b in combinations(present, 2):
         one, other = _without_round_off(*with_common_forces(responses[a], responses[b]), least, least_force)
         found[f"{a}_vs_{b}"] = {name: measure(what(one), what(other)) for name, what in quantities.items()}
-        found[f"{a}_vs_{b}"] |= {name: measure(*pair) for name, pair in _others(responses[a], responses[b]).items()}
+        others = _others(responses[a], responses[b], least_force)
+        found[f"{a}_vs_{b}"] |= {name: measure(*pair) for name, pair in others.items()}
     return found
 
 
-def _others(one: Response, other: Response) -> dict[str, tuple[Array, Array]]:
-    """Outputs in other units that both know, with zeros where nothing happens beside those of the same unit."""
+def _others(one: Response, other: Response, force: float) -> dict[str, tuple[Array, Array]]:
+    """Other outputs that both know, with zeros where nothing happens beside those of the same unit.
+
+    Reactions are nothing up to `force` in N, or N m, either.
+    """
     units = dict(zip(one.other_names, one.other_units, strict=True))
     pairs = {name: (one.other(name), other.other(name)) for name in units if name in other.other_names}
     largest = {name: max(float(np.abs(values).max()) for values in pair) for name, pair in pairs.items()}
     for name, pair in pairs.items():
         least = RELATIVE_FLOOR * max(size for beside, size in largest.items() if units[beside] == units[name])
+        least = max(least, force) if units[name] in ("N", "N m") else least
         pairs[name] = pair if largest[name] > least else (np.zeros_like(pair[0]), np.zeros_like(pair[1]))
     return pairs
 

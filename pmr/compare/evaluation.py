@@ -6,11 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.errors import force_round_off, refuse_infinite, round_off
+from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
 from pmr.simulate.balance import blocks, energy, part_of
 from pmr.simulate.blocks import Block, Ended
 from pmr.simulate.columns import called
-from pmr.system.body import SlidingBody, Trajectory, displacement, force_outputs, length_outputs, released_rows
+from pmr.simulate.modal import support_forces
+from pmr.system.body import (
+    FullBody,
+    SlidingBody,
+    Trajectory,
+    displacement,
+    force_outputs,
+    length_outputs,
+    released_rows,
+)
 
 Array = NDArray[np.float64]
 
@@ -77,8 +87,9 @@ class Evaluation:
         violation, drift = _residuals(body, part, self._path_rate[rows], block.loads)
         forces = outputs[:, self._force]
         self._keep("displacement", rows, outputs[:, self._length])
-        if not np.all(self._force | self._length):
-            self._keep("others", rows, outputs[:, ~(self._force | self._length)])
+        others = np.hstack([outputs[:, ~(self._force | self._length)], self._reactions(part, block.loads)])
+        if others.shape[1]:
+            self._keep("others", rows, others)
         self._keep("slider_force", rows, np.hstack([forces, part.multipliers[:, self._released]]))
         self._keep("residual_position", rows, np.abs(violation).max(axis=1))
         self._keep("residual_velocity", rows, np.abs(drift).max(axis=1))
@@ -87,11 +98,19 @@ class Evaluation:
         if part.peaks is not None:
             self._keep("force_peaks", rows, np.hstack([forces, part.peaks[:, self._released]]))
 
+    def _reactions(self, part: Trajectory, loads: Array) -> Array:
+        """Of rigid supports, (T, h): multipliers of a full body's own rows, else from the equations of motion."""
+        if isinstance(self._body, ReducedModel):
+            return support_forces(self._body, part, loads)
+        assert isinstance(self._body, FullBody)
+        return part.multipliers[:, self._body.rows.fixed]
+
     def response(self, ended: Ended) -> Response:
         """The response, when all blocks are taken."""
         body, columns = self._body, dict(self._columns)
         end = float(self._t[-1] - self._t[0])
-        names = called(body, [body.row_names[k] for k in self._released])
+        names, reactions = called(body, [body.row_names[k] for k in self._released]), body.reactions
+        names = names if reactions is None else names.with_reactions(reactions.names, reactions.units)
         energies = Energy(*(columns.pop(name) for name in ("kinetic", "strain", "external")))
         return Response(
             t=self._t,

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.results import Response
 from pmr.results.extremes import Extremes
+from pmr.results.tables import reaction_extremes
 from pmr.scene import Scene
-from pmr.scene.built import PadRing, force_of
+from pmr.scene.built import PadRing, force_of, reaction_of
+
+Array = NDArray[np.float64]
 
 #: Share of a pad's largest push, and of a tenth of the largest force of any pad, from which on a pull is told.
 PULLED = 0.01
@@ -18,12 +22,22 @@ PULLED = 0.01
 def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
     """Forces in N, positive where a pad pushes the body inwards, of all pads whose force the response holds."""
     s = np.asarray(scene.slider.path.value(response.t))
-    return {
-        name: Extremes.of(response.force(force_of(name), 0), response.t, s)
-        for ring in scene.pads
-        for name, _, _ in ring.places
-        if force_of(name) in response.force_names
-    }
+    names = [name for ring in scene.pads for name, _, _ in ring.places]
+    return {name: Extremes.of(force, response.t, s) for name in names if (force := _force(response, name)) is not None}
+
+
+def reactions(response: Response, path: Array) -> dict[str, object]:
+    """``reactions`` of summary.json: ``name``, ``unit``, and what `Extremes.summary` says; empty without any."""
+    found = reaction_extremes(response, path)
+    said = [{"name": of.support, "unit": of.unit, **one.summary()} for of, one in found.items()]
+    return {"reactions": said} if said else {}
+
+
+def _force(response: Response, name: str) -> Array | None:
+    """Of a pad, (T,) N; of a rigid one that stays, which is a support, the reaction."""
+    if force_of(name) in response.force_names:
+        return response.force(force_of(name), 0)
+    return response.other(reaction_of(name)) if reaction_of(name) in response.other_names else None
 
 
 def summary(scene: Scene, response: Response) -> dict[str, object]:
@@ -64,7 +78,7 @@ def unknown(scene: Scene, response: Response) -> list[str]:
         name
         for ring in scene.pads
         for name, face, _ in ring.places
-        if ring.stiffness == "rigid" and not ring.moving and force_of(name) not in response.force_names
+        if ring.stiffness == "rigid" and not ring.moving and _force(response, name) is None
     ]
     if not names or not response.force_names:
         return []

@@ -109,8 +109,9 @@ def driven(excitation: Excitation) -> Part:
 
 
 def pads(scene: Scene, response: Response) -> Part:
-    """Forces of the pads."""
-    return Part(pad_forces.summary(scene, response), pad_forces.warnings(scene, response))
+    """Forces of the pads and of rigid supports."""
+    reactions = pad_forces.reactions(response, np.asarray(scene.slider.path.value(response.t)))
+    return Part(pad_forces.summary(scene, response) | reactions, pad_forces.warnings(scene, response))
 
 
 def contact(reduced: ReducedModel, excitation: Excitation) -> Part:

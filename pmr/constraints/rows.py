@@ -48,6 +48,8 @@ class Row:
         1/k of a pad that gives way, C q = lambda / k; 0 for a rigid one.
     clearance : float, m, or None
         Of a row that only pushes: how far C q may go before it holds.  None where the row holds both ways.
+    unit : str
+        Of its multiplier: N, or N m where it measures a rotation.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Row:
     coefficients: Array
     compliance: float = 0.0
     clearance: float | None = None
+    unit: str = "N"
 
     @cached_property
     def _polynomial(self) -> PPoly:
@@ -184,6 +187,11 @@ class Rows:
     def held(self) -> dict[int, int]:
         """Rows of supports on nodes: number of the row to that of the coordinate it holds."""
         return {i: row.held for i, row in enumerate(self.rows) if row.held is not None}
+
+    @property
+    def fixed(self) -> list[int]:
+        """Numbers of the rows that always hold, in one place: rigid supports, and rigid pads that stay."""
+        return [i for i, row in enumerate(self.rows) if row.fixed]
 
     @property
     def lasting(self) -> tuple[str, ...]:

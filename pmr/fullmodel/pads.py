@@ -262,7 +262,8 @@ def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, travel:
     if np.abs(left.data).max(initial=0.0) <= 1e-12 * np.abs(measured.data).max(initial=0.0):
         allowed = f"a support of all points holds {support.on} along it already; one of the two is allowed"
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
-    return replace(fixed_row(support.name, left, travel), compliance=1.0 / support.stiffness)
+    unit = "N m" if support.direction.startswith("r") else "N"
+    return replace(fixed_row(support.name, left, travel), compliance=1.0 / support.stiffness, unit=unit)
 
 
 def _end(end: Support, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:

@@ -30,6 +30,7 @@ from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.enrichment import EnrichmentModes
 from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import asymmetry, misfit
 
 Array = NDArray[np.float64]
@@ -77,6 +78,8 @@ class ReducedModel:
         What D is made of, where it is Rayleigh's.
     carriers : CarriedRows, optional
         The rows on their carriers, for a system in which each has a path coordinate of its own.
+    reactions : Reactions, optional
+        What tells the forces of rigid supports.
     """
 
     M: Array
@@ -98,6 +101,7 @@ class ReducedModel:
     clearance: Array | None = None
     rayleigh: Rayleigh | None = None
     carriers: CarriedRows | None = None
+    reactions: Reactions | None = None
 
     @property
     def size(self) -> int:
@@ -184,6 +188,7 @@ class ReducedModel:
             pads=None if self.pads is None else self.pads[chosen],
             clearance=None if self.clearance is None else self.clearance[chosen],
             carriers=None if self.carriers is None else self.carriers.with_rows(chosen),
+            reactions=None if self.reactions is None else self.reactions.with_rows(chosen),
         )
 
     def leading(self, coordinates: int) -> ReducedModel:
@@ -269,6 +274,7 @@ class ReducedModel:
             return f"clearance has shape {clearance.shape} or values that are no lengths, {(m,)} from 0 on are allowed"
         parts = [part.contradiction(m, i, o) for part in (self.flexibility, self.enrichment) if part is not None]
         parts += [] if self.carriers is None else [self.carriers.contradiction(m, r, i, o)]
+        parts += [] if self.reactions is None else [self.reactions.contradiction(m, r, i)]
         return next((wrong for wrong in parts if wrong), None)
 
 

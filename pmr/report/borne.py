@@ -15,7 +15,7 @@ from pmr.report.numbers import SPACE, Unit, significant, unit_for
 from pmr.results import Response, RunResult
 from pmr.results.cycles import cycles
 from pmr.results.extremes import Extremes
-from pmr.results.tables import force_extremes, probe_extremes
+from pmr.results.tables import force_extremes, probe_extremes, reaction_extremes
 
 Array = NDArray[np.float64]
 
@@ -32,19 +32,31 @@ _WHEN = ("at t in s", "and s in m")
 
 
 def forces(result: RunResult) -> tuple[Grid, ...]:
-    """Smallest and largest force of each pad, slider and support that gives way."""
-    found = force_extremes(result.responses["reduced"], result.path)
-    if not found:
-        return ()
-    largest = max(map(_size, found.values()))
-    unit = unit_for(largest, "N")
-    found = {
+    """Smallest and largest force of each pad, slider and support that gives way, then of the rigid ones."""
+    response = result.responses["reduced"]
+    found = force_extremes(response, result.path)
+    largest = max(map(_size, found.values()), default=0.0)
+    reactions = dict[str, dict[str, Extremes]]()
+    for of, one in reaction_extremes(response, result.path).items():
+        reactions.setdefault(of.unit, {})[of.support] = one
+    grids = [
+        _extremes(found, "N", largest, "Least and largest forces, when they occur, and the path coordinate s then.")
+    ]
+    for base, of_unit in reactions.items():
+        what = "Moments on rigid supports" if base == "N m" else "Forces on rigid supports, positive along their axis"
+        grids.append(_extremes(of_unit, base, max(largest, *map(_size, of_unit.values())), f"{what}, likewise."))
+    return tuple(grid for grid in grids if grid.rows)
+
+
+def _extremes(found: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
+    """A row for each, in a unit that fits the largest; nothing where it is round-off beside that."""
+    unit = unit_for(max(map(_size, found.values()), default=0.0), base)
+    shown = {
         name: one if _size(one) > ROUND_OFF * largest else replace(one, least=0.0, most=0.0)
         for name, one in found.items()
     }
-    caption = "Least and largest forces, when they occur, and the path coordinate s then."
     head = ("", f"least in {unit.name}", *_WHEN, f"largest in {unit.name}", *_WHEN)
-    return (Grid(caption, head, tuple((name or "slider", *_cells(one, unit)) for name, one in found.items())),)
+    return Grid(caption, head, tuple((name or "slider", *_cells(one, unit)) for name, one in shown.items()))
 
 
 def regions(result: RunResult) -> tuple[Grid, ...]:

@@ -64,7 +64,7 @@ class Response:
     output_names, output_units : tuples of str
         Of the columns of `displacement`, (o,); empty in results of version 0.1 and where nobody named them.
     others : (T, k) array or None
-        Outputs that are neither in m nor in N, `other_names` in `other_units`.
+        Outputs that are neither in m nor in N, `other_names` in `other_units`; then reactions of rigid supports.
     force_names : tuple of str
         Of the columns of `slider_force`, (m,), likewise.
     round_off : float, m

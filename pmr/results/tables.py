@@ -18,12 +18,13 @@ from pmr.results.boom import BoomResult
 from pmr.results.cycles import cycles
 from pmr.results.extremes import Extremes
 from pmr.results.run import Response, RunResult
+from pmr.scene.built import force_of, reaction_of
 
 Array = NDArray[np.float64]
 Cell = str | float
 
-#: What a response calls the force of a pad, slider or support begins so.
-FORCE_OF = "force of "
+#: What a response calls the force of a pad, slider or support that gives way begins so; that of a rigid support so.
+FORCE_OF, REACTION_OF = force_of(""), reaction_of("")
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,14 @@ class Table:
 
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """A rigid support, and the unit of what it bears: N, or N m."""
+
+    support: str
+    unit: str
 
 
 def tables(result: RunResult | BoomResult) -> dict[str, Table]:
@@ -72,7 +81,27 @@ def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 
 def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
     """Of each output in another unit than m and N, by its name."""
-    return {name: Extremes.of(response.other(name), response.t, path) for name in response.other_names}
+    found = {name: Extremes.of(response.other(name), response.t, path) for name in response.other_names}
+    return {name: one for name, one in found.items() if not name.startswith(REACTION_OF)}
+
+
+def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extremes]:
+    """Of each rigid support: forces in N, moments in N m."""
+    return {
+        Reaction(name.removeprefix(REACTION_OF), unit): Extremes.of(response.other(name), response.t, path)
+        for name, unit in zip(response.other_names, response.other_units, strict=True)
+        if name.startswith(REACTION_OF)
+    }
+
+
+def reactions(result: RunResult | BoomResult) -> Table:
+    """Smallest and largest force or moment on every rigid support."""
+    rows: list[tuple[Cell, ...]] = [
+        (model, of.support, of.unit, *found.summary().values())
+        for model, response in result.responses.items()
+        for of, found in reaction_extremes(response, _path(result, response)).items()
+    ]
+    return Table(("model", "reaction of", "unit", *_extremes_in_column()), tuple(rows))
 
 
 def frequencies(result: RunResult | BoomResult) -> Table:
@@ -107,7 +136,7 @@ def probes(result: RunResult | BoomResult) -> Table:
             head = (model, probe["name"], probe["unit"], *probe["at"], probe["face"])
             rows.append((*head, *extremes[probe["name"]].summary().values()))
     return Table(
-        ("model", "probe", "unit", "x [m]", "y [m]", "z [m]", "face", *(n.removesuffix(" []") for n in _extremes(""))),
+        ("model", "probe", "unit", "x [m]", "y [m]", "z [m]", "face", *_extremes_in_column()),
         tuple(rows),
     )
 
@@ -125,6 +154,7 @@ def load_cycles(result: RunResult | BoomResult) -> Table:
 
 _TABLES: Mapping[str, Callable[[RunResult | BoomResult], Table]] = {
     "forces": forces,
+    "reactions": reactions,
     "frequencies": frequencies,
     "probes": probes,
     "cycles": load_cycles,
@@ -133,6 +163,11 @@ _TABLES: Mapping[str, Callable[[RunResult | BoomResult], Table]] = {
 
 def _extremes(unit: str) -> tuple[str, ...]:
     return f"min [{unit}]", "t_min [s]", "s_min [m]", f"max [{unit}]", "t_max [s]", "s_max [m]"
+
+
+def _extremes_in_column() -> tuple[str, ...]:
+    """Where a column of its own says the unit."""
+    return tuple(name.removesuffix(" []") for name in _extremes(""))
 
 
 def _probes(result: RunResult | BoomResult, response: Response) -> Iterator[Mapping[str, Any]]:

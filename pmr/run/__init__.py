@@ -51,6 +51,7 @@ from pmr.reduce.basis import Basis
 from pmr.reduce.cache import Cache, Reduced, cache_in, with_provenance
 from pmr.reduce.from_scene import build_basis, project, provenance, take_snapshots
 from pmr.reduce.from_scene import summary as describe_basis
+from pmr.reduce.reactions import support_motions, with_reactions
 from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
@@ -175,8 +176,10 @@ def reduce_with(
     """
     clock = clock or Clock()
     with clock.stage("pod"):
-        basis = build_basis(scene, model, snapshots)
+        body = body or FreeBody(model, scene.reduction.solver)
+        basis, motions = build_basis(scene, model, snapshots), support_motions(body)
         reduced = project(scene, model, basis, provenance(scene, basis), body)
+        reduced = with_reactions(reduced, body, np.array(basis.V.getDenseArray()), motions)
     free_dropped(model.comm)
     return Reduction(model, snapshots, basis, reduced)
 

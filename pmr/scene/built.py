@@ -200,6 +200,11 @@ def force_of(name: str) -> str:
     return f"force of {name}"
 
 
+def reaction_of(name: str) -> str:
+    """What the force or moment of a rigid support is called."""
+    return f"reaction of {name}"
+
+
 class Load(Section):
     """A force in N (moment in N m) along a direction, spread over a named group or at a place along the axis."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from pmr.scene.built import force_of
+from pmr.scene.built import force_of, reaction_of
 from pmr.system.body import Observed
 
 
@@ -27,6 +27,11 @@ class Called:
     forces: tuple[str, ...]
     others: tuple[str, ...]
     other_units: tuple[str, ...]
+
+    def with_reactions(self, names: Sequence[str], units: Sequence[str]) -> Called:
+        """With the reactions of rigid supports, given by the names of their rows, after all others."""
+        others = (*self.others, *map(reaction_of, names))
+        return replace(self, others=others, other_units=(*self.other_units, *units))
 
 
 def called(body: Observed, rows: Sequence[str]) -> Called:

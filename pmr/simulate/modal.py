@@ -16,6 +16,8 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.constraints.applied import applied
+from pmr.constraints.polynomials import times, total, transposed
 from pmr.errors import InputError
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
@@ -101,24 +103,24 @@ def modal_form(body: SlidingBody) -> ModalForm:
     return ModalForm(modal, X, np.asarray((body.M @ X).T), tuple(kept))
 
 
-def support_forces(body: SlidingBody, form: ModalForm, trajectory: Trajectory, loads: Array) -> Array:
-    r"""Multipliers (T, h) in N of the rows that hold one coordinate, from the equations of those coordinates.
+def support_forces(body: ReducedModel, trajectory: Trajectory, loads: Array) -> Array:
+    r"""What a body presses on its rigid supports with, (T, h) in N or N m, under loads (T, i).
+
+    Of `pmr.reduced.reactions`, with the accelerations that follow from the equations of motion:
 
     .. math::
-        \lambda_h = (B f - M \ddot q - D \dot q - K q - C^T \lambda)_h
-
-    `trajectory` is in modal coordinates; the accelerations follow from the modal equations of motion.
+        \lambda_f = (\Phi^T - P V^T) B f - (\Phi^T D V - P D_r) \dot p - (\Phi^T K V - P K_r) p
+        - (C \Phi - C_r P^T)^T \lambda, \qquad P = \Phi^T M V M_r^{-1}
     """
-    held = list(body.held.values())
-    z, v, multipliers, modal = trajectory.q, trajectory.v, trajectory.multipliers, form.body
-    acceleration = loads @ modal.B.T - v @ modal.D - z @ modal.K
-    acceleration -= np.einsum("tmr,tm->tr", modal.C(trajectory.s), multipliers)
-    M, D, K = (np.asarray(A[held] @ form.X) for A in (body.M, body.D, body.K))
-    unit = np.zeros((body.size, len(held)))
-    unit[held, range(len(held))] = 1.0
-    of_rows = body.rows_on(unit)(trajectory.s)[:, list(form.rows)]
-    forces = loads @ body.B[held].T - acceleration @ M.T - v @ D.T - z @ K.T
-    return np.asarray(forces - np.einsum("tmh,tm->th", of_rows, multipliers))
+    known = body.reactions
+    if known is None:
+        return np.empty((len(trajectory.t), 0))
+    r = body.size
+    P = np.linalg.solve(body.M, known.inertia[:, :r].T).T
+    rows = total(known.rows, transposed(times(body.rows, P.T)), -1.0)
+    forces = loads @ (known.inputs - P @ body.B).T - applied(rows, trajectory.s, trajectory.multipliers)
+    forces -= trajectory.v @ (known.damping[:, :r] - P @ body.D).T
+    return np.asarray(forces - trajectory.q @ (known.stiffness[:, :r] - P @ body.K).T)
 
 
 def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:

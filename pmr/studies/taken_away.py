@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pmr.results import Response
 from pmr.results.cycles import cycles
-from pmr.results.tables import force_extremes, probe_extremes
+from pmr.results.tables import force_extremes, probe_extremes, reaction_extremes
 from pmr.scene import Scene
 from pmr.studies.engine.task import Scalar
 
@@ -22,7 +22,8 @@ FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
 def taken_away(scene: Scene, response: Response, s: Array, omega: Array) -> dict[str, Scalar]:
     """Figures of a simulated model with frequencies omega (S, f) in rad/s at path coordinates s (S,) in m, ascending.
 
-    ``largest_force`` of all in N; ``forces.<of>.{min,t_min,s_min,max,t_max,s_max}`` in N, s and m;
+    ``largest_force`` of all in N but for rigid supports; ``forces.<of>.{min,t_min,s_min,max,t_max,s_max}`` in N, s
+    and m; of rigid supports ``reactions.<of>.{min,...}`` in N and ``moments.<of>.{min,...}`` in N m;
     ``path.{s_min,s_max}`` in m, and ``frequencies.<place>.<i>`` in Hz there and midway;
     ``probes.<name>.{min,...}`` likewise in the probe's unit, with ``range``, the largest of its load cycles.
     """
@@ -35,6 +36,9 @@ def _forces(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
         yield "largest_force", max(max(found.most, -found.least) for found in extremes.values())
     for name, found in extremes.items():
         yield from ((f"forces.{name}.{key}", value) for key, value in found.summary().items())
+    for of, found in reaction_extremes(response, _path(scene, response)).items():
+        room = "moments" if of.unit == "N m" else "reactions"
+        yield from ((f"{room}.{of.support}.{key}", value) for key, value in found.summary().items())
 
 
 def _frequencies(s: Array, omega: Array) -> Iterator[tuple[str, Scalar]]:

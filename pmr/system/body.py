@@ -11,11 +11,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import stacked
+from pmr.constraints.polynomials import stacked, transposed
 from pmr.constraints.rows import Rows
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.reactions import Reactions
 
 Array = NDArray[np.float64]
 
@@ -89,6 +90,11 @@ class SlidingBody(Protocol):
     @property
     def carriers(self) -> CarriedRows | None:
         """The rows on their carriers, each with a path coordinate of its own; None where only tables in s are known."""
+        ...
+
+    @property
+    def reactions(self) -> Reactions | None:
+        """What tells the forces of rigid supports; None where there are none, or nobody knows them."""
         ...
 
     @property
@@ -200,6 +206,26 @@ class FullBody:
     def carriers(self) -> CarriedRows:
         """The rows on their carriers, dense: of bodies that are small enough to be diagonalised."""
         return CarriedRows.of(self.rows.shared.rows, self.rows.shared.carriers.toarray())
+
+    @cached_property
+    def reactions(self) -> Reactions | None:
+        """Of the rows that always hold, on the shortest motions that move one of them."""
+        numbers = self.rows.fixed
+        if not numbers:
+            return None
+        S = self.C(self.domain[0])[numbers]
+        motions = S.T @ np.linalg.pinv((S @ S.T).toarray())
+        rows = transposed(self.rows_on(motions))
+        rows.c[..., numbers] = 0.0
+        return Reactions(
+            names=tuple(self.row_names[k] for k in numbers),
+            units=tuple(self.rows.rows[k].unit for k in numbers),
+            inertia=(self.M @ motions).T,
+            damping=(self.D @ motions).T,
+            stiffness=(self.K @ motions).T,
+            inputs=motions.T @ self.B,
+            rows=rows,
+        )
 
     @property
     def row_names(self) -> tuple[str, ...]:

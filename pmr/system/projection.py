@@ -38,4 +38,5 @@ def projected(body: SlidingBody, V: Array) -> ReducedModel:
         flexibility=body.flexibility,
         clearance=None if np.isnan(clearance).all() else clearance,
         rayleigh=body.rayleigh,
+        reactions=None if body.reactions is None else body.reactions.on(V),
     )

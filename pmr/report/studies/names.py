@@ -106,7 +106,7 @@ def called(run: RunRecord, left_out: str = "") -> str:
 
 def quantity_of(name: str) -> Quantity:
     """What a figure of a run is."""
-    parts = name.split(".")
+    parts = name.split(".", 2) if name.startswith("errors.") else name.split(".")
     if parts[0] == "errors" and len(parts) == 3:
         one, _, other = parts[1].partition("_vs_")
         of = "" if one == "reduced" else f", {one}"

@@ -13,10 +13,16 @@ from pmr.studies.results import RunRecord
 #: Runs that fit side by side; of more runs.csv has all figures, and curves show the largest.
 MOST_RUNS = 6
 #: What of a run's figures is shown here, and not among those of `pmr.report.studies.runs`.
-ROOMS = ("forces.", "frequencies.", "probes.", "path.")
+ROOMS = ("forces.", "reactions.", "moments.", "frequencies.", "probes.", "path.")
 
 #: Share of the largest value of its unit below which what a probe measures is round-off.
 NOTHING = 1e-6
+#: Headings of what has a least and a largest value, with its room and unit.
+_FORCES = {
+    "Forces of pads, sliders and supports": ("forces.", "N"),
+    "Forces on rigid supports": ("reactions.", "N"),
+    "Moments on rigid supports": ("moments.", "N m"),
+}
 #: Words in names of probes by their units, and whether the unit takes a prefix.
 _BASE = {"Pa": ("stress", True), "1": ("strain", False), "mm": ("displacement", False)}
 
@@ -26,12 +32,8 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
     done = [run for run in runs if run.status == "done"]
     if not 0 < len(done) <= MOST_RUNS:
         return
-    newton = _newton(done)
-    found = {
-        "Forces of pads, sliders and supports": (
-            f"Least … largest in {newton.name}; when and where stands in runs.csv.",
-            _forces(done, newton),
-        ),
+    found = {heading: _spans(done, room, base) for heading, (room, base) in _FORCES.items()}
+    found |= {
         "Frequencies": (f"In Hz, while pads and sliders rest{_stretch(done)}.", _frequencies(done)),
         "Probes": ("Least … largest, and the largest range of a load cycle.", _probes(done)),
     }
@@ -41,14 +43,13 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
             yield Block(heading, grids=(Grid(caption, head, tuple(rows)),))
 
 
-def _newton(runs: Sequence[RunRecord]) -> Unit:
-    names = [f"forces.{name}" for name in _names(runs, "forces.", ".max")]
-    return unit_for(max((abs(v) for name in names for v in _values(runs, name, "min", "max")), default=0.0), "N")
-
-
-def _forces(runs: Sequence[RunRecord], unit: Unit) -> list[tuple[str, ...]]:
-    names = _names(runs, "forces.", ".max")
-    return [(name, *(_span(run, f"forces.{name}", unit.size) for run in runs)) for name in names]
+def _spans(runs: Sequence[RunRecord], room: str, base: str) -> tuple[str, list[tuple[str, ...]]]:
+    """Caption and rows of what figures of a room say, each from its least to its largest value."""
+    names = _names(runs, room, ".max")
+    values = [abs(v) for name in names for v in _values(runs, room + name, "min", "max")]
+    unit = unit_for(max(values, default=0.0), base)
+    rows = [(name, *(_span(run, room + name, unit.size) for run in runs)) for name in names]
+    return f"Least … largest in {unit.name}; when and where stands in runs.csv.", rows
 
 
 def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:

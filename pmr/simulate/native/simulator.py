@@ -161,7 +161,9 @@ def in_coordinates(body: SlidingBody, form: ModalForm, modal: Trajectory, f: Arr
     multipliers = np.empty((len(modal.t), len(body.row_names)))
     multipliers[:, form.rows] = modal.multipliers
     if body.held:
-        multipliers[:, list(body.held)] = support_forces(body, form, modal, f)
+        assert form.body.reactions is not None
+        of_rows = [form.body.reactions.names.index(body.row_names[k]) for k in body.held]
+        multipliers[:, list(body.held)] = support_forces(form.body, modal, f)[:, of_rows]
     q, v = modal.q @ form.X.T, modal.v @ form.X.T
     peaks = None
     if modal.peaks is not None:

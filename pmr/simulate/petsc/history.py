@@ -135,7 +135,10 @@ def respond(model: FullModel, history: History) -> Response:
     assert history.energy is not None
     force, length = force_outputs(model), length_outputs(model)
     released = sorted({*model.rows.moving, *np.flatnonzero(~np.isnan(model.rows.clearance)).tolist()})
+    supports = [model.rows.rows[k] for k in model.rows.fixed]
     names = called(model, [model.rows.names[k] for k in released])
+    names = names.with_reactions([row.name for row in supports], [row.unit for row in supports])
+    others = np.hstack([history.y[:, ~(force | length)], history.multipliers[:, model.rows.fixed]])
     return Response(
         t=history.t,
         x=model.output_positions[length],
@@ -150,7 +153,7 @@ def respond(model: FullModel, history: History) -> Response:
         output_units=("m",) * len(names.moved),
         force_names=names.forces,
         force_peaks=None if history.peaks is None else np.hstack([history.y[:, force], history.peaks[:, released]]),
-        others=None if np.all(force | length) else history.y[:, ~(force | length)],
+        others=others if others.shape[1] else None,
         other_names=names.others,
         other_units=names.other_units,
     )

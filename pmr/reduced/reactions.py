@@ -1,0 +1,68 @@
+r"""Forces of rigid supports, which hold without a multiplier of their own, from the equations of motion.
+
+With motions :math:`\Phi` of the body that move one support by one and leave all others at rest,
+
+.. math::
+    \lambda_f = \Phi^T \bigl(B f - M \ddot q - D \dot q - K q - C(s)^T \lambda\bigr), \qquad C_f \Phi = I
+
+is what the body presses on each support with, positive along its direction, as the force of one that gives way.  Any
+such motions do for a full model.  A reduced one takes the static ones, all that slides released: with them
+:math:`\Phi^T K q = 0` for every q that the supports allow, so the local stiffness at a support, which few coordinates
+know least of, has no say (Craig and Bampton's constraint modes; for a statically determinate body rigid motions, and
+the sum of forces and moments).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from pmr.constraints.polynomials import columns
+from pmr.reduced.soundness import misfit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """Work of a body's forces on the motions of its h rigid supports.
+
+    Attributes
+    ----------
+    names, units : tuples of str
+        Of the supports' rows; N, or N m of a rotation.
+    inertia, damping, stiffness : (h, n) arrays
+        Phi^T M V, Phi^T D V and Phi^T K V.  A reduced model's may have columns of enrichment modes after its own.
+    inputs : (h, i) array
+        Phi^T B.
+    rows : PPoly with values (h, m)
+        (C(s) Phi)^T of the rows that are no rigid supports, zero for these.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    inertia: Array
+    damping: Array
+    stiffness: Array
+    inputs: Array
+    rows: PPoly
+
+    def on(self, V: Array) -> Reactions:
+        """Those of the body projected on V (n, r)."""
+        inertia, damping, stiffness = (A[:, : len(V)] @ V for A in (self.inertia, self.damping, self.stiffness))
+        return replace(self, inertia=inertia, damping=damping, stiffness=stiffness)
+
+    def with_rows(self, numbers: list[int]) -> Reactions:
+        """Those of the body with none but these of its rows."""
+        return replace(self, rows=columns(self.rows, numbers))
+
+    def contradiction(self, m: int, r: int, i: int) -> str | None:
+        """What is wrong with the shapes for m rows, r coordinates and i inputs, in words; None where all is sound."""
+        h, n = len(self.names), max(self.inertia.shape[-1], r)
+        shapes = {name: (h, n) for name in ("inertia", "damping", "stiffness")} | {"inputs": (h, i), "rows": (h, m)}
+        if len(self.units) != h:
+            return f"{len(self.units)} units are given for {h} reactions"
+        return misfit(self, shapes, "reactions.")
