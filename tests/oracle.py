@@ -88,6 +88,21 @@ def full_body(elements: int) -> FullBody:
     )
 
 
+def with_curvature(full: FullBody, element: int) -> FullBody:
+    """One output more, in 1/m: what a strain gauge at the end of an element measures, over its distance."""
+    h, first = full.output_positions[1], 3 * element
+    row = np.zeros((1, full.size))
+    row[0, [first + 1, first + 2, first + 4, first + 5]] = [6.0 / h**2, 2.0 / h, -6.0 / h**2, 4.0 / h]
+    places = full.output_positions
+    return replace(
+        full,
+        outputs=sp.csr_matrix(sp.vstack([full.outputs, row])),
+        output_positions=np.append(places, places[element + 1]),
+        output_units=("m",) * len(places) + ("1/m",),
+        output_names=(*(f"w{k}" for k in range(len(places))), "gauge"),
+    )
+
+
 def rich_body() -> FullBody:
     """Everything at once in 21 coordinates: damping, two sliders 0.8 m apart, a tip force and a moment."""
     plain = full_body(elements=6)
@@ -139,6 +154,8 @@ def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
         input_names=full.input_names,
         row_names=tuple(full.row_names[i] for i in kept),
         output_positions=full.output_positions,
+        output_units=full.output_units,
+        output_names=full.output_names,
         left_out=tuple(full.row_names[i] for i in left_out),
     )
 

@@ -87,7 +87,7 @@ def _boom(rng: np.random.Generator) -> list[str]:
     times, values = [0.2, round(rng.uniform(0.8, 1.8), 3)], [1.5, round(rng.uniform(2.0, 4.0), 3)]
     signal = ", ".join(f"{name} = {value!r}" for name, value in _signal(rng, 1500.0, 40.0).items())
     ratio = rng.choice([0.0, 0.005, 0.02, 0.05])
-    return [
+    changes = [
         f"body.box.length={rng.uniform(5.0, 9.0):.3f}",
         "mesh.elements=24",
         "recovery.every=0.05",
@@ -98,3 +98,6 @@ def _boom(rng: np.random.Generator) -> list[str]:
         f"damping={{ratio={ratio}, frequencies=[10.0, 60.0]}}",
         f"loads=[{{name='tip', on='tip', direction='{rng.choice(['y', 'z'])}', signal={{{signal}}}}}]",
     ]
+    places = rng.uniform(0.2, 4.8, 2).tolist()
+    probes = (f"{{name='{name}',at=[{x!r},0.15,0.2]}}" for name, x in zip("ab", places, strict=True))
+    return [*changes, f"probes=[{','.join(probes)}]"]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.outputs import Floors, Outputs, observed, outputs, without_rates
+from pmr.compare.outputs import Floors, Outputs, lagging, observed, outputs, without_rates
+from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated, with_kept_inertia
 from pmr.simulate import Excitation, TimeStepping
@@ -118,14 +120,19 @@ class Family:
         if self.rates or member.residual_inertia:
             recorder, seen = Recorder(np.arange(0, steps + 1, every)), self.with_steps(times)
             run = recorder.trajectory(march.follow(form, excitation, recorder))
-            return (outputs if self.rates else without_rates)(form.body, run, seen, self.tips)
-        found = march.observe(form, excitation, every=every)
-        return observed(form.body, found.y, found.multipliers, self.tips)
+            found = (outputs if self.rates else without_rates)(form.body, run, seen, self.tips)
+            return lagging(found, form.body, run, seen) if member == self.best else found
+        told = march.observe(form, excitation, every=every)
+        return observed(form.body, told.y, told.multipliers, self.tips)
 
     def load(self) -> None:
-        """Compile or load what simulates the members, with a step of the smallest ones: searches are timed without."""
+        """Compile or load what simulates the members, with a step of the smallest ones: searches are timed without.
+
+        A step as long as the whole time may fail, after everything is loaded.
+        """
         for inertia in (False, True) if self.keeps_inertia else (False,):
-            self._simulated(Member(self.fewest, inertia), 1, 1)
+            with suppress(SimulationError):
+                self._simulated(Member(self.fewest, inertia), 1, 1)
 
     def floors(self, steps: int) -> Floors:
         """What of its motions may be round-off."""

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from pmr.accuracy import mesh
 from pmr.accuracy.errors import Demand
 from pmr.accuracy.family import Family, member_of
@@ -22,6 +24,7 @@ from pmr.scene import Scene
 from pmr.scene.asked import Accuracy
 from pmr.scene.choice import transverse
 from pmr.simulate import Excitation
+from pmr.system.body import other_outputs
 
 #: Coordinates of the reduction from which the search takes away, or to which it adds its enrichment modes.
 COORDINATES = 6
@@ -76,6 +79,8 @@ def choose(scene: Scene, reduced: ReducedModel) -> Choice:
     if "pad_force" in asked.outputs and impulsive(reduced, excitation):
         allowed = f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}"
         raise InputError("scene", f"{key}.outputs", list(asked.outputs), allowed)
+    if "probe" in asked.outputs and not np.any(other_outputs(reduced)):
+        raise InputError("scene", f"{key}.outputs", list(asked.outputs), "no probe, or a scene with probes, is allowed")
     family = Family(reduced, excitation, len(transverse(scene)), rates="velocity" in asked.outputs)
     recovery = scene.recovery
     coarse, inertia = coarsest(family, recovery.every if recovery else None), scene.simulation.simulators == ("march",)
@@ -176,9 +181,13 @@ def _larger(found: Found) -> str:
 
 
 def _named(kind: str) -> str:
-    return {"beam": "displacements", "tip": "the tip's", "pad_force": "forces of sliders and pads"}.get(
-        kind, "velocities"
-    )
+    return {
+        "beam": "displacements",
+        "tip": "the tip's",
+        "pad_force": "forces of sliders and pads",
+        "velocity": "velocities",
+        "probe": "what probes measure",
+    }[kind]
 
 
 def _percent(fraction: float) -> str:

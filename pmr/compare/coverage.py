@@ -23,7 +23,7 @@ from pmr.simulate.modal import modal_form
 Array = NDArray[np.float64]
 
 #: What no estimate covers; a run's ``step`` has the figure of the time step.
-NEVER = "stresses"
+NEVER = "stresses away from probes"
 #: Why there is no estimate of forces.
 BLOWS = "forces of sliders: at a kink of the path a rigid slider strikes the beam, as hard as the step is short"
 #: Share of a load's changes, by RMS, that may lie above the enrichment modes.

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.results import Response
-from pmr.system.body import SlidingBody, force_outputs, length_outputs, released_rows
+from pmr.system.body import SlidingBody, force_outputs, length_outputs, other_outputs, released_rows
 
 Array = NDArray[np.float64]
 #: Error of a signal against a reference of the same shape.
@@ -181,8 +181,8 @@ def _without_round_off(one: Response, other: Response, least: float, force: floa
     return replace(one, displacement=x, slider_force=f), replace(other, displacement=y, slider_force=g)
 
 
-def settled(one: Array, other: Array, round_off: float) -> tuple[Array, Array]:
-    """Two displacements (T, o) in m, or forces in N, with zeros in the columns in which neither exceeds round-off."""
+def settled(one: Array, other: Array, round_off: float | Array) -> tuple[Array, Array]:
+    """Two signals (T, o) with zeros in the columns in which neither exceeds round-off, which each may have its own."""
     moves = np.maximum(np.abs(one).max(axis=0), np.abs(other).max(axis=0)) > round_off
     return np.where(moves, one, 0.0), np.where(moves, other, 0.0)
 
@@ -202,6 +202,14 @@ def round_off(body: SlidingBody, loads: Array, end: float) -> float:
         return 0.0
     outputs = np.asarray(body.outputs)[length_outputs(body)]
     return float(ROUND_OFF * _norms(A, outputs).max(initial=0.0) * _reach(A, body, loads))
+
+
+def probe_round_off(body: SlidingBody, loads: Array, end: float) -> Array:
+    """As `round_off`, a share of 1e-11, of each output that is neither in m nor in N, (k,) in its unit."""
+    which = other_outputs(body)
+    if (A := _released(body, end)) is None or not np.any(which):
+        return np.zeros(np.count_nonzero(which))
+    return FORCE_ROUND_OFF * _norms(A, np.asarray(body.outputs)[which]) * _reach(A, body, loads)
 
 
 def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> float:

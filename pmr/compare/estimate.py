@@ -7,10 +7,11 @@ residual inertia), which is one order more of the same series:
 .. math::
     d = y_{r+c,\ \text{inertia}} - y_r, \qquad \text{estimate} = 1.25 \max(\lVert d \rVert, \lVert y_{r+c} - y_r \rVert)
 
-The larger one, since what the enrichment modes alone see is a part of the error.  1.25 is a margin: without it the
-estimate was 0.86 to 1.18 times the true error in random scenes, damped and not, with one slider, two sliders and
-twelve pads (tests/compare/test_estimate_sweep.py).  It is no bound: it needs an error that falls from r to r + c modes
-(docs/moving_residual_flexibility.md, section 12); `pmr.compare.coverage` says where that can be seen to fail.
+The larger one, since what the enrichment modes alone see is a part of the error.  Outputs of the second run have the
+lag that damping makes of the residual part's deformation, too (`pmr.compare.residual_damping`).  1.25 is a margin:
+without it the estimate was 0.86 to 1.18 times the true error in random scenes, damped and not, with one slider, two
+sliders and twelve pads (tests/compare/test_estimate_sweep.py).  It is no bound: it needs an error that falls from r to
+r + c modes (docs/moving_residual_flexibility.md, section 12); `pmr.compare.coverage` says where it can be seen to fail.
 
 A model that keeps all of that inertia already has its enrichment modes only, and what these say is divided by kappa,
 their share of what is left out (`pmr.compare.indicators`).
@@ -19,18 +20,19 @@ their share of what is left out (`pmr.compare.indicators`).
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.indicators import chi, kappa
-from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, outputs
+from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, lagging, outputs, probe_differences
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, is_modal, with_kept_inertia
 from pmr.simulate import Excitation, TimeStepping
+from pmr.simulate.columns import called
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
 from pmr.system.body import Trajectory, pushing_rows
@@ -43,7 +45,7 @@ MARGIN = 1.25
 REACHED = 0.5
 #: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
 RESOLVED = 2.0
-_FIGURES = ("beam", "tip", "pad_force", "velocity", "kappa", "by", "chi", "largest", "seconds")
+_FIGURES = ("beam", "tip", "pad_force", "velocity", "probe", "probes", "kappa", "by", "chi", "largest", "seconds")
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,8 @@ class Estimate:
         The same of the forces of sliders and pads; None where these have no size (`pmr.compare.outputs.impulsive`).
     velocity : float
         The same of the displacements' rates.
+    probes : mapping of name to float
+        The same of each output in another unit, stresses at probes for instance (`probe_differences`).
     kappa : float or None
         Share of the residual part's inertia that the enrichment modes carry.
     by : str
@@ -75,11 +79,17 @@ class Estimate:
     tip: float
     pad_force: float | None
     velocity: float
+    probes: Mapping[str, float]
     kappa: float | None
     by: str
     chi: float | None
     error: Array
     seconds: float
+
+    @property
+    def probe(self) -> float | None:
+        """That of the probe which is furthest off; None without probes."""
+        return max(self.probes.values(), default=None)
 
     @property
     def largest(self) -> float:
@@ -132,23 +142,29 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
         run = march.simulate_modal(form, excitation)
         return outputs(form.body, run, excitation, tips), form, run
 
+    def with_lag(found: Outputs, form: ModalForm, run: Trajectory) -> Outputs:
+        return lagging(found, form.body, run, excitation)
+
     own, _, run = simulated(model)
     better, form, extended_run = simulated(extended(model))
     share = kappa(model, run.s)
     if model.flexibility.keeps_inertia or not form.classically_damped:  # damping that couples modes has no tables
-        missing = {"enrichment": better.minus(own).times(1.0 / share)}
+        late = with_lag(better, form, extended_run).minus(better)
+        missing = {"enrichment": better.minus(own).times(1.0 / share).plus(late)}
     else:
-        complete, _, _ = simulated(with_kept_inertia(extended(model)))
+        complete = with_lag(*simulated(with_kept_inertia(extended(model))))
         missing = {"inertia": complete.minus(own), "enrichment": better.minus(own)}
     floors = Floors.of(model, excitation)
     found = {name: differences(own, own.plus(what), floors) for name, what in missing.items()}
     by = max(found, key=lambda name: found[name]["beam"])
     largest = {kind: MARGIN * max(one[kind] for one in found.values()) for kind in KINDS}
+    of_probes = np.max([probe_differences(own, own.plus(what), floors) for what in missing.values()], axis=0)
     return Estimate(
         beam=largest["beam"],
         tip=largest["tip"],
         pad_force=None if impulsive(model, excitation) else largest["pad_force"],
         velocity=largest["velocity"],
+        probes=_named(model, MARGIN * of_probes),
         kappa=share,
         by=by,
         chi=chi(form, extended_run, f, model.size),
@@ -177,13 +193,15 @@ def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation, 
         return outputs(form.body, march.simulate_modal(form, excitation), excitation, tips)
 
     own, other = simulated(model), simulated(better)
-    found = differences(own, other, Floors.of(better, excitation))
+    floors = Floors.of(better, excitation)
+    found, of_probes = differences(own, other, floors), _named(model, probe_differences(own, other, floors))
     known = own.force.shape == other.force.shape and own_of_better.pad_force is not None
     return Estimate(
         beam=found["beam"] + own_of_better.beam,
         tip=found["tip"] + own_of_better.tip,
         pad_force=found["pad_force"] + (own_of_better.pad_force or 0.0) if known else None,
         velocity=found["velocity"] + own_of_better.velocity,
+        probes={name: size + own_of_better.probes[name] for name, size in of_probes.items()},
         kappa=None,
         by="other model",
         chi=None,
@@ -192,11 +210,15 @@ def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation, 
     )
 
 
+def _named(model: ReducedModel, of_probes: Array) -> dict[str, float]:
+    return dict(zip(called(model, ()).others, of_probes.tolist(), strict=True))
+
+
 def summary(
     model: ReducedModel, estimated: Estimate | None, not_covered: Sequence[str] = (), failed: str | None = None
 ) -> dict[str, float | str | list[str] | None]:
-    """What summary.json holds: ``beam``, ``tip``, ``pad_force``, ``velocity`` (fractions), ``kappa``, ``chi``,
-    ``largest`` (m), ``seconds``.
+    """What summary.json holds: ``beam``, ``tip``, ``pad_force``, ``velocity`` and ``probe`` (fractions), ``probes`` by
+    their names, ``kappa``, ``chi``, ``largest`` (m), ``seconds``.
 
     ``not_covered`` lists in words what the estimate leaves out.  All are None where there is no estimate, and
     ``reason`` says why: what `failed`, or `no_estimate`.

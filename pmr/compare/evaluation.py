@@ -19,6 +19,7 @@ from pmr.system.body import (
     displacement,
     force_outputs,
     length_outputs,
+    other_outputs,
     released_rows,
 )
 
@@ -65,7 +66,8 @@ class Evaluation:
 
     def __init__(self, body: SlidingBody, t: Array, path_rate: Array, loads: Array) -> None:
         self._body, self._t, self._path_rate, self._loads = body, t, path_rate, loads
-        self._force, self._length, self._released = force_outputs(body), length_outputs(body), released_rows(body)
+        self._force, self._length, self._others = force_outputs(body), length_outputs(body), other_outputs(body)
+        self._released = released_rows(body)
         self._columns: dict[str, Array] = {}
         self._start = 0.0  # path coordinate in m
 
@@ -87,7 +89,7 @@ class Evaluation:
         violation, drift = _residuals(body, part, self._path_rate[rows], block.loads)
         forces = outputs[:, self._force]
         self._keep("displacement", rows, outputs[:, self._length])
-        others = np.hstack([outputs[:, ~(self._force | self._length)], self._reactions(part, block.loads)])
+        others = np.hstack([outputs[:, self._others], self._reactions(part, block.loads)])
         if others.shape[1]:
             self._keep("others", rows, others)
         self._keep("slider_force", rows, np.hstack([forces, part.multipliers[:, self._released]]))

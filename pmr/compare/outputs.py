@@ -1,7 +1,8 @@
-r"""What models are judged by: displacements along the beam, the tip, forces of sliders and pads, velocities.
+r"""What models are judged by: displacements along the beam, the tip, forces of sliders and pads, velocities, probes.
 
 Of a trajectory in the coordinates of a body, forces are its outputs in N and the multipliers of its sliders and pads;
-velocities those of the displacements, with the part that follows at once (`pmr.compare.velocities`).
+velocities those of the displacements, with the part that follows at once (`pmr.compare.velocities`).  All outputs in
+other units count as probes: stresses, strains and displacements of a place, rotations.
 """
 
 from __future__ import annotations
@@ -12,18 +13,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.errors import force_round_off, relative_error, round_off, settled
+from pmr.compare.errors import (
+    force_round_off,
+    probe_round_off,
+    refuse_infinite,
+    relative_error,
+    round_off,
+    settled,
+)
+from pmr.compare.residual_damping import lag
 from pmr.compare.velocities import velocity
 from pmr.reduced.model import ReducedModel
 from pmr.simulate import Excitation
-from pmr.system.body import Trajectory, displacement, force_outputs, length_outputs, released_rows
+from pmr.system.body import Trajectory, displacement, force_outputs, length_outputs, other_outputs, released_rows
 
 Array = NDArray[np.float64]
 
 #: Kinds of outputs by the names that scenes and summaries give them.
-KINDS = ("beam", "tip", "pad_force", "velocity")
+KINDS = ("beam", "tip", "pad_force", "velocity", "probe")
 #: Share of the path's largest rate by which this has to jump for a blow.
 KINK = 1e-6
+#: Share of the largest probe in the same unit below which a probe's error is one of that share instead of its own.
+LITTLE = 0.01
 
 
 @dataclass(frozen=True)
@@ -35,12 +46,17 @@ class Outputs:
     displacement, velocity : (T, o) arrays, m and m/s
         The last `tips` columns are the tip's; velocities have no columns where they are not wanted.
     force : (T, p) array, N
+    probe : (T, k) array
+    units : tuple of str
+        Of the probes.
     tips : int
     """
 
     displacement: Array
     velocity: Array
     force: Array
+    probe: Array
+    units: tuple[str, ...]
     tips: int
 
     def of(self, kind: str) -> Array:
@@ -54,15 +70,18 @@ class Outputs:
                 return self.force
             case "velocity":
                 return self.velocity
+            case "probe":
+                return self.probe
         raise ValueError(f"{kind!r} is none of {', '.join(KINDS)}")
 
     def plus(self, difference: Outputs) -> Outputs:
         """The sum of both, kind by kind."""
-        return Outputs(
-            self.displacement + difference.displacement,
-            self.velocity + difference.velocity,
-            self.force + difference.force,
-            self.tips,
+        return replace(
+            self,
+            displacement=self.displacement + difference.displacement,
+            velocity=self.velocity + difference.velocity,
+            force=self.force + difference.force,
+            probe=self.probe + difference.probe,
         )
 
     def minus(self, other: Outputs) -> Outputs:
@@ -71,21 +90,29 @@ class Outputs:
 
     def times(self, factor: float) -> Outputs:
         """All of it, scaled."""
-        return Outputs(factor * self.displacement, factor * self.velocity, factor * self.force, self.tips)
+        return replace(
+            self,
+            displacement=factor * self.displacement,
+            velocity=factor * self.velocity,
+            force=factor * self.force,
+            probe=factor * self.probe,
+        )
 
 
 @dataclass(frozen=True)
 class Floors:
-    """What of a displacement (m) and of a force (N) may be round-off alone."""
+    """What of a displacement (m), of a force (N) and of each probe (k,) may be round-off alone."""
 
     displacement: float
     force: float
+    probe: Array
 
     @classmethod
     def of(cls, model: ReducedModel, excitation: Excitation) -> Floors:
         """Of a model under these loads (`pmr.compare.errors.round_off`)."""
         f, end = excitation.forces(model.input_names), excitation.stepping.end
-        return cls(round_off(model, f, end), force_round_off(model, f, end, float(excitation.path.value(0.0))))
+        of_forces = force_round_off(model, f, end, float(excitation.path.value(0.0)))
+        return cls(round_off(model, f, end), of_forces, probe_round_off(model, f, end))
 
 
 def outputs(model: ReducedModel, run: Trajectory, excitation: Excitation, tips: int) -> Outputs:
@@ -102,16 +129,23 @@ def without_rates(model: ReducedModel, run: Trajectory, excitation: Excitation, 
 
 def observed(model: ReducedModel, y: Array, multipliers: Array, tips: int) -> Outputs:
     """Of all outputs y (T, o) and the multipliers (T, m) of a model, without velocities."""
-    moved = y[:, length_outputs(model)]
+    moved, probes = y[:, length_outputs(model)], other_outputs(model)
     force = np.hstack([y[:, force_outputs(model)], multipliers[:, released_rows(model)]])
-    return Outputs(moved, np.empty((len(y), 0)), force, tips)
+    units = tuple(unit for unit, counts in zip(model.output_units, probes, strict=False) if counts)
+    return Outputs(moved, np.empty((len(y), 0)), force, y[:, probes], units, tips)
+
+
+def lagging(found: Outputs, model: ReducedModel, run: Trajectory, excitation: Excitation) -> Outputs:
+    """The outputs of a trajectory with what damping makes of the residual part's own deformation; velocities remain."""
+    late = observed(model, lag(model, run, excitation), np.zeros_like(run.multipliers), found.tips)
+    return found.plus(replace(late, velocity=np.zeros_like(found.velocity)))
 
 
 def differences(one: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = KINDS) -> dict[str, float]:
     """Error by kind (`pmr.compare.errors.relative_error`), fractions; what is round-off in both counts as zero."""
     moves = settled(one.displacement, reference.displacement, floors.displacement)
     still = ~np.any(moves[0], axis=0) & ~np.any(moves[1], axis=0)
-    found = {}
+    found = dict[str, float]()
     for kind in kinds:
         match kind:
             case "tip":
@@ -120,10 +154,28 @@ def differences(one: Outputs, reference: Outputs, floors: Floors, kinds: Sequenc
                 pair = moves
             case "pad_force":
                 pair = settled(one.force, reference.force, floors.force)
+            case "probe":
+                found[kind] = float(probe_differences(one, reference, floors).max(initial=0.0))
+                continue
             case _:
                 pair = np.where(still, 0.0, one.of(kind)), np.where(still, 0.0, reference.of(kind))
         found[kind] = relative_error(*pair)
     return found
+
+
+def probe_differences(one: Outputs, reference: Outputs, floors: Floors) -> Array:
+    r"""Error of each probe, (k,) fractions; what is round-off in both counts as zero.
+
+    .. math:: \mathrm{rms}(y_k - r_k) / \max(\mathrm{rms}(r_k),\ 0.01 \max_j \mathrm{rms}(r_j))
+
+    over all probes j in the unit of k: of a wall that is bent, the stress across is worth no digits of its own.
+    """
+    y, r = settled(one.probe, reference.probe, floors.probe)
+    refuse_infinite(y, r)
+    units, error, size = np.array(reference.units), *(np.sqrt(np.mean(x**2, axis=0)) for x in (y - r, r))
+    scale = np.array([max(own, LITTLE * size[units == unit].max()) for own, unit in zip(size, units, strict=True)])
+    none = scale == 0.0
+    return np.asarray(np.where(none, error > 0.0, error / np.where(none, 1.0, scale)))
 
 
 def impulsive(model: ReducedModel, excitation: Excitation) -> bool:

@@ -69,6 +69,8 @@ def estimate(result: RunResult) -> str:
     said = f"The estimate, which needs no full model, is {tip} at the tip and {beam} along the beam"
     if found.get("pad_force") is not None:
         said = f"{said.replace(' and ', ', ')} and {percent(found['pad_force'])} in the {forces_called(result)}"
+    if found.get("probe") is not None:
+        said = f"{said}, and at most {percent(found['probe'])} of what a probe measures"
     of = (
         "it is made by a model of free modes"
         if found.get("by") == "other model"

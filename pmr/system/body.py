@@ -150,6 +150,11 @@ def length_outputs(body: Observed) -> NDArray[np.bool_]:
     return np.array([unit == "m" for unit in body.output_units] or [True] * len(body.output_positions), dtype=bool)
 
 
+def other_outputs(body: Observed) -> NDArray[np.bool_]:
+    """Which of the outputs (o,) are neither: rotations and what probes measure."""
+    return np.asarray(~(length_outputs(body) | force_outputs(body)))
+
+
 def pushing_rows(body: SlidingBody) -> list[int]:
     """Numbers of the rows that only push: their multipliers are never negative, and zero while they are open."""
     return np.flatnonzero(~np.isnan(body.row_clearance)).tolist()

@@ -13,12 +13,13 @@ from pmr.errors import InputError
 from pmr.run import reduce, run
 
 SMOOTH = "slider.path={kind='smooth_ramp',times=[0.1,0.5],values=[1.25,1.9]}"
+PROBE = "probes=[{name='p',at=[2.0,0.0,0.0],measures=['displacement']}]"
 SHORT = ["time.end=0.6", "time.step=1e-3", "mesh.elements=20", SMOOTH, "compare.against=['full']"]
 
 
 @pytest.fixture(scope="module")
 def ordered(load_scene):
-    outcome = run(load_scene("evolved_tolerance", [*SHORT, "accuracy.outputs=['beam','pad_force']"]))
+    outcome = run(load_scene("evolved_tolerance", [*SHORT, "accuracy.outputs=['beam','pad_force','probe']", PROBE]))
     assert outcome is not None
     return outcome
 
@@ -33,6 +34,9 @@ def test_a_tolerance_chooses_coordinates_and_step(ordered) -> None:
     assert len(summary["accuracy"]["reasons"]) == 3 and summary["accuracy"]["seconds"] > 0.0
     assert summary["errors"]["reduced_vs_full"]["beam"] < 0.01
     assert summary["errors"]["reduced_vs_full"]["pad_force"] < 0.01
+    across = summary["errors"]["reduced_vs_full"]["p displacement z"]
+    assert 0.0 < across < summary["estimate"]["probes"]["p displacement z"] < 0.0125
+    assert summary["budget"]["sum"]["probe"] > 0.0
 
 
 def test_its_budget_has_the_part_of_each(ordered) -> None:
@@ -79,7 +83,8 @@ def test_where_the_part_of_the_mesh_is_not_known_it_says_why(load_scene) -> None
     [
         ("accuracy.outputs=['pad_force']", "a rigid slider strikes"),
         ("accuracy.tolerance=0", "greater than 0"),
-        ("accuracy.outputs=['stress']", "'beam', 'tip', 'pad_force' or 'velocity'"),
+        ("accuracy.outputs=['stress']", "'velocity' or 'probe' is allowed"),
+        ("accuracy.outputs=['probe']", "a scene with probes"),
         ("accuracy.outputs=['tip','tip']", "each kind once"),
         ("reduction.flexibility=false", "free modes with flexibility"),
         ("reduction.estimate=false", "free modes with flexibility and estimate"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from oracle import full_body, inertial
@@ -34,7 +36,8 @@ def full_motion(steps: int, times: int) -> Outputs:
     excitation, form = driven(steps), modal_form(FULL)
     found = outputs(form.body, march.simulate_modal(form, excitation), excitation, 1)
     every = steps // times
-    return Outputs(found.displacement[::every], found.velocity[::every], found.force[::every], 1)
+    arrays = {name: getattr(found, name)[::every] for name in ("displacement", "velocity", "force", "probe")}
+    return replace(found, **arrays)
 
 
 @pytest.mark.parametrize("kinds", [("beam", "tip"), ("pad_force",), ("velocity",)])
@@ -112,6 +115,14 @@ def test_a_step_with_which_nothing_can_be_computed_is_passed_over(monkeypatch: p
 
     monkeypatch.setattr(Family, "_simulated", fails)
     assert next(rungs(family, Member(6), coarse, ("beam",))).steps == 4 * coarse
+
+
+def test_code_is_loaded_with_a_step_that_may_fail() -> None:
+    """One that is as long as the whole time gains energy while the slider goes back."""
+    family = Family(MODEL, driven(path=SmoothRamp(times=(0.1, 0.8), values=(4.0, 0.8))), 1)
+    with pytest.raises(SimulationError, match="grows"):
+        family._simulated(Member(family.fewest, True), 1, 1)
+    family.load()
 
 
 def test_members_are_those_of_the_reduction() -> None:

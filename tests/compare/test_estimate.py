@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from driving import Loads, driven, loads_at
 from numpy.typing import NDArray
-from oracle import flexible, full_body, inertial, nrms_error, paper_basis, project, rich_body
+from oracle import flexible, full_body, inertial, nrms_error, paper_basis, project, rich_body, with_curvature
 
 from pmr.compare import estimate as estimates
 from pmr.compare.estimate import MARGIN, Estimate, by_other, estimate, no_estimate, warnings
 from pmr.compare.estimated import envelope
 from pmr.compare.indicators import kappa
-from pmr.compare.outputs import outputs
+from pmr.compare.outputs import Floors, Outputs, differences, outputs, probe_differences
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, with_kept_inertia
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
@@ -75,6 +75,32 @@ def test_forces_and_velocities_have_estimates_of_their_own(r: int) -> None:
     found = estimate(model, excitation)
     for kind in ("pad_force", "velocity"):
         assert 1.0 < getattr(found, kind) / nrms_error(own.of(kind), truth_.of(kind)) < 2.0
+
+
+@pytest.mark.parametrize("r", [6, 9])
+def test_what_probes_measure_has_estimates_by_name(r: int) -> None:
+    full, excitation = with_curvature(full_body(30), 11), driven(PATH, LOADS[0], STEPPING)
+    model, form = inertial(full, r, enrichment=4), modal_form(full)
+    truth_, own = (
+        outputs(one.body, march.simulate_modal(one, excitation), excitation, 1) for one in (form, modal_form(model))
+    )
+    found = estimate(model, excitation)
+    assert list(found.probes) == ["gauge"] and found.probe == found.probes["gauge"]
+    assert 1.0 < found.probes["gauge"] / nrms_error(own.probe, truth_.probe) < 2.0
+    assert own.displacement.shape[1] == 31  # the gauge is no place along the beam
+    other = by_other(model, inertial(full, r + 4, enrichment=4), excitation).probes["gauge"]
+    assert nrms_error(own.probe, truth_.probe) < other < 2.0 * found.probes["gauge"]
+    assert estimates.summary(model, found)["probes"] == found.probes
+
+
+def test_a_probe_that_sees_little_is_measured_by_a_hundredth_of_the_largest() -> None:
+    one, floors = np.array([[1.0, 1e-4, 3.0], [-1.0, 1e-4, -3.0]]), Floors(0.0, 0.0, np.array([0.0, 0.0, 0.0]))
+    reference = Outputs(one[:, :0], one[:, :0], one[:, :0], one, ("Pa", "Pa", "mm"), 0)
+    off = replace(reference, probe=one * (1.1, 3.0, 1.2))
+    assert probe_differences(off, reference, floors) == pytest.approx([0.1, 0.02, 0.2])
+    assert differences(off, reference, floors, ["probe"])["probe"] == pytest.approx(0.2)
+    still = replace(floors, probe=np.array([0.0, 1e-3, 0.0]))
+    assert probe_differences(off, reference, still)[1] == 0.0
 
 
 def test_forces_have_none_where_a_rigid_slider_strikes() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def ratios(seed: int) -> Iterator[tuple[str, float, float]]:
     tips = len(transverse(scene))
     own, full = (simulated(scene, body, tips) for body in (reduced, model.gather()))
     known = own.force.shape[1]
-    full = Outputs(full.displacement, full.velocity, full.force[:, -known:], tips)  # rigid holds are rows of it alone
+    full = replace(full, force=full.force[:, -known:])  # rigid holds are rows of it alone
     found = estimate(reduced, Excitation.of(scene), tips)
     true = differences(own, full, Floors.of(reduced, Excitation.of(scene)))
     for kind in KINDS:

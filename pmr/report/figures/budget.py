@@ -13,7 +13,7 @@ from pmr.report.figures.canvas import INK, WIDE, key, sheet
 from pmr.results import RunResult
 
 COLOURS = {"reduction": "#d55e00", "step": "#56b4e9", "mesh": "#00664b"}
-NAMES = {"beam": "along the body", "tip": "tip", "pad_force": "forces", "velocity": "velocities"}
+NAMES = {"beam": "along the body", "tip": "tip", "pad_force": "forces", "velocity": "velocities", "probe": "probes"}
 
 
 def budget(result: RunResult) -> Figure:
