@@ -22,6 +22,7 @@ import logging
 import sysconfig
 from collections.abc import Callable
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -29,12 +30,18 @@ from weakref import WeakKeyDictionary
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
 
-import petsc4py
+#: Matrices that are given do without, on one rank.
+HAS_PETSC = all(find_spec(name) is not None for name in ("petsc4py", "slepc4py", "mpi4py"))
 
-# PETSc's handlers turn a closed pipe (`pmr info | head`) into a page of advice on debuggers.
-petsc4py.init(["pmr", "-no_signal_handler"])
+if HAS_PETSC:
+    import petsc4py
+
+    # PETSc's handlers turn a closed pipe (`pmr info | head`) into a page of advice on debuggers.
+    petsc4py.init(["pmr", "-no_signal_handler"])
 
 try:
+    if not HAS_PETSC:
+        raise ImportError("it needs PETSc, SLEPc and mpi4py")
     import basix
     import dolfinx
     import dolfinx.fem.petsc
@@ -43,27 +50,35 @@ try:
     import ffcx.codegeneration
     import ffcx.naming
     import ufl
-except ImportError as error:  # matrices that are given need PETSc and SLEPc alone
+except ImportError as error:  # matrices that are given do without
     _MISSING: ImportError | None = error
 else:
     _MISSING = None
 
 import numpy as np
-import slepc4py
-from mpi4py import MPI
+import scipy
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
-slepc4py.init()
-from slepc4py import SLEPc
+if HAS_PETSC:
+    import slepc4py
+    from mpi4py import MPI
+    from petsc4py import PETSc
+
+    slepc4py.init()
+    from slepc4py import SLEPc
+else:
+    from pmr.fem.serial import MPI, PETSc
+
+    SLEPc = None
 
 from pmr.errors import InputError
 from pmr.files.built import stored
 
 __all__ = [
-    "MPI", "PETSc", "SLEPc", "assemble", "cell_coordinates", "cell_dofs", "cell_topology", "cellwise", "check_fenicsx",
-    "comm_of", "constant", "create_mesh", "hermite_space", "interval_mesh", "lagrange_rule", "lagrange_space",
-    "original_cells", "rule_points", "shell_space", "tabulated", "tabulation_space", "unrolled_cell_dofs", "versions",
+    "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_coordinates", "cell_dofs", "cell_topology", "cellwise",
+    "check_fenicsx", "comm_of", "constant", "create_mesh", "hermite_space", "interval_mesh", "lagrange_rule",
+    "lagrange_space", "original_cells", "rule_points", "shell_space", "tabulated", "tabulation_space",
+    "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -85,6 +100,8 @@ logging.getLogger().addFilter(_NoCompilerChatter())
 
 def versions() -> dict[str, str]:
     """Versions of the finite-element stack in use."""
+    if not HAS_PETSC:
+        return {"sparse matrices": f"SciPy {scipy.__version__}"}
     petsc, slepc = PETSc.Sys.getVersion(), SLEPc.Sys.getVersion()
     library = MPI.Get_library_version().split("\n")[0].split(",")[0].strip("\x00 ")
     fenicsx = {} if _MISSING else {"dolfinx": dolfinx.__version__, "basix": basix.__version__}

@@ -7,10 +7,11 @@ from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
 
 from pmr.environment import available_memory
 from pmr.errors import InputError
-from pmr.fem.compat import MPI, PETSc
+from pmr.fem.compat import HAS_PETSC, MPI, PETSc
 from pmr.fem.distributed import freed, view
 
 Array = NDArray[np.float64]
@@ -137,16 +138,52 @@ class SequentialFactor:
         self._factor.destroy()
 
 
-AnyFactor = Factor | SequentialFactor
+class SparseFactor:
+    """L U of a matrix in SciPy by SuperLU, with pivots on the diagonal: where there is no PETSc.
+
+    Raises
+    ------
+    NotDefiniteError
+        If the matrix, called `name`, is not positive definite.
+    """
+
+    def __init__(self, A: PETSc.Mat, name: str) -> None:
+        whole, by = A.values.tocsc(), {"SymmetricMode": True}
+        try:
+            self._factor = splu(whole, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=by)
+        except RuntimeError:  # exactly singular
+            raise NotDefiniteError(name) from None
+        if not np.array_equal(self._factor.perm_r, self._factor.perm_c) or self._factor.U.diagonal().min() <= 0.0:
+            raise NotDefiniteError(name)
+
+    def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
+        """Answer to one right-hand side."""
+        answer.getArray()[:] = self._factor.solve(right.getArray())
+
+    def solve_columns(self, columns: Array) -> Array:
+        """As `Factor.solve_columns`."""
+        return np.asfortranarray(self._factor.solve(columns))
+
+    def destroy(self) -> None:
+        """Give the factor's memory back."""
+        self.__dict__.pop("_factor", None)
+
+
+AnyFactor = Factor | SequentialFactor | SparseFactor
+
+
+def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
+    """A factor by MUMPS, or where there is no PETSc by SciPy."""
+    return Factor(A, name) if HAS_PETSC else SparseFactor(A, name)
 
 
 def factor_for_steps(A: PETSc.Mat, name: str) -> AnyFactor:
     """A factor for one right-hand side after another: CHOLMOD's on one rank, where PETSc has it."""
-    if A.comm.size == 1:
+    if HAS_PETSC and A.comm.size == 1:
         with suppress(PETSc.Error):
             freed(_by_cholmod(A))
             return SequentialFactor(A, name)
-    return Factor(A, name)
+    return factor_of(A, name)
 
 
 def _by_cholmod(A: PETSc.Mat) -> PETSc.PC:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, view
-from pmr.fem.factor import BLOCK, NO_MEMORY, TOO_LITTLE, Factor, ample, factorised, free_memory, refusal
+from pmr.fem.factor import BLOCK, NO_MEMORY, TOO_LITTLE, AnyFactor, ample, factor_of, factorised, free_memory, refusal
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -81,7 +81,7 @@ class ReplicatedFactor:
         self._factor.destroy()
 
 
-def factor_for_columns(A: PETSc.Mat, name: str) -> Factor | ReplicatedFactor:
+def factor_for_columns(A: PETSc.Mat, name: str) -> AnyFactor | ReplicatedFactor:
     """A factor for many columns at a time: of several ranks each holds it whole, where that fits into memory."""
     if A.comm.size > 1:
         try:
@@ -89,7 +89,7 @@ def factor_for_columns(A: PETSc.Mat, name: str) -> Factor | ReplicatedFactor:
         except TooLargeError as error:
             if A.comm.rank == 0:
                 _log.warning("%s: it is spread over the ranks, which takes less memory and solves slower", error)
-    return Factor(A, name)
+    return factor_of(A, name)
 
 
 class Exchange:

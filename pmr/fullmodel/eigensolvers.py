@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import ConvergenceError
-from pmr.fem.compat import PETSc
+from pmr.fem.compat import HAS_PETSC, PETSc
 from pmr.fem.distributed import freed, times
 from pmr.fem.matrices import gather
 from pmr.fullmodel.elimination import eliminate
@@ -47,11 +47,11 @@ class EigenSolver(Protocol):
 def eigensolver(model: FullModel, choice: str) -> EigenSolver:
     """``"dense"``, ``"slepc"``, or ``"auto"``: dense up to `DENSE_UP_TO` coordinates.
 
-    Rows that give way are springs; in SLEPc a change of low rank of one factor, for all positions.
+    Rows that give way are springs, a change of low rank of one factor for all positions, as all are without SLEPc.
     """
     if is_dense(model, choice):
         return DenseEigenSolver(model)
-    if np.any(model.rows.compliance):
+    if np.any(model.rows.compliance) or not HAS_PETSC:
         return OneFactorEigenSolver(model)
     return SlepcEigenSolver(model)
 

@@ -5,10 +5,8 @@ With F = K + sigma M factorised once, rows C(s) that give way by 1/k (or by noth
 .. math::
     \bigl(F + C^T k\, C\bigr)^{-1} = F^{-1} - F^{-1} C^T \bigl(1/k + C F^{-1} C^T\bigr)^{-1} C F^{-1}
 
-(Woodbury; for 1/k = 0 its limit, in which C phi = 0), which is what shift-and-invert asks for.  A position costs m
-solves with F and those of the Krylov sequence.
-
-The sequence sees one vector of a multiple eigenvalue; a tube with two equal sides has such.
+(Woodbury; for 1/k = 0 its limit, in which C phi = 0), which is what block Lanczos asks for.  A position costs m solves
+with F and those of the sequence.
 """
 
 from __future__ import annotations
@@ -17,23 +15,25 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from pmr.errors import ConvergenceError
 from pmr.fem.compat import PETSc
-from pmr.fem.distributed import freed, inner
-from pmr.fem.factor import Factor
+from pmr.fem.distributed import freed, inner, subtract
+from pmr.fem.factor import factor_of
+from pmr.fullmodel.block_lanczos import BLOCK, largest
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.modes import Modes, finished, lowest_of, solved
+from pmr.fullmodel.modes import Modes, finished
 
 Array = NDArray[np.float64]
 
 
 class OneFactorEigenSolver:
-    """Krylov-Schur with shift-and-invert on one factor; fulfils `pmr.fullmodel.eigensolvers.EigenSolver`."""
+    """Block Lanczos with shift-and-invert on one factor; fulfils `pmr.fullmodel.eigensolvers.EigenSolver`."""
 
     def __init__(self, model: FullModel) -> None:
         self._model, self._sigma = model, model.reference_frequency**2
         F = model.K.copy()
         F.axpy(self._sigma, model.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        self._factor = Factor(F, "K + sigma M")
+        self._factor = factor_of(F, "K + sigma M")
         freed(F)
 
     def lowest(self, s: float, count: int) -> Modes:
@@ -42,34 +42,23 @@ class OneFactorEigenSolver:
         Raises
         ------
         ConvergenceError
-            If fewer than `count` modes converge.
+            If fewer than `count` modes exist or converge.
         """
-        model = self._model
-        eps = lowest_of(model.K, model.M, self._sigma, count)
-        pc = eps.getST().getKSP().getPC()
-        pc.setType("python")
-        pc.setPythonContext(_Changed(model, self._factor, s))
-        freed(pc)  # a name that outlives the solver would keep what it holds
-        omega2, vectors = solved(eps, count)
-        phi = np.column_stack([vector.getArray() for vector in vectors])
-        freed(*vectors)
-        return finished(model, s, omega2, phi, cut=False)
+        model, factor = self._model, self._factor
+        Ct = np.asfortranarray(model.rows.at(s)[:, model.share].T.toarray())
+        answers = factor.solve_columns(Ct)
+        system = inner(Ct, answers, model.comm) + np.diag(model.rows.compliance)
+        held = scipy.linalg.cho_factor((system + system.T) / 2.0) if len(system) else None
 
+        def apply(g: Array) -> Array:
+            x = factor.solve_columns(g)
+            if held is not None:
+                subtract(x, answers, scipy.linalg.cho_solve(held, inner(Ct, x, model.comm)))
+            return x
 
-class _Changed:
-    """The changed inverse, as petsc4py asks for it."""
-
-    def __init__(self, model: FullModel, factor: Factor, s: float) -> None:
-        self._factor, self._comm = factor, model.comm
-        first, last = model.M.getOwnershipRange()
-        self._Ct = model.rows.at(s)[:, first:last].T.toarray()
-        self._answers = factor.solve_columns(self._Ct)
-        system = inner(self._Ct, self._answers, self._comm) + np.diag(model.rows.compliance)
-        self._system = scipy.linalg.cho_factor((system + system.T) / 2.0) if len(system) else None
-
-    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        self._factor.solve(x, y)
-        if self._system is not None:
-            free = y.getArray()
-            motion = inner(self._Ct, np.ascontiguousarray(free[:, None]), self._comm)[:, 0]
-            free -= self._answers @ scipy.linalg.cho_solve(self._system, motion)
+        loads = np.random.default_rng(7).uniform(-1.0, 1.0, (model.size, BLOCK))[model.share]
+        dimension = model.size - int(np.sum(model.rows.compliance == 0.0))
+        found = largest(apply, model.M, apply(np.asfortranarray(loads)), count, dimension)
+        if len(found.theta) < count:
+            raise ConvergenceError(f"{count} modes asked for, but the model has {dimension} free coordinates")
+        return finished(model, s, 1.0 / found.theta - self._sigma, found.vectors, cut=False)

@@ -18,8 +18,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fem.compat import PETSc, SLEPc
-from pmr.fem.distributed import fix_signs, inner, tall, times
+from pmr.fem.compat import PETSc
+from pmr.fem.distributed import fix_signs, inner, subtract, tall, times
 from pmr.fem.matrices import gather
 from pmr.fullmodel.eigensolvers import is_dense
 from pmr.fullmodel.model import FullModel
@@ -87,8 +87,8 @@ def pod(
         r, at most the numerical rank of the pool; None for as many.
     product : ``"euclidean"`` or ``"mass"``
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
-        LAPACK on rank 0 (reproducible), or SLEPc on the distributed matrix: block TSQR for the euclidean product,
-        iterated Gram-Schmidt for the mass product.  ``auto`` takes what the snapshots' solver would.
+        LAPACK on rank 0 (reproducible), or Gram-Schmidt on the distributed matrix.  ``auto`` takes what the snapshots'
+        solver would.
     beside : int
         Vectors that stand before these in the user's count of coordinates.
 
@@ -176,17 +176,17 @@ def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
 
 
 def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
-    """Vectors (n_local, k) and singular values (k,): S = Q R in SLEPc, R = U Sigma W^T in LAPACK, V = Q U."""
-    k = S.getSize()[1]
-    bv = SLEPc.BV().createFromMat(S.copy())
-    bv.setType(SLEPc.BV.Type.MAT)
-    block = SLEPc.BV.OrthogBlockType.TSQR if M is None else SLEPc.BV.OrthogBlockType.GS
-    if M is not None:
-        bv.setMatrix(M, False)
-    bv.setOrthogonalization(SLEPc.BV.OrthogType.CGS, SLEPc.BV.OrthogRefineType.ALWAYS, None, block)
-    R = PETSc.Mat().createDense((k, k), comm=PETSc.COMM_SELF)
-    R.setUp()
-    bv.orthogonalize(R)
-    Q = bv.createMat()
-    U, sigma, _ = np.linalg.svd(np.triu(R.getDenseArray()))
-    return np.array(Q.getDenseArray()) @ U, sigma
+    """Vectors (n_local, k) and singular values (k,): S = Q R by Gram-Schmidt twice over, R = U Sigma W^T, V = Q U."""
+    Q, comm = np.array(S.getDenseArray(), order="F"), S.comm.tompi4py()
+    k = Q.shape[1]
+    R = np.zeros((k, k))
+    for j in range(k):
+        q, before = Q[:, j : j + 1], Q[:, :j]
+        for _ in range(2):
+            share = inner(before, q if M is None else times(M, q), comm)
+            subtract(q, before, share)
+            R[:j, j] += share[:, 0]
+        R[j, j] = np.sqrt(inner(q, q if M is None else times(M, q), comm)[0, 0])
+        q /= R[j, j] or 1.0
+    U, sigma, _ = np.linalg.svd(R)
+    return Q @ U, sigma

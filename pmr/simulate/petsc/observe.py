@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
-from pmr.fem.factor import Factor
+from pmr.fem.factor import factor_of
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import BODY, FullSystem
 from pmr.scene.simulators import REFERENCE, Needs, refuse
@@ -139,7 +139,7 @@ class _Run:
         pushes = bool(self._needs.pushing)
         self._mass = None
         if pushes or moves_at_once(self._system, onset, initial):
-            self._mass = BlockFactor(self._system, lambda model: Factor(model.M, "M"))
+            self._mass = BlockFactor(self._system, lambda model: factor_of(model.M, "M"))
         self._parts, self._fine = 1, self._at
         if pushes:
             self._parts = contact_step.parts(self._contact_frequency(), self._stepping)
