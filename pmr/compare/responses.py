@@ -126,8 +126,15 @@ def simulate_reduced(scene: Scene, reduced: ReducedModel, clock: Clock | None = 
 
     Its seconds are the least of several simulations, if these are short.
     """
+    return simulate_with_states(scene, reduced, (), clock).response
+
+
+def simulate_with_states(
+    scene: Scene, reduced: ReducedModel, steps: Sequence[int], clock: Clock | None = None
+) -> Simulated:
+    """The same with the states at the `steps`, ascending numbers."""
     with (clock or Clock()).stage("reduced"), refused_growth(scene):
-        return _repeated(scene, reduced, scene.simulation.simulators[0], longest=SHORT).response
+        return _repeated(scene, reduced, scene.simulation.simulators[0], longest=SHORT, steps=steps)
 
 
 def simulate_reference(

@@ -38,11 +38,16 @@ def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
 
 
 def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
-    """The full model alone; as `build`, with its warnings in the log."""
+    """The full model alone, as `build_and_warn` makes it."""
+    return build_and_warn(scene, comm).model
+
+
+def build_and_warn(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
+    """As `build`, with warnings in the log."""
     built = build(scene, comm)
     for said in warnings(built.structure) if comm.rank == 0 else ():
         logger.warning("%s", said)
-    return built.model
+    return built
 
 
 def warnings(structure: Structure) -> list[str]:

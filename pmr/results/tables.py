@@ -86,12 +86,15 @@ def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 
 
 def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extremes]:
-    """Of each rigid support: forces in N, moments in N m."""
-    return {
-        Reaction(name.removeprefix(REACTION_OF), unit): Extremes.of(response.other(name), response.t, path)
-        for name, unit in zip(response.other_names, response.other_units, strict=True)
-        if name.startswith(REACTION_OF)
-    }
+    """Of each rigid support: forces in N, moments in N m; nothing where all is round-off."""
+    found = dict[Reaction, Extremes]()
+    for name, unit in zip(response.other_names, response.other_units, strict=True):
+        if name.startswith(REACTION_OF):
+            values = response.other(name)
+            if np.abs(values).max() <= response.force_round_off:
+                values = np.zeros_like(values)
+            found[Reaction(name.removeprefix(REACTION_OF), unit)] = Extremes.of(values, response.t, path)
+    return found
 
 
 def reactions(result: RunResult | BoomResult) -> Table:

@@ -18,7 +18,7 @@ from pmr.compare.frequencies import CURVES, frequency_curves, visited_positions
 from pmr.compare.frequency_response import frequency_response
 from pmr.compare.frequency_response import part as frequency_part
 from pmr.compare.references import references
-from pmr.compare.responses import Simulations, check_installed, simulate
+from pmr.compare.responses import check_installed, simulate
 from pmr.compare.summary import (
     Part,
     compared,
@@ -59,6 +59,7 @@ from pmr.simulate import Excitation
 from pmr.simulate.petsc import Checkpoint
 from pmr.snapshots import Snapshots
 from pmr.snapshots.free_body import FreeBody
+from pmr.system.body import Trajectory
 
 #: Stages whose seconds stand in summary.json, beside those of the simulators.
 STAGES = ("assemble", "snapshots", "pod", "recover")
@@ -119,7 +120,11 @@ def run(
     steps = recovered_steps(scene).tolist()
     found = references(scene, reduction.model, clock, steps, checkpoint)
     simulations = simulate(scene, reduction.reduced, found.responses, clock, steps) if comm.rank == 0 else None
-    seen = _recovered(scene, built, reduction, simulations, found.states, clock)
+    seen = None
+    if scene.recovery is not None:
+        with clock.stage("recover"):
+            states = None if simulations is None else simulations.states
+            seen = recovered(scene, built, reduction, states, found.states)
     if simulations is None:
         return None
     responses = simulations.responses
@@ -184,24 +189,30 @@ def reduce_with(
     return Reduction(model, snapshots, basis, reduced)
 
 
-def _recovered(
+def recovered(
     scene: Scene,
     built: Built,
     reduction: Reduction,
-    simulations: Simulations | None,
-    full_states: NDArray[np.float64] | None,
-    clock: Clock,
-) -> Recovered | None:
-    if scene.recovery is None:
-        return None
-    with clock.stage("recover"):
-        V = np.array(reduction.basis.V.getDenseArray())
-        recovery = Recovery(built.model, V, reduction.reduced, scene.reduction.solver)
-        states = None
-        if simulations is not None and simulations.states is not None:
-            loads, steps = Excitation.of(scene).forces(recovery.reduced.input_names), recovered_steps(scene)
-            states = chosen_states(simulations.states, loads[steps], np.arange(len(steps)))
-        return recover(scene.recovery, built.structure, recovery, built.model.comm.bcast(states), full_states)
+    trajectory: Trajectory | None,
+    full_states: NDArray[np.float64] | None = None,
+) -> Recovered:
+    """What the scene's recovery asks for; collective.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The reduced model's states at the `recovered_steps`, on rank 0.
+    full_states : (S, n_local) array, optional
+        This rank's rows of the full model's coordinates at the same times.
+    """
+    assert scene.recovery is not None
+    V = np.array(reduction.basis.V.getDenseArray())
+    recovery = Recovery(built.model, V, reduction.reduced, scene.reduction.solver)
+    states = None
+    if trajectory is not None:
+        loads, steps = Excitation.of(scene).forces(recovery.reduced.input_names), recovered_steps(scene)
+        states = chosen_states(trajectory, loads[steps], np.arange(len(steps)))
+    return recover(scene.recovery, built.structure, recovery, built.model.comm.bcast(states), full_states)
 
 
 def _reduce(scene: Scene, model: FullModel, clock: Clock) -> Reduction:

@@ -22,6 +22,7 @@ from pmr.scene.signals import Constant
 from pmr.studies.engine.task import Task, TaskFunction, TaskResult
 
 if TYPE_CHECKING:
+    from pmr.fullmodel.build import Built
     from pmr.fullmodel.model import FullModel
     from pmr.snapshots import Snapshots
 
@@ -42,15 +43,20 @@ def scene_of(arguments: Mapping[str, Any]) -> Any:
 
 
 def model_of(scene: Scene) -> FullModel:
-    """The scene's full model, stored for the next task of this process that asks for the same one."""
-    return _model(_unloaded(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping}))
+    """The scene's full model, as `built_of`."""
+    return built_of(scene).model
+
+
+def built_of(scene: Scene) -> Built:
+    """The scene's full model and structure, stored for the next task of this process that asks for the same ones."""
+    return _built(_unloaded(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping}))
 
 
 @lru_cache(maxsize=4)
-def _model(scene: Scene) -> FullModel:
-    from pmr.fullmodel.build import full_model
+def _built(scene: Scene) -> Built:
+    from pmr.fullmodel.build import build_and_warn
 
-    return full_model(scene)
+    return build_and_warn(scene)
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:

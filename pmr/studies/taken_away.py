@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,20 @@ def taken_away(scene: Scene, response: Response, s: Array, omega: Array) -> dict
     ``probes.<name>.{min,...}`` likewise in the probe's unit, with ``range``, the largest of its load cycles.
     """
     return dict((*_forces(scene, response), *_frequencies(s, omega), *_probes(scene, response)))
+
+
+def stresses(summary: Mapping[str, Any]) -> dict[str, Scalar]:
+    """``stress.<region>.{max,t_max,x,y,z}``: the largest von Mises stress in Pa of the reduced model, when and where.
+
+    `summary` is that of a run, or of what was recovered; a mesh without regions is ``whole body``.
+    """
+    found, peaks = dict[str, Scalar](), summary.get("stress_by_region", {}).get("reduced", {})
+    if not peaks and "stress_peak" in summary:
+        peaks = {"whole body": summary["stress_peak"]["reduced"]}
+    for region, peak in peaks.items():
+        told = {"max": peak["value"], "t_max": peak["t"]} | dict(zip("xyz", peak["position"], strict=True))
+        found |= {f"stress.{region}.{key}": float(value) for key, value in told.items()}
+    return found
 
 
 def _forces(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:

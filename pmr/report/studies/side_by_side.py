@@ -13,15 +13,16 @@ from pmr.studies.results import RunRecord
 #: Runs that fit side by side; of more runs.csv has all figures, and curves show the largest.
 MOST_RUNS = 6
 #: What of a run's figures is shown here, and not among those of `pmr.report.studies.runs`.
-ROOMS = ("forces.", "reactions.", "moments.", "frequencies.", "probes.", "path.")
+ROOMS = ("forces.", "reactions.", "moments.", "stress.", "frequencies.", "probes.", "path.")
 
 #: Share of the largest value of its unit below which what a probe measures is round-off.
 NOTHING = 1e-6
-#: Headings of what has a least and a largest value, with its room and unit.
-_FORCES = {
-    "Forces of pads, sliders and supports": ("forces.", "N"),
-    "Forces on rigid supports": ("reactions.", "N"),
-    "Moments on rigid supports": ("moments.", "N m"),
+#: Headings of what has a largest value, and maybe a least one, with its room, its unit and which of both it has.
+_SPANS = {
+    "Forces of pads, sliders and supports": ("forces.", "N", "Least … largest"),
+    "Forces on rigid supports": ("reactions.", "N", "Least … largest"),
+    "Moments on rigid supports": ("moments.", "N m", "Least … largest"),
+    "Stress by region": ("stress.", "Pa", "Largest von Mises stress"),
 }
 #: Words in names of probes by their units, and whether the unit takes a prefix.
 _BASE = {"Pa": ("stress", True), "1": ("strain", False), "mm": ("displacement", False)}
@@ -32,7 +33,7 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
     done = [run for run in runs if run.status == "done"]
     if not 0 < len(done) <= MOST_RUNS:
         return
-    found = {heading: _spans(done, room, base) for heading, (room, base) in _FORCES.items()}
+    found = {heading: _spans(done, *of) for heading, of in _SPANS.items()}
     found |= {
         "Frequencies": (f"In Hz, while pads and sliders rest{_stretch(done)}.", _frequencies(done)),
         "Probes": ("Least … largest, and the largest range of a load cycle.", _probes(done)),
@@ -43,13 +44,13 @@ def blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
             yield Block(heading, grids=(Grid(caption, head, tuple(rows)),))
 
 
-def _spans(runs: Sequence[RunRecord], room: str, base: str) -> tuple[str, list[tuple[str, ...]]]:
+def _spans(runs: Sequence[RunRecord], room: str, base: str, told: str) -> tuple[str, list[tuple[str, ...]]]:
     """Caption and rows of what figures of a room say, each from its least to its largest value."""
     names = _names(runs, room, ".max")
     values = [abs(v) for name in names for v in _values(runs, room + name, "min", "max")]
     unit = unit_for(max(values, default=0.0), base)
     rows = [(name, *(_span(run, room + name, unit.size) for run in runs)) for name in names]
-    return f"Least … largest in {unit.name}; when and where stands in runs.csv.", rows
+    return f"{told} in {unit.name}; when and where stands in runs.csv.", rows
 
 
 def _frequencies(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
@@ -103,7 +104,8 @@ def _values(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterator[float]
 def _span(run: RunRecord, name: str, size: float) -> str:
     figures: Mapping[str, Scalar] = run.figures
     least, most = figures.get(f"{name}.min"), figures.get(f"{name}.max")
-    return "–" if least is None or most is None else f"{_printed(least, size)}{SPACE}…{SPACE}{_printed(most, size)}"
+    first = "" if least is None else f"{_printed(least, size)}{SPACE}…{SPACE}"
+    return f"{first}{_printed(most, size)}"
 
 
 def _printed(value: Scalar, size: float) -> str:

@@ -100,18 +100,20 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
 
     Figures: ``errors.<a>_vs_<b>.<place>`` (e_NRMS), ``max_displacement`` and ``max_error`` (m), ``coordinates.full``
     and ``.reduced``, ``basis.kappa``, and ``frequency_error.<i>``, the largest relative error of the i-th frequency
-    over the path; then what `pmr.studies.taken_away` says.  Arrays: ``t`` (s), ``tip`` (m), ``singular_values``,
-    ``frequencies.s`` (m), ``.full``, ``.reduced`` (rad/s).
+    over the path; then what `pmr.studies.taken_away` says, with stresses where the scene recovers them.  Arrays: ``t``
+    (s), ``tip`` (m), ``singular_values``, ``frequencies.s`` (m), ``.full``, ``.reduced`` (rad/s).
     """
     from pmr.compare import errors as compare
     from pmr.compare.frequencies import reduced_frequencies
-    from pmr.compare.responses import quantities, simulate_reduced
-    from pmr.run import reduce_with
-    from pmr.studies.taken_away import taken_away
+    from pmr.compare.responses import quantities, simulate_with_states
+    from pmr.run import recovered, recovered_steps, reduce_with
+    from pmr.studies.taken_away import stresses, taken_away
 
     scene = shared.scene_of(arguments)
-    reduction = reduce_with(scene, shared.model_of(scene), shared.snapshots_from(scene, needs))
-    responses = {"reduced": simulate_reduced(scene, reduction.reduced)}
+    built, stressed = shared.built_of(scene), scene.recovery is not None and scene.recovery.stress
+    reduction = reduce_with(scene, built.model, shared.snapshots_from(scene, needs))
+    simulated = simulate_with_states(scene, reduction.reduced, recovered_steps(scene).tolist() if stressed else ())
+    responses = {"reduced": simulated.response}
     responses |= {name: shared.response_from(needs[name]) for name in scene.compare.against}
     s, full = (needs["frequencies"].arrays[name] for name in ("s", "omega"))
     reduced = reduced_frequencies(reduction.reduced, s, full.shape[1])
@@ -131,6 +133,8 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
         record[f"frequency_error.{i + 1}"] = float(off) if np.isfinite(off) else None  # fewer coordinates are free
     response = responses["reduced"]
     record |= taken_away(scene, response, s, reduced)
+    if stressed:
+        record |= stresses(recovered(scene, built, reduction, simulated.states).summary())
     arrays = {"t": response.t, "tip": response.tip, "singular_values": reduction.basis.sigma}
     arrays |= {"frequencies.s": s, "frequencies.full": full, "frequencies.reduced": reduced}
     return TaskResult(record, arrays, {f"simulate.{name}": r.seconds for name, r in responses.items()})

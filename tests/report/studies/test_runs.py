@@ -141,6 +141,7 @@ def test_a_run_without_a_result_has_an_empty_row() -> None:
 def payloads(*masses: float, **figures: float) -> list[RunRecord]:
     found = {BEAM: 0.01, "max_displacement": 0.1, "largest_force": 5e3, "path.s_min": 1.5, "path.s_max": 4.0}
     found |= {"forces.tail left.min": -5e3, "forces.tail left.max": 0.0, "forces.tail left.t_max": 2.0}
+    found |= {"moments.clamp ry.min": 0.0, "moments.clamp ry.max": 2e3, "stress.top.max": 2.5e7, "stress.top.x": 1.5}
     found |= {"frequencies.s_min.1": 10.25, "frequencies.s_max.1": 26.5}
     found |= {"probes.weld stress along.min": -1e6, "probes.weld stress along.max": 25e6}
     found |= {"probes.weld stress along.range": 26e6, "probes.weld stress shear.range": 1e-9}
@@ -152,8 +153,11 @@ def payloads(*masses: float, **figures: float) -> list[RunRecord]:
 
 def test_a_few_runs_stand_side_by_side() -> None:
     blocks = {block.heading: block.grids[0] for block in said(*payloads(100.0, 250.0)).blocks if block.grids}
-    assert list(blocks) == ["Runs", "Forces of pads, sliders and supports", "Frequencies", "Probes"]
-    forces, frequencies, probes = list(blocks.values())[1:]
+    headings = ["Forces of pads, sliders and supports", "Moments on rigid supports", "Stress by region"]
+    assert list(blocks) == ["Runs", *headings, "Frequencies", "Probes"]
+    forces, moments, stress, frequencies, probes = list(blocks.values())[1:]
+    assert moments.rows == (("clamp ry", *["0\u00a0…\u00a02000"] * 2),) and " in N m;" in moments.caption
+    assert stress.rows == (("top", "25.0", "25.0"),) and stress.caption.startswith("Largest von Mises stress in MPa")
     assert forces.head == ("", "payload mass 100\u00a0kg", "payload mass 250\u00a0kg")
     assert forces.rows == (("tail left", *["\u22125.00\u00a0…\u00a00"] * 2),)
     assert frequencies.rows == (("frequency 1, s least", "10.2", "10.2"), ("frequency 1, s largest", "26.5", "26.5"))

@@ -14,6 +14,7 @@ from pmr.studies import shared as common
 from pmr.studies.call import compute
 from pmr.studies.engine import pools
 from pmr.studies.engine.task import Plan, key_of
+from pmr.studies.kinds.scenes import run_case
 from pmr.studies.results import StudyResults
 
 SCENE = Path(__file__).parents[3] / "workflows" / "paper_simple.toml"
@@ -154,6 +155,21 @@ def test_modes_of_a_boom_know_its_path() -> None:
     boom = scene.load(SCENE.with_name("boom_beam.toml"))
     (task,) = common.modes_tasks(boom).values()
     assert common.scene_of(task.arguments).path_bounds == boom.path_bounds == (1.5, 4.0)
+
+
+@pytest.mark.slow
+def test_a_row_has_reactions_and_the_stress_of_each_region() -> None:
+    coarse = ["mesh.size=0.2", "mesh.along=0.25", "compare.against=[]", "time={end=0.5,step=5e-3}"]
+    tilted = ["gravity={direction=[-0.5,0.0,-0.866],rise=0.0}", "damping={mass=5.0}", "recovery.every=0.1"]
+    boom = scene.load(SCENE.with_name("boom_shell.toml"), [*coarse, *tilted])
+    tasks = common.modes_tasks(boom) | {"frequencies": common.frequencies_task(boom)}
+    needs = {name: task.function(task.arguments, {}) for name, task in tasks.items()}
+    found = run_case(common.scene_arguments(boom), needs).record
+    regions = {name.split(".")[1] for name in found if name.startswith("stress.")}
+    assert regions == {"bottom", "left", "right", "top"}
+    assert found["stress.top.z"] == pytest.approx(0.196, abs=0.01) and float(found["stress.top.max"] or 0.0) > 1e6
+    # along the axis nothing but the cylinder holds, and its motion is that of a rigid body
+    assert float(found["reactions.cylinder.min"] or 0.0) < -3e3
 
 
 @pytest.mark.slow
