@@ -103,19 +103,21 @@ class Assembly:
         F = np.zeros((T, m, m))
         F[:] = np.diag(system.compliance)
         weights = [side.sign * system.row(side.place).weights(at) for side, at in zip(sides, x.T, strict=True)]
-        for side, b in zip(sides, weights, strict=True):
-            k, body = side.contact, side.place.body
-            carriers = system.bodies[body].carriers
-            assert carriers is not None
-            C[:, k, self.coordinates[body]] = (b @ carriers.values)[:, self.free[body]]
-            if carriers.flexibility is None:
+        for body in system.bodies:
+            if not (on := system.sides_of(body)):
                 continue
-            H[:, k, self.inputs[body]] += b @ carriers.flexibility.inputs
-            X[:, self.observed[body], k] += b @ carriers.flexibility.outputs.T
-            moved = b @ carriers.flexibility.rows
-            for other, c in zip(sides, weights, strict=True):
-                if other.place.body == body:
-                    F[:, k, other.contact] += np.asarray(c.multiply(moved).sum(axis=1))[:, 0]
+            carriers, stacked = system.bodies[body].carriers, sp.vstack([weights[a] for a in on], format="coo")
+            assert carriers is not None
+            contacts, at = [sides[a].contact for a in on], stacked.row % T
+            for a, k in zip(on, contacts, strict=True):
+                b = weights[a]
+                C[:, k, self.coordinates[body]] = (b @ carriers.values)[:, self.free[body]]
+                if carriers.flexibility is None:
+                    continue
+                H[:, k, self.inputs[body]] += b @ carriers.flexibility.inputs
+                X[:, self.observed[body], k] += b @ carriers.flexibility.outputs.T
+                moved = stacked.data * (b @ carriers.flexibility.rows)[at, stacked.col]
+                F[:, k, contacts] += np.bincount(stacked.row, moved, len(on) * T).reshape(-1, T).T
         return ContactTables(C, (F + F.transpose(0, 2, 1)) / 2.0, H, X)
 
     def frequencies(self, x: Array, count: int) -> Array:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pmr.simulate.native.arrays import DAMPING, INPUT, ROW, STIFFNESS, UNIT, Memory, Scheme, State
 from pmr.simulate.native.contact import contact
 from pmr.simulate.native.multibody_form import MultibodyForm, starts
+from pmr.simulate.native.simd import LANES
 from pmr.simulate.native.system import aligned, divided
 from pmr.system.system import System
 
@@ -23,21 +24,22 @@ Indices = NDArray[np.int64]
 
 
 class Polynomials(NamedTuple):
-    """Rows b(x) on carriers, one for each side of a contact: powers p, width d."""
+    """Rows b(x) on carriers, with their signs, one for each side of a contact that travels."""
 
+    contact: Indices  # (q,)
+    body: Indices  # (q,)
     breaks: Array
     first_break: Indices  # (q,); the next entry of the flat array belongs to another row from `intervals` + 1 on
     intervals: Indices  # (q,)
-    coefficients: Array  # [interval, entry, power], highest power first
+    coefficients: Array  # [interval, entry, power], lowest power first, as many as `Sides.powers` has
     first_coefficient: Indices
-    powers: Indices
     touched: Indices  # [interval, entry]: numbers of the body's carriers
     first_touched: Indices
     width: Indices
 
 
 class Bodies(NamedTuple):
-    """Constants of bodies with r' modes, K carriers and i inputs in all, and of m contacts with q sides."""
+    """Constants of bodies with r' modes, K carriers and i inputs in all, and of m contacts; m' as r'."""
 
     B: Array  # (i, r'): S^-1 B, transposed
     damped: Array  # (3, r', r') as `System.damped`, or (0, 0, 0)
@@ -46,33 +48,50 @@ class Bodies(NamedTuple):
     energy: Array  # (i, i) m/N: B^T R B
     plain_inputs: Array  # (i, r'): B, transposed
     stiffness: Array  # (r',): Omega^2
-    flexibility: Array  # all U R U^T in m/N, flat, one body after the other
-    first_flexibility: Indices  # (bodies,)
+    flexibility: Array  # all U R U^T in m/N, flat, one body after the other; nothing of a body without
+    first_flexibility: Indices  # (bodies + 1,)
     carriers: Indices  # (bodies + 1,): where each body's begin
     modes: Indices  # (bodies + 1,): likewise, in whole vector registers
-    contact: Indices  # (q,)
-    body: Indices  # (q,)
-    sign: Array  # (q,)
     compliance: Array  # (m,) m/N
+    moves: Indices  # (m, 2): the first and behind the last mode that a contact holds
+    staying: Array  # (m, r'): rows of the sides that stay where they are
+    staying_inputs: Array  # (m, i) m/N: H of these
+    staying_half: Array  # (m, m') m/N: half of G between these
+    staying_answers: Array  # (K, m') m/N: U R b^T of these
     rows: Polynomials
 
 
 class Sides(NamedTuple):
-    """What changes with the places x (q,) of a system's contacts, and what the step before left."""
+    """What changes with the places x (q,) of the sides that travel, and what the step before left.
+
+    Between two breaks all that a side measures is a polynomial of p' powers, whose coefficients are kept: with the
+    modes, with the sides that stay, and with every other one that travels on the same body.
+    """
 
     x: Array  # (q,) m; NaN before the first step
-    interval: Indices  # (q,)
-    weights: Array  # (q, d): b(x) times the side's sign
-    numbers: Indices  # (q, d): carriers, among those of all bodies
-    flexibility: Array  # (m, m) m/N: G
+    interval: Indices  # (q,); -1 before the first step
+    entered: NDArray[np.bool_]  # (q,): whether the last move led into another one
+    moved: NDArray[np.bool_]  # (1,): whether the contacts' rows have changed since `account` was last called
+    powers: Array  # (q, p'): 1, d, d^2, ... of the distance d into the interval
+    of_modes: Array  # (q, p', r')
+    of_inputs: Array  # (q, p', i)
+    of_staying: Array  # (q, p', m')
+    of_others: Array  # (q, q, p', p'), the lower half
+    room: Array  # (d, p')
+    half: Array  # (m, m') m/N: N of G = N + N^T
     inputs: Array  # (m, i) m/N: H
     old_rows: Array  # (m, r')
-    old_flexibility: Array
+    old_half: Array
     old_inputs: Array
     old_z: Array  # (r',)
     old_multipliers: Array  # (m,)
     old_loads: Array  # (i,)
     energy: Array  # (2,) J: what is stored, and the work done since the start
+
+
+def travelling(system: System) -> list[int]:
+    """Numbers of the sides that travel."""
+    return [number for number, side in enumerate(system.sides) if side.place.path is not None]
 
 
 def bodies(form: MultibodyForm, scheme: Scheme) -> Bodies:
@@ -84,14 +103,26 @@ def bodies(form: MultibodyForm, scheme: Scheme) -> Bodies:
         rows, own = slice(form.carriers[k], form.carriers[k + 1]), slice(form.inputs[k], form.inputs[k + 1])
         values[rows, columns] = carried.values
         left = carried.flexibility
-        flexibility.append(np.zeros(len(carried.values) ** 2) if left is None else left.rows.ravel())
+        flexibility.append(np.zeros((0, 0)) if left is None else left.rows)
         if left is not None:
             inputs[rows, own], energy[own, own] = left.inputs, left.energy
+    m, names = len(system.contacts), list(system.bodies)
+    staying, answers, moves = np.zeros((m, K)), np.zeros((K, m + -m % LANES)), np.zeros((m, 2), np.int64)
+    for k in range(m):
+        on = [names.index(side.place.body) for side in system.sides if side.contact == k]
+        moves[k] = form.modes[min(on)], form.modes[max(on) + 1]
+    for side in system.sides:
+        if side.place.path is None:
+            first = form.carriers[names.index(side.place.body)]
+            b = side.sign * system.row(side.place).weights(side.place.at).toarray()[0]
+            staying[side.contact, first : first + len(b)] += b
+    for first, last, R in zip(form.carriers, form.carriers[1:], flexibility, strict=False):
+        if len(R):
+            answers[first:last, :m] = R @ staying[:, first:last].T
     D, omega2 = form.damping, form.along("K")
     damped = np.zeros((0, 0, 0))
     if not form.classically_damped:
         damped = np.stack([divided(A, omega2, D, scheme).T for A in (np.diag(omega2), D, np.eye(len(D)))])
-    names, sides = list(system.bodies), system.sides
     return Bodies(
         B=aligned(divided(form.B.T, omega2, D, scheme)),
         damped=aligned(damped),
@@ -100,14 +131,16 @@ def bodies(form: MultibodyForm, scheme: Scheme) -> Bodies:
         energy=energy,
         plain_inputs=aligned(form.B.T),
         stiffness=aligned(omega2),
-        flexibility=np.concatenate([np.empty(0), *flexibility]),
-        first_flexibility=starts([len(one) for one in flexibility])[:-1],
+        flexibility=np.concatenate([np.empty(0), *(R.ravel() for R in flexibility)]),
+        first_flexibility=starts([R.size for R in flexibility]),
         carriers=form.carriers,
         modes=form.modes,
-        contact=np.array([side.contact for side in sides], np.int64),
-        body=np.array([names.index(side.place.body) for side in sides], np.int64),
-        sign=np.array([side.sign for side in sides], float),
         compliance=system.compliance,
+        moves=moves,
+        staying=aligned(staying @ values),
+        staying_inputs=staying @ inputs,
+        staying_half=aligned(staying @ answers / 2.0),
+        staying_answers=aligned(answers),
         rows=_polynomials(system),
     )
 
@@ -137,17 +170,24 @@ def multibody_state(form: MultibodyForm, scheme: Scheme, constants: Bodies, memo
 
 def sides(constants: Bodies) -> Sides:
     """Before the first step."""
-    m, (i, r) = len(constants.compliance), constants.B.shape
-    q, width = len(constants.body), int(constants.rows.width.max(initial=1))
+    (m, wide), (i, r) = constants.staying_half.shape, constants.B.shape
+    q, width = len(constants.rows.body), int(constants.rows.width.max(initial=1))
+    p = constants.rows.coefficients.shape[1]
     return Sides(
         x=np.full(q, np.nan),
-        interval=np.zeros(q, np.int64),
-        weights=np.zeros((q, width)),
-        numbers=np.zeros((q, width), np.int64),
-        flexibility=np.zeros((m, m)),
+        interval=np.full(q, -1),
+        entered=np.zeros(q, np.bool_),
+        moved=np.zeros(1, np.bool_),
+        powers=aligned(np.zeros((q, p))),
+        of_modes=aligned(np.zeros((q, p, r))),
+        of_inputs=np.zeros((q, p, i)),
+        of_staying=aligned(np.zeros((q, p, wide))),
+        of_others=aligned(np.zeros((q, q, p, p))),
+        room=aligned(np.zeros((width, p))),
+        half=aligned(np.zeros((m, wide))),
         inputs=np.zeros((m, i)),
         old_rows=aligned(np.zeros((m, r))),
-        old_flexibility=np.zeros((m, m)),
+        old_half=aligned(np.zeros((m, wide))),
         old_inputs=np.zeros((m, i)),
         old_z=aligned(np.zeros(r)),
         old_multipliers=np.zeros(m),
@@ -157,15 +197,22 @@ def sides(constants: Bodies) -> Sides:
 
 
 def _polynomials(system: System) -> Polynomials:
-    rows = [system.row(side.place) for side in system.sides]
-    c = [row.coefficients.transpose(1, 2, 0) for row in rows]  # interval, entry, power
+    sides, names = [system.sides[number] for number in travelling(system)], list(system.bodies)
+    rows = [system.row(side.place) for side in sides]
+    powers = max((len(row.coefficients) for row in rows), default=1)
+    c = []
+    for row, side in zip(rows, sides, strict=True):
+        wide = np.zeros((*row.touched.shape, powers + -powers % LANES))  # interval, entry, power
+        wide[:, :, : len(row.coefficients)] = side.sign * row.coefficients[::-1].transpose(1, 2, 0)
+        c.append(wide.reshape(-1, wide.shape[2]))
     return Polynomials(
+        contact=np.array([side.contact for side in sides], np.int64),
+        body=np.array([names.index(side.place.body) for side in sides], np.int64),
         breaks=np.concatenate([np.empty(0), *(row.breaks for row in rows)]),
         first_break=starts([len(row.breaks) for row in rows])[:-1],
         intervals=np.array([len(row.breaks) - 1 for row in rows], np.int64),
-        coefficients=np.concatenate([np.empty(0), *(one.ravel() for one in c)]),
-        first_coefficient=starts([one.size for one in c])[:-1],
-        powers=np.array([one.shape[2] for one in c], np.int64),
+        coefficients=aligned(np.concatenate([np.empty((0, powers + -powers % LANES)), *c])),
+        first_coefficient=starts([len(one) for one in c])[:-1],
         touched=np.concatenate([np.empty(0, np.int64), *(row.touched.ravel() for row in rows)]),
         first_touched=starts([row.touched.size for row in rows])[:-1],
         width=np.array([row.touched.shape[1] for row in rows], np.int64),

@@ -16,7 +16,7 @@ from pmr.simulate.excitation import Excitation
 from pmr.simulate.native import contact as contact_rows
 from pmr.simulate.native import multibody_step as kernel
 from pmr.simulate.native.arrays import A_NEXT, DAMPING, ROW, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, V, Z
-from pmr.simulate.native.multibody_arrays import bodies, multibody_state, sides
+from pmr.simulate.native.multibody_arrays import bodies, multibody_state, sides, travelling
 from pmr.simulate.native.multibody_form import multibody_form
 from pmr.simulate.native.multibody_rows import move_sides
 from pmr.simulate.native.scheme import GeneralizedAlpha
@@ -55,6 +55,7 @@ class MultibodyMarch:
             self._parts = stepping.parts or contact_step.parts(contact_frequency(system, excitation), stepping)
             excitation = excitation.with_stepping(excitation.stepping.divided(self._parts))
         self._x, self._f = places(system, excitation), excitation.forces(system.input_names)
+        self._travelled = np.ascontiguousarray(self._x[:, travelling(system)])
         method = GeneralizedAlpha(excitation.stepping.step, excitation.stepping.rho_inf)
         self._scheme = method.scheme()
         self._bodies = bodies(self._form, self._scheme)
@@ -64,10 +65,11 @@ class MultibodyMarch:
 
     def _start(self, method: GeneralizedAlpha, initial: Mapping[str, InitialState]) -> None:
         state, f, m = self._state, self._f[0], len(self._system.contacts)
-        failed = move_sides(self._bodies, self._scheme, state, self._sides, self._x[0])
+        failed = move_sides(self._bodies, self._scheme, state, self._sides, self._travelled[0])
         if failed:
             raise SimulationError(f"march failed at t = 0 s: {self._reason(failed)}")
-        C, F = state.modes[ROW : ROW + m].copy(), self._sides.flexibility + np.diag(self._system.compliance)
+        half = self._sides.half[:, :m]
+        C, F = state.modes[ROW : ROW + m].copy(), np.asarray(half + half.T + np.diag(self._system.compliance), float)
         self._check_rigid(np.all(F == 0.0, axis=1), method.rho_inf)
         z, v = self._stacked(initial)
         names = zip(self._system.contact_names, self._rigid, strict=True)
@@ -134,7 +136,7 @@ class MultibodyMarch:
         parts, rows = self._parts, slice(first, last)
         given = slice((first - 1) * parts + 1, (last - 1) * parts + 1)
         taken, failed = kernel.run(
-            self._bodies, self._scheme, self._state, self._sides, self._x[given], self._f[given], parts,
+            self._bodies, self._scheme, self._state, self._sides, self._travelled[given], self._f[given], parts,
             record.z[rows], record.v[rows], record.multipliers[rows], record.peaks[rows], record.energy[rows],
         )  # fmt: skip
         if failed:
@@ -176,9 +178,8 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
     if not len(pushing):
         return largest
     inverse = np.linalg.inv(assembly.M.toarray())
-    for k in np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int)):
-        rows = assembly.at(x[k])
-        C, F = rows.C[pushing], rows.F[np.ix_(pushing, pushing)]
+    rows = assembly.along(x[np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))])
+    for C, F in zip(rows.C[:, pushing], rows.F[:, pushing][:, :, pushing], strict=True):
         largest = max(largest, contact_step.frequency(F, C @ inverse @ C.T))
     return largest
 

@@ -5,7 +5,11 @@ r"""The contacts of a system of bodies, compiled: all that depends on their plac
     G_{\rho\sigma} = \sum_{a \in \rho,\, c \in \sigma \text{ on one body}} \pm b_a(x_a)\, (U R U^T)\, b_c(x_c)^T, \qquad
     H_{\rho} = \sum_{a \in \rho} \pm b_a(x_a)\, (U R B)
 
-over the sides a of a contact; then the matrix of the multipliers as in `pmr.simulate.native.rows`.
+over the sides a of a contact; then the matrix of the multipliers as in `pmr.simulate.native.rows`.  What sides that
+stay contribute is a constant.  Of the others each row is a polynomial between two breaks, and so is every product with
+it: its coefficients are found on the way into an interval, and from then on a pair of sides takes p (p + 1)
+multiplications with the p powers of a place, 20 for cubics, instead of d (d + 1) with the d carriers that a side
+touches, 72 for a pad.
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ from pmr.simulate.native.arrays import ROW, UNIT, Scheme, State
 from pmr.simulate.native.compilation import compiled_and_inlined, inlined
 from pmr.simulate.native.multibody_arrays import Bodies, Polynomials, Sides
 from pmr.simulate.native.rows import add_to_factor, dot
-from pmr.simulate.native.simd import LANES, load, spread, store
+from pmr.simulate.native.simd import LANES, load, spread, store, total
 
 Array = NDArray[np.float64]
 
@@ -25,81 +29,148 @@ Array = NDArray[np.float64]
 @compiled_and_inlined
 def move_sides(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, x: Array) -> int:
     """Evaluate rows and factor at the places x (q,); number of the first contact that depends on others, or 0."""
-    moved = False
+    moved = np.isnan(state.position[0])
     for a in range(len(x)):
         moved = moved or x[a] != sides.x[a]
     if not moved:
         return 0
-    _weigh(bodies.rows, sides, x)
-    m, r = len(state.multipliers), state.modes.shape[1]
-    for k in range(m):
-        for n in range(0, r, LANES):
-            store(state.modes[ROW + k], n, spread(0.0))
-        for l in range(m):
-            sides.flexibility[k, l] = 0.0
-        for l in range(sides.inputs.shape[1]):
-            sides.inputs[k, l] = 0.0
+    state.position[0], sides.moved[0] = 0.0, True
+    for a in range(len(x)):
+        _locate(bodies.rows, sides, a, x[a])
+    for a in range(len(x)):
+        if sides.entered[a]:
+            _enter(bodies, sides, a)
+    for k in range(len(state.multipliers)):
+        _stay(bodies, state, sides, k)
     for a in range(len(x)):
         _add_side(bodies, state, sides, a)
-    for k in range(m):
+    for k in range(len(state.multipliers)):
         _couple_contact(bodies, scheme, state, sides, k)
         if not add_to_factor(state.contact, state, k):
-            sides.x[0] = np.nan
+            state.position[0] = np.nan
             return k + 1
     return 0
 
 
 @inlined
-def _weigh(rows: Polynomials, sides: Sides, x: Array) -> None:
-    """b(x) of all sides, without their signs."""
-    for a in range(len(x)):
-        first, j = rows.first_break[a], sides.interval[a]
-        while j > 0 and x[a] < rows.breaks[first + j]:
-            j -= 1
-        while j < rows.intervals[a] - 1 and x[a] >= rows.breaks[first + j + 1]:
-            j += 1
-        sides.interval[a], sides.x[a] = j, x[a]
-        at, powers, width = x[a] - rows.breaks[first + j], rows.powers[a], rows.width[a]
-        for l in range(width):
-            entry = rows.first_coefficient[a] + (j * width + l) * powers
-            value = 0.0
-            for p in range(powers):
-                value = value * at + rows.coefficients[entry + p]
-            sides.weights[a, l] = value
-            sides.numbers[a, l] = rows.touched[rows.first_touched[a] + j * width + l]
+def _locate(rows: Polynomials, sides: Sides, a: int, x: float) -> None:
+    """The interval of a side, and the powers of its place in it."""
+    first, j = rows.first_break[a], max(sides.interval[a], 0)
+    while j > 0 and x < rows.breaks[first + j]:
+        j -= 1
+    while j < rows.intervals[a] - 1 and x >= rows.breaks[first + j + 1]:
+        j += 1
+    sides.entered[a] = j != sides.interval[a]
+    sides.interval[a], sides.x[a] = j, x
+    power = 1.0
+    for p in range(sides.powers.shape[1]):
+        sides.powers[a, p] = power
+        power *= x - rows.breaks[first + j]
+
+
+@inlined
+def _enter(bodies: Bodies, sides: Sides, a: int) -> None:
+    """Coefficients of all products of a side in the interval that it has entered."""
+    rows, body, width = bodies.rows, bodies.rows.body[a], bodies.rows.width[a]
+    first = rows.first_coefficient[a] + sides.interval[a] * width
+    touched = rows.first_touched[a] + sides.interval[a] * width
+    flexible = bodies.first_flexibility[body + 1] > bodies.first_flexibility[body]
+    for p in range(sides.powers.shape[1]):
+        for n in range(bodies.modes[body], bodies.modes[body + 1], LANES):
+            value = spread(0.0)
+            for l in range(width):
+                at = bodies.carriers[body] + rows.touched[touched + l]
+                value = value + load(bodies.values[at], n) * rows.coefficients[first + l, p]
+            store(sides.of_modes[a, p], n, value)
+        if not flexible:
+            continue
+        for n in range(0, sides.half.shape[1], LANES):
+            value = spread(0.0)
+            for l in range(width):
+                at = bodies.carriers[body] + rows.touched[touched + l]
+                value = value + load(bodies.staying_answers[at], n) * rows.coefficients[first + l, p]
+            store(sides.of_staying[a, p], n, value)
+        for n in range(sides.inputs.shape[1]):
+            sides.of_inputs[a, p, n] = 0.0
+            for l in range(width):
+                at = bodies.carriers[body] + rows.touched[touched + l]
+                sides.of_inputs[a, p, n] += bodies.inputs[at, n] * rows.coefficients[first + l, p]
+    if not flexible:
+        return
+    for c in range(len(sides.x)):
+        if rows.body[c] == body and (c <= a or not sides.entered[c]):
+            _multiply(bodies, sides, max(a, c), min(a, c))
+
+
+@inlined
+def _multiply(bodies: Bodies, sides: Sides, a: int, c: int) -> None:
+    """Coefficients of b_a U R U^T b_c^T of two sides on one body."""
+    rows, body, powers = bodies.rows, bodies.rows.body[a], sides.powers.shape[1]
+    at_a, at_c = sides.interval[a] * rows.width[a], sides.interval[c] * rows.width[c]
+    size = bodies.carriers[body + 1] - bodies.carriers[body]
+    for n in range(rows.width[c]):
+        line = bodies.first_flexibility[body] + rows.touched[rows.first_touched[c] + at_c + n] * size
+        for p in range(0, powers, LANES):
+            value = spread(0.0)
+            for l in range(rows.width[a]):
+                given = bodies.flexibility[line + rows.touched[rows.first_touched[a] + at_a + l]]
+                value = value + load(rows.coefficients[rows.first_coefficient[a] + at_a + l], p) * given
+            store(sides.room[n], p, value)
+    for p in range(powers):
+        for other in range(0, powers, LANES):
+            value = spread(0.0)
+            for n in range(rows.width[c]):
+                value = value + load(rows.coefficients[rows.first_coefficient[c] + at_c + n], other) * sides.room[n, p]
+            store(sides.of_others[a, c, p], other, value)
+
+
+@inlined
+def _stay(bodies: Bodies, state: State, sides: Sides, k: int) -> None:
+    """What the sides of a contact that stay contribute."""
+    for n in range(0, bodies.staying.shape[1], LANES):
+        store(state.modes[ROW + k], n, load(bodies.staying[k], n))
+    for n in range(0, sides.half.shape[1], LANES):
+        store(sides.half[k], n, load(bodies.staying_half[k], n))
+    for n in range(sides.inputs.shape[1]):
+        sides.inputs[k, n] = bodies.staying_inputs[k, n]
 
 
 @inlined
 def _add_side(bodies: Bodies, state: State, sides: Sides, a: int) -> None:
-    """What a side measures of its body: modes, inputs, and the forces of all sides before it and its own."""
-    k, body, width = bodies.contact[a], bodies.body[a], bodies.rows.width[a]
-    row, first = state.modes[ROW + k], bodies.carriers[body]
-    for l in range(width):
-        sides.weights[a, l] *= bodies.sign[a]
-        weight, at = sides.weights[a, l], first + sides.numbers[a, l]
-        for n in range(bodies.modes[body], bodies.modes[body + 1], LANES):
-            store(row, n, load(row, n) + load(bodies.values[at], n) * weight)
-        for n in range(sides.inputs.shape[1]):
-            sides.inputs[k, n] += weight * bodies.inputs[at, n]
-    for c in range(a + 1):
-        if bodies.body[c] == body:
-            value = _between(bodies, sides, a, c)
-            sides.flexibility[k, bodies.contact[c]] += value
-            if c != a:
-                sides.flexibility[bodies.contact[c], k] += value
+    """What a side contributes to its contact: modes, inputs, and what forces at it and at all before it do."""
+    rows, powers = bodies.rows, sides.powers.shape[1]
+    k, body = rows.contact[a], rows.body[a]
+    for n in range(bodies.modes[body], bodies.modes[body + 1], LANES):
+        value = load(state.modes[ROW + k], n)
+        for p in range(powers):
+            value = value + load(sides.of_modes[a, p], n) * sides.powers[a, p]
+        store(state.modes[ROW + k], n, value)
+    if bodies.first_flexibility[body + 1] == bodies.first_flexibility[body]:
+        return
+    for n in range(sides.inputs.shape[1]):
+        for p in range(powers):
+            sides.inputs[k, n] += sides.of_inputs[a, p, n] * sides.powers[a, p]
+    for n in range(0, sides.half.shape[1], LANES):
+        value = load(sides.half[k], n)
+        for p in range(powers):
+            value = value + load(sides.of_staying[a, p], n) * sides.powers[a, p]
+        store(sides.half[k], n, value)
+    for c in range(a):
+        if rows.body[c] == body:
+            sides.half[k, rows.contact[c]] += _between(sides, a, c)
+    sides.half[k, k] += _between(sides, a, a) / 2.0
 
 
 @inlined
-def _between(bodies: Bodies, sides: Sides, a: int, c: int) -> float:
+def _between(sides: Sides, a: int, c: int) -> float:
     """b_a U R U^T b_c^T of two sides on one body."""
-    body, total = bodies.body[a], 0.0
-    size = bodies.carriers[body + 1] - bodies.carriers[body]
-    for l in range(bodies.rows.width[a]):
-        line, part = bodies.first_flexibility[body] + sides.numbers[a, l] * size, 0.0
-        for n in range(bodies.rows.width[c]):
-            part += bodies.flexibility[line + sides.numbers[c, n]] * sides.weights[c, n]
-        total += sides.weights[a, l] * part
-    return total
+    sum_ = 0.0
+    for other in range(0, sides.powers.shape[1], LANES):
+        value = spread(0.0)
+        for p in range(sides.powers.shape[1]):
+            value = value + load(sides.of_others[a, c, p], other) * sides.powers[a, p]
+        sum_ += total(value * load(sides.powers[c], other))
+    return sum_
 
 
 @inlined
@@ -113,7 +184,10 @@ def _couple_contact(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, 
         for n in range(0, len(row), LANES):
             store(weighted, n, load(unit, n) * load(row, n))
     for l in range(k + 1):
-        state.couplings[k, l] = sides.flexibility[k, l] + scheme.z_gain * dot(weighted, state.modes[ROW + l])
+        value = spread(0.0)
+        for n in range(max(bodies.moves[k, 0], bodies.moves[l, 0]), min(bodies.moves[k, 1], bodies.moves[l, 1]), LANES):
+            value = value + load(weighted, n) * load(state.modes[ROW + l], n)
+        state.couplings[k, l] = sides.half[k, l] + sides.half[l, k] + scheme.z_gain * total(value)
     state.couplings[k, k] += bodies.compliance[k]
     for l in range(bodies.B.shape[0]):
         state.couplings[k, m + l] = sides.inputs[k, l] + scheme.z_gain * dot(bodies.B[l], row)

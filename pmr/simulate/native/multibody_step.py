@@ -22,6 +22,7 @@ from pmr.simulate.native.compilation import compiled, compiled_and_inlined, inli
 from pmr.simulate.native.multibody_arrays import Bodies, Sides
 from pmr.simulate.native.multibody_rows import move_sides
 from pmr.simulate.native.rows import dot
+from pmr.simulate.native.simd import LANES, load, store
 from pmr.simulate.native.step import FINISHED, advance
 
 Array = NDArray[np.float64]
@@ -42,7 +43,9 @@ def run(
     peaks: Array,
     energy: Array,
 ) -> tuple[int, int]:
-    """Steps to places x (T, q) under f (T, i); z, v, multipliers, peaks, energy (T // parts, .) of each `parts`-th.
+    """Steps to x (T, q) of the sides that travel, under f (T, i).
+
+    Z, v, multipliers, peaks and energy (T // parts, .) are those of each `parts`-th.
 
     Returns the number of steps taken and 0, or what stopped them as `advance` says.
     """
@@ -87,21 +90,30 @@ def account(bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
         work += (f[l] + sides.old_loads[l]) / 2.0 * moved
         stored += f[l] * direct / 2.0
     for k in range(len(multipliers)):
-        force, turned, given = multipliers[k], 0.0, bodies.compliance[k] * multipliers[k] / 2.0
-        for n in range(len(z)):
-            turned += (modes[ROW + k, n] - sides.old_rows[k, n]) * (z[n] + sides.old_z[n])
+        force, given = multipliers[k], bodies.compliance[k] * multipliers[k] / 2.0
         for l in range(len(f)):
-            turned += (sides.inputs[k, l] - sides.old_inputs[k, l]) * (f[l] + sides.old_loads[l])
             given -= sides.inputs[k, l] * f[l]
         for l in range(len(multipliers)):
-            change = sides.flexibility[k, l] - sides.old_flexibility[k, l]
-            turned -= change * (multipliers[l] + sides.old_multipliers[l]) / 2.0
-            given += sides.flexibility[k, l] * multipliers[l] / 2.0
-        work += (force + sides.old_multipliers[k]) * turned / 4.0
+            given += sides.half[k, l] * multipliers[l]
         stored += force * given
+        if sides.moved[0]:
+            work += (force + sides.old_multipliers[k]) / 4.0 * _turned(bodies, state, sides, f, k)
     sides.energy[0] = stored
     sides.energy[1] += work
     _keep(state, sides, f)
+
+
+@inlined
+def _turned(bodies: Bodies, state: State, sides: Sides, f: Array, k: int) -> float:
+    """What the new place of a contact makes of the motion, twice its mean over the step."""
+    turned, row, old = 0.0, state.modes[ROW + k], sides.old_rows[k]
+    for n in range(bodies.moves[k, 0], bodies.moves[k, 1]):
+        turned += (row[n] - old[n]) * (state.modes[Z, n] + sides.old_z[n])
+    for l in range(len(f)):
+        turned += (sides.inputs[k, l] - sides.old_inputs[k, l]) * (f[l] + sides.old_loads[l])
+    for l in range(len(state.multipliers)):  # G = N + N^T, of which a quadratic form takes twice either
+        turned -= (sides.half[k, l] - sides.old_half[k, l]) * (state.multipliers[l] + sides.old_multipliers[l])
+    return turned
 
 
 @inlined
@@ -114,9 +126,11 @@ def _keep(state: State, sides: Sides, f: Array) -> None:
         sides.old_loads[l] = f[l]
     for k in range(len(multipliers)):
         sides.old_multipliers[k] = multipliers[k]
-        for n in range(len(z)):
-            sides.old_rows[k, n] = state.modes[ROW + k, n]
         for l in range(len(f)):
             sides.old_inputs[k, l] = sides.inputs[k, l]
-        for l in range(len(multipliers)):
-            sides.old_flexibility[k, l] = sides.flexibility[k, l]
+        if sides.moved[0]:
+            for n in range(0, len(z), LANES):
+                store(sides.old_rows[k], n, load(state.modes[ROW + k], n))
+            for n in range(0, sides.half.shape[1], LANES):
+                store(sides.old_half[k], n, load(sides.half[k], n))
+    sides.moved[0] = False
