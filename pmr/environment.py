@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import metadata, util
 from pathlib import Path
 from typing import Any
@@ -119,6 +120,7 @@ def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
     return digest.hexdigest()[:16]
 
 
+@cache
 def _version(package: str) -> str:
     try:
         return metadata.version(package)

@@ -67,7 +67,7 @@ class DenseEigenSolver:
     def __init__(self, model: FullModel) -> None:
         self._model = model
         self._sigma = model.reference_frequency**2
-        self._M, self._K = gather(model.M), gather(model.K)
+        self._M, self._K = (None if A is None else A.toarray() for A in map(gather, (model.M, model.K)))
 
     def lowest(self, s: float, count: int) -> Modes:
         model = self._model
@@ -77,12 +77,11 @@ class DenseEigenSolver:
         _check_count(count, model.size - len(elimination.pivots))
         phi, omega2, cut = np.empty((model.size, count)), np.empty(count), False
         if self._M is not None and self._K is not None:
-            T = elimination.matrix()
-            springs = C[soft].T @ sp.diags(1.0 / compliance[soft]) @ C[soft]
-            M, K = (T.T @ self._M @ T).toarray(), (T.T @ (self._K + springs) @ T).toarray()
+            springs = (C[soft].T @ sp.diags(1.0 / compliance[soft]) @ C[soft]).toarray() if len(soft) else 0.0
+            M, K = elimination.projected(self._M), elimination.projected(self._K + springs)
             mu, z = scipy.linalg.eigh(M, K + self._sigma * M)
             all_omega2 = 1.0 / mu[::-1] - self._sigma
-            omega2, phi = all_omega2[:count], T @ z[:, ::-1][:, :count]
+            omega2, phi = all_omega2[:count], elimination.matrix() @ z[:, ::-1][:, :count]
             cut = len(all_omega2) > count and _clustered(all_omega2[count - 1], all_omega2[count])
         omega2, phi, cut = model.comm.bcast((omega2, phi, cut))
         first, last = model.M.getOwnershipRange()

@@ -53,6 +53,16 @@ class Elimination:
         entries = np.concatenate([np.ones(len(free)), -self.factors[at, other]])
         return sp.csr_matrix((entries, (rows, columns)), shape=(self.size, len(free)))
 
+    def projected(self, A: Array) -> Array:
+        """T^T A T of a dense matrix (n, n)."""
+        free, F, p = self.free, self.factors, self.pivots
+        at = np.searchsorted(free, self.others)
+        AT = A[:, free]
+        AT[:, at] -= A[:, p] @ F
+        result = AT[free]
+        result[at] -= F.T @ AT[p]
+        return result
+
     def condensed(self, K: PETSc.Mat) -> PETSc.Mat:
         """T^T K T (n, n) with the pivots left in as coordinates of their own, as stiff as the stiffest one; collective.
 

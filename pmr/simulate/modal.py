@@ -22,6 +22,7 @@ from pmr.errors import InputError
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.soundness import symmetric
+from pmr.simulate.extended import product
 from pmr.simulate.start import InitialState
 from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.projection import projected
@@ -158,8 +159,8 @@ def _refined(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
     A may be as large as 1 / CLOSE; I + E + E^2 / 2 leaves A^4 / 4.
     """
     X = X.astype(M.dtype)
-    defect = np.asarray(symmetric(np.eye(len(M)) - X.T @ (M @ X)), float)  # from M-orthonormality
-    S = np.asarray(symmetric(X.T @ (K @ X)), float)
+    defect = np.asarray(symmetric(np.eye(len(M)) - product(X.T, product(M, X))), float)  # from M-orthonormality
+    S = np.asarray(symmetric(product(X.T, product(K, X))), float)
     omega2 = np.diagonal(S) / (1.0 - np.diagonal(defect))
     coupling = S - np.diag(np.diagonal(S))
     gap = omega2[None, :] - omega2[:, None]
@@ -167,7 +168,7 @@ def _refined(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         correction = np.where(near, defect / 2.0, (coupling + omega2[None, :] * defect) / gap)
     correction += correction @ correction / 2.0
-    return omega2, np.asarray(X + X @ correction.astype(M.dtype), float)
+    return omega2, np.asarray(X + product(X, correction.astype(M.dtype)), float)
 
 
 def _modal_damping(D: Array, rest: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:

@@ -10,7 +10,7 @@ import scipy.linalg
 from oracle import full_body, project
 
 from pmr.errors import InputError
-from pmr.simulate import modal
+from pmr.simulate import extended, modal
 from pmr.simulate.modal import diagonalise, modal_form
 from pmr.system.body import FullBody
 
@@ -41,6 +41,17 @@ def product(X: np.ndarray, A: np.ndarray) -> np.ndarray:
     """X^T A X in the longest precision there is."""
     X, A = X.astype(np.longdouble), A.astype(np.longdouble)
     return np.asarray(X.T @ (A @ X), float)
+
+
+@needs_extended
+def test_products_have_the_digits_of_longer_numbers() -> None:
+    """Integers whose products and sums no double holds, but a longer number does, in rows of any size: exact."""
+    random, n = np.random.default_rng(5), 2 * extended.SMALL
+    A, B = random.integers(-(2**26), 2**26, (2, n, n))
+    sizes = 2.0 ** random.integers(-30, 30, (n, 1))
+    found = extended.product(sizes * A.astype(np.longdouble), B.astype(np.longdouble))
+    assert np.array_equal(found, sizes * (A @ B).astype(np.longdouble))
+    assert not np.array_equal(found, sizes * (A.astype(float) @ B.astype(float)))
 
 
 @needs_extended
