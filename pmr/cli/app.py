@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.logging import RichHandler
+from typer.core import TyperGroup
 
 from pmr import environment
 from pmr.cli.console import VisibleText, err, leave, out, ranks, say
@@ -22,7 +23,30 @@ from pmr.cli.study import study
 from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files.whole import FULL, NotWrittenError
 
+_UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # of click, or of the copy of it that typer brings
+
+
+class _Commands(TyperGroup):
+    """Commands whose wrong use ends in a line like any other wrong input."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except _UsageError as error:
+            raise _refused(error, ctx) from None
+
+
+def _refused(error: Any, ctx: Any) -> InputError:
+    """A wrong use in a line: what is missing with its own help, or what click says."""
+    command, about = (error.ctx or ctx).command_path, getattr(getattr(error, "param", None), "help", None)
+    said = error.format_message().rstrip(".")
+    if said.startswith("Missing") and about:
+        said += f": {about[:1].lower()}{about[1:].rstrip('.')}"
+    return InputError("command line", "", None, f"{said}; `{command} --help` says more")
+
+
 app = typer.Typer(
+    cls=_Commands,
     help="Reduce beams that slide: from a scene file to a reduced model, checked against full references, in a report.",
     epilog="Start with: pmr new boom mine && pmr run mine",
     no_args_is_help=True,

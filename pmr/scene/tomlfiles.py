@@ -324,11 +324,13 @@ def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
         return int(name)
     if not tables:
         raise InputError(source, key, value, "this list can't be changed in part; set it as a whole")
-    known = ", ".join(str(found) for found in names if found is not None)
-    numbers = f"a number from 0 to {len(entries) - 1}"
-    raise InputError(
-        source, key, value, f"of the list's entries {f'{known}, or ' if known else ''}{numbers} is allowed"
-    )
+    known = ", ".join(str(i) if found is None else f"{found} ({i})" for i, found in enumerate(names))
+    allowed = f"the entries of this list are allowed, by name or number: {known}"
+    before = key.removesuffix(name)
+    if before.endswith("."):  # the key itself, and not what is inside
+        first = next((str(found) for found in names if found is not None), "0")
+        allowed = f"this is a list; which of its entries is said before {name}, as in {before}{first}.{name}: {known}"
+    raise InputError(source, key, value, allowed)
 
 
 def _keys(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str, str, Any]]:

@@ -142,6 +142,10 @@ BAD = [
     (["export", SIMPLE], "not a reduced model"),
     (["export", "reduced.npz", "--to", "abaqus"], "exudyn, fmu, matlab, "),
     (["info", "nowhere.npz"], "no such file"),
+    (["simulate", "reduced.npz"], "'--scene': whose path, loads and time stepping are taken; "),
+    (["run"], "'SCENE': scene files"),
+    (["study", "study.toml", "--jobs", "many"], "'--jobs'"),
+    (["frob"], "No such command 'frob'"),
 ]
 
 
