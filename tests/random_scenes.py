@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from pmr import scene as scenes
-from pmr.scene import Scene, from_data
+from pmr.scene import Boom, Scene, from_data
+from pmr.scene.boom_checks import check_boom
 from pmr.scene.checks import check
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
@@ -35,7 +36,8 @@ def sliding_scene(seed: int) -> Scene:
     return scene
 
 
-def _signal(rng: np.random.Generator, amplitude: float, highest: float) -> dict:
+def random_signal(rng: np.random.Generator, amplitude: float, highest: float) -> dict:
+    """Of a load, in N, up to some frequency in Hz."""
     match rng.integers(5):
         case 0:
             frequencies = [0.5, float(rng.uniform(5.0, highest))]
@@ -58,9 +60,11 @@ def _beam(rng: np.random.Generator, offsets: list[float] | None = None) -> dict:
     if offsets is None:
         offsets = [0.0, float(rng.uniform(0.3, 0.9))] if rng.random() < 0.5 else [0.0]
     values = rng.uniform(0.15 * length, 0.9 * length - offsets[-1], 2).tolist()
-    loads = [{"name": "F", "on": length, "signal": _signal(rng, 50.0, 44.0)}]
+    loads = [{"name": "F", "on": length, "signal": random_signal(rng, 50.0, 44.0)}]
     if rng.random() < 0.4:
-        loads.append({"name": "G", "on": float(rng.uniform(0.3, 0.8) * length), "signal": _signal(rng, 30.0, 20.0)})
+        loads.append(
+            {"name": "G", "on": float(rng.uniform(0.3, 0.8) * length), "signal": random_signal(rng, 30.0, 20.0)}
+        )
     ratio = float(rng.choice([0.0, 0.0, 0.005, 0.01, 0.02, 0.05]))
     kind = "ramp" if rng.random() < 0.4 else "smooth_ramp"
     path = {"kind": kind, "times": [0.2, 0.2 + float(rng.uniform(0.4, 1.4))], "values": values}
@@ -85,7 +89,7 @@ def _beam(rng: np.random.Generator, offsets: list[float] | None = None) -> dict:
 def _boom(rng: np.random.Generator) -> list[str]:
     kind = "ramp" if rng.random() < 0.3 else "smooth_ramp"
     times, values = [0.2, round(rng.uniform(0.8, 1.8), 3)], [1.5, round(rng.uniform(2.0, 4.0), 3)]
-    signal = ", ".join(f"{name} = {value!r}" for name, value in _signal(rng, 1500.0, 40.0).items())
+    signal = ", ".join(f"{name} = {value!r}" for name, value in random_signal(rng, 1500.0, 40.0).items())
     ratio = rng.choice([0.0, 0.005, 0.02, 0.05])
     changes = [
         f"body.box.length={rng.uniform(5.0, 9.0):.3f}",
@@ -101,3 +105,43 @@ def _boom(rng: np.random.Generator) -> list[str]:
     places = rng.uniform(0.2, 4.8, 2).tolist()
     probes = (f"{{name='{name}',at=[{x!r},0.15,0.2]}}" for name, x in zip("ab", places, strict=True))
     return [*changes, f"probes=[{','.join(probes)}]"]
+
+
+def random_boom(seed: int) -> Boom:
+    """Two to four sections on pads that hold both ways, three of four planar, some joints follow the one before."""
+    rng = np.random.default_rng(seed)
+    planar, count, length = rng.random() < 0.75, int(rng.integers(2, 5)), float(rng.uniform(4.0, 7.0))
+    sides = {"bottom": [0.0], "top": [0.0]} if planar else {"bottom": [-0.05, 0.05], "top": [0.0], "left": [0.0]}
+    ring = {"at": 0.15, "stiffness": float(10.0 ** rng.uniform(7.0, 9.0)), "faces": sides, "unilateral": False}
+    ways = ["ramp", "smooth_ramp", "smooth_ramp"]
+    sections = []
+    for k in range(count):
+        box = {"length": length, "width": 0.30 - 0.04 * k, "height": 0.40 - 0.04 * k, "wall": 0.008 - 0.001 * k}
+        least = (3 if planar else 6) if k else 0
+        body = {"model": "beam2d" if planar else "beam3d", "box": box}
+        part = {"name": f"section {k}", "body": body, "mesh": {"elements": int(rng.integers(10, 17))}}
+        part["reduction"] = {"coordinates": least + int(rng.integers(1 if k else 2, 5))}
+        if k == 0:
+            part["supports"] = [{"kind": "clamped"}]
+        else:
+            first, last = rng.uniform(0.1 * length, 0.75 * length, 2).tolist()
+            times = [0.1, 0.1 + float(rng.uniform(0.5, 1.0))]
+            signal = {"kind": str(rng.choice(ways)), "times": times, "values": [first, last]}
+            follows = k > 1 and rng.random() < 0.3
+            driven = {"follows": f"section {k - 1}"} if follows else {"extension": signal}
+            part["joint"] = {"tail": [ring], "mouth": [ring], **driven}
+        if k == count - 1:
+            part["masses"] = [{"name": "payload", "on": "tip", "mass": float(rng.uniform(50.0, 300.0))}]
+            part["loads"] = [{"name": "F", "on": "tip", "signal": random_signal(rng, 1000.0, 15.0)}]
+        sections.append(part)
+    ratio = float(rng.choice([0.0, 0.005, 0.01, 0.03]))
+    boom = Boom.model_validate(
+        {
+            "title": "random boom",
+            "sections": sections,
+            "damping": {"ratio": ratio, "frequencies": [1.0, 40.0]},
+            "time": {"end": 1.2, "step": 1e-3, "rho_inf": float(rng.choice([0.8, 1.0]))},
+        }
+    )
+    check_boom(boom)
+    return boom

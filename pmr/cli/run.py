@@ -225,7 +225,7 @@ def _print_table(outcome: Outcome) -> None:
 
 def _print_boom(outcome: BoomOutcome) -> None:
     """Errors, coordinates of each section and solver seconds."""
-    from pmr.report.booms.chapter import rows
+    from pmr.report.booms.chapter import estimate, rows
 
     result = outcome.result
     summary = result.summary
@@ -239,6 +239,8 @@ def _print_boom(outcome: BoomOutcome) -> None:
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = summary["coordinates"]
     say(out, f"{coordinates['full']} -> {coordinates['reduced']} coordinates ({each}); simulated in: {seconds}")
+    if said := estimate(result):
+        say(out, said)
     for warning in summary["warnings"]:
         say(out, f"warning: {warning}")
     out.print()

@@ -118,11 +118,11 @@ def sections(
     boom: Boom,
     responses: Mapping[str, Response],
     sizes: Mapping[str, Mapping[str, int]],
-    stresses: Mapping[str, Mapping[str, Any]],
+    more: Mapping[str, Mapping[str, Any]],
 ) -> Part:
-    """``sections`` of summary.json: name, coordinates, the error along each against the full model, its stress.
+    """``sections`` of summary.json: name, coordinates, the error along each against the full model, what else is known.
 
-    `stresses` are what `pmr.recover` says of each section; ``max_von_mises`` and ``stress_peak`` are those of all.
+    Of `more`, a table for each section, ``max_von_mises`` and ``stress_peak`` are gathered of all.
     """
     reduced, full, found = responses["reduced"], responses.get("full"), []
     for name in boom.names:
@@ -130,7 +130,7 @@ def sections(
         if full is not None:
             error = nrms(reduced.displacement[:, columns], full.displacement[:, columns])
             said |= {"errors": {"reduced_vs_full": {"beam": error}}}
-        found.append(said | dict(stresses.get(name, {})))
+        found.append(said | dict(more.get(name, {})))
     peaks = [(one["name"], one["stress_peak"]) for one in found if "stress_peak" in one]
     if not peaks:
         return Part({"sections": found})

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fullmodel.build import Built
 from pmr.reduce.basis import modal_basis
+from pmr.reduce.from_scene import ENRICHMENT_MODES
 from pmr.reduce.residual.model import section_model
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Boom, Reduction
@@ -48,8 +49,8 @@ def reduce_sections(boom: Boom, built: Mapping[str, Built]) -> Mapping[str, Redu
 
 
 def _reduced(built: Built, choice: Reduction) -> ReducedSection:
-    body = FreeBody(built.model, choice.solver)
-    basis = modal_basis(free_modes(built.model, choice.coordinates, choice.solver, body=body))
+    body, enrichment = FreeBody(built.model, choice.solver), ENRICHMENT_MODES if choice.needs_inertia else 0
+    basis = modal_basis(free_modes(built.model, choice.coordinates, choice.solver, enrichment, body))
     model, V = section_model(built.model, basis, {}, choice.coordinates, choice.solver, body), basis.V.getDenseArray()
     if not choice.flexibility:
         assert model.carriers is not None  # as section models have

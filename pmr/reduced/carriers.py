@@ -51,9 +51,8 @@ class CarrierFlexibility:
     direct: Array
     energy: Array
 
-    def joined(self, U: Array, modes: EnrichmentModes, sign: float) -> CarrierFlexibility:
-        """With the flexibility of modes that measure U (K, c) on the carriers, or without it where `sign` is -1."""
-        share = sign / modes.stiffness
+    def joined(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
+        """With that of modes which measure U (K, c) on the carriers, `share` (c,) of phi phi^T each."""
         scaled = share[:, None] * modes.B
         return CarrierFlexibility(
             rows=self.rows + U * share @ U.T,
@@ -78,6 +77,8 @@ class CarriedRows:
         U phi of the model's enrichment modes.
     flexibility : CarrierFlexibility, optional
         What the coordinates leave out between the carriers.
+    inertia : CarrierFlexibility, optional
+        The same of R M R, in s^2 m/N: what the inertia of that part moves (`pmr.compare.boom_estimate`).
     """
 
     values: Array
@@ -86,6 +87,7 @@ class CarriedRows:
     coefficients: Mapping[str, Array]
     enrichment: Array
     flexibility: CarrierFlexibility | None = None
+    inertia: CarrierFlexibility | None = None
 
     @classmethod
     def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:
@@ -119,18 +121,20 @@ class CarriedRows:
 
     def truncated(self, r: int, modes: EnrichmentModes) -> CarriedRows:
         """On the first r coordinates; the others, the `modes`, join the flexibility and the enrichment modes."""
-        assert self.flexibility is not None
         values, moved = self.values[:, :r], self.values[:, r:]
-        enrichment = np.hstack([moved, self.enrichment])
-        flexibility = self.flexibility.joined(moved, modes, 1.0)
-        return replace(self, values=values, enrichment=enrichment, flexibility=flexibility)
+        return replace(self._joined(moved, modes, 1.0), values=values, enrichment=np.hstack([moved, self.enrichment]))
 
     def extended(self, modes: EnrichmentModes) -> CarriedRows:
         """With the first enrichment modes, the `modes`, as coordinates: what `truncated` undoes."""
-        assert self.flexibility is not None
         back, enrichment = self.enrichment[:, : modes.count], self.enrichment[:, modes.count :]
-        flexibility = self.flexibility.joined(back, modes, -1.0)
-        return replace(self, values=np.hstack([self.values, back]), enrichment=enrichment, flexibility=flexibility)
+        return replace(self._joined(back, modes, -1.0), values=np.hstack([self.values, back]), enrichment=enrichment)
+
+    def _joined(self, U: Array, modes: EnrichmentModes, sign: float) -> CarriedRows:
+        """With what modes leave out that measure U (K, c) on the carriers, or without it where `sign` is -1."""
+        assert self.flexibility is not None
+        flexibility = self.flexibility.joined(U, modes, sign / modes.stiffness)
+        inertia = None if self.inertia is None else self.inertia.joined(U, modes, sign / modes.stiffness**2)
+        return replace(self, flexibility=flexibility, inertia=inertia)
 
     def contradiction(self, m: int, r: int, i: int, o: int) -> str | None:
         """What is wrong with the shapes for m rows, r coordinates, i inputs and o outputs; None where all is sound."""
@@ -138,8 +142,10 @@ class CarriedRows:
         if wrong := misfit(self, {"values": (K, r), "enrichment": (K, c)}, "carriers."):
             return wrong
         shapes = {"rows": (K, K), "inputs": (K, i), "outputs": (o, K), "direct": (o, i), "energy": (i, i)}
-        if self.flexibility is not None and (wrong := misfit(self.flexibility, shapes, "carriers.flexibility.")):
-            return wrong
+        for name in ("flexibility", "inertia"):
+            part = getattr(self, name)
+            if part is not None and (wrong := misfit(part, shapes, f"carriers.{name}.")):
+                return wrong
         for k in map(str, range(m)):
             x, touched, b = self.breaks[k], self.touched[k], self.coefficients[k]
             if x.ndim != 1 or touched.ndim != 2 or len(touched) != len(x) - 1 or not np.all(np.diff(x) > 0.0):

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from pmr.compare import booms as compared
 from pmr.compare import errors
-from pmr.compare.boom_friction import with_friction
+        error.part,
+        compared.sections(boom, responses, sizes, _more(seen, error)),
+        compared.joints(boom, responses["reduced"], system.contacts),
+        compared.beside_published(boom, frequencies),
 from pmr.compare.boom_references import FullBoom, FullRun
 from pmr.compare.boom_simulations import BoomSimulations, simulate
 from pmr.compare.responses import check_installed
@@ -70,9 +74,9 @@ def run_boom(
         large = full is not None and full.simulator == "petsc"
         steps = compared.on_the_way(boom, excitation.times, compared.FEWER_PLACES if large else compared.PLACES)
         curves = {} if full is None else {"full": full.frequencies(boom, steps)}
+    fine = contact_step.parts(omega, excitation.stepping) if omega else 0
     whole, recovered = FullRun(None, "", {}), recovered_steps(boom)
     if full is not None:
-        fine = contact_step.parts(omega, excitation.stepping) if omega else 0
         whole = full.simulate(boom, fine, recovered, clock, checkpoint)
     responses: dict[str, Response] = {} if whole.response is None else {"full": whole.response}
     states = None
@@ -90,6 +94,8 @@ def run_boom(
         return None
     responses = {name: with_friction(boom, system.contacts, one) for name, one in responses.items()}
     curves |= {"reduced": compared.frequencies(system, x[steps])}
+    stepped = excitation.with_stepping(replace(excitation.stepping, parts=fine))
+    error = boom_error(boom, system, stepped, simulations.first, clock)
     frequencies = BoomFrequencies(boom.reach(excitation.times[steps]), excitation.s[steps], curves)
     sizes = {name: {"full": built[name].model.size, "reduced": body.size} for name, body in reduced.items()}
     common = compared.with_forces_of_both(responses)
@@ -112,9 +118,15 @@ def run_boom(
             }
         ),
         _seconds(clock, simulations, responses),
+<<<<<<< HEAD
         compared.sections(boom, responses, sizes, {name: one.summary() for name, one in seen.items()}),
         compared.joints(boom, responses["reduced"], system.contacts),
         compared.beside_published(boom, frequencies),
+=======
+        error.part,
+        compared.sections(boom, responses, sizes, _more(seen, error)),
+        compared.joints(boom, responses["reduced"]),
+>>>>>>> 643a237 (Booms: the error of all sections is estimated, by a second model with inertia in the directions of the loads that sections bear)
         Part(probes.places({name: one.structure.outputs for name, one in built.items()})),
         driven(excitation),
         Part(contact_step.summary_of(omega, excitation.stepping), contact_step.warnings_of(omega, excitation.stepping)),
@@ -136,8 +148,18 @@ def run_boom(
     return BoomOutcome(result, reduced)
 
 
+def _more(seen: Mapping[str, Recovered], error: BoomError) -> dict[str, dict[str, Any]]:
+    """What else is known of sections: the estimate along each, and its stresses."""
+    estimated: dict[str, dict[str, Any]] = {name: {"estimate": size} for name, size in error.sections.items()}
+    return {
+        name: estimated.get(name, {}) | (seen[name].summary() if name in seen else {}) for name in {**estimated, **seen}
+    }
+
+
 def _seconds(clock: Clock, simulations: BoomSimulations, responses: Mapping[str, Response]) -> Part:
-    stages = {name: clock.seconds[name] for name in ("assemble", "reduce", "recover") if name in clock.seconds}
+    stages = {
+        name: clock.seconds[name] for name in ("assemble", "reduce", "recover", "estimate") if name in clock.seconds
+    }
     simulated = dict(simulations.seconds)
     if "full" in responses:
         simulated["full"] = responses["full"].seconds

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.rows import SharedCarriers
 from pmr.fem.distributed import times
 from pmr.fullmodel.model import FullModel
-from pmr.reduce.residual.tables import paired, stacked
+from pmr.reduce.residual.operator import ResidualFlexibility
+from pmr.reduce.residual.tables import OnCarriers, paired, stacked
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.inertia import Inertia
@@ -71,6 +73,22 @@ class PathProducts:
             return ResidualProducts(*found)
         R = np.block([[flexibility.rows, flexibility.inputs], [flexibility.inputs.T, flexibility.energy]])
         return ResidualProducts(found[0], model.rayleigh.of(found[0], R))
+
+
+class InertiaOnCarriers:
+    """R M R of loads on carriers and inputs, one static solve more for each; any two of them may meet."""
+
+    def __init__(self, residual: ResidualFlexibility, carriers: sp.csr_matrix) -> None:
+        self._residual, self._found = residual, OnCarriers(residual.model, carriers)
+        self.order = np.arange(carriers.shape[0] + len(residual.model.input_names))
+
+    def take(self, numbers: Indices, answers: Array) -> None:
+        """What `answers` (n_local, k) to the loads with these numbers move by their inertia."""
+        self._found.take(numbers, self._residual.apply(times(self._residual.model.M, answers)))
+
+    def result(self) -> CarrierFlexibility:
+        """In s^2 m/N; collective."""
+        return self._found.result()
 
 
 def _spans(shared: SharedCarriers) -> Array:

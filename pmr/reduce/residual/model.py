@@ -19,9 +19,9 @@ from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis
 from pmr.reduce.galerkin import RANK_CHECKS, galerkin, without_rows
-from pmr.reduce.residual.inertia import PathProducts, with_inertia
+from pmr.reduce.residual.inertia import InertiaOnCarriers, PathProducts, with_inertia
 from pmr.reduce.residual.operator import ResidualFlexibility
-from pmr.reduce.residual.tables import carrier_flexibility, tables
+from pmr.reduce.residual.tables import Consumer, carrier_flexibility, tables
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncated
@@ -75,7 +75,8 @@ def flexible_model(
     that coupling is neglected, at a price while it lacks low modes: the paper's basis, evolved case, is off by 87 % of
     the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
-    flexible = _flexible(body or FreeBody(model, solver), basis, provenance, _released(model).shared)
+    residual = _residual(body or FreeBody(model, solver), basis)
+    flexible = _flexible(residual, basis, provenance, _released(model).shared)
     free_dropped(model.comm)
     return replace(flexible, carriers=None)
 
@@ -96,7 +97,16 @@ def modal_model(
     InputError, ValueError
         As `flexible_model`, and if the basis holds anything but eigenmodes.
     """
-    return replace(_modal(body or FreeBody(model, solver), basis, provenance, coordinates), carriers=None)
+    shared = _released(model).shared
+    products = PathProducts(model, shared)
+    flexible = _flexible(_residual(body or FreeBody(model, solver), basis), basis, provenance, shared, products)
+    assert flexible.flexibility is not None and flexible.carriers is not None
+    assert flexible.carriers.flexibility is not None
+    found = products.result(model, flexible.carriers.flexibility)
+    free_dropped(model.comm)
+    finer = shared.refined(flexible.flexibility.rows.x)
+    inertia = with_inertia(flexible.flexibility, found, finer)
+    return _with_coordinates(replace(flexible, flexibility=inertia, carriers=None), coordinates)
 
 
 def section_model(
@@ -109,38 +119,41 @@ def section_model(
 ) -> ReducedModel:
     """The same with `carriers`: a body of a system, whose rows each have a path coordinate of their own.
 
+    Modes beyond `coordinates` come with the residual part's inertia on the carriers, by which errors are estimated.
+
     Raises
     ------
     InputError, ValueError
         As `modal_model`.
     """
-    return _modal(body or FreeBody(model, solver), basis, provenance, coordinates)
-
-
-def _modal(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int) -> ReducedModel:
-    model = body.model
-    shared = _released(model).shared
-    products = PathProducts(model, shared)
-    flexible = _flexible(body, basis, provenance, shared, products)
-    assert flexible.flexibility is not None and flexible.carriers is not None
-    assert flexible.carriers.flexibility is not None
-    if not is_modal(flexible):
-        raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
-    found = products.result(model, flexible.carriers.flexibility)
-    finer = shared.refined(flexible.flexibility.rows.x)
-    inertial = replace(flexible, flexibility=with_inertia(flexible.flexibility, found, finer))
+    shared, residual = _released(model).shared, _residual(body or FreeBody(model, solver), basis)
+    inertia = InertiaOnCarriers(residual, shared.carriers) if coordinates < basis.size else None
+    flexible = _flexible(residual, basis, provenance, shared, inertia)
+    assert flexible.carriers is not None
     free_dropped(model.comm)
-    return inertial if coordinates == basis.size else truncated(inertial, coordinates)
+    carriers = replace(flexible.carriers, inertia=None if inertia is None else inertia.result())
+    return _with_coordinates(replace(flexible, carriers=carriers), coordinates)
+
+
+def _residual(body: FreeBody, basis: Basis) -> ResidualFlexibility:
+    return ResidualFlexibility(body, np.array(basis.V.getDenseArray()))
+
+
+def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
+    """Eigenmodes with all but so many as enrichment modes."""
+    if not is_modal(model):
+        raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
+    return model if coordinates == model.size else truncated(model, coordinates)
 
 
 def _flexible(
-    body: FreeBody,
+    residual: ResidualFlexibility,
     basis: Basis,
     provenance: dict[str, Any],
     shared: SharedCarriers,
-    products: PathProducts | None = None,
+    consumer: Consumer | None = None,
 ) -> ReducedModel:
-    model = body.model
+    model = residual.model
     whole = galerkin(model, basis, provenance)
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
     violated = set(fixed) - set(satisfied_rows(whole.rows, SATISFIED))
@@ -148,9 +161,8 @@ def _flexible(
         raise ValueError(f"the basis violates {', '.join(model.rows.names[i] for i in sorted(violated))}")
     V = np.array(basis.V.getDenseArray())
     reduced = _without_round_off(without_rows(whole, fixed), model, V)
-    residual = ResidualFlexibility(body, V)
-    flexibility = carrier_flexibility(model, residual, shared.carriers, products)
-    body.drop()
+    flexibility = carrier_flexibility(model, residual, shared.carriers, consumer)
+    residual.drop()
     measured = model.comm.allreduce(shared.carriers[:, slice(*model.M.getOwnershipRange())] @ V)
     flexible = replace(
         reduced,

@@ -37,7 +37,8 @@ class ResidualFlexibility:
     """
 
     def __init__(self, body: FreeBody, V: Array) -> None:
-        model, self._body, self._comm = body.model, body, body.model.comm
+        self.model = model = body.model
+        self._body, self._comm = body, model.comm
         Z, MZ = body.Z, body.MZ
         W = V[:, ~rigid_bodies(model, V)]
         W = W - Z @ inner(MZ, W, self._comm)
@@ -49,6 +50,10 @@ class ResidualFlexibility:
     def of(cls, model: FullModel, V: Array, solver: str = "auto") -> ResidualFlexibility:
         """With a factor of the model's own."""
         return cls(FreeBody(model, solver), V)
+
+    def drop(self) -> None:
+        """Give the factor's memory back."""
+        self._body.drop()
 
     def apply(self, g: Array) -> Array:
         """R g, this rank's rows (n_local, k) in m, of loads in N given likewise, which may be overwritten."""

@@ -38,6 +38,26 @@ class Measured:
         return np.asarray(self._rows @ x[self._touched])
 
 
+class OnCarriers:
+    """What carriers, inputs and outputs measure of the answers to loads on carriers and inputs."""
+
+    def __init__(self, model: FullModel, carriers: sp.csr_matrix) -> None:
+        loads, self._comm, self._carriers = carrier_loads(model, carriers), model.comm, carriers.shape[0]
+        self._seen = Measured(sp.hstack([loads, local_csr(model.outputs)], format="csr").T)
+        self._found = np.empty((loads.shape[1] + model.outputs.getSize()[1], loads.shape[1]))
+
+    def take(self, numbers: Indices, answers: Array) -> None:
+        """This rank's rows (n_local, k) of the answers to the loads with these numbers."""
+        self._found[:, numbers] = self._seen.of(answers)
+
+    def result(self) -> CarrierFlexibility:
+        """Of all of them, once they are there; collective."""
+        whole, K = np.asarray(self._comm.allreduce(self._found)), self._carriers
+        own, outputs = whole[: whole.shape[1]], whole[whole.shape[1] :]
+        own = (own + own.T) / 2.0
+        return CarrierFlexibility(own[:K, :K], own[:K, K:], outputs[:, :K], outputs[:, K:], own[K:, K:])
+
+
 class Consumer(Protocol):
     """Who sees the answers to all loads, by the numbers of these and in an order of its own."""
 
@@ -55,20 +75,15 @@ def carrier_flexibility(
     model: FullModel, residual: ResidualFlexibility, carriers: sp.csr_matrix, consumer: Consumer | None = None
 ) -> CarrierFlexibility:
     """R on carriers (K, n) and on the inputs, one static solve each, whose answers a `consumer` may use; collective."""
-    loads, K, many = carrier_loads(model, carriers), carriers.shape[0], BLOCK * model.comm.size
+    loads, many, found = carrier_loads(model, carriers), BLOCK * model.comm.size, OnCarriers(model, carriers)
     order = np.arange(loads.shape[1]) if consumer is None else consumer.order
-    seen = Measured(sp.hstack([loads, local_csr(model.outputs)], format="csr").T)
-    measured = np.empty((loads.shape[1] + model.outputs.getSize()[1], loads.shape[1]))
     for k in range(0, len(order), many):
         numbers = order[k : k + many]
         x = residual.apply(loads[:, numbers].toarray(order="F"))
-        measured[:, numbers] = seen.of(x)
+        found.take(numbers, x)
         if consumer is not None:
             consumer.take(numbers, x)
-    R = np.asarray(model.comm.allreduce(measured))
-    own, outputs = R[: loads.shape[1]], R[loads.shape[1] :]
-    own = (own + own.T) / 2.0
-    return CarrierFlexibility(own[:K, :K], own[:K, K:], outputs[:, :K], outputs[:, K:], own[K:, K:])
+    return found.result()
 
 
 def tables(flexibility: CarrierFlexibility, shared: SharedCarriers) -> Flexibility:

@@ -49,12 +49,29 @@ def rows(result: BoomResult) -> list[Row]:
     for one in summary["sections"]:
         if "errors" in one:
             found.append(Row("reduced against full", one["name"], percent(one["errors"]["reduced_vs_full"]["beam"])))
+    for place, called in PLACES.items():
+        if (size := summary.get("estimate", {}).get(place)) is not None:
+            found.append(Row("estimated without the full model", called, percent(size)))
     found.append(Row("largest transverse displacement", "", length(summary["max_displacement"], 4)))
     if summary["max_error"] is not None:
         found.append(Row("largest difference, reduced to full", "", length(summary["max_error"], 4)))
     for model, value in summary.get("max_von_mises", {}).items():
         found.append(Row("largest von Mises stress", model, quantity(value, "Pa", 4)))
     return found
+
+
+def estimate(result: BoomResult) -> str:
+    """What the estimate includes, or why there is none; empty where none was asked for."""
+    found = result.summary.get("estimate")
+    if found is None:
+        return ""
+    if found["beam"] is None:
+        return f"The error can't be estimated without the full model: {found['reason']}."
+    true = result.summary["errors"].get("reduced_vs_full", {}).get("beam")
+    known = f", and is {significant(found['beam'] / true, 3)} times the true error along all sections" if true else ""
+    return (
+        f"The estimate includes a margin of a quarter{known}. It does not cover {'; nor '.join(found['not_covered'])}."
+    )
 
 
 def _numbers(result: BoomResult) -> Iterator[KeyNumber]:
@@ -65,6 +82,8 @@ def _numbers(result: BoomResult) -> Iterator[KeyNumber]:
     for place, label in (("tip", "error at the tip"), ("beam", "error along all sections"), ("pad_force", "of forces")):
         if place in errors:
             yield KeyNumber(percent(errors[place]), label)
+    if not errors and (said := summary.get("estimate", {}).get("beam")) is not None:
+        yield KeyNumber(percent(said), "estimated error along all sections", "without the full model")
     if "full" in responses:
         ratio = responses["full"].seconds / responses["reduced"].seconds
         yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "as fast as full")
@@ -77,7 +96,8 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
     table = rows(result)
     compared = "full" in result.responses
     caption = "Normalised RMS errors, and largest values." if compared else "Over all times and places."
-    yield Block(heading="Errors" if compared else "Largest values", errors=ErrorTable(caption, table, []))
+    heading = "Errors" if compared or result.summary.get("estimate", {}).get("beam") is not None else "Largest values"
+    yield Block(heading=heading, text=estimate(result), errors=ErrorTable(caption, table, []))
     data = motion(result)
     text = "Sections slide in each other as their extensions say; the page on a screen plays it."
     yield Block(heading="Motion", text=text, player=Player("boom", data, said(data)))

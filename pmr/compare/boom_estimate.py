@@ -1,0 +1,179 @@
+r"""How far the reduced sections of a boom are off, without a full one.
+
+A second run has more coordinates in every section: its enrichment modes, and attachment modes
+(`pmr.reduced.attachment`), which give what is left out its inertia and damping in the directions of all loads that the
+section bore in the first run.
+
+.. math:: \text{estimate} = 1.25 \lVert y_{\text{second}} - y_r \rVert
+
+with the margin of one body's estimate (`pmr.compare.estimate`).  Where pads land and lift off an impact a moment
+earlier changes all that follows: a third run, without the enrichment modes, has to be near the second one then.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare import coverage, errors
+from pmr.compare.boom_friction import with_friction
+from pmr.compare.booms import columns_of, quantities, respond
+from pmr.compare.estimate import MARGIN
+from pmr.compare.summary import Part
+from pmr.environment import Clock
+from pmr.errors import InputError, SimulationError
+from pmr.reduced.attachment import with_attachment_modes
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import extended
+from pmr.results import Response
+from pmr.scene import Boom
+from pmr.simulate import Excitation
+from pmr.simulate.native import multibody
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+
+#: Share of the error that two richer models may differ by where pads lift.
+SETTLED = 0.25
+
+
+@dataclass(frozen=True)
+class BoomEstimate:
+    """Estimated errors of a boom's reduced model.
+
+    Attributes
+    ----------
+    errors : mapping of str to float
+        With margin, fractions: ``tip``, ``beam`` (all sections), ``pad_force``, and probes by their names.
+    sections : mapping of str to float
+        Along each section.
+    largest : float, m
+        Largest error of any output at any time, with margin.
+    seconds : float
+    """
+
+    errors: Mapping[str, float]
+    sections: Mapping[str, float]
+    largest: float
+    seconds: float
+
+
+def no_estimate(system: System) -> str | None:
+    """Why the errors of a boom can't be estimated, in words; None where they can."""
+    for name, body in models_of(system).items():
+        if body.carriers is None or body.carriers.flexibility is None:
+            return f"{name} has no residual flexibility, and what its modes leave out is lost"
+        if body.carriers.inertia is None or body.enrichment is None:
+            return (
+                f"{name} keeps no enrichment modes: they come with reduction.estimate = true, on a mesh that has more"
+            )
+    return None
+
+
+def estimate(boom: Boom, system: System, excitation: Excitation, run: SystemTrajectory) -> BoomEstimate:
+    """From the run of the boom's reduced model; one or two more are made here, in as many parts of a step.
+
+    Raises
+    ------
+    ValueError
+        If there is no estimate (`no_estimate`).
+    InputError, SimulationError
+        As `multibody.simulate`; SimulationError too if what two richer models say of an impact differs.
+    """
+    begin = time.perf_counter()
+    if why := no_estimate(system):
+        raise ValueError(f"no estimate: {why}")
+    bodies, loads = models_of(system), _borne(system, run)
+    richer = {name: with_attachment_modes(extended(body), loads[name]) for name, body in bodies.items()}
+    own = with_friction(boom, system.contacts, respond(system, run))
+    better = with_friction(boom, system.contacts, _from_rest(replace(system, bodies=richer), excitation))
+    if _lifting(system, run):
+        other = {name: with_attachment_modes(body, loads[name]) for name, body in bodies.items()}
+        _check_settled(own, better, _from_rest(replace(system, bodies=other), excitation))
+    measured = quantities(boom, own)
+    found = errors.errors({"reduced": own, "full": better}, errors.relative_error, quantities=measured)
+    return BoomEstimate(
+        {kind: MARGIN * size for kind, size in found["reduced_vs_full"].items()},
+        {name: MARGIN * _along(columns_of(name, own), own, better) for name in boom.names},
+        float(MARGIN * np.abs(better.displacement - own.displacement).max()),
+        time.perf_counter() - begin,
+    )
+
+
+def _borne(system: System, run: SystemTrajectory) -> dict[str, Array]:
+    """What contacts and loads press on the carriers and inputs of each body with, (T, K + i) in N."""
+    found, first = {}, 0
+    for name, body in models_of(system).items():
+        motion, last = run.bodies[name], first + len(body.input_names)
+        sides = [side for side in system.sides if side.place.body == name]
+        assert body.carriers is not None
+        pressed = np.zeros((len(run.t), len(body.carriers.values)))
+        for side, x, force in zip(sides, motion.s.T, motion.multipliers.T, strict=True):
+            pressed -= system.row(side.place).weights(x).multiply(force[:, None]).toarray()
+        found[name] = np.hstack([pressed, run.loads[:, first:last]])
+        first = last
+    return found
+
+
+def _check_settled(own: Response, better: Response, other: Response) -> None:
+    for kind in ("displacement", "slider_force"):
+        one, second, third = (getattr(response, kind) for response in (own, better, other))
+        told, apart = (errors.relative_error(response, second) for response in (one, third))
+        if apart > SETTLED * told and told > errors.ROUND_OFF:
+            raise SimulationError(
+                "pads land and lift off, and an impact a moment earlier changes all that follows: two richer models "
+                f"differ by {100.0 * apart:.2g} % where they tell an error of {100.0 * told:.2g} %"
+            )
+
+
+def _along(columns: Sequence[int], own: Response, better: Response) -> float:
+    return errors.relative_error(own.displacement[:, columns], better.displacement[:, columns])
+
+
+def _from_rest(system: System, excitation: Excitation) -> Response:
+    run = multibody.simulate(system, excitation, multibody.static_start(system, excitation))
+    return respond(system, run)
+
+
+def models_of(system: System) -> dict[str, ReducedModel]:
+    """Its bodies, all of which are reduced."""
+    return {name: body for name, body in system.bodies.items() if isinstance(body, ReducedModel)}
+
+
+def _lifting(system: System, run: SystemTrajectory) -> bool:
+    """Whether a contact that only pushes does so now and then."""
+    pushing = ~np.isnan(system.clearance)
+    pushed = run.forces[:, pushing] > 0.0
+    return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))
+
+
+@dataclass(frozen=True)
+class BoomError:
+    """``estimate`` of a summary, and that along each section, fractions; none: not known."""
+
+    part: Part
+    sections: Mapping[str, float] = field(default_factory=dict)
+
+
+def boom_error(boom: Boom, system: System, excitation: Excitation, run: SystemTrajectory, clock: Clock) -> BoomError:
+    """Of the reduction of all sections, as their enrichment modes and inertia tell it, and what is not in it."""
+    if not all(part.reduction.estimate for part in boom.sections):
+        return BoomError(Part())
+    why = no_estimate(system)
+    if why is None:
+        try:
+            with clock.stage("estimate"):
+                found = estimate(boom, system, excitation, run)
+        except (SimulationError, InputError) as error:
+            why = str(error)
+    if why is not None:
+        nothing = dict.fromkeys(("tip", "beam", "pad_force", "largest", "seconds", "not_covered"))
+        return BoomError(Part({"estimate": nothing | {"reason": why}}))
+    damped = any(body.rayleigh is None and body.D.any() for body in models_of(system).values())
+    left_out = [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped]
+    figures = {"largest": found.largest, "seconds": found.seconds, "not_covered": left_out}
+    return BoomError(Part({"estimate": {**found.errors, **figures}}), found.sections)
