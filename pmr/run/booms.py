@@ -10,10 +10,8 @@ import numpy as np
 
 from pmr.compare import booms as compared
 from pmr.compare import errors
-        error.part,
-        compared.sections(boom, responses, sizes, _more(seen, error)),
-        compared.joints(boom, responses["reduced"], system.contacts),
-        compared.beside_published(boom, frequencies),
+from pmr.compare.boom_estimate import BoomError, boom_error
+from pmr.compare.boom_friction import with_friction
 from pmr.compare.boom_references import FullBoom, FullRun
 from pmr.compare.boom_simulations import BoomSimulations, simulate
 from pmr.compare.responses import check_installed
@@ -118,15 +116,10 @@ def run_boom(
             }
         ),
         _seconds(clock, simulations, responses),
-<<<<<<< HEAD
-        compared.sections(boom, responses, sizes, {name: one.summary() for name, one in seen.items()}),
-        compared.joints(boom, responses["reduced"], system.contacts),
-        compared.beside_published(boom, frequencies),
-=======
         error.part,
         compared.sections(boom, responses, sizes, _more(seen, error)),
-        compared.joints(boom, responses["reduced"]),
->>>>>>> 643a237 (Booms: the error of all sections is estimated, by a second model with inertia in the directions of the loads that sections bear)
+        compared.joints(boom, responses["reduced"], system.contacts),
+        compared.beside_published(boom, frequencies),
         Part(probes.places({name: one.structure.outputs for name, one in built.items()})),
         driven(excitation),
         Part(contact_step.summary_of(omega, excitation.stepping), contact_step.warnings_of(omega, excitation.stepping)),

@@ -1,0 +1,110 @@
+"""The estimate of a boom's error: beside the true one, and where there is none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr import scene as scenes
+from pmr.compare import boom_estimate
+from pmr.fullmodel.sections import build_sections
+from pmr.reduce.sections import reduce_sections
+from pmr.reduced.attachment import with_attachment_modes
+from pmr.reduced.model import ReducedModel
+from pmr.run.booms import run_boom
+from pmr.scene import Boom
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+QUICK = (
+    "time.end=0.2",
+    "section.mesh.elements=12",
+    "section.reduction.coordinates=4",
+    "sections.fly.loads.0.signal={kind='sine',amplitude=8000.0,frequency=8.0}",
+    "section.joint.extension={kind='smooth_ramp',times=[0.0,0.2],values=[1.0,1.3]}",
+)
+
+
+def load(*changes: str) -> Boom:
+    found = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
+    assert isinstance(found, Boom)
+    return found
+
+
+@pytest.mark.parametrize("pads", ["both ways", "that push and lift"])
+def test_the_estimate_is_the_true_error_and_its_margin(pads: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To two per cent: the second model is nearly the full one, by attachment modes alone where pads hold both ways."""
+    push = str(pads != "both ways").lower()
+    if pads == "both ways":
+        monkeypatch.setattr(boom_estimate, "extended", lambda model: model)
+    outcome = run_boom(load(*(f"section.joint.{end}.0.unilateral={push}" for end in ("tail", "mouth"))))
+    assert outcome is not None
+    summary, forces = outcome.result.summary, outcome.result.responses["reduced"].slider_force
+    assert np.any((forces == 0.0).any(axis=0) & (forces > 0.0).any(axis=0)) == (pads != "both ways")
+    true, said = summary["errors"]["reduced_vs_full"], summary["estimate"]
+    assert max(true.values()) > 1e-4 and min(true.values()) > 1e-8
+    for kind, error in true.items():
+        assert said[kind] == pytest.approx(boom_estimate.MARGIN * error, rel=0.02)
+    for section in summary["sections"]:
+        along = section["errors"]["reduced_vs_full"]["beam"]
+        assert section["estimate"] == pytest.approx(boom_estimate.MARGIN * along, rel=0.02)
+    assert outcome.result.summary["seconds"]["estimate"] > 0.0
+
+
+@pytest.fixture(scope="module")
+def fly() -> ReducedModel:
+    boom = load()
+    return reduce_sections(boom, build_sections(boom))["fly"].model
+
+
+def test_attachment_modes_are_orthogonal_answers_that_leave_no_less_than_nothing(fly: ReducedModel) -> None:
+    """Statics stay: what is added to the coordinates is taken from the flexibility, which stays positive."""
+    assert fly.carriers is not None and fly.carriers.flexibility is not None
+    K, i = len(fly.carriers.values), len(fly.input_names)
+    loads = np.random.default_rng(3).standard_normal((5, K + i))
+    richer = with_attachment_modes(fly, loads)
+    assert richer.size == fly.size + 5 and richer.contradiction() is None
+    assert richer.M[-5:, -5:] == pytest.approx(np.eye(5), abs=1e-12)
+    found, before = richer.carriers, fly.carriers.flexibility
+    assert found is not None and found.flexibility is not None
+    added = found.values[:, -5:] / np.diagonal(richer.K)[-5:] @ found.values[:, -5:].T
+    size = np.abs(before.rows).max()
+    assert found.flexibility.rows + added == pytest.approx(before.rows, abs=1e-9 * size)
+    answers = found.flexibility.rows @ loads[:, :K].T + found.flexibility.inputs @ loads[:, K:].T
+    assert np.abs(answers).max() < 1e-6 * np.abs(before.rows @ loads[:, :K].T).max()
+    assert np.linalg.eigvalsh(found.flexibility.rows)[0] > -1e-9 * size
+    assert richer.C(2.0) == pytest.approx(_rows(richer, 2.0), abs=1e-9)
+
+
+def _rows(model: ReducedModel, s: float) -> np.ndarray:
+    assert model.carriers is not None
+    weights = [model.carriers.row(k, name).weights(s).toarray() for k, name in enumerate(model.row_names)]
+    return np.vstack(weights) @ model.carriers.values
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (("section.reduction.flexibility=false",), "base has no residual flexibility"),
+        (("section.mesh.elements=2", "sections.base.reduction.coordinates=3"), "keeps no enrichment modes"),
+    ],
+)
+def test_where_there_is_none_the_reason_is_told(changes: tuple[str, ...], said: str) -> None:
+    outcome = run_boom(load("compare.against=[]", "time.end=0.02", *changes))
+    assert outcome is not None
+    found = outcome.result.summary["estimate"]
+    assert found["tip"] is None and said in found["reason"]
+
+
+def test_richer_models_that_disagree_on_an_impact_are_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(boom_estimate, "SETTLED", 1e-9)
+    outcome = run_boom(load("compare.against=[]", "time.end=0.1"))
+    assert outcome is not None
+    assert "changes all that follows" in outcome.result.summary["estimate"]["reason"]
+
+
+def test_none_is_made_where_none_is_asked_for() -> None:
+    outcome = run_boom(load("compare.against=[]", "time.end=0.02", "section.reduction.estimate=false"))
+    assert outcome is not None and "estimate" not in outcome.result.summary
+    assert outcome.reduced["fly"].enrichment is None
