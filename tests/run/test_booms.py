@@ -136,7 +136,8 @@ def test_a_result_is_read_as_it_was_saved_and_reported(outcome: BoomOutcome, tmp
     assert np.array_equal(again.responses["full"].slider_force, outcome.result.responses["full"].slider_force)
     assert np.array_equal(again.frequencies.models["full"], outcome.result.frequencies.models["full"])
     page = write_report([again], tmp_path).html.read_text(encoding="utf-8")
-    for said in ("A boom of 3 sections", "fly mouth top", "cylinder of middle", "hold both ways and pull", "estimated without the full model"):
+    told = ["A boom of 3 sections", "fly mouth top", "cylinder of middle", "hold both ways and pull"]
+    for said in (*told, "estimated without the full model"):
         assert said in page
     outcome.reduced["fly"].save(tmp_path / "reduced-fly.npz")
     assert ReducedModel.load(tmp_path / "reduced-fly.npz").carriers is not None
