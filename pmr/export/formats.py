@@ -77,6 +77,12 @@ def _dmig(model: Path, target: Path, options: Options) -> Path:
     return write_dmig(model, target, options.at)
 
 
+def _op4(model: Path, target: Path, options: Options) -> Path:
+    from pmr.export.nastran import write_output4
+
+    return write_output4(model, target, options.at)
+
+
 _AT = frozenset({"at"})
 FORMATS = {
     "exudyn": Format("a standalone Python script", "sliding_body.py", frozenset(), _exudyn),
@@ -85,6 +91,7 @@ FORMATS = {
     "python-control": Format("the same, read by a script", "state_space.py", _AT, _python_control),
     "frequency-response": Format("a table and a picture over s", "frequency_response.csv", _AT, _frequency_response),
     "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _dmig),
+    "op4": Format("the same matrices as OUTPUT4", "sliding_body.op4", _AT, _op4),
 }
 
 

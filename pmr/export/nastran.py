@@ -1,8 +1,9 @@
-"""A reduced model with its sliders held at places, as matrices of Nastran: DMIG entries on scalar points."""
+"""A reduced model with its sliders held at places, as matrices of Nastran: DMIG entries, or OUTPUT4."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,18 @@ from pmr.simulate.state_space import StateSpace, state_space
 Array = NDArray[np.float64]
 #: Letters of a wide field: 10 to 12 digits fit.
 FIELD = 16
-_SQUARE, _SYMMETRIC, _RECTANGULAR = 1, 6, 9
-_DOUBLE = 2
+_SQUARE, _RECTANGULAR, _SYMMETRIC = 1, 2, 6
+_RECTANGULAR_DMIG, _DOUBLE = 9, 2
+
+
+@dataclass(frozen=True)
+class _Named:
+    """A matrix: what its name begins with, the number of its place, its form as OUTPUT4 counts."""
+
+    letter: str
+    number: str
+    A: Array
+    form: int
 
 
 def write_dmig(npz_path: Path, target: Path, at: str | None) -> Path:
@@ -31,11 +42,37 @@ def write_dmig(npz_path: Path, target: Path, at: str | None) -> Path:
     InputError
         As `pmr.simulate.state_space.state_space` and `pmr.export.places.places`.
     """
+    return _written(npz_path, target, at, _deck)
+
+
+def write_output4(npz_path: Path, target: Path, at: str | None) -> Path:
+    """The same matrices, whole and with all digits, as text of OUTPUT4.
+
+    Raises
+    ------
+    InputError
+        As `write_dmig`.
+    """
+    return _written(npz_path, target, at, _output4)
+
+
+def _written(npz_path: Path, target: Path, at: str | None, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
     model = ReducedModel.load(npz_path)
     space = state_space(model, places(model, at), npz_path.name)
     with replaced(target) as part:
-        part.write_text("\n".join([*_deck(space), ""]), encoding="utf-8")
+        part.write_text("\n".join([*lines(space), ""]), encoding="utf-8")
     return target
+
+
+def _matrices(space: StateSpace) -> Iterator[_Named]:
+    r = space.A.shape[1] // 2
+    yield _Named("M", "", np.eye(r), _SYMMETRIC)
+    damping = -space.A[0, r:, r:]
+    yield _Named("D", "", damping, _SYMMETRIC if np.array_equal(damping, damping.T) else _SQUARE)
+    for k in range(len(space.s)):
+        stiffness = -space.A[k, r:, :r]
+        yield _Named("K", str(k + 1), (stiffness + stiffness.T) / 2.0, _SYMMETRIC)
+        yield _Named("F", str(k + 1), space.B[k, r:], _RECTANGULAR)
 
 
 def _deck(space: StateSpace) -> Iterator[str]:
@@ -46,13 +83,23 @@ def _deck(space: StateSpace) -> Iterator[str]:
     for k, s in enumerate(space.s, start=1):
         yield f"$ Place {k}: s = {float(s)!r} m"
     yield f"SPOINT  {1:<8d}THRU    {r:<8d}"
-    yield from _both("M", "", np.eye(r), _SYMMETRIC)
-    damping = -space.A[0, r:, r:]
-    yield from _both("D", "", damping, _SYMMETRIC if np.array_equal(damping, damping.T) else _SQUARE)
-    for k in range(len(space.s)):
-        stiffness = -space.A[k, r:, :r]
-        yield from _both("K", str(k + 1), (stiffness + stiffness.T) / 2.0, _SYMMETRIC)
-        yield from _both("F", str(k + 1), space.B[k, r:], _RECTANGULAR)
+    for one in _matrices(space):
+        form = _RECTANGULAR_DMIG if one.form == _RECTANGULAR else one.form
+        yield from _both(one.letter, one.number, one.A, form)
+
+
+def _output4(space: StateSpace) -> Iterator[str]:
+    for one in _matrices(space):
+        rows, columns = one.A.shape
+        yield f"{columns:8d}{rows:8d}{one.form:8d}{_DOUBLE:8d}{one.letter + one.number:<8}1P,3E24.16"
+        for j in range(columns):
+            there = np.flatnonzero(one.A[:, j])
+            if there.size:
+                values = one.A[there[0] : there[-1] + 1, j]
+                yield f"{j + 1:8d}{there[0] + 1:8d}{len(values):8d}"
+                yield from ("".join(f"{x:24.16E}" for x in values[k : k + 3]) for k in range(0, len(values), 3))
+        yield f"{columns + 1:8d}{1:8d}{1:8d}"
+        yield f"{1.0:24.16E}"
 
 
 def _both(letter: str, number: str, A: Array, form: int) -> Iterator[str]:
@@ -63,7 +110,7 @@ def _both(letter: str, number: str, A: Array, form: int) -> Iterator[str]:
 
 
 def _matrix(name: str, A: Array, form: int) -> Iterator[str]:
-    columns = f"{A.shape[1]:<8d}" if form == _RECTANGULAR else ""
+    columns = f"{A.shape[1]:<8d}" if form == _RECTANGULAR_DMIG else ""
     yield f"DMIG    {name:<8}{0:<8d}{form:<8d}{_DOUBLE:<8d}{_DOUBLE:<8d}{'':<16}{columns}".rstrip()
     for j in range(A.shape[1]):
         rows = [i for i in range(j if form == _SYMMETRIC else 0, len(A)) if A[i, j] != 0.0 or (i == j)]
