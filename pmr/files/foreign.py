@@ -7,10 +7,12 @@ stand in its input file, as in Abaqus's.
 from __future__ import annotations
 
 import warnings
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 import scipy.io
@@ -24,6 +26,10 @@ from pmr.files.matrices import DIRECTIONS, GivenMatrices
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+#: What readers of SciPy and NumPy raise at files that are cut off or changed; a bad format of Fortran is a SyntaxError.
+_OF_VALUES = (ValueError, TypeError, LookupError, OverflowError, NotImplementedError, SyntaxError)
+DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -112,15 +118,28 @@ def _guarded(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
     if not path.is_file():
         raise InputError(str(path), "", None, "no such file")
     try:
-        with warnings.catch_warnings():  # of SciPy's, about the class that it will return: it is made a csr_matrix here
-            warnings.simplefilter("ignore", DeprecationWarning)
+        with warnings.catch_warnings():  # of SciPy's, about classes that it will return and keys of Harwell-Boeing
+            warnings.simplefilter("ignore")
             return readers[suffix](path)
-    except (ValueError, TypeError, KeyError, IndexError, OSError, OverflowError, UnicodeDecodeError) as error:
+    except MemoryError:
+        raise InputError(str(path), "", None, f"a {suffix} file is allowed whose sizes fit into memory") from None
+    except DAMAGED as error:
         raise InputError(str(path), "", None, f"a readable {suffix} file is allowed ({error})") from None
 
 
 def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
-    """A matrix of which only one triangle is stored, whole."""
+    """A matrix of which only one triangle is stored, whole.
+
+    Raises
+    ------
+    ValueError
+        If it is not square, or so empty that its size is a mistake, and might not fit into memory.
+    """
+    n = A.shape[0]
+    if A.shape != (n, n) or n > A.nnz:
+        raise ValueError(f"a square matrix with entries in all rows, not {A.nnz} entries in {n} x {A.shape[1]}")
+    if sp.isspmatrix_csr(A) or sp.isspmatrix_csc(A):
+        A.check_format(full_check=True)  # SciPy ends the process at indices that are out of range
     A = sp.csr_matrix(A, dtype=float)
     lower, upper = sp.tril(A, -1), sp.triu(A, 1)
     if lower.nnz and upper.nnz:
