@@ -12,6 +12,9 @@ from processes import FENICSX, PETSC, called, without
 
 from pmr import run as whole
 from pmr import scene
+from pmr.compare.saved_model import simulate_saved
+from pmr.errors import InputError
+from pmr.reduced.model import ReducedModel
 
 ROOT = Path(__file__).parents[2]
 #: What simulates a saved model needs none of these.
@@ -64,7 +67,7 @@ def test_it_finds_what_a_run_of_that_scene_finds(name: str, tmp_path: Path) -> N
 
 
 REFUSED = [
-    (["--set", "slider.path={kind='constant',value=5.5}"], "slider.path"),
+    (["--set", "slider.path=5.5"], "slider.path: the slider reaches 5.5 m"),
     (["--set", "time.rho_inf=1.5"], "time.rho_inf"),
     (["--scene", "boom_beam"], "loads"),
     (["--scene", "nowhere"], "no such scene file"),
@@ -83,6 +86,25 @@ def test_what_does_not_fit_the_model_is_refused_in_one_line(
     assert done.returncode == 2
     assert says in done.stderr and len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "out" / "summary.json").exists()
+
+
+def test_a_path_beyond_what_the_model_was_made_for_is_refused_with_the_time() -> None:
+    """The boom is there, the model has its pads on another stretch."""
+    file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8"]
+    model = whole.reduce(scene.load(file, ours)).reduced
+    path = "slider.path={kind='ramp',times=[0.0,1.0],values=[4.0,4.4]}"
+    with pytest.raises(InputError, match=r"slider.path = 4.2\d*: 1.4 to 4.2 m is allowed; left at t = 0.5"):
+        simulate_saved(model, scene.load(file, ["mesh.elements=8", path, "time.end=1", "recovery.every=1"]))
+
+
+def test_a_load_beyond_what_the_model_was_made_for_is_said(saved: Path) -> None:
+    """Faster than the modes that the model knows of: as fast as it was made for nothing is said."""
+    file, model, said = ROOT / "workflows" / "evolved_residual.toml", ReducedModel.load(saved), {}
+    for frequency in (8.0, 300.0):
+        load = f"loads=[{{name='F',on=5.0,signal={{kind='sine',amplitude=1.0,frequency={frequency}}}}}]"
+        asked = scene.load(file, [*OURS, "time.end=0.2", "time.step=5e-4", load])
+        said[frequency] = " ".join(simulate_saved(model, asked).summary["warnings"])
+    assert "beyond the highest enrichment mode" in said[300.0] and "enrichment" not in said[8.0]
 
 
 def test_the_folder_of_the_model_is_left_alone(saved: Path) -> None:
