@@ -11,7 +11,7 @@ import numpy as np
 from pmr.accuracy.errors import Demand, Errors
 from pmr.accuracy.family import Family, Member
 from pmr.accuracy.search import Found, comparable
-from pmr.accuracy.steps import LONGEST, Rung, rungs
+from pmr.accuracy.steps import Rung, rungs
 from pmr.errors import InputError
 from pmr.errors.text import rounded
 from pmr.scene.asked import Budget
@@ -94,7 +94,7 @@ def _options(errors: Errors, budget: Budget, inertia: bool) -> Iterator[_Option]
     probe = Member(min(8, family.most), False)
     for rung in rungs(family, probe, coarse, errors.demand.kinds):
         member = _largest(family, budget, inertia, family.end / (rung.steps * budget.real_time))
-        if member is None or rung.steps > LONGEST // 8:
+        if member is None:
             return
         yield _Option(member, rung)
 
@@ -105,10 +105,10 @@ def _largest(family: Family, budget: Budget, inertia: bool, seconds: float) -> M
         return Member(min(max(budget.coordinates, family.fewest), family.most), inertia)
     if budget.microseconds_per_step is not None:
         seconds = 1e-6 * budget.microseconds_per_step
-    low, high = family.fewest - 1, family.most + 1
-    while high - low > 1:
-        middle = (low + high) // 2
+    low, high, middle = family.fewest - 1, family.most + 1, family.most
+    while high - low > 1:  # all of them first: most budgets of time are generous
         low, high = (middle, high) if seconds_a_step(family, Member(middle, inertia)) <= seconds else (low, middle)
+        middle = (low + high) // 2
     return Member(low, inertia) if low >= family.fewest else None
 
 

@@ -19,7 +19,7 @@ from pmr.errors import SimulationError
 from pmr.simulate.resolution import unseen
 
 #: Steps of a run up to which shorter ones are tried.
-LONGEST = 1_000_000
+LONGEST = 2_100_000
 #: The same of a model that keeps its residual inertia.
 LONGEST_WITH_INERTIA = 32_000
 #: How often the step that a scene names is doubled at most.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from oracle import full_body, inertial
 
+from pmr.accuracy import limits
 from pmr.accuracy.errors import MARGIN, Demand
 from pmr.accuracy.family import Family, Member
 from pmr.accuracy.limits import best_within
@@ -132,6 +133,21 @@ def test_members_are_those_of_the_reduction() -> None:
     excitation = driven(100, Constant(amount=5.0))
     own = outputs(model, march.simulate(model, excitation), excitation, 1)
     assert np.allclose(own.displacement, family.motion(Member(4, True), 100, 100).displacement, rtol=0.0, atol=1e-12)
+
+
+def test_what_more_time_allows_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a machine on which a step takes 10 ns a coordinate: the shortest steps are tried, too."""
+    monkeypatch.setattr(limits, "seconds_a_step", lambda _, member: 1e-8 * member.coordinates)
+    family = Family(MODEL, driven(), 1)
+    real_times, most = (3000.0, 300.0, 3.0), Budget(microseconds_per_step=10.0)
+    found = [
+        best_within(family, Demand(1.0, ("beam",), inertia=False), budget, coarsest(family))
+        for budget in (*(Budget(real_time=ratio) for ratio in real_times), most)
+    ]
+    errors = [one.total["beam"] for one in found]
+    assert errors[0] > errors[1] > errors[2] and errors[2] <= errors[3]
+    for one, ratio in zip(found, real_times, strict=False):
+        assert one.steps * one.member.coordinates * 1e-8 <= 1.0 / ratio
 
 
 def test_of_what_a_budget_allows_the_best_is_taken() -> None:
