@@ -26,6 +26,8 @@ from pmr.errors.text import rounded
 OF_REDUCTION = 0.97
 #: Coordinates that keeping the residual inertia has to save to be worth its time a step.
 WORTH = 2
+#: Coordinates more that are tried where the fewest leave no room for the error of any step.
+ROOM = 2
 #: Steps up to which a member is simulated to be compared with all modes.
 COMPARED = 16_000
 
@@ -76,6 +78,10 @@ def search(family: Family, demand: Demand, coarse: int) -> Found:
         if finer <= steps:
             break
         steps, member = finer, one.fitted(member, finer)
+    larger = Member(min(member.coordinates + ROOM, family.most), member.residual_inertia)
+    if not reached and one.within(member, steps) and larger != member:
+        beside, reached = one.longest_step(larger, steps)
+        member, rung = (larger, beside) if reached else (member, rung)
     return one.found(member, rung, steps, reached, time.perf_counter() - begin)
 
 
@@ -155,7 +161,9 @@ class _Search:
 
     def _why(self, member: Member, steps: int) -> Iterator[str]:
         r, kept = member.coordinates, member.residual_inertia
-        if r > self.family.fewest:
+        if r > self.family.fewest and self.within(Member(r - 1, kept), steps):
+            yield f"{r} coordinates: fewer leave no room for the error of the step"
+        elif r > self.family.fewest:
             size = rounded(100.0 * max(self.errors.reduction(Member(r - 1, kept), steps).values()))
             yield f"{r} coordinates: with {r - 1} the reduction alone is off by {size} %"
         else:

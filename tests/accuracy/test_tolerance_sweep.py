@@ -32,7 +32,7 @@ from pmr.simulate.native import simulator as march
 SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(4)
 TOLERANCES = (0.01, 0.001, 0.0001)
 #: Steps of a reference for each step that was chosen, and at most.
-FINER, MOST = 4, 1_200_000
+FINER, MOST = 4, 2_400_000
 
 
 @dataclass(frozen=True)

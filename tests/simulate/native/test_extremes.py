@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import on_pads
 import pytest
 import scipy.linalg
 from numpy.typing import NDArray
+from on_pads import beam_on_pads, flexible_on_pads
 from oracle import LENGTH, TIP_LOAD, flexible, full_body, inertial, nrms_error
 
 from pmr.compare.errors import relative_error
@@ -185,6 +188,16 @@ def test_stiff_pads_tend_to_the_rigid_one() -> None:
     stiffness = np.array([1e9, 1e12, 1e15])
     away = [nrms_error(motion(replace(MODEL, pads=np.array([1.0 / k])), excitation), rigid) for k in stiffness]
     assert np.allclose(away * stiffness / (away[0] * stiffness[0]), 1.0, rtol=0.01)
+
+
+@pytest.mark.parametrize("make", [lambda body: body, lambda body: flexible_on_pads(body, 6)], ids=["full", "reduced"])
+def test_pads_farther_away_than_the_motion_are_not_there(make: Callable[[FullBody], SlidingBody]) -> None:
+    body = make(beam_on_pads(clearance=10.0))
+    excitation = on_pads.driven(ACROSS, (Constant(amount=9.81), NOTHING), TimeStepping(1.0, 1e-3))
+    run = march.simulate(body, excitation)
+    fallen = 9.81 * run.t[:, None] ** 2 / 2.0
+    assert np.abs(moved(body, excitation, run) + fallen).max() < 1e-9 * fallen.max()
+    assert np.abs(run.multipliers).max() < 1e-12 * on_pads.WEIGHT * 9.81
 
 
 @pytest.mark.parametrize("r", [1, 2, 3, 6, 20, 40])
