@@ -189,22 +189,24 @@ def on_the_way(boom: Boom, t: Array, count: int) -> NDArray[np.int64]:
 
 
 def _pulled(boom: Boom, pads: list[dict[str, Any]]) -> list[str]:
-    """Ends of joints with pads that hold both ways and are pulled, a line each."""
+    """Joints with pads that hold both ways and are pulled, a line each: the pad that is pulled most, and how many more."""
     largest, said = max((max(pad["max"], -pad["min"]) for pad in pads), default=0.0), []
     for part in boom.sections[1:]:
         assert part.joint is not None
+        ends, found = list[str](), list[dict[str, Any]]()
         for end in ("tail", "mouth"):
-            both = _both_ways(part.joint, end)
-            names = [pad for pad in pads if pad["name"].startswith(f"{part.name} {end}") and both]
-            found = [pad for pad in names if -pad["min"] > PULLED * max(pad["max"], 0.1 * largest)]
-            if found:
-                told = ", ".join(
-                    f"{pad['name']} with up to {_newton(-pad['min'])} at {pad['t_min']:g} s" for pad in found
-                )
-                said.append(
-                    f"pads of the joint of {part.name} hold both ways and pull: {told}; if they can only push, set "
-                    f"unilateral = true in sections.{part.name}.joint.{end}"
-                )
+            own = [pad for pad in pads if pad["name"].startswith(f"{part.name} {end}") and _both_ways(part.joint, end)]
+            pulled = [pad for pad in own if -pad["min"] > PULLED * max(pad["max"], 0.1 * largest)]
+            found += pulled
+            ends += [f"sections.{part.name}.joint.{end}"] * bool(pulled)
+        if found:
+            most = min(found, key=lambda pad: float(pad["min"]))
+            more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+            said.append(
+                f"pads of the joint of {part.name} hold both ways and pull: {most['name']} with up to "
+                f"{_newton(-most['min'])} at {most['t_min']:g} s{more}; if they can only push, set unilateral = true in "
+                f"{' and '.join(ends)}"
+            )
     return said
 
 

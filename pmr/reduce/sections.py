@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fullmodel.build import Built
 from pmr.reduce.basis import modal_basis
+from pmr.reduce.cache import Cache, Reduced
 from pmr.reduce.from_scene import ENRICHMENT_MODES
 from pmr.reduce.residual.model import section_model
 from pmr.reduced.model import ReducedModel
@@ -27,8 +28,12 @@ class ReducedSection:
     V: NDArray[np.float64]
 
 
-def reduce_sections(boom: Boom, built: Mapping[str, Built]) -> Mapping[str, ReducedSection]:
+def reduce_sections(
+    boom: Boom, built: Mapping[str, Built], caches: Mapping[str, Cache] | None = None
+) -> Mapping[str, ReducedSection]:
     """The reduced model of every section, those of equal ones once; collective.
+
+    In `caches`, by the sections' names, they are cached and found.
 
     Raises
     ------
@@ -40,7 +45,7 @@ def reduce_sections(boom: Boom, built: Mapping[str, Built]) -> Mapping[str, Redu
         key = id(built[part.name]), part.reduction
         if key not in made:
             try:
-                made[key] = _reduced(built[part.name], part.reduction)
+                made[key] = _reduced(built[part.name], part.reduction, (caches or {}).get(part.name))
             except InputError as error:
                 where = ".".join(filter(None, (f"sections[{number}]", error.key)))
                 raise InputError(error.source, where, error.value, error.allowed) from None
@@ -48,10 +53,15 @@ def reduce_sections(boom: Boom, built: Mapping[str, Built]) -> Mapping[str, Redu
     return found
 
 
-def _reduced(built: Built, choice: Reduction) -> ReducedSection:
-    body, enrichment = FreeBody(built.model, choice.solver), ENRICHMENT_MODES if choice.needs_inertia else 0
-    basis = modal_basis(free_modes(built.model, choice.coordinates, choice.solver, enrichment, body))
-    model, V = section_model(built.model, basis, {}, choice.coordinates, choice.solver, body), basis.V.getDenseArray()
+def _reduced(built: Built, choice: Reduction, cache: Cache | None) -> ReducedSection:
+    def make() -> Reduced:
+        body, enrichment = FreeBody(built.model, choice.solver), ENRICHMENT_MODES if choice.needs_inertia else 0
+        snapshots = free_modes(built.model, choice.coordinates, choice.solver, enrichment, body)
+        basis = modal_basis(snapshots)
+        return Reduced(snapshots, basis, section_model(built.model, basis, {}, choice.coordinates, choice.solver, body))
+
+    found = make() if cache is None else cache.reduced(choice.model_dump(mode="json") | {"section": True}, make)
+    model, V = found.model, found.basis.V.getDenseArray()
     if not choice.flexibility:
         assert model.carriers is not None  # as section models have
         model = replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None))

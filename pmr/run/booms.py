@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.compare import booms as compared
 from pmr.compare import errors
@@ -25,6 +27,7 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.sections import build_sections
 from pmr.recover.from_scene import Recovered, recovered_steps
 from pmr.recover.sections import recover_sections, states_of
+from pmr.reduce.cache import Cache, cache_in
 from pmr.reduce.sections import reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.results import BoomFrequencies, BoomResult, Response
@@ -33,6 +36,8 @@ from pmr.simulate import contact_step
 from pmr.simulate.booms import excitation_of, system_of
 from pmr.simulate.native.multibody_march import contact_frequency, places
 from pmr.simulate.petsc import Checkpoint
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -44,11 +49,16 @@ class BoomOutcome:
 
 
 def run_boom(
-    boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None, checkpoint: Checkpoint | None = None
+    boom: Boom,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    clock: Clock | None = None,
+    checkpoint: Checkpoint | None = None,
+    cache: Path | None = None,
 ) -> BoomOutcome | None:
     """Run a boom on `comm`; what is not distributed runs on rank 0, the other ranks get None.
 
-    With a `checkpoint` a full-order simulation that was cut off goes on.
+    With a `checkpoint` a full-order simulation that was cut off goes on.  In a `cache`, a folder, reductions of the
+    sections and frequencies of full models are cached and found.
 
     Raises
     ------
@@ -62,7 +72,8 @@ def run_boom(
     with clock.stage("assemble"):
         built = build_sections(boom, comm)
     with clock.stage("reduce"):
-        sections = reduce_sections(boom, built)
+        caches = {} if cache is None else {name: cache_in(cache, one.model) for name, one in built.items()}
+        sections = reduce_sections(boom, built, caches)
     reduced = {name: one.model for name, one in sections.items()}
     system = system_of(boom, reduced)
     excitation = excitation_of(boom, system)
@@ -71,7 +82,7 @@ def run_boom(
     with clock.stage("frequencies"):
         large = full is not None and full.simulator == "petsc"
         steps = compared.on_the_way(boom, excitation.times, compared.FEWER_PLACES if large else compared.PLACES)
-        curves = {} if full is None else {"full": full.frequencies(boom, steps)}
+        curves = {} if full is None else {"full": _full_frequencies(boom, full, excitation.s[steps], steps, caches)}
     fine = contact_step.parts(omega, excitation.stepping) if omega else 0
     whole, recovered = FullRun(None, "", {}), recovered_steps(boom)
     if full is not None:
@@ -139,6 +150,17 @@ def run_boom(
         {name: one.reduced.fields for name, one in seen.items()},
     )
     return BoomOutcome(result, reduced)
+
+
+def _full_frequencies(
+    boom: Boom, full: FullBoom, extensions: Array, steps: NDArray[np.int64], caches: Mapping[str, Cache]
+) -> Array:
+    """At some steps, which have these extensions (S, P) in m."""
+    if not caches:
+        return full.frequencies(boom, steps)
+    content = [one.content for one in caches.values()]
+    asked = {"sections": content, "contacts": repr(full.whole.contacts), "extensions": extensions.tolist()}
+    return caches[boom.names[0]].arrays("frequencies", asked, lambda: full.frequencies(boom, steps))
 
 
 def _more(seen: Mapping[str, Recovered], error: BoomError) -> dict[str, dict[str, Any]]:

@@ -36,7 +36,7 @@ def run_either(
     checkpoint: Checkpoint | None = None,
     cache: Path | None = None,
 ) -> Outcome | BoomOutcome | None:
-    """Run a scene the whole way, as `pmr.run.run`, or a boom, as `pmr.run.booms.run_boom`, which keeps no cache."""
+    """Run a scene the whole way, as `pmr.run.run`, or a boom, as `pmr.run.booms.run_boom`."""
     if isinstance(scene, Boom):
-        return run_boom(scene, comm, clock, checkpoint)
+        return run_boom(scene, comm, clock, checkpoint, cache)
     return run(scene, comm, clock, checkpoint, cache)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -17,6 +18,7 @@ from pmr.compare.booms import joints, respond
 from pmr.export.paraview import Travelling, write_bodies
 from pmr.fem.compat import MPI
 from pmr.fullmodel.sections import build_sections
+from pmr.reduce import sections
 from pmr.reduce.sections import reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.report.document import write_report
@@ -112,6 +114,32 @@ def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: Boom
     assert np.abs(moved - beside).max() < 1e-9 * np.abs(beside).max()
     assert (probe[7], probe[10]) == (moved.min(), moved.max()) and probe[2:6] == ("mm", 3.0, 0.0, 0.0)
     assert result.summary["errors"]["reduced_vs_full"]["middle: waist displacement z"] < 5e-3
+
+
+def test_with_a_cache_another_signal_computes_nothing_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Equal sections are reduced once, too; another length of one section is another one."""
+    calls = list[str]()
+    for owner, name in ((sections, "free_modes"), (boom_references.FullBoom, "frequencies")):
+        plain = getattr(owner, name)
+
+        def told(*arguments: Any, name: str = name, plain: Any = plain, **named: Any) -> Any:
+            calls.append(name)
+            return plain(*arguments, **named)
+
+        monkeypatch.setattr(owner, name, told)
+    quick = (*QUICK, "time.end=0.02", "section.reduction.estimate=false")
+    signals = (f"sections.fly.loads.0.signal={size}" for size in (3000.0, 6000.0))
+    first, other = (run_boom(load(*quick, signal), cache=tmp_path) for signal in signals)
+    assert calls == 3 * ["free_modes"] + ["frequencies"]
+    assert first is not None and other is not None
+    for name, model in first.reduced.items():
+        assert np.array_equal(model.K, other.reduced[name].K) and np.array_equal(
+            model.outputs, other.reduced[name].outputs
+        )
+    models = (one.result.frequencies.models["full"] for one in (first, other))
+    assert np.array_equal(*models)
+    run_boom(load(*quick, "sections.fly.masses.0.mass=260.0"), cache=tmp_path)
+    assert calls == 3 * ["free_modes"] + ["frequencies", "free_modes", "frequencies"]
 
 
 def test_pads_that_hold_both_ways_and_pull_are_told_with_what_to_set(outcome: BoomOutcome) -> None:
