@@ -189,7 +189,7 @@ def on_the_way(boom: Boom, t: Array, count: int) -> NDArray[np.int64]:
 
 
 def _pulled(boom: Boom, pads: list[dict[str, Any]]) -> list[str]:
-    """Joints with pads that hold both ways and are pulled, a line each: the pad that is pulled most, and how many more."""
+    """Joints with pads that hold both ways and are pulled, a line each: the one that is pulled most, how many more."""
     largest, said = max((max(pad["max"], -pad["min"]) for pad in pads), default=0.0), []
     for part in boom.sections[1:]:
         assert part.joint is not None
@@ -204,8 +204,8 @@ def _pulled(boom: Boom, pads: list[dict[str, Any]]) -> list[str]:
             more = f", and {len(found) - 1} more" if len(found) > 1 else ""
             said.append(
                 f"pads of the joint of {part.name} hold both ways and pull: {most['name']} with up to "
-                f"{_newton(-most['min'])} at {most['t_min']:g} s{more}; if they can only push, set unilateral = true in "
-                f"{' and '.join(ends)}"
+                f"{_newton(-most['min'])} at {most['t_min']:g} s{more}; if they can only push, set unilateral = true "
+                f"in {' and '.join(ends)}"
             )
     return said
 
