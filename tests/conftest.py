@@ -40,8 +40,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.numerical)
 
 
-def pytest_collection_finish() -> None:
-    """What is loaded stays: `free_dropped` collects garbage often, and needn't look through it each time."""
+@pytest.fixture(autouse=True, scope="module")
+def _what_is_loaded_stays() -> None:
+    """`free_dropped` collects garbage often, and needn't look through what earlier files have left each time."""
     gc.collect()
     gc.freeze()
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from processes import Called, called
 
 from pmr import scene
 from pmr.compare import responses
@@ -31,15 +32,25 @@ def run_without(folder: Path, package: str, content: str, *arguments: str) -> su
 ABSENT = "raise ModuleNotFoundError(\"No module named '{}'\")"
 
 
-def test_without_gmsh_a_shell_is_refused_in_one_line(tmp_path: Path) -> None:
-    found = run_without(tmp_path, "gmsh", ABSENT.format("gmsh"), "run", str(WORKFLOWS / "boom_shell.toml"))
+def called_without(
+    package: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str
+) -> Called:
+    """The command in this process, in which the package is not there."""
+    (folder / f"{package}.py").write_text(f"raise ModuleNotFoundError(\"No module named '{package}'\")")
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.delitem(sys.modules, package, raising=False)
+    return called(monkeypatch, capsys, *arguments)
+
+
+def test_without_gmsh_a_shell_is_refused_in_one_line(tmp_path: Path, monkeypatch, capsys) -> None:
+    found = called_without("gmsh", tmp_path, monkeypatch, capsys, "run", str(WORKFLOWS / "boom_shell.toml"))
     assert found.returncode == 2 and "Traceback" not in found.stderr
     assert "pmr: installation: gmsh: not found (No module named 'gmsh')" in found.stderr
     assert "pip install gmsh" in found.stderr
 
 
-def test_without_exudyn_a_scene_that_asks_for_it_is_refused_in_one_line(tmp_path: Path) -> None:
-    found = run_without(tmp_path, "exudyn", ABSENT.format("exudyn"), "export", str(tmp_path / "reduced.npz"))
+def test_without_exudyn_a_scene_that_asks_for_it_is_refused_in_one_line(tmp_path: Path, monkeypatch, capsys) -> None:
+    found = called_without("exudyn", tmp_path, monkeypatch, capsys, "export", str(tmp_path / "reduced.npz"))
     assert found.returncode == 2 and "Traceback" not in found.stderr
     assert "pmr: installation: exudyn: not found (No module named 'exudyn')" in found.stderr
     assert "pip install exudyn" in found.stderr and 'simulation.simulators = ["march"]' in found.stderr

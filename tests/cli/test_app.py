@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from on_pads import beam_on_pads, modes_on_pads
 from oracle import flexible, full_body
-from processes import called, python, without
+from processes import called, python
 
 from pmr.cli.info import described_model
 
@@ -200,11 +200,6 @@ def test_several_simulators_say_how_far_they_agree(tmp_path: Path) -> None:
 def test_unknown_simulators_are_refused(names: str, says: str, monkeypatch, capsys) -> None:
     done = called(monkeypatch, capsys, "run", SIMPLE, "--simulators", names)
     assert done.returncode == 2 and says in done.stderr and "simulation.simulators" in done.stderr
-
-
-def test_without_fenicsx_a_run_says_so_in_one_line() -> None:
-    done = without(["dolfinx"], "run", SIMPLE)
-    assert done.returncode == 2 and "allowed without FEniCSx" in done.stderr and "Traceback" not in done.stderr
 
 
 @pytest.mark.slow

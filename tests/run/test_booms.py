@@ -194,6 +194,7 @@ step = 1e-3
 """
 
 
+@pytest.mark.slow
 def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(tmp_path: Path) -> None:
     """Beams in space: the tip's displacement among the fields, stresses beside the full model's, for ParaView."""
     around = "[{at=0.15,unilateral=false,faces={bottom=[-0.06,0.06],top=[0.0],left=[0.0],right=[0.0]}}]"

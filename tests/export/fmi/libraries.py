@@ -16,7 +16,7 @@ from pmr.export.fmi.fmu import contents
 from pmr.reduced.model import ReducedModel
 
 Array = NDArray[np.float64]
-FLAGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-pedantic", "-Werror", "-fPIC", "-shared"]
+FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-pedantic", "-Werror", "-fPIC", "-shared"]
 _UINT, _SIZE, _DOUBLES = ctypes.c_uint32, ctypes.c_size_t, ctypes.POINTER(ctypes.c_double)
 _LOGGER = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
 _LOGGER_3 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
