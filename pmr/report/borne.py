@@ -38,7 +38,8 @@ def forces(result: RunResult) -> tuple[Grid, ...]:
     largest = max(map(_size, found.values()), default=0.0)
     reactions = dict[str, dict[str, Extremes]]()
     for of, one in reaction_extremes(response, result.path).items():
-        reactions.setdefault(of.unit, {})[of.support] = one
+        if _size(one) > 0.0:  # nothing acts along a support that only keeps a direction
+            reactions.setdefault(of.unit, {})[of.support] = one
     grids = [
         _extremes(found, "N", largest, "Least and largest forces, when they occur, and the path coordinate s then.")
     ]

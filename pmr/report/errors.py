@@ -11,6 +11,7 @@ from pmr.report.marks import SAME, WITHIN, ErrorTable, Row, apart, mark_for, sig
 from pmr.report.numbers import SPACE, length, percent, quantity, significant
 from pmr.report.subject import forces_called
 from pmr.results import RunResult
+from pmr.results.tables import REACTION_OF
 from pmr.scene import Published
 
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
@@ -74,6 +75,8 @@ def _errors(result: RunResult) -> Iterator[Row]:
             if other is not None:
                 row = _compared(comparison, called, here, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
+            if place.startswith(REACTION_OF) and here == absolute == 0.0:
+                continue  # nothing acts along this support
             norm = None if absolute is None else _norm(units.get(place, "N" if place == "pad_force" else "m"), absolute)
             yield replace(row, absolute=norm)
 

@@ -231,6 +231,15 @@ def test_warnings_stand_by_themselves_below_the_key_figures(make_result) -> None
     assert 'class="warnings"' not in render([case(make_result(), "case-1")])
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_the_overview_says_what_a_number_is_to_be_seen_beside(make_result) -> None:
+    summary = make_result().summary
+    errors = {"reduced_vs_full": summary["errors"]["reduced_vs_full"] | {"pad_force": 0.247}}
+    struck = make_result(summary=summary | {"errors": errors, "blows": {"band": 7.6, "pad_force": 0.0112}})
+    overview, _, _ = render([case(struck, "case-1"), case(struck, "case-2")]).partition("</nav>")
+    assert overview.count("<small>below 7.6\u00a0Hz, where the tip moves, 1.12\u00a0%</small>") == 2
+
+
 def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     estimated = {"beam": 0.0126, "tip": 0.012, "kappa": 0.98, "chi": 0.7, "largest": 1e-3, "seconds": 0.01}
     summary = make_result().summary | {"estimate": estimated}

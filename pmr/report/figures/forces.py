@@ -25,7 +25,7 @@ def forces(result: RunResult, group: Sequence[Force]) -> Figure:
     largest = max((float(np.abs(s).max()) for panel in signals for s in panel.values()), default=0.0)
     unit, columns = unit_for(largest, "N"), min(len(shown), 2)
     rows = -(-len(shown) // columns)
-    gaps = {"hspace": 0.3, "wspace": 0.06}
+    gaps = {"hspace": 0.3, "wspace": 0.09}
     tall, margins = (0.85, {"top": 0.42}) if columns > 1 else (1.25, {})
     figure, axes = sheet(
         WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
