@@ -32,13 +32,13 @@ class Mean:
 class Deck:
     """A shell model as a ccx input file.
 
-    points (N, 3) m; quads (Q, 8), vertices then middles of sides; sets of nodes by name; `held`: (set, first, last
-    degree of freedom), 1 to 6; `loads`: force in N on single nodes.
+    points (N, 3) m; quads (Q, 8), vertices then middles of sides; `thickness` of the walls in m, of all or of each quad
+    (Q,); sets of nodes by name; `held`: (set, first, last degree of freedom), 1 to 6; `loads`: N on single nodes.
     """
 
     points: np.ndarray
     quads: np.ndarray
-    thickness: float
+    thickness: float | np.ndarray
     young: float = 210.0e9
     poisson: float = 0.3
     density: float = 7850.0
@@ -49,12 +49,18 @@ class Deck:
     def _lines(self) -> list[str]:
         lines = ["*NODE, NSET=NALL"]
         lines += [f"{i + 1}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(self.points)]
-        lines += ["*ELEMENT, TYPE=S8R, ELSET=EALL"]
-        lines += [f"{i + 1}, " + ", ".join(str(n + 1) for n in quad) for i, quad in enumerate(self.quads)]
+        of_quads = np.broadcast_to(self.thickness, len(self.quads))
+        walls = dict(enumerate(np.unique(of_quads), start=1))
+        for k, wall in walls.items():
+            lines += [f"*ELEMENT, TYPE=S8R, ELSET=WALL{k}"]
+            of_wall = [(i, self.quads[i]) for i in np.flatnonzero(of_quads == wall)]
+            lines += [f"{i + 1}, " + ", ".join(str(n + 1) for n in quad) for i, quad in of_wall]
         for name, nodes in self.sets.items():
             lines += [f"*NSET, NSET={name}", *(f"{n + 1}," for n in nodes)]
         lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{self.young:.12e}, {self.poisson}", "*DENSITY", f"{self.density}"]
-        lines += ["*SHELL SECTION, MATERIAL=M, ELSET=EALL", f"{self.thickness:.12e}", "*BOUNDARY"]
+        for k, wall in walls.items():
+            lines += [f"*SHELL SECTION, MATERIAL=M, ELSET=WALL{k}", f"{wall:.12e}"]
+        lines += ["*BOUNDARY"]
         lines += [f"{name}, {first}, {last}" for name, first, last in self.held]
         for number, mean in enumerate(self.means, start=1):
             lines += self._mean(number, mean)
