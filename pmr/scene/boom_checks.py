@@ -171,7 +171,12 @@ def _slides(boom: Boom, number: int) -> None:
 def _pads(boom: Boom, number: int) -> None:
     """All of every pad stays on the section."""
     length = boom.length(number)
-    for seat in seats(boom, number):
+    touching = list(seats(boom, number))
+    points = [seat for seat in touching if seat.ring.faces is None]
+    if points and (len(points) < len(touching) or boom.sections[number].pads):
+        allowed = f"faces are needed: other pads on {boom.names[number]} have some; points alone, or none, are allowed"
+        raise _refusal(f"sections[{points[0].joint}].joint.{points[0].key}.faces", None, allowed)
+    for seat in touching:
         half = seat.ring.length / 2.0 if seat.ring.faces is not None else 0.0
         start, end = seat.at.first - half, seat.at.last + half
         if start < -SLACK * length or end > (1.0 + SLACK) * length:

@@ -100,6 +100,27 @@ def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.Monk
     assert sparse.frequencies.models["full"] == pytest.approx(dense.frequencies.models["full"], rel=1e-6)
 
 
+@pytest.mark.mpi
+@pytest.mark.slow
+@pytest.mark.skipif(MPI.COMM_WORLD.size == 1, reason="compares two ranks with one")
+def test_three_shells_are_the_same_on_all_ranks_as_on_one() -> None:
+    """Reduction, full model, frequencies and stresses of workflows/boom_three_shell.toml, on larger cells, to 1e-8."""
+    coarse = ("section.mesh={size=0.15,along=0.6}", "time.end=0.008", "recovery.every=0.004")
+    boom = load(*coarse, file="boom_three_shell")
+    alone, together = (run_boom(boom, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
+    assert alone is not None and (together is None) == (MPI.COMM_WORLD.rank > 0)
+    if together is None:
+        return
+    one, two = alone.result, together.result
+    assert two.summary["simulators"]["full"] == "petsc" and two.summary["coordinates"]["reduced"] == 24
+    for model in ("full", "reduced"):
+        for name in ("displacement", "slider_force"):
+            a, b = (getattr(found.responses[model], name) for found in (one, two))
+            assert np.abs(a - b).max() < 1e-8 * np.abs(a).max()
+        assert two.frequencies.models[model] == pytest.approx(one.frequencies.models[model], rel=1e-8)
+        assert two.summary["max_von_mises"][model] == pytest.approx(one.summary["max_von_mises"][model], rel=1e-8)
+
+
 def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: BoomOutcome) -> None:
     result, found = outcome.result, tables(outcome.result)
     assert set(found) == {"forces", "frequencies", "probes"}

@@ -70,6 +70,7 @@ REFUSED = [
     ("sections.fly.body.model=beam3d", r"planar beams \(base, middle\) beside others"),
     ("sections.fly.loads.0.on=12.0", r"sections\[2\].loads\[0\].on = 12\.0: on the body, 0 to 6 m"),
     ("section.joint.tail.0.faces.bottom=[0.2]", r"sections\[1\].joint.tail\[0\].faces.bottom = 0\.2: the pad"),
+    ("sections.fly.joint.tail=[{at=0.15}]", r"sections\[2\].joint.tail\[0\].faces: faces are needed: other pads on"),
     ("section.joint.tail.0.unilateral=false", ""),
     ("section.joint.tail=[{at=0.15,unilateral=false,clearance=0.01}]", r"a clearance goes with unilateral = true"),
     ("simulation.simulators=['exudyn-callback']", r"simulators = 'exudyn-callback': march and exudyn are allowed"),

@@ -1,0 +1,164 @@
+"""Random booms of several sections: what is accepted runs the whole way, and Newton's law holds for every section."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fuzz import toml
+from fuzz.mutations import Random
+from fuzz.structures import pick
+from fuzz.verdict import NonsenseError, ensure_finite, strictly_read
+
+from pmr import scene as scenes
+from pmr.scene import Boom
+
+STEP, STEPS = 2e-3, 20
+NAMES = ("base", "second", "third", "fly")
+#: What forces may miss of a section's change of momentum, over the largest of them.
+MISSED = 1e-8
+
+
+def case(number: int, rng: Random, folder: Path) -> str:
+    """Read a random boom, run it if it is accepted; what came out in a few words."""
+    (folder / "scene.toml").write_text(toml.written(boom(rng)))
+    scene = scenes.load_any(folder / "scene.toml")
+    assert isinstance(scene, Boom)
+    return ran(scene, folder)
+
+
+def boom(rng: Random) -> dict[str, Any]:
+    """Two to four beams, in plane or in space; some reach too far, are too wide, or stand on what holds no roll."""
+    count, planar = int(rng.integers(2, 5)), bool(rng.random() < 0.6)
+    length = float(rng.uniform(3.0, 8.0))
+    sections = [{"name": NAMES[k], **section(rng, k, planar, length)} for k in range(count)]
+    for k in range(1, count):
+        sections[k]["joint"] = joint(rng, planar, length) | extension(rng, k, length)
+    sections[0]["supports"] = pick(rng, [held(planar)] * 3 + [luffing(length)])
+    if rng.random() < 0.5:
+        sections[-1]["masses"] = [{"name": "payload", "on": "tip", "mass": float(10.0 ** rng.uniform(0.0, 3.0))}]
+    amount = float(10.0 ** rng.uniform(1.0, 4.0))
+    signals = ({"kind": "sine", "amplitude": amount, "frequency": float(rng.uniform(1.0, 30.0))}, -amount)
+    sections[-1]["loads"] = [{"name": "F", "on": "tip", "direction": "z", "signal": pick(rng, signals)}]
+    slope = float(rng.uniform(-0.5, 1.2))
+    pushing = any(one["joint"]["tail"][0]["unilateral"] for one in sections[1:])
+    return {
+        "title": "Random boom",
+        "sections": sections,
+        "gravity": {"direction": [-np.sin(slope), 0.0, -np.cos(slope)], "rise": 0.0},
+        "damping": {"mass": 0.0, "stiffness": 1e-5},
+        "time": {"end": STEPS * STEP, "step": STEP, "rho_inf": pick(rng, (1.0, 1.0, 0.8))},
+        "compare": {"against": [] if pushing else pick(rng, ([], ["full"]))},
+    }
+
+
+def section(rng: Random, number: int, planar: bool, length: float) -> dict[str, Any]:
+    shrink = 0.04 * number * rng.uniform(0.7, 1.2)
+    box = {"width": 0.35 - shrink, "height": 0.45 - shrink, "wall": 8e-3, "length": length * rng.uniform(0.8, 1.1)}
+    least = 3 if planar else 6
+    return {
+        "body": {"model": "beam2d" if planar else "beam3d", "box": box},
+        "mesh": {"elements": int(rng.integers(4, 13))},
+        "reduction": {"coordinates": int(rng.integers(1, 5)) + (least if number else 0)},
+    }
+
+
+def held(planar: bool) -> list[dict[str, Any]]:
+    return [{"kind": "clamped"} if planar else {"kind": "clamped", "points": "all"}]
+
+
+def luffing(length: float) -> list[dict[str, Any]]:
+    """On a pivot and a cylinder; in space nothing holds it sideways."""
+    return [{"kind": "pinned"}, {"directions": ["z"], "on": 0.25 * length, "stiffness": 5e7}]
+
+
+def joint(rng: Random, planar: bool, length: float) -> dict[str, Any]:
+    """Pads of one kind at both ends, or points; those that only push may have play."""
+    unilateral = bool(rng.random() < 0.5)
+    stiffness = 10.0 ** rng.uniform(6.0, 7.0 if unilateral else 9.0)  # stiff ones that push take many parts a step
+    ring: dict[str, Any] = {"unilateral": unilateral, "stiffness": float(stiffness)}
+    if unilateral and rng.random() < 0.3:
+        ring["clearance"] = float(rng.uniform(0.0, 2e-3))
+    if not unilateral and rng.random() < 0.1:
+        ring["stiffness"] = "rigid"
+    if rng.random() < 0.4:
+        ring["friction"] = float(rng.uniform(0.0, 0.3))
+    if not (planar and rng.random() < 0.3):
+        beside = [-0.06, 0.06] if rng.random() < 0.9 else [0.0]
+        ring["faces"] = {"bottom": beside, "top": beside} | ({} if planar else {"left": [0.0], "right": [0.0]})
+    ends = {end: [ring | {"at": float(rng.uniform(0.15, 0.4))}] for end in ("tail", "mouth")}
+    cylinder = {} if rng.random() < 0.7 else {"cylinder": {"stiffness": float(10.0 ** rng.uniform(6.0, 9.0))}}
+    rigid = {"rigid_overlap": True} if planar and rng.random() < 0.15 else {}
+    return ends | cylinder | rigid
+
+
+def extension(rng: Random, number: int, length: float) -> dict[str, Any]:
+    if number > 1 and rng.random() < 0.4:
+        return {"follows": NAMES[int(rng.integers(1, number))], "ratio": float(rng.uniform(0.3, 1.2))}
+    low, high = (rng.uniform(0.3, 0.9, 2) * length).tolist()
+    signals = (low, {"kind": "smooth_ramp", "times": [0.0, STEPS * STEP], "values": [low, 0.9 * low + 0.1 * high]})
+    return {pick(rng, ("extension", "extension", "overlap")): pick(rng, signals)}
+
+
+def ran(boom: Boom, folder: Path) -> str:
+    """Run it the whole way; the results are finite, valid files, and what Newton says."""
+    from pmr.fem.compat import MPI
+    from pmr.run.booms import run_boom
+
+    outcome = run_boom(boom, MPI.COMM_SELF)
+    assert outcome is not None
+    result = outcome.result
+    for name, response in result.responses.items():
+        for part in ("displacement", "slider_force", "force_peaks"):
+            ensure_finite(f"{name}.{part}", getattr(response, part))
+    result.save(folder / "results")
+    summary = strictly_read((folder / "results" / "summary.json").read_text())
+    missed = newton(boom)
+    if not missed < MISSED:
+        raise NonsenseError(f"forces miss {missed:.1e} of a change of momentum")
+    return f"{summary['max_displacement']:.2e} m, Newton to {missed:.0e}, {len(summary['warnings'])} warnings"
+
+
+def newton(boom: Boom) -> float:
+    r"""What the sum of forces on a section lacks of its mass times acceleration, at worst, over the largest force.
+
+    Over every step of the trapezoidal rule; where pads only push, at the static start.  Momentum is
+    :math:`r^T M V \dot q` of the full mass, with r a translation; forces of pads are counted by their faces.
+    """
+    from pmr.fem.compat import MPI
+    from pmr.fullmodel.sections import build_sections
+    from pmr.reduce.sections import reduce_sections
+    from pmr.simulate.booms import excitation_of, system_of
+    from pmr.simulate.native import multibody
+
+    built = build_sections(boom, MPI.COMM_SELF)
+    sections = reduce_sections(boom, built)
+    system = system_of(boom, {name: one.model for name, one in sections.items()})
+    given = excitation_of(boom, system)
+    found = multibody.simulate(system, given, multibody.static_start(system, given))
+    still = boom.time.rho_inf < 1.0 or not np.isnan(system.clearance).all()
+    worst, size = 0.0, np.abs(found.forces).max()
+    loads = dict(zip(system.input_names, found.loads.T, strict=True))
+    for name in boom.names[1:]:
+        one = built[name]
+        up = one.model.rigid.coordinates[:, one.structure.model.directions.index("z")]
+        whole = one.model.gather()
+        assert whole is not None
+        force = sum(loads[f"{name}.{load}"] * (up @ whole.B)[k] for k, load in enumerate(whole.input_names))
+        for contact, pushed in zip(system.contacts, found.forces.T, strict=True):
+            for place, sign in ((contact.inner, -1.0), (contact.outer, 1.0)):
+                if place is not None and place.body == name:
+                    force = force + sign * contact.direction * outward(place.row) * pushed
+        momentum = found.bodies[name].v @ (up @ whole.M @ sections[name].V)
+        if still:
+            worst = max(worst, abs(force[0]) / size)
+        else:
+            left = np.diff(momentum) / given.stepping.step - (force[1:] + force[:-1]) / 2.0
+            worst = max(worst, np.abs(left).max() / size)
+    return float(worst)
+
+
+def outward(row: str) -> float:
+    """How much of what a row measures is along z."""
+    return 1.0 if row == "deflection" or " top" in row else -1.0 if " bottom" in row else 0.0
