@@ -150,7 +150,8 @@ def newton(boom: Boom) -> float:
             for place, sign in ((contact.inner, -1.0), (contact.outer, 1.0)):
                 if place is not None and place.body == name:
                     force = force + sign * contact.direction * outward(place.row) * pushed
-        momentum = found.bodies[name].v @ (up @ whole.M @ sections[name].V)
+        v = found.bodies[name].v
+        momentum = v @ (up @ whole.M @ sections[name].V[:, : v.shape[1]])
         if still:
             worst = max(worst, abs(force[0]) / size)
         else:

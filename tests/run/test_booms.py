@@ -245,6 +245,24 @@ def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(
     assert first.points[:, 0].max() == pytest.approx(9.2)
 
 
+@pytest.mark.slow
+def test_a_shell_slides_in_beams() -> None:
+    """The fly as a shell, whose stresses are asked for; its pads on the beam carry its weight, full and reduced."""
+    beams = [f"sections.{name}.body.model=beam3d" for name in ("base", "middle")]
+    coarse = ["section.mesh={size=0.15,along=0.6,elements=12}", "time.end=0.02", "recovery.every=0.01"]
+    outcome = run_boom(load(*beams, *coarse, file="boom_three_shell"))
+    assert outcome is not None
+    summary, weight = outcome.result.summary, 9.80665 * (7850.0 * 6.0 * 2.0 * (0.22 + 0.32) * 6e-3 + 250.0)
+    assert [one["coordinates"]["full"] > 1000 for one in summary["sections"]] == [False, False, True]
+    assert max(summary["errors"]["reduced_vs_full"].values()) < 1e-3
+    assert summary["max_von_mises"]["reduced"] == pytest.approx(summary["max_von_mises"]["full"], rel=1e-3)
+    for response in outcome.result.responses.values():
+        start = dict(zip(response.force_names, response.slider_force[0], strict=True))
+        faces = {"bottom": 1.0, "top": -1.0}
+        up = [faces[face] * force for name, force in start.items() for face in faces if "fly" in name and face in name]
+        assert sum(up) == pytest.approx(weight, rel=1e-6)
+
+
 def test_equal_sections_are_built_and_reduced_once_and_points_hold_beams(tmp_path: Path) -> None:
     (tmp_path / "points.toml").write_text(POINTS)
     boom = scenes.load_any(tmp_path / "points.toml")
