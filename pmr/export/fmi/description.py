@@ -200,7 +200,7 @@ def _derivatives(variables: Sequence[Variable]) -> list[Variable]:
 
 
 def _initial(variables: Sequence[Variable]) -> list[Variable]:
-    return [v for v in variables if v.initial == "calculated"]
+    return [v for v in variables if v.initial in ("approx", "calculated")]
 
 
 def _text(root: ET.Element) -> str:

@@ -15,7 +15,7 @@ from pmr.system.body import force_outputs
 
 Array = NDArray[np.float64]
 #: What the parameter `start` may be.
-STARTS = {"at rest": 0, "static": 1}
+STARTS = {"at rest": 0, "static": 1, "as given": 2}
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,8 @@ def variables(model: ReducedModel, modes: int, start: Array, nominal: Array) -> 
         called, unit = ("rate of mode", "m/s") if rate else ("mode", "m")
         what = f"{called} {mode}, modal mass 1 kg"
         name = names(f"mode_{mode}{'_rate' * rate}")
-        found.append(Variable(name, first + k, what, "local", unit=unit, nominal=float(nominal[k])))
+        size = float(nominal[k])
+        found.append(Variable(name, first + k, what, "local", initial="approx", unit=unit, start=0.0, nominal=size))
     states = found[-2 * modes :]
     for k, state in enumerate(states):
         unit = "m/s2" if k >= modes else "m/s"
@@ -99,7 +100,7 @@ def _given(model: ReducedModel, names: _Names, start: Array) -> Iterator[Variabl
     yield Variable(names("internal_step"), first, what, "parameter", "fixed", "exact", "s", step)
     what = "spectral radius of generalized-alpha at infinite frequency"
     yield Variable(names("rho_inf"), first + 1, what, "parameter", "fixed", "exact", "", rho_inf)
-    what = "undeformed and at rest, or in equilibrium with the loads"
+    what = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"
     yield Variable(names("start"), first + 2, what, "parameter", "fixed", "exact", "", float(STARTS["at rest"]))
 
 

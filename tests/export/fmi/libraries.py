@@ -98,12 +98,13 @@ class Instance:
         self._access("Get", names, values)
         return values
 
-    def choose_static(self) -> None:
+    def choose_start(self, kind: int) -> None:
+        """0: at rest, 1: static, 2: as given."""
         reference = (_UINT * 1)(self.library.references["start"])
         if self.library.version == "2":
-            self.call("SetInteger", reference, _SIZE(1), (ctypes.c_int * 1)(1))
+            self.call("SetInteger", reference, _SIZE(1), (ctypes.c_int * 1)(kind))
         else:
-            self.call("SetInt64", reference, _SIZE(1), (ctypes.c_int64 * 1)(1), _SIZE(1))
+            self.call("SetInt64", reference, _SIZE(1), (ctypes.c_int64 * 1)(kind), _SIZE(1))
 
     def initialise(self, names: Sequence[str] = (), values: Sequence[float] = ()) -> None:
         if self.library.version == "2":

@@ -242,7 +242,7 @@ def test_a_static_start_is_in_equilibrium(made: Made) -> None:
     moved = made.observed()[0]
     loads = [9.81, 0.0] if made.model.clearance is not None else [40.0, -20.0]
     instance = Instance(made.library)
-    instance.choose_static()
+    instance.choose_start(1)
     instance.initialise(values, [2.25, *loads])
     rest = [name for name in made.library.named("local") if name.startswith("der_")]
     K = modal_form(made.model).body.K
@@ -253,6 +253,40 @@ def test_a_static_start_is_in_equilibrium(made: Made) -> None:
     for k in range(20):
         instance.step(k * STEP, STEP)
     np.testing.assert_allclose(instance.get(moved), before, rtol=0.0, atol=1e-9 * np.abs(before).max())
+
+
+def test_a_start_as_given_goes_on_where_another_instance_is(made: Made) -> None:
+    """From its states, path and loads: the same outputs at once; then apart by what a step's own history is, O(h^2)."""
+    (values, rates), (moved, velocities, _), states = made.names(), made.observed(), made.states()
+    first = Instance(made.library)
+    first.initialise(values, [2.0, *(0.0,) * (len(values) - 1)])
+    first.set(rates, [0.3, *(500.0,) * (len(rates) - 1)])
+    for k in range(20):
+        first.step(k * STEP, STEP)
+    reached = first.get(states)
+    assert np.abs(reached).max() > 1e-9
+    second = Instance(made.library)
+    second.set(states, reached)
+    second.choose_start(2)
+    second.initialise([*values, *rates], first.get([*values, *rates]))
+    np.testing.assert_array_equal(second.get(states), reached)
+    for names in (moved, velocities):
+        expected = first.get(names)
+        np.testing.assert_allclose(second.get(names), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    for instance in (first, second):
+        instance.set(rates, first.get(rates))
+        for k in range(20, 25):
+            instance.step(k * STEP, STEP)
+    expected = first.get(moved)
+    np.testing.assert_allclose(second.get(moved), expected, rtol=0.0, atol=1e-2 * np.abs(expected).max())
+    with pytest.raises(CallError, match="fixed once the start is made"):
+        second.set(states, reached)
+    if made.model.flexibility is None:
+        third = Instance(made.library)
+        third.set(states, 1.0 + reached)
+        third.choose_start(2)
+        with pytest.raises(CallError, match="the states move a rigid row"):
+            third.initialise([*values, *rates], first.get([*values, *rates]))
 
 
 def test_rates_are_those_of_the_outputs(made: Made) -> None:
@@ -288,7 +322,7 @@ def test_calls_out_of_order_are_refused(made: Made) -> None:
     with pytest.raises(CallError, match="after the initialisation"):
         instance.step(0.0, STEP)
     instance.initialise()
-    with pytest.raises(CallError, match="parameters are fixed"):
+    with pytest.raises(CallError, match="parameters and states are fixed"):
         instance.set(["internal_step"], [1e-4])
     with pytest.raises(CallError, match="read only"):
         instance.set(made.observed()[0][:1], [1.0])

@@ -9,6 +9,8 @@
 
 /* Positions may leave the path by this share of its length: round-off of a signal. */
 #define DOMAIN_TOLERANCE 1e-9
+/* Share of its terms by which given states may move a rigid row. */
+#define VIOLATED 1e-6
 /* Sets of closed rows that a static start tries. */
 #define STATIC_TRIES 100
 
@@ -335,6 +337,24 @@ static int solve_rigid(Body *body, double *x)
     return solve_dense(ROWS, A, x) ? fail(body, "rigid rows depend on each other at the start") : 0;
 }
 
+/* States that were set are the start, where no rigid row speaks against the position. */
+static int take_given(Body *body)
+{
+    double *z = body->memory.variables + STATES;
+    int k, n;
+    memcpy(z, body->memory.given, sizeof body->memory.given);
+    for (k = 0; k < ROWS; k++) {
+        double moved = 0.0, largest = 0.0;
+        if (gives_way[k] || pushes[k]) continue;
+        for (n = 0; n < MODES; n++) {
+            moved += body->place.C[0][k][n] * z[n];
+            largest += fabs(body->place.C[0][k][n] * z[n]);
+        }
+        if (fabs(moved) > VIOLATED * largest) return fail(body, "start as given: the states move a rigid row");
+    }
+    return 0;
+}
+
 int body_start(Body *body)
 {
     Memory *memory = &body->memory;
@@ -344,7 +364,8 @@ int body_start(Body *body)
     if (!(u[RHO_INF] >= 0.0 && u[RHO_INF] <= 1.0)) return fail(body, "rho_inf: 0 to 1 is allowed");
     if (place(body, 1)) return 1;
     memset(z, 0, 2 * MODES * sizeof(double));
-    if (u[START] != 0.0) {
+    if (u[START] == 2.0 && take_given(body)) return 1;
+    if (u[START] == 1.0) {
         if (find_equilibrium(body)) return 1;
         add(body->place.C[1][0], MODES, z, u[PATH_RATE], x); /* rigid rows that move take the body along */
         if (solve_rigid(body, x)) return 1;

@@ -40,7 +40,7 @@ enum {
     LOAD_RATES = LOADS + INPUTS,
     INTERNAL_STEP = LOAD_RATES + INPUTS,
     RHO_INF,
-    START, /* 0: at rest, undeformed; 1: static under the loads */
+    START, /* 0: at rest, undeformed; 1: static under the loads; 2: in the states that were set */
     STATES,
     DERIVATIVES = STATES + 2 * MODES,
     DISPLACEMENTS = DERIVATIVES + 2 * MODES,
@@ -53,6 +53,7 @@ enum {
 typedef struct {
     int started; /* initialisation is over */
     double variables[VARIABLES];
+    double given[2 * MODES];    /* states that were set before the start */
     double acceleration[MODES]; /* z'' at the end of the last step */
     double alike[MODES];        /* and the acceleration-like variable of generalized-alpha */
     double rigid[ROWS];         /* multipliers of the last step */

@@ -145,8 +145,8 @@ EXPORT fmi2Status fmi2SetInteger(void *c, const Reference *references, size_t co
     size_t n;
     for (n = 0; n < count; n++) {
         double value = values[n];
-        if (references[n] != START || (values[n] != 0 && values[n] != 1))
-            return refused(instance, "the only integer is the kind of start: 0 at rest, 1 static");
+        if (references[n] != START || values[n] < 0 || values[n] > 2)
+            return refused(instance, "the only integer is the kind of start: 0 at rest, 1 static, 2 as given");
         if (set_variables(&instance->body, references + n, 1, &value)) return told(instance, 1);
     }
     return fmi2OK;

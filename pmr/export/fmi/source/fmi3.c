@@ -149,8 +149,8 @@ EXPORT fmi3Status fmi3SetInt64(void *c, const Reference *references, size_t coun
     size_t n;
     for (n = 0; n < count; n++) {
         double value = (double)values[n];
-        if (references[n] != START || size != count || (values[n] != 0 && values[n] != 1))
-            return refused(instance, "the only integer is the kind of start: 0 at rest, 1 static");
+        if (references[n] != START || size != count || values[n] < 0 || values[n] > 2)
+            return refused(instance, "the only integer is the kind of start: 0 at rest, 1 static, 2 as given");
         if (set_variables(&instance->body, references + n, 1, &value)) return told(instance, 1);
     }
     return fmi3OK;

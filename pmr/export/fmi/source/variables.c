@@ -38,9 +38,14 @@ int set_variables(Body *body, const unsigned *references, size_t count, const do
     for (n = 0; n < count; n++) {
         unsigned reference = references[n];
         int is_parameter = reference == INTERNAL_STEP || reference == RHO_INF || reference == START;
-        if (reference == TIME || reference >= STATES) return refuse(body, "it can be read only", reference);
-        if (is_parameter && body->memory.started) return refuse(body, "parameters are fixed once the start is made", reference);
-        body->memory.variables[reference] = values[n];
+        int is_state = reference >= STATES && reference < DERIVATIVES;
+        if (reference == TIME || reference >= DERIVATIVES) return refuse(body, "it can be read only", reference);
+        if ((is_parameter || is_state) && body->memory.started)
+            return refuse(body, "parameters and states are fixed once the start is made", reference);
+        if (is_state)
+            body->memory.given[reference - STATES] = values[n];
+        else
+            body->memory.variables[reference] = values[n];
     }
     body_changed(body);
     return 0;
