@@ -41,7 +41,7 @@ STAGES = {
     "modes": ((pmr.run, "take_snapshots"),),
     "projection": ((pmr.reduce.residual.model, "galerkin"),),
     "flexibility": tuple(
-        (pmr.reduce.residual.model, name) for name in ("ResidualFlexibility", "carrier_flexibility", "tables")
+        (pmr.reduce.residual.model, name) for name in ("ResidualFlexibility", "load_flexibility", "tables")
     ),
     "inertia": ((PathProducts, "take"), (pmr.reduce.residual.model, "with_inertia")),
 }

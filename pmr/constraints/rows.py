@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import interval_around, rebased, within_domain
+from pmr.constraints.polynomials import common_breaks, interval_around, rebased, within_domain
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -234,6 +234,10 @@ class SharedCarriers:
     def refined(self, breaks: Array) -> SharedCarriers:
         """All rows on common breaks, which hold all of their own within their range: exact."""
         return replace(self, rows=tuple(row.refined(breaks) for row in self.rows))
+
+    def aligned(self, domain: tuple[float, float]) -> SharedCarriers:
+        """All rows on the breaks of all of them within `domain`, m: as their polynomials stand in one table."""
+        return self.refined(common_breaks([row._polynomial for row in self.rows], domain))
 
 
 def _shared(rows: Sequence[Row], size: int) -> SharedCarriers:

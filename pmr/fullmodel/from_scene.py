@@ -34,14 +34,17 @@ Array = NDArray[np.float64]
 
 #: Models that need no FEniCSx; the modules of all others load it.
 WITHOUT_FORMS = ("matrices",)
+#: Nodes of a beam that are observed by default: with all of them the tables of outputs grow with the mesh's square.
+MOST_OBSERVED = 1000
 
 
 def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     """What a scene describes; the same on every rank, collective.
 
     Outputs: the displacement in m along each transverse direction at the observed places (by default a beam's nodes but
-    for the last, which is the tip), then of the tip, then the forces in N of the pads that stay and hold both ways
-    and of the supports that give way; those of all others are the rows' multipliers.  Then what the probes measure.
+    for the last, which is the tip; of more than `MOST_OBSERVED` every second, third ...), then of the tip, then the
+    forces in N of the pads that stay and hold both ways and of the supports that give way; those of all others are the
+    rows' multipliers.  Then what the probes measure.
 
     Raises
     ------
@@ -55,7 +58,8 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     stations: Sequence[float] | Array | None = observe.stations
     if stations is None:
         assert model.node_stations is not None  # the scene's check
-        stations = model.node_stations[:-1]  # the last one is the tip
+        nodes = model.node_stations[:-1]  # the last one is the tip
+        stations = nodes[:: -(-len(nodes) // MOST_OBSERVED)]
     line = [Action(f"{d} at {x:g} m", float(x), d) for d in across for x in stations]
     tip = [Action(observe.tip_along(d), observe.tip, d) for d in across]
     forces = [PadForce(pad.name) for pad in pads.fixed if np.isfinite(pad.stiffness) and not pad.unilateral]

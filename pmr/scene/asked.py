@@ -76,7 +76,7 @@ class TimeChoice(Section):
 class Observe(Section):
     """Where the motion is compared and drawn: places along the axis, and a group at the end, whose mean counts.
 
-    Without `start` and `end` the places are a beam's nodes.
+    Without `start` and `end` the places are a beam's nodes; of more than a thousand every second, third ...
     """
 
     start: Place | None = Field(default=None, description="First place along the axis")

@@ -13,7 +13,7 @@ from pmr.constraints.rows import SharedCarriers
 from pmr.fem.distributed import times
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
-from pmr.reduce.residual.tables import OnCarriers, paired, stacked
+from pmr.reduce.residual.tables import LoadFlexibility, OnCarriers, Pairs, paired, stacked
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.inertia import Inertia
@@ -28,10 +28,10 @@ SLACK = 1e-6
 
 @dataclass(frozen=True)
 class ResidualProducts:
-    """R M R in s^2 m/N and R D R in s m/N (l, l) between loads on carriers and inputs that meet; zeros elsewhere."""
+    """R M R in s^2 m/N and R D R in s m/N (L, L) between loads on carriers and inputs that meet."""
 
-    mass: Array
-    damping: Array
+    mass: sp.csr_matrix
+    damping: sp.csr_matrix
 
 
 class PathProducts:
@@ -41,12 +41,12 @@ class PathProducts:
     path, and those to carriers that are left behind are forgotten: of the reference boom's 546 some 120 are in memory.
     """
 
-    def __init__(self, model: FullModel, shared: SharedCarriers) -> None:
+    def __init__(self, model: FullModel, shared: SharedCarriers, pattern: sp.csr_matrix) -> None:
         inputs = np.tile([-np.inf, np.inf], (len(model.input_names), 1))
         self._spans = np.concatenate([_spans(shared), inputs])
         self.order = np.argsort(self._spans[:, 0], kind="stable")
         self._operators = [model.M] if model.rayleigh is not None else [model.M, model.D]
-        self._found = np.zeros((len(self._operators), len(self.order), len(self.order)))
+        self._found = [Pairs(pattern) for _ in self._operators]
         self._held: list[tuple[Indices, Array]] = []
 
     def take(self, numbers: Indices, answers: Array) -> None:
@@ -55,8 +55,10 @@ class PathProducts:
         for A, found in zip(self._operators, self._found, strict=True):
             product = times(A, answers)
             for others, x in self._held:
-                found[np.ix_(others, numbers)] = x.T @ product
-                found[np.ix_(numbers, others)] = found[np.ix_(others, numbers)].T
+                values = x.T @ product
+                found.put(others, numbers, values)
+                if x is not answers:
+                    found.put(numbers, others, values.T)
         reached = self._spans[numbers[-1], 0]
         needed = [(others, x, self._spans[others, 1] > reached) for others, x in self._held]
         self._held = [
@@ -65,22 +67,20 @@ class PathProducts:
             if still.any()
         ]
 
-    def result(self, model: FullModel, flexibility: CarrierFlexibility) -> ResidualProducts:
+    def result(self, model: FullModel, flexibility: LoadFlexibility) -> ResidualProducts:
         """Of Rayleigh damping R D R = alpha R M R + beta R, since R K R = R; collective."""
-        found = np.asarray(model.comm.allreduce(self._found))
-        found = (found + found.swapaxes(1, 2)) / 2.0
+        found = [pairs.total(model.comm) for pairs in self._found]
         if model.rayleigh is None:
             return ResidualProducts(*found)
-        R = np.block([[flexibility.rows, flexibility.inputs], [flexibility.inputs.T, flexibility.energy]])
-        return ResidualProducts(found[0], model.rayleigh.of(found[0], R))
+        return ResidualProducts(found[0], model.rayleigh.of(found[0], flexibility.pairs))
 
 
 class InertiaOnCarriers:
     """R M R of loads on carriers and inputs, one static solve more for each; any two of them may meet."""
 
-    def __init__(self, residual: ResidualFlexibility, carriers: sp.csr_matrix) -> None:
-        self._residual, self._found = residual, OnCarriers(residual.model, carriers)
-        self.order = np.arange(carriers.shape[0] + len(residual.model.input_names))
+    def __init__(self, residual: ResidualFlexibility, carriers: sp.csr_matrix, pattern: sp.csr_matrix) -> None:
+        self._residual, self._found = residual, OnCarriers(residual.model, carriers, pattern)
+        self.order = np.arange(pattern.shape[0])
 
     def take(self, numbers: Indices, answers: Array) -> None:
         """What `answers` (n_local, k) to the loads with these numbers move by their inertia."""
@@ -88,7 +88,7 @@ class InertiaOnCarriers:
 
     def result(self) -> CarrierFlexibility:
         """In s^2 m/N; collective."""
-        return self._found.result()
+        return self._found.result().between_any_two()
 
 
 def _spans(shared: SharedCarriers) -> Array:
@@ -118,9 +118,9 @@ def with_inertia(flexibility: Flexibility, products: ResidualProducts, shared: S
         A0=table(symmetric(paired(C, of_mass[:p, :p], C))),
         A1=table(paired(C, of_mass[:p, :p], C1)),
         A2=table(paired(C, of_mass[:p, :p], C2)),
-        E0=table(C.times(of_mass[:p, p:])),
+        E0=table(C.times(of_mass[:p, p:].toarray())),
         D0=table(symmetric(paired(C, of_damping[:p, :p], C))),
         D1=table(paired(C, of_damping[:p, :p], C1)),
-        F0=table(C.times(of_damping[:p, p:])),
+        F0=table(C.times(of_damping[:p, p:].toarray())),
     )
     return replace(flexibility, inertia=inertia)

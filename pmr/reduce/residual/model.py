@@ -21,8 +21,9 @@ from pmr.reduce.basis import Basis
 from pmr.reduce.galerkin import RANK_CHECKS, galerkin, without_rows
 from pmr.reduce.residual.inertia import InertiaOnCarriers, PathProducts, with_inertia
 from pmr.reduce.residual.operator import ResidualFlexibility
-from pmr.reduce.residual.tables import Consumer, carrier_flexibility, tables
+from pmr.reduce.residual.tables import any_two, load_flexibility, meeting, tables
 from pmr.reduced.carriers import CarriedRows
+from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncated
 from pmr.snapshots.free_body import FreeBody
@@ -75,10 +76,12 @@ def flexible_model(
     that coupling is neglected, at a price while it lacks low modes: the paper's basis, evolved case, is off by 87 % of
     the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
-    residual = _residual(body or FreeBody(model, solver), basis)
-    flexible = _flexible(residual, basis, provenance, _released(model).shared)
+    shared, residual = _on_path(model), _residual(body or FreeBody(model, solver), basis)
+    reduced = _projected(model, basis, provenance)
+    flexibility = load_flexibility(residual, shared.carriers, meeting(shared, len(model.input_names)))
+    residual.drop()
     free_dropped(model.comm)
-    return replace(flexible, carriers=None)
+    return _completed(reduced, tables(flexibility, shared))
 
 
 def modal_model(
@@ -97,16 +100,17 @@ def modal_model(
     InputError, ValueError
         As `flexible_model`, and if the basis holds anything but eigenmodes.
     """
-    shared = _released(model).shared
-    products = PathProducts(model, shared)
-    flexible = _flexible(_residual(body or FreeBody(model, solver), basis), basis, provenance, shared, products)
-    assert flexible.flexibility is not None and flexible.carriers is not None
-    assert flexible.carriers.flexibility is not None
-    found = products.result(model, flexible.carriers.flexibility)
+    shared, residual = _on_path(model), _residual(body or FreeBody(model, solver), basis)
+    reduced, pattern = _projected(model, basis, provenance), meeting(shared, len(model.input_names))
+    products = PathProducts(model, shared, pattern)
+    flexibility = load_flexibility(residual, shared.carriers, pattern, products)
+    residual.drop()
+    found = products.result(model, flexibility)
     free_dropped(model.comm)
-    finer = shared.refined(flexible.flexibility.rows.x)
-    inertia = with_inertia(flexible.flexibility, found, finer)
-    return _with_coordinates(replace(flexible, flexibility=inertia, carriers=None), coordinates)
+    flexible = _completed(reduced, tables(flexibility, shared))
+    assert flexible.flexibility is not None
+    inertia = with_inertia(flexible.flexibility, found, shared)
+    return _with_coordinates(replace(flexible, flexibility=inertia), coordinates)
 
 
 def section_model(
@@ -126,13 +130,21 @@ def section_model(
     InputError, ValueError
         As `modal_model`.
     """
-    shared, residual = _released(model).shared, _residual(body or FreeBody(model, solver), basis)
-    inertia = InertiaOnCarriers(residual, shared.carriers) if coordinates < basis.size else None
-    flexible = _flexible(residual, basis, provenance, shared, inertia)
-    assert flexible.carriers is not None
+    shared, residual = _on_path(model), _residual(body or FreeBody(model, solver), basis)
+    reduced, pattern = _projected(model, basis, provenance), any_two(shared, len(model.input_names))
+    inertia = InertiaOnCarriers(residual, shared.carriers, pattern) if coordinates < basis.size else None
+    flexibility = load_flexibility(residual, shared.carriers, pattern, inertia)
+    residual.drop()
     free_dropped(model.comm)
-    carriers = replace(flexible.carriers, inertia=None if inertia is None else inertia.result())
-    return _with_coordinates(replace(flexible, carriers=carriers), coordinates)
+    values = model.comm.allreduce(shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray()))
+    carriers = CarriedRows.of(_released(model).shared.rows, values, flexibility.between_any_two())
+    return _with_coordinates(
+        replace(
+            _completed(reduced, tables(flexibility, shared)),
+            carriers=replace(carriers, inertia=None if inertia is None else inertia.result()),
+        ),
+        coordinates,
+    )
 
 
 def _residual(body: FreeBody, basis: Basis) -> ResidualFlexibility:
@@ -146,29 +158,19 @@ def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
     return model if coordinates == model.size else truncated(model, coordinates)
 
 
-def _flexible(
-    residual: ResidualFlexibility,
-    basis: Basis,
-    provenance: dict[str, Any],
-    shared: SharedCarriers,
-    consumer: Consumer | None = None,
-) -> ReducedModel:
-    model = residual.model
+def _projected(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+    """On the basis, which holds the fixed rows: these are left out."""
     whole = galerkin(model, basis, provenance)
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
     violated = set(fixed) - set(satisfied_rows(whole.rows, SATISFIED))
     if violated:
         raise ValueError(f"the basis violates {', '.join(model.rows.names[i] for i in sorted(violated))}")
-    V = np.array(basis.V.getDenseArray())
-    reduced = _without_round_off(without_rows(whole, fixed), model, V)
-    flexibility = carrier_flexibility(model, residual, shared.carriers, consumer)
-    residual.drop()
-    measured = model.comm.allreduce(shared.carriers[:, slice(*model.M.getOwnershipRange())] @ V)
-    flexible = replace(
-        reduced,
-        flexibility=tables(flexibility, shared.refined(reduced.rows.x)),
-        carriers=CarriedRows.of(shared.rows, measured, flexibility),
-    )
+    return _without_round_off(without_rows(whole, fixed), model, np.array(basis.V.getDenseArray()))
+
+
+def _completed(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
+    """With the flexibility that the basis leaves out, by which all rows can be told apart."""
+    flexible = replace(reduced, flexibility=flexibility)
     if not is_modal(flexible):
         flexible = _with_floor(flexible)
     _check_independence(flexible)
@@ -178,6 +180,11 @@ def _flexible(
 def _released(model: FullModel) -> Rows:
     """The rows of sliders and pads."""
     return Rows(tuple(row for row in model.rows.rows if not row.fixed), model.size)
+
+
+def _on_path(model: FullModel) -> SharedCarriers:
+    """The same on common carriers and breaks."""
+    return _released(model).shared.aligned(model.rows.domain)
 
 
 def _without_round_off(reduced: ReducedModel, model: FullModel, V: Array) -> ReducedModel:

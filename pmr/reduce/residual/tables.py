@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,24 +38,95 @@ class Measured:
         return np.asarray(self._rows @ x[self._touched])
 
 
-class OnCarriers:
-    """What carriers, inputs and outputs measure of the answers to loads on carriers and inputs."""
+@dataclass(frozen=True)
+class LoadFlexibility:
+    """R between loads, those on K carriers first and the inputs behind them, and outputs.
 
-    def __init__(self, model: FullModel, carriers: sp.csr_matrix) -> None:
-        loads, self._comm, self._carriers = carrier_loads(model, carriers), model.comm, carriers.shape[0]
-        self._seen = Measured(sp.hstack([loads, local_csr(model.outputs)], format="csr").T)
-        self._found = np.empty((loads.shape[1] + model.outputs.getSize()[1], loads.shape[1]))
+    Attributes
+    ----------
+    pairs : (L, L) sparse matrix, m/N
+        Between loads, for the pairs that were asked for.
+    outputs : (o, L) array, m/N
+    carriers : int
+        K.
+    """
+
+    pairs: sp.csr_matrix
+    outputs: Array
+    carriers: int
+
+    @property
+    def inputs(self) -> Array:
+        """(L, i), m/N."""
+        return np.asarray(self.pairs[:, self.carriers :].toarray())
+
+    def between_any_two(self) -> CarrierFlexibility:
+        """Where all pairs were asked for."""
+        whole, K = self.pairs.toarray(), self.carriers
+        return CarrierFlexibility(whole[:K, :K], whole[:K, K:], self.outputs[:, :K], self.outputs[:, K:], whole[K:, K:])
+
+
+class Pairs:
+    """Numbers for pairs of loads, block by block, where a symmetric `pattern` (L, L) has an entry."""
+
+    def __init__(self, pattern: sp.csr_matrix) -> None:
+        self._pattern = pattern
+        self._found: list[tuple[Indices, Indices, Array]] = [(np.empty(0, int), np.empty(0, int), np.empty(0))]
+
+    def beside(self, numbers: Indices) -> Indices:
+        """Loads that make a pair with one of these."""
+        return np.unique(self._pattern[numbers].indices)
+
+    def put(self, rows: Indices, columns: Indices, values: Array) -> None:
+        """Values (rows, columns), this rank's part."""
+        block = self._pattern[rows][:, columns].tocoo()
+        self._found.append((rows[block.row], columns[block.col], values[block.row, block.col]))
+
+    def total(self, comm: Any) -> sp.csr_matrix:
+        """All of them (L, L), made symmetric; collective."""
+        rows, columns, values = (np.concatenate(parts) for parts in zip(*self._found, strict=True))
+        found = sp.csr_matrix((comm.allreduce(values), (rows, columns)), self._pattern.shape)
+        return (found + found.T) / 2.0
+
+
+def meeting(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
+    """Pairs (L, L) of loads on carriers that rows touch at the same place, and of inputs with all.
+
+    All that tables at one path coordinate take: on the path of a beam each load meets a few others, however fine the
+    mesh.
+    """
+    k = len(shared.rows[0].breaks) - 1
+    at = np.concatenate([np.broadcast_to(np.arange(k)[:, None], row.touched.shape).ravel() for row in shared.rows])
+    touched = np.concatenate([row.touched.ravel() for row in shared.rows])
+    of_carriers = sp.csr_matrix((np.ones(len(at)), (at, touched)), (k, shared.carriers.shape[0]))
+    of_all = sp.hstack([of_carriers, np.ones((k, inputs))], format="csr")
+    return sp.csr_matrix(of_all.T @ of_all)
+
+
+def any_two(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
+    """All pairs (L, L): what rows take that travel independently."""
+    count = shared.carriers.shape[0] + inputs
+    return sp.csr_matrix(np.ones((count, count)))
+
+
+class OnCarriers:
+    """What loads on carriers, inputs and outputs measure of the answers to the loads; of pairs as `Pairs` has them."""
+
+    def __init__(self, model: FullModel, carriers: sp.csr_matrix, pattern: sp.csr_matrix) -> None:
+        self._rows, self._outputs = carrier_loads(model, carriers).T.tocsr(), Measured(local_csr(model.outputs).T)
+        self._comm, self._carriers, self._pairs = model.comm, carriers.shape[0], Pairs(pattern)
+        self._found = np.empty((model.outputs.getSize()[1], pattern.shape[0]))
 
     def take(self, numbers: Indices, answers: Array) -> None:
         """This rank's rows (n_local, k) of the answers to the loads with these numbers."""
-        self._found[:, numbers] = self._seen.of(answers)
+        others = self._pairs.beside(numbers)
+        self._pairs.put(others, numbers, Measured(self._rows[others]).of(answers))
+        self._found[:, numbers] = self._outputs.of(answers)
 
-    def result(self) -> CarrierFlexibility:
+    def result(self) -> LoadFlexibility:
         """Of all of them, once they are there; collective."""
-        whole, K = np.asarray(self._comm.allreduce(self._found)), self._carriers
-        own, outputs = whole[: whole.shape[1]], whole[whole.shape[1] :]
-        own = (own + own.T) / 2.0
-        return CarrierFlexibility(own[:K, :K], own[:K, K:], outputs[:, :K], outputs[:, K:], own[K:, K:])
+        outputs = np.asarray(self._comm.allreduce(self._found))
+        return LoadFlexibility(self._pairs.total(self._comm), outputs, self._carriers)
 
 
 class Consumer(Protocol):
@@ -71,11 +142,18 @@ class Consumer(Protocol):
         ...
 
 
-def carrier_flexibility(
-    model: FullModel, residual: ResidualFlexibility, carriers: sp.csr_matrix, consumer: Consumer | None = None
-) -> CarrierFlexibility:
-    """R on carriers (K, n) and on the inputs, one static solve each, whose answers a `consumer` may use; collective."""
-    loads, many, found = carrier_loads(model, carriers), BLOCK * model.comm.size, OnCarriers(model, carriers)
+def load_flexibility(
+    residual: ResidualFlexibility,
+    carriers: sp.csr_matrix,
+    pattern: sp.csr_matrix,
+    consumer: Consumer | None = None,
+) -> LoadFlexibility:
+    """R on carriers (K, n) and on the inputs, one static solve each, whose answers a `consumer` may use; collective.
+
+    It is kept for the pairs of loads of a `pattern` (L, L), that of `meeting` or `any_two`.
+    """
+    model = residual.model
+    loads, many, found = carrier_loads(model, carriers), BLOCK * model.comm.size, OnCarriers(model, carriers, pattern)
     order = np.arange(loads.shape[1]) if consumer is None else consumer.order
     for k in range(0, len(order), many):
         numbers = order[k : k + many]
@@ -86,15 +164,16 @@ def carrier_flexibility(
     return found.result()
 
 
-def tables(flexibility: CarrierFlexibility, shared: SharedCarriers) -> Flexibility:
+def tables(flexibility: LoadFlexibility, shared: SharedCarriers) -> Flexibility:
     """Tables of rows on common carriers and breaks, all of them at the same path coordinate."""
-    C, breaks = stacked(shared), shared.rows[0].breaks
+    C, breaks, K = stacked(shared), shared.rows[0].breaks, flexibility.carriers
+    inputs = flexibility.inputs
     return Flexibility(
-        rows=PPoly(_squared(C, flexibility.rows), breaks),
-        inputs=PPoly(C.times(flexibility.inputs), breaks),
-        outputs=PPoly(C.times(flexibility.outputs.T).swapaxes(2, 3), breaks),
-        direct=flexibility.direct,
-        energy=flexibility.energy,
+        rows=PPoly(_squared(C, flexibility.pairs[:K, :K]), breaks),
+        inputs=PPoly(C.times(inputs[:K]), breaks),
+        outputs=PPoly(C.times(flexibility.outputs[:, :K].T).swapaxes(2, 3), breaks),
+        direct=flexibility.outputs[:, K:],
+        energy=inputs[K:],
     )
 
 
@@ -157,22 +236,26 @@ def stacked(shared: SharedCarriers) -> Polynomials:
     )
 
 
-def _squared(C: Polynomials, R: Array) -> Array:
+def _squared(C: Polynomials, R: sp.csr_matrix) -> Array:
     """Coefficients (2 powers - 1, k, m, m) of C(s) R C(s)^T."""
     result = paired(C, R, C)
     return (result + result.swapaxes(2, 3)) / 2.0
 
 
-def paired(C: Polynomials, R: Array, E: Polynomials) -> Array:
+def paired(C: Polynomials, R: sp.csr_matrix, E: Polynomials) -> Array:
     """Coefficients (powers + powers' - 1, k, m, m') of C(s) R E(s)^T.
 
     On an interval rows touch a few carriers only, so of R a small block counts, however long the path is.
     """
     (k, m, powers), (_, other, others) = C.shape, E.shape
     result = np.zeros((powers + others - 1, k, m, other))
-    for j in range(k):
-        (at, left), (beside, right) = C.on(j), E.on(j)
-        product = (left @ R[np.ix_(at, beside)] @ right.T).reshape(m, powers, other, others)
+    sides = [(*C.on(j), *E.on(j)) for j in range(k)]
+    sizes = [len(at) * len(beside) for at, _, beside, _ in sides]
+    rows = np.concatenate([np.repeat(at, len(beside)) for at, _, beside, _ in sides])
+    columns = np.concatenate([np.tile(beside, len(at)) for at, _, beside, _ in sides])
+    blocks = np.split(np.asarray(R[rows, columns]).ravel(), np.cumsum(sizes)[:-1])  # all at once: SciPy is slow at one
+    for j, ((at, left, beside, right), block) in enumerate(zip(sides, blocks, strict=True)):
+        product = (left @ block.reshape(len(at), len(beside)) @ right.T).reshape(m, powers, other, others)
         for p in range(powers):
             for q in range(others):
                 result[p + q, j] += product[:, p, :, q]

@@ -108,14 +108,14 @@ def test_free_modes_need_no_floor(load_scene) -> None:
     scene = load_scene("simple_residual", [NO_ANCF, "reduction.coordinates=60"])
     model = full_model(scene)
     from pmr.reduce.residual.operator import ResidualFlexibility
-    from pmr.reduce.residual.tables import carrier_flexibility, tables
+    from pmr.reduce.residual.tables import load_flexibility, meeting, tables
 
     modes = free_modes(model, 60)
     found = flexible_model(model, modal_basis(modes), {})
     V = np.array(modes.S.getDenseArray())
-    shared = Rows(model.rows.rows[2:], model.size).shared
-    on_carriers = carrier_flexibility(model, ResidualFlexibility(FreeBody(model), V), shared.carriers)
-    plain = tables(on_carriers, shared.refined(found.rows.x))
+    shared = Rows(model.rows.rows[2:], model.size).shared.refined(found.rows.x)
+    residual = ResidualFlexibility(FreeBody(model), V)
+    plain = tables(load_flexibility(residual, shared.carriers, meeting(shared, len(model.input_names))), shared)
     assert found.flexibility and np.array_equal(found.flexibility.rows.c, plain.rows.c)
 
 

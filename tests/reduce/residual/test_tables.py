@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from pmr.constraints.polynomials import common_breaks
 from pmr.constraints.rows import Rows
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
-from pmr.reduce.residual.tables import BLOCK, carrier_flexibility, paired, stacked, tables
+from pmr.reduce.residual.tables import BLOCK, any_two, load_flexibility, meeting, paired, stacked, tables
 from pmr.run import reduce
 from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
@@ -48,8 +49,8 @@ def test_tables_are_exact_between_and_on_their_breaks(case) -> None:
     R = (R + R.T) / 2.0
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
-    shared = Rows(rows, full.size).shared
-    found = tables(carrier_flexibility(full, residual, shared.carriers), shared.refined(breaks))
+    shared = Rows(rows, full.size).shared.refined(breaks)
+    found = tables(load_flexibility(residual, shared.carriers, meeting(shared, 2)), shared)
     body = full.comm.bcast(full.gather())
     O, B = body.outputs.toarray(), body.B
     assert found.rows.c.shape == (7, len(breaks) - 1, 2, 2) and found.inputs.c.shape[0] == 4
@@ -66,8 +67,8 @@ def test_the_sliders_flexibility_is_symmetric_and_positive(case) -> None:
     full, residual = case
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
-    shared = Rows(rows, full.size).shared
-    G = tables(carrier_flexibility(full, residual, shared.carriers), shared.refined(breaks)).rows
+    shared = Rows(rows, full.size).shared.refined(breaks)
+    G = tables(load_flexibility(residual, shared.carriers, meeting(shared, 2)), shared).rows
     assert np.array_equal(G.c, G.c.swapaxes(2, 3))
     s = np.linspace(*full.rows.domain, 301)[1:]
     assert np.linalg.eigvalsh(G(s))[:, 0].min() > 0.0
@@ -81,7 +82,7 @@ def test_pairs_of_rows_on_every_interval(load_scene) -> None:
     R = np.random.default_rng(8).standard_normal((full.size, full.size))
     C, U = stacked(shared), shared.carriers
     R_shared = U @ (U @ R.T).T
-    found = paired(C, R_shared, C.derivative())
+    found = paired(C, sp.csr_matrix(R_shared), C.derivative())
     for j in range(len(breaks) - 1):
         for t in (0.0, 0.4, 1.0):
             s = breaks[j] + t * (breaks[j + 1] - breaks[j])
@@ -93,6 +94,16 @@ def test_pairs_of_rows_on_every_interval(load_scene) -> None:
                 rate[a] = slopes @ row.coefficients[:, j] @ U[row.touched[j]].toarray()
             value = np.polyval(found[:, j].reshape(len(found), -1), s - breaks[j]).reshape(2, 2)
             assert close(value, at @ R @ rate.T)
+
+
+def test_pairs_of_loads_grow_as_the_mesh_and_not_as_its_square(load_scene) -> None:
+    found = []
+    for elements in (30, 60):
+        full = full_model(load_scene("paper_simple", ["compare.against=[]", f"mesh.elements={elements}"]))
+        shared = Rows(full.rows.rows[2:], full.size).shared.aligned(full.rows.domain)
+        found.append(meeting(shared, 1).nnz)
+        assert any_two(shared, 1).nnz == (shared.carriers.shape[0] + 1) ** 2
+    assert 1.9 < found[1] / found[0] < 2.1
 
 
 @pytest.mark.slow
