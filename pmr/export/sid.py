@@ -87,7 +87,7 @@ def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
         "Oe": Taylor(_centrifugal(xp), _centrifugal(pp)),
         "ksigma": Taylor(np.zeros((m, 1))),
         "Ke": Taylor(np.diag(body.omega**2), structure=_DIAGONAL),
-        "De": Taylor(np.diag(body.damping), structure=_DIAGONAL),
+        "De": Taylor(body.damping),
     }
 
 

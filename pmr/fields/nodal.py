@@ -42,8 +42,10 @@ class NodalBody:
         K has the springs of all that gives way at s; what is rigid the modes know.
     modes : (3 N, m) array
         The lowest at s, M-orthonormal, in 1/sqrt(kg).
-    omega, damping : (m,) arrays, rad/s and 1/s
-        K and D on the modes are diag(omega^2) and diag(damping).
+    omega : (m,) array, rad/s
+        K on the modes is diag(omega^2).
+    damping : (m, m) array, 1/s
+        D on the modes: not diagonal, as nothing damps what gives way at moving pads.
     places : Places
     """
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
+from pmr.fem.distributed import times
 from pmr.fem.matrices import gather
 from pmr.fields.nodal import NodalBody, Places
 from pmr.fullmodel.assembly import operators_of
@@ -18,6 +19,7 @@ from pmr.fullmodel.structure import Action, Structure, couple
 from pmr.models import StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
 from pmr.scene import Scene
+from pmr.system.projection import symmetric
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -46,7 +48,8 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
     assert M is not None and K is not None
     K = sp.csr_matrix(K + _springs(structure, s))
     R = model.rigid_motions()[order].reshape(-1, 3, 6)
-    omega2 = found.omega**2
+    assert full.rayleigh is not None
+    projected = (found.phi.T @ times(A, found.phi) for A in (full.M, full.K))
     return NodalBody(
         s=s,
         points=np.stack([R[:, 1, 5], R[:, 2, 3], R[:, 0, 4]], axis=1),  # e_z x r, e_x x r and e_y x r have x, y and z
@@ -54,7 +57,7 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
         K=sp.csr_matrix(K[order][:, order]),
         modes=q[order],
         omega=found.omega,
-        damping=scene.damping.mass + scene.damping.stiffness * omega2,
+        damping=symmetric(full.rayleigh.of(*projected)),
         places=_places(structure, q),
     )
 

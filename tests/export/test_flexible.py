@@ -15,6 +15,7 @@ from pmr.errors import InputError
 from pmr.export.ffrf import write_ffrf
 from pmr.export.sid import INERTIA, inertia_integrals, write_sid
 from pmr.fields.nodal import NodalBody
+from pmr.fullmodel.build import build
 from pmr.recover.nodal import held_body, nodes_of
 
 S, MODES = 0.85, 5
@@ -67,7 +68,8 @@ def test_a_sid_file_read_back_has_all_digits(body: NodalBody, tmp_path: Path) ->
         if value.M1 is not None:
             np.testing.assert_array_equal(found[name]["M1"], value.M1, err_msg=name)
     np.testing.assert_allclose(found["Ke"]["M0"], np.diag(body.omega**2), rtol=1e-15)
-    np.testing.assert_allclose(found["De"]["M0"], np.diag(0.5 + 1e-5 * body.omega**2), rtol=1e-12)
+    np.testing.assert_array_equal(found["De"]["M0"], body.damping)
+    assert np.all(np.diag(body.damping) < 0.5 + 1e-5 * body.omega**2)  # nothing damps what gives way at moving pads
     for k in range(len(body.places.names)):
         np.testing.assert_array_equal(found[f"{k + 1} origin"]["M0"][:, 0], body.places.points[k])
         np.testing.assert_array_equal(found[f"{k + 1} origin"]["M1"][:, :, 0], body.places.displacement[k])
@@ -76,6 +78,12 @@ def test_a_sid_file_read_back_has_all_digits(body: NodalBody, tmp_path: Path) ->
             np.eye(3)[:, None], body.places.rotation[k].T[None]
         )  # rows e_i x psi, of which -psi~ consists
         np.testing.assert_array_equal(found[f"{k + 1} AP"]["M1"].transpose(2, 1, 0), -turned)
+
+
+def test_damping_is_that_of_the_model(scene_file: Path, body: NodalBody) -> None:
+    full = build(scenes.load(scene_file, ["damping.mass=0.5", "damping.stiffness=1e-5"])).model.gather()
+    expected = body.modes.T @ (full.D @ body.modes)  # nodes are in the order of the model's coordinates
+    np.testing.assert_allclose(body.damping, expected, rtol=0.0, atol=1e-9 * expected.max())
 
 
 def cross_sum(weight: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
