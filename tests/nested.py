@@ -152,6 +152,7 @@ def section(box: Box) -> FullModel:
     loads |= {"F": beam.point(box.length, "z")} if box.tip_mass else {}
     clamps = {"clamp deflection": 0, "clamp rotation": 1} if box.clamped else {}
     held = [fixed_row(name, carrier(dof, 1.0, beam.size), (0.0, box.length)) for name, dof in clamps.items()]
+    motions = beam.rigid_motions()
     return FullModel(
         M,
         0.0 * M,
@@ -162,7 +163,7 @@ def section(box: Box) -> FullModel:
         input_names=tuple(loads),
         output_positions=observed,
         reference_frequency=beam.reference_frequency,
-        rigid=RigidMotions.unheld(beam.rigid_motions()),
+        rigid=RigidMotions(motions, np.zeros((0, motions.shape[1]))),
     )
 
 

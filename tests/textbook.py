@@ -55,3 +55,8 @@ def relative(found: Array, expected: Array) -> float:
 def subspace_distance(A: Array, B: Array, M: Array) -> float:
     """Sine of the largest angle between the ranges of A and B, both M-orthonormal (n, k)."""
     return float(np.linalg.norm(B - A @ (A.T @ M @ B), 2) / np.linalg.norm(B, 2))
+
+
+def static_tip_deflection(force: float, s: float, length: float, bending_stiffness: float) -> float:
+    """F (L - s)^2 L / (3 EI) in m: an overhang that rests on a simply supported span (Timoshenko 1955, section 37)."""
+    return force * (length - s) ** 2 * length / (3.0 * bending_stiffness)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.boom_friction import friction
 from pmr.compare.errors import Quantity, nrms, with_common_forces
+from pmr.compare.pad_forces import newton
 from pmr.compare.summary import Part
 from pmr.results import BoomFrequencies, Energy, Response
 from pmr.results.extremes import Extremes
@@ -204,7 +205,7 @@ def _pulled(boom: Boom, pads: list[dict[str, Any]]) -> list[str]:
             more = f", and {len(found) - 1} more" if len(found) > 1 else ""
             said.append(
                 f"pads of the joint of {part.name} hold both ways and pull: {most['name']} with up to "
-                f"{_newton(-most['min'])} at {most['t_min']:g} s{more}; if they can only push, set unilateral = true "
+                f"{newton(-most['min'])} at {most['t_min']:g} s{more}; if they can only push, set unilateral = true "
                 f"in {' and '.join(ends)}"
             )
     return said
@@ -212,10 +213,6 @@ def _pulled(boom: Boom, pads: list[dict[str, Any]]) -> list[str]:
 
 def _both_ways(joint: Joint, end: str) -> bool:
     return any(not ring.unilateral for ring in getattr(joint, end))
-
-
-def _newton(force: float) -> str:
-    return f"{force / 1e3:.3g} kN" if force >= 1e3 else f"{force:.3g} N"
 
 
 def with_forces_of_both(responses: Mapping[str, Response]) -> Mapping[str, Response]:

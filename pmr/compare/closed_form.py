@@ -60,8 +60,3 @@ def _residual(x: Any, share: float) -> Any:
     supported = 2.0 * np.sin(a) * np.tanh(a) * (1.0 / np.cosh(b) + np.cos(b))
     free = (np.cos(b) * np.tanh(b) - np.sin(b)) * (np.sin(a) - np.cos(a) * np.tanh(a))
     return supported + free
-
-
-def static_tip_deflection(force: float, s: float, length: float, bending_stiffness: float) -> float:
-    """F (L - s)^2 L / (3 EI) in m: an overhang that rests on a simply supported span (Timoshenko 1955, section 37)."""
-    return force * (length - s) ** 2 * length / (3.0 * bending_stiffness)

@@ -92,10 +92,11 @@ def _line(ring: PadRing, found: Mapping[str, Extremes]) -> str:
     pads = f"{len(found)} of {len(ring.places)} pads of the ring {ring.name} pull"
     if len(found) == 1:
         pads = f"one of {len(ring.places)} pads of the ring {ring.name} pulls"
-    worst = f"{most} with up to {_newton(-load.least)} at {load.t_least:g} s (s = {load.s_least:.4g} m)"
+    worst = f"{most} with up to {newton(-load.least)} at {load.t_least:g} s (s = {load.s_least:.4g} m)"
     most_of_all = "most of all " if len(found) > 1 else ""
     return f"{pads} the body outwards, {most_of_all}{worst}; if they can only push, set unilateral = true in this ring"
 
 
-def _newton(force: float) -> str:
+def newton(force: float) -> str:
+    """A force as it is said."""
     return f"{force / 1e3:.3g} kN" if force >= 1e3 else f"{force:.3g} N"

@@ -14,13 +14,13 @@ from pmr.fem.compat import PETSc
 from pmr.fem.matrices import gather
 from pmr.models.rigid import RigidMotions
 from pmr.reduced.damping import Rayleigh
-from pmr.system.body import FullBody
+from pmr.system.body import FullBody, WithRows
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class FullModel:
+class FullModel(WithRows):
     r"""M q'' + D q' + K q + C(s)^T lambda = B f,  C(s) q = 0,  y = O q, distributed over `comm`.
 
     Attributes
@@ -83,30 +83,6 @@ class FullModel:
     def size(self) -> int:
         """Number of coordinates n."""
         return int(self.M.getSize()[0])
-
-    @property
-    def row_names(self) -> tuple[str, ...]:
-        return self.rows.names
-
-    @property
-    def lasting(self) -> tuple[str, ...]:
-        """Names of rows that always hold, in one place, and hold more than one coordinate."""
-        return self.rows.lasting
-
-    @property
-    def held(self) -> dict[int, int]:
-        """Rows that hold one coordinate and do nothing else: number of the row to that of the coordinate."""
-        return self.rows.held
-
-    @property
-    def row_compliance(self) -> Array:
-        """1/k of each row's pad, (m,) in m/N."""
-        return self.rows.compliance
-
-    @property
-    def row_clearance(self) -> Array:
-        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
-        return self.rows.clearance
 
     @property
     def carriers(self) -> SharedCarriers:

@@ -48,10 +48,9 @@ def outward(mesh: NamedMesh, places: Array, normals: Array) -> Array:
 
 @dataclass(frozen=True)
 class Skin:
-    """Facets (f,) of a solid's surface: their cells, numbers within these, vertices (f, k), and unit normals (f, 3)."""
+    """Facets (f,) of a solid's surface: their cells, vertices (f, k), and unit normals (f, 3)."""
 
     cell: Indices
-    facet: Indices
     vertices: Indices
     normals: Array
 
@@ -64,10 +63,10 @@ def skin(mesh: NamedMesh) -> Skin:
     code = codes(np.sort(flat, axis=1), len(mesh.points))
     _, inverse, count = np.unique(code, return_inverse=True, return_counts=True)
     shown = np.flatnonzero(count[inverse.reshape(-1)] == 1)
-    cell, facet = np.divmod(shown, len(facets))
+    cell = shown // len(facets)
     a, b, c = (mesh.points[flat[shown, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     out = mesh.points[flat[shown]].mean(axis=1) - mesh.points[mesh.cells[cell]].mean(axis=1)
     normals *= np.sign(np.sum(normals * out, axis=1))[:, None]
-    return Skin(cell, facet, flat[shown], normals)
+    return Skin(cell, flat[shown], normals)

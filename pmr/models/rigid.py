@@ -25,8 +25,3 @@ class RigidMotions:
 
     coordinates: Array
     held: Array
-
-    @classmethod
-    def unheld(cls, coordinates: Array) -> RigidMotions:
-        """Of a body that only constraint rows hold."""
-        return cls(coordinates, np.zeros((0, coordinates.shape[1])))

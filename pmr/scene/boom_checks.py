@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from typing import Any
-
-import numpy as np
 
 from pmr.errors import InputError
 from pmr.scene.boom import Boom, Joint, Linear
 from pmr.scene.boom_parts import footprint, is_axial, is_planar, seats, section_scene
-from pmr.scene.checks import MOST_STEPS
+from pmr.scene.checks import check_time, jump_of
 from pmr.scene.magnitudes import check_magnitudes, check_sizes
 from pmr.scene.signals import bounds
 from pmr.scene.simulators import SIMULATORS
-from pmr.scene.structure_checks import check_structure
+from pmr.scene.structure_checks import check_structure, refusal
 
 #: Round-off of a user's arithmetic, m for each m of length.
 SLACK = 1e-9
@@ -31,7 +28,7 @@ def check_boom(boom: Boom) -> None:
     """
     check_sizes(boom)  # first: what others compute with is then finite
     _names(boom)
-    _time(boom)
+    check_time(boom)
     for number in range(len(boom.sections)):
         _reduction(boom, number)
         if number:
@@ -45,14 +42,10 @@ def check_boom(boom: Boom) -> None:
     planar = [is_planar(boom, number) for number in range(len(boom.sections))]
     if len(set(planar)) > 1:
         names = ", ".join(name for name, flat in zip(boom.names, planar, strict=True) if flat)
-        raise _refusal("sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none")
+        raise refusal("sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none")
     _points(boom, planar[0])
     _friction(boom)
     _simulators(boom)
-
-
-def _refusal(key: str, value: Any, allowed: str) -> InputError:
-    return InputError("scene", key, value, allowed)
 
 
 def _joint(boom: Boom, number: int) -> Joint:
@@ -64,40 +57,27 @@ def _joint(boom: Boom, number: int) -> Joint:
 def _names(boom: Boom) -> None:
     for name, count in Counter(boom.names).items():
         if count > 1:
-            raise _refusal("sections", name, "names that differ are allowed")
+            raise refusal("sections", name, "names that differ are allowed")
     if boom.sections[0].joint is not None:
         allowed = "the base slides in nothing: supports or pads hold it"
-        raise _refusal("sections[0].joint", None, allowed)
+        raise refusal("sections[0].joint", None, allowed)
     for number, part in enumerate(boom.sections[1:], start=1):
         if part.joint is None:
-            raise _refusal(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
+            raise refusal(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
         for ends in (part.joint.tail, part.joint.mouth):
             if len({ring.name for ring in ends}) < len(ends):
-                raise _refusal(f"sections[{number}].joint", None, "rings at one end need names that differ")
-
-
-def _time(boom: Boom) -> None:
-    time = boom.time
-    if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
-        raise _refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
-    if time.steps > MOST_STEPS:
-        raise _refusal("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
-    if boom.recovery is not None:
-        steps = boom.recovery.every / time.step
-        if abs(steps - round(steps)) > 1e-6 or not 1 <= round(steps) <= time.steps:
-            allowed = f"a multiple of time.step = {time.step:g} s up to time.end is allowed"
-            raise _refusal("recovery.every", boom.recovery.every, allowed)
+                raise refusal(f"sections[{number}].joint", None, "rings at one end need names that differ")
 
 
 def _reduction(boom: Boom, number: int) -> None:
     choice, key = boom.sections[number].reduction, f"sections[{number}].reduction"
     if choice.pooled:
-        raise _refusal(f"{key}.basis", choice.basis, "'free_modes' is allowed: sections have no common path")
+        raise refusal(f"{key}.basis", choice.basis, "'free_modes' is allowed: sections have no common path")
     if choice.residual_inertia:
-        raise _refusal(f"{key}.residual_inertia", True, "false is allowed for sections of a boom")
+        raise refusal(f"{key}.residual_inertia", True, "false is allowed for sections of a boom")
     if boom.length(number) <= 0.0:
         allowed = "observe.start and observe.end are needed where a mesh that is read says how long a section is"
-        raise _refusal(f"sections[{number}].observe", None, allowed)
+        raise refusal(f"sections[{number}].observe", None, allowed)
 
 
 def _driven(boom: Boom, number: int) -> None:
@@ -108,15 +88,12 @@ def _driven(boom: Boom, number: int) -> None:
         others = [name for name in boom.names[1:] if name not in seen]
         if follows not in others:
             allowed = f"{', '.join(others)} are allowed, which do not follow it" if others else "a signal is needed"
-            raise _refusal(f"{key}.follows", joint.follows, allowed)
+            raise refusal(f"{key}.follows", joint.follows, allowed)
         seen.append(follows)
     path = boom.extension(number)
-    at = np.array(path.breaks)
-    low, high = bounds(path, 0.0, boom.time.end)
-    before, after = path.value(np.nextafter(at, -np.inf)), path.value(at)
-    for k in np.flatnonzero(np.abs(after - before) > 1e-9 * max(abs(low), abs(high), 1.0))[:1]:
-        jump = f"from {before[k]:g} m to {after[k]:g} m at {at[k]:g} s"
-        raise _refusal(f"{key}.extension", None, f"{boom.names[number]} jumps {jump}; continuous paths are allowed")
+    jump = jump_of(path, 1e-9 * max(1.0, *map(abs, bounds(path, 0.0, boom.time.end))))
+    if jump is not None:
+        raise refusal(f"{key}.extension", None, f"{boom.names[number]} {jump}")
 
 
 def _fits(boom: Boom, number: int) -> None:
@@ -131,7 +108,7 @@ def _fits(boom: Boom, number: int) -> None:
                 f"outside {boom.names[number]} is {has:.6g} m, inside {boom.names[number - 1]} there are {room:.6g} m: "
                 "a section has to fit into the one before it"
             )
-            raise _refusal(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
+            raise refusal(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
 
 
 def _slides(boom: Boom, number: int) -> None:
@@ -145,27 +122,27 @@ def _slides(boom: Boom, number: int) -> None:
         allowed = (
             f"the tail of {name} gets {-first:.6g} m behind that of {outer}; an extension of 0 m or more is allowed"
         )
-        raise _refusal(key, None, allowed)
+        raise refusal(key, None, allowed)
     needed = max(ring.at for ring in joint.tail) + max(ring.at for ring in joint.mouth)
     if last >= length - slack:
         allowed = (
             f"it pulls {name} out of {outer}: an extension of {last:.6g} m leaves no overlap, "
             f"less than {length - needed:.6g} m is allowed"
         )
-        raise _refusal(key, None, allowed)
+        raise refusal(key, None, allowed)
     if not length - last > needed + slack:
         allowed = (
             f"the overlap of {name} and {outer} gets down to {length - last:.6g} m, and their pads reach "
             f"{needed:.6g} m from the tail and the mouth; an extension of less than {length - needed:.6g} m is allowed"
         )
-        raise _refusal(key, None, allowed)
+        raise refusal(key, None, allowed)
     ends = length - min(ring.at for ring in joint.mouth) - boom.length(number)
     if first < ends - slack:
         allowed = (
             f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}; "
             f"{ends:.6g} m or more is allowed"
         )
-        raise _refusal(key, None, allowed)
+        raise refusal(key, None, allowed)
 
 
 def _pads(boom: Boom, number: int) -> None:
@@ -184,7 +161,7 @@ def _pads(boom: Boom, number: int) -> None:
                 f"these pads reach from {start:.6g} to {end:.6g} m along {boom.names[number]}, which has 0 to "
                 f"{length:.6g} m: all of a pad has to be on it"
             )
-            raise _refusal(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
+            raise refusal(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
 
 
 def _by_itself(boom: Boom, number: int) -> None:
@@ -201,18 +178,18 @@ def _by_itself(boom: Boom, number: int) -> None:
             name = scene.pads[int(ring[1])].name
             found = next(seat for seat in seats(boom, number) if footprint(boom, seat.ring) == name)
             rest = error.key[ring.end() :]
-            raise _refusal(f"sections[{found.joint}].joint.{found.key}{rest}", error.value, error.allowed) from None
-        raise _refusal(f"sections[{number}].{error.key}", error.value, error.allowed) from None
+            raise refusal(f"sections[{found.joint}].joint.{found.key}{rest}", error.value, error.allowed) from None
+        raise refusal(f"sections[{number}].{error.key}", error.value, error.allowed) from None
 
 
 def _points(boom: Boom, planar: bool) -> None:
     for number in range(1, len(boom.sections)):
         if _joint(boom, number).rigid_overlap and not planar:
-            raise _refusal(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
+            raise refusal(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
         for seat in seats(boom, number):
             if seat.joint == number and seat.ring.faces is None and not planar:
                 allowed = "faces are needed: only on planar beams pads are points"
-                raise _refusal(f"sections[{number}].joint.{seat.key}.faces", None, allowed)
+                raise refusal(f"sections[{number}].joint.{seat.key}.faces", None, allowed)
 
 
 def _friction(boom: Boom) -> None:
@@ -220,13 +197,13 @@ def _friction(boom: Boom) -> None:
         for seat in seats(boom, number):
             if seat.joint == number and seat.ring.friction and not is_axial(boom, number):
                 allowed = f"0 is allowed: {boom.names[number]} has no coordinates along the boom, and so no cylinder"
-                raise _refusal(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
+                raise refusal(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
 
 
 def _simulators(boom: Boom) -> None:
     if "ancf" in boom.compare.against:
-        raise _refusal("compare.against", list(boom.compare.against), "['full'] or [] is allowed for sections")
+        raise refusal("compare.against", list(boom.compare.against), "['full'] or [] is allowed for sections")
     for name in boom.simulation.simulators:
         if not SIMULATORS[name].several_paths:
             able = [one for one, can in SIMULATORS.items() if can.several_paths and can.reduced_models]
-            raise _refusal("simulation.simulators", name, f"{' and '.join(able)} are allowed for sections")
+            raise refusal("simulation.simulators", name, f"{' and '.join(able)} are allowed for sections")

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from pmr.errors import InputError
 from pmr.scene.asked import Damping
+from pmr.scene.boom import Boom
 from pmr.scene.choice import fewest_rows, is_pinned_beam
 from pmr.scene.magnitudes import check_magnitudes
 from pmr.scene.scene import Scene
+from pmr.scene.signals import SignalBase
 from pmr.scene.simulators import REFERENCE, Needs, refuse
-from pmr.scene.structure_checks import check_structure
+from pmr.scene.structure_checks import check_structure, refusal
 
 MOST_STEPS = 1_000_000
 
@@ -27,40 +27,49 @@ def check(scene: Scene) -> None:
         With source ``"scene"``; the reader of the file replaces it by the file in which the key stands.
     """
     check_magnitudes(scene)  # first: what others compute with is then finite
-    _time(scene)
+    check_time(scene)
     _reduction(scene)
     _accuracy(scene)
     _continuous(scene)
     check_structure(scene)
-    _recovery(scene)
     _frequency_response(scene)
     _comparison(scene)
     _simulators(scene)
 
 
-def _refusal(key: str, value: Any, allowed: str) -> InputError:
-    return InputError("scene", key, value, allowed)
-
-
-def _time(scene: Scene) -> None:
-    time = scene.time
+def check_time(scene: Scene | Boom) -> None:
+    """Steps make up the time and what is recovered."""
+    time, recovery = scene.time, scene.recovery
     if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
-        raise _refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
-
+        raise refusal("time.step", time.step, f"a whole number of steps must make up time.end = {time.end:g} s")
     if time.steps > MOST_STEPS:
-        raise _refusal("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
+        raise refusal("time.step", time.step, f"at most {MOST_STEPS:,} steps are allowed, all of them are stored")
+    steps = time.steps if recovery is None else recovery.every / time.step
+    if recovery is not None and (abs(steps - round(steps)) > 1e-6 or not 1 <= round(steps) <= time.steps):
+        allowed = f"a multiple of time.step = {time.step:g} s up to time.end is allowed"
+        raise refusal("recovery.every", recovery.every, allowed)
+
+
+def jump_of(path: SignalBase, least: float) -> str | None:
+    """Where a signal in m first jumps by more than `least`, in words."""
+    at = np.array(path.breaks)
+    # All at once: one call costs as much as the signal has knots, and a file of them has thousands.
+    before, after = path.value(np.nextafter(at, -np.inf)), path.value(at)
+    for k in np.flatnonzero(np.abs(after - before) > least):
+        return f"jumps from {before[k]:g} m to {after[k]:g} m at {at[k]:g} s; continuous paths are allowed"
+    return None
 
 
 def _reduction(scene: Scene) -> None:
     choice = scene.reduction
     if choice.basis == "paper" and choice.flexibility:
         allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility: supports then need no coordinates"
-        raise _refusal("reduction.basis", choice.basis, allowed)
+        raise refusal("reduction.basis", choice.basis, allowed)
     if (choice.basis == "file") != (choice.file is not None):
-        raise _refusal("reduction.file", choice.file and str(choice.file), "a file is allowed with basis = 'file'")
+        raise refusal("reduction.file", choice.file and str(choice.file), "a file is allowed with basis = 'file'")
     if choice.residual_inertia and not (choice.basis == "free_modes" and choice.flexibility):
         allowed = "free modes with flexibility = true are allowed to have the inertia of what they leave out"
-        raise _refusal("reduction.residual_inertia", True, allowed)
+        raise refusal("reduction.residual_inertia", True, allowed)
     if choice.pooled:
         _pool(scene)
     if not choice.flexibility and choice.coordinates < fewest_rows(scene):
@@ -69,39 +78,27 @@ def _reduction(scene: Scene) -> None:
             f"at least as many as constraint rows are allowed: {fewest_rows(scene)} "
             f"({fewest_rows(scene) - points} of supports, {points} of sliders)"
         )
-        raise _refusal("reduction.coordinates", choice.coordinates, allowed)
+        raise refusal("reduction.coordinates", choice.coordinates, allowed)
 
 
 def _pool(scene: Scene) -> None:
     choice = scene.reduction
     pool = choice.snapshots * choice.modes
     if choice.coordinates > pool:
-        raise _refusal("reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed")
+        raise refusal("reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed")
     if isinstance(choice.positions, str):
         return
     if len(choice.positions) != choice.snapshots:
-        raise _refusal("reduction.snapshots", choice.snapshots, f"{len(choice.positions)} positions are given")
+        raise refusal("reduction.snapshots", choice.snapshots, f"{len(choice.positions)} positions are given")
     for i, at in enumerate(choice.positions):
         if scene.body.length is not None and at > scene.body.length:
-            raise _refusal(f"reduction.positions[{i}]", at, f"on the body, 0 to {scene.body.length:g} m, is allowed")
+            raise refusal(f"reduction.positions[{i}]", at, f"on the body, 0 to {scene.body.length:g} m, is allowed")
 
 
 def _continuous(scene: Scene) -> None:
-    (low, high), at = scene.path_bounds, np.array(scene.slider.path.breaks)
-    # All at once: one call costs as much as the signal has knots, and a file of them has thousands.
-    before, after = scene.slider.path.value(np.nextafter(at, -np.inf)), scene.slider.path.value(at)
-    for k in np.flatnonzero(np.abs(after - before) > 1e-9 * max(abs(low), abs(high)))[:1]:
-        jump = f"from {before[k]:g} m to {after[k]:g} m at {at[k]:g} s"
-        raise _refusal("slider.path", None, f"the slider jumps {jump}; continuous paths are allowed")
-
-
-def _recovery(scene: Scene) -> None:
-    if scene.recovery is None:
-        return
-    steps = scene.recovery.every / scene.time.step
-    if abs(steps - round(steps)) > 1e-6 or not 1 <= round(steps) <= scene.time.steps:
-        allowed = f"a multiple of time.step = {scene.time.step:g} s up to time.end is allowed"
-        raise _refusal("recovery.every", scene.recovery.every, allowed)
+    jump = jump_of(scene.slider.path, 1e-9 * max(map(abs, scene.path_bounds)))
+    if jump is not None:
+        raise refusal("slider.path", None, f"the slider {jump}")
 
 
 def _frequency_response(scene: Scene) -> None:
@@ -113,12 +110,12 @@ def _frequency_response(scene: Scene) -> None:
         return
     if (rigid and not choice.flexibility) or any(ring.unilateral for ring in scene.pads) or choice.residual_inertia:
         allowed = "true is allowed with reduction.flexibility, pads that hold both ways and without residual_inertia"
-        raise _refusal("observe.frequency_response", True, allowed)
+        raise refusal("observe.frequency_response", True, allowed)
 
 
 def _comparison(scene: Scene) -> None:
     if "ancf" in scene.compare.against and not _ancf_can(scene):
-        raise _refusal(
+        raise refusal(
             "compare.against",
             list(scene.compare.against),
             "the ANCF reference needs body.profile with axial_stiffness, one slider without offset, no damping, one "
@@ -155,12 +152,12 @@ def _accuracy(scene: Scene) -> None:
         return
     key = "accuracy" if scene.accuracy is not None else "budget"
     if scene.accuracy is not None and scene.budget is not None:
-        raise _refusal("budget", None, "accuracy or budget is allowed, not both")
+        raise refusal("budget", None, "accuracy or budget is allowed, not both")
     if choice.basis != "free_modes" or not (choice.flexibility and choice.estimate):
         allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"
-        raise _refusal(key, None, allowed)
+        raise refusal(key, None, allowed)
     if len(set(asked.outputs)) < len(asked.outputs):
-        raise _refusal(f"{key}.outputs", list(asked.outputs), "each kind once is allowed")
+        raise refusal(f"{key}.outputs", list(asked.outputs), "each kind once is allowed")
 
 
 def _ancf_can(scene: Scene) -> bool:

@@ -32,13 +32,13 @@ def check_structure(scene: Scene) -> None:
     _names("supports", (support.row_name(d) for support in scene.supports for d in support.held))
     for i, ring in enumerate(scene.pads):
         if ring.clearance and not ring.unilateral:
-            raise _refusal(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
+            raise refusal(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
     _travel(scene)
     check_pads(scene)
     _places(scene)
     _points(scene)
     if not scene.signals:
-        raise _refusal("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
+        raise refusal("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
 
 
 def _places(scene: Scene) -> None:
@@ -46,16 +46,16 @@ def _places(scene: Scene) -> None:
     observe, length = scene.observe, scene.body.length
     if observe.stations is None and model_of(scene) not in BEAMS:
         allowed = "places in m are needed, from observe.start to observe.end: nodes are observed of beams only"
-        raise _refusal("observe.start", None, allowed)
+        raise refusal("observe.start", None, allowed)
     places = [(f"loads[{i}].on", load.on) for i, load in enumerate(scene.loads)]
     places += [(f"supports[{i}].on", support.on) for i, support in enumerate(scene.supports)]
     if observe.start is not None and observe.end is not None:
         if observe.end < observe.start:
-            raise _refusal("observe.end", observe.end, f"observe.start = {observe.start:g} m or more is allowed")
+            raise refusal("observe.end", observe.end, f"observe.start = {observe.start:g} m or more is allowed")
         places += [("observe.start", observe.start), ("observe.end", observe.end)]
     for key, at in places:
         if length is not None and not isinstance(at, str) and not -1e-9 * length <= at <= (1.0 + 1e-9) * length:
-            raise _refusal(key, at, f"on the body, 0 to {length:g} m, is allowed")
+            raise refusal(key, at, f"on the body, 0 to {length:g} m, is allowed")
 
 
 def _points(scene: Scene) -> None:
@@ -64,11 +64,11 @@ def _points(scene: Scene) -> None:
     if not scene.points:
         return
     if any(ring.moving for ring in scene.pads):
-        raise _refusal("slider.offsets", list(scene.points), "pads have an `at` of their own: leave it out")
+        raise refusal("slider.offsets", list(scene.points), "pads have an `at` of their own: leave it out")
     if model != "beam2d" or length is None:
-        raise _refusal("pads", None, "at least one ring of pads with moving = true is allowed: nothing slides")
+        raise refusal("pads", None, "at least one ring of pads with moving = true is allowed: nothing slides")
     if len(set(scene.points)) != len(scene.points):
-        raise _refusal("slider.offsets", list(scene.points), "sliders must not share an offset")
+        raise refusal("slider.offsets", list(scene.points), "sliders must not share an offset")
     (low, high), slack = scene.path_bounds, 1e-9 * length
     held = [scene.place(support.on) for support in scene.supports if "z" in support.held]
     for offset in scene.points:
@@ -76,14 +76,14 @@ def _points(scene: Scene) -> None:
         for s in (low + offset, high + offset):
             if not -slack <= s <= length + slack:
                 allowed = f"the slider reaches {s:g} m{which}; on the beam, 0 to {length:g} m, is allowed"
-                raise _refusal("slider.path", None, allowed)
+                raise refusal("slider.path", None, allowed)
         for at in held:
             if at is not None and low + offset - slack <= at <= high + offset + slack:
                 allowed = (
                     f"the slider reaches the support at {at:g} m{which}, where its row repeats the support's; "
                     "paths that keep clear of it are allowed"
                 )
-                raise _refusal("slider.path", None, allowed)
+                raise refusal("slider.path", None, allowed)
 
 
 def _travel(scene: Scene) -> None:
@@ -91,48 +91,48 @@ def _travel(scene: Scene) -> None:
         return
     (low, high), (first, last) = scene.slider.travel, scene.path_bounds
     if scene.points:
-        raise _refusal("slider.travel", [low, high], "points have the whole beam: leave it out")
+        raise refusal("slider.travel", [low, high], "points have the whole beam: leave it out")
     if not low < high or first < low or last > high:
         allowed = f"two places in m, the first one less, around the path's {first:.6g} to {last:.6g} are allowed"
-        raise _refusal("slider.travel", [low, high], allowed)
+        raise refusal("slider.travel", [low, high], allowed)
 
 
 def _body(scene: Scene) -> None:
     body, file, model = scene.body, scene.mesh.file, model_of(scene)
     if body.profile is not None and model != "beam2d":
-        raise _refusal("body.model", model, "auto or beam2d is allowed with body.profile")
+        raise refusal("body.model", model, "auto or beam2d is allowed with body.profile")
     if body.profile is None and (body.box is None) == (file is None):
-        raise _refusal("body.box", None, "a box, a profile or mesh.file, one of them is allowed")
+        raise refusal("body.box", None, "a box, a profile or mesh.file, one of them is allowed")
     if file is not None and model in BEAMS and body.profile is None:
-        raise _refusal("mesh.file", str(file), "a beam of a box is divided into mesh.elements; others read files")
+        raise refusal("mesh.file", str(file), "a beam of a box is divided into mesh.elements; others read files")
     if file is not None and body.model == "auto" and body.profile is None:
-        raise _refusal("body.model", "auto", "shell or solid is allowed for a mesh that is read")
+        raise refusal("body.model", "auto", "shell or solid is allowed for a mesh that is read")
     if model == "matrices" and file is None:
-        raise _refusal("mesh.file", None, "body.model = 'matrices' needs a file that pmr matrices wrote")
+        raise refusal("mesh.file", None, "body.model = 'matrices' needs a file that pmr matrices wrote")
     if model == "matrices" and scene.recovery is not None:
-        raise _refusal("recovery", None, "given matrices have no cells and no stresses: leave it out")
+        raise refusal("recovery", None, "given matrices have no cells and no stresses: leave it out")
     if file is not None and model == "shell" and body.thickness is None:
-        raise _refusal("body.thickness", None, "a thickness in m is needed for a shell that is read")
+        raise refusal("body.thickness", None, "a thickness in m is needed for a shell that is read")
     if body.box is not None and body.box.wall >= min(body.box.width, body.box.height):
-        raise _refusal("body.box.wall", body.box.wall, "less than width and height is allowed")
+        raise refusal("body.box.wall", body.box.wall, "less than width and height is allowed")
     if body.box is not None and body.box.radius >= min(body.box.width, body.box.height) / 2.0:
-        raise _refusal("body.box.radius", body.box.radius, "less than half of width and height is allowed")
+        raise refusal("body.box.radius", body.box.radius, "less than half of width and height is allowed")
     if body.section is not None and body.model != "beam3d":
-        raise _refusal("body.section", None, "a section goes with body.model = 'beam3d'")
+        raise refusal("body.section", None, "a section goes with body.model = 'beam3d'")
     if body.section is not None and body.shear and None in (body.section.shear_area_y, body.section.shear_area_z):
         allowed = "shear_area_y and shear_area_z in m^2 are needed, or body.shear = false"
-        raise _refusal("body.section", None, allowed)
+        raise refusal("body.section", None, allowed)
     for name, region in body.regions.items():
         if model in BEAMS:
-            raise _refusal(f"body.regions.{name}", None, "regions are for shells and solids")
+            raise refusal(f"body.regions.{name}", None, "regions are for shells and solids")
         if model == "solid" and region.thickness is not None:
-            raise _refusal(f"body.regions.{name}.thickness", region.thickness, "a solid has none")
+            raise refusal(f"body.regions.{name}.thickness", region.thickness, "a solid has none")
     if model == "beam3d" and scene.mesh.elements > MOST_ELEMENTS:
-        raise _refusal("mesh.elements", scene.mesh.elements, f"at most {MOST_ELEMENTS} are allowed for beam3d")
+        raise refusal("mesh.elements", scene.mesh.elements, f"at most {MOST_ELEMENTS} are allowed for beam3d")
     if scene.mesh.grading != 1.0 and model != "beam2d":
-        raise _refusal("mesh.grading", scene.mesh.grading, "1 is allowed: elements of beam2d alone can be graded")
+        raise refusal("mesh.grading", scene.mesh.grading, "1 is allowed: elements of beam2d alone can be graded")
     if scene.reduction.positions == "nodes" and scene.reduction.pooled and model not in BEAMS:
-        raise _refusal("reduction.positions", "nodes", "'path' or a list of places in m is allowed: nodes are a beam's")
+        raise refusal("reduction.positions", "nodes", "'path' or a list of places in m is allowed: nodes are a beam's")
     if model == "beam2d":
         _planar(scene)
 
@@ -145,21 +145,22 @@ def _planar(scene: Scene) -> None:
             allowed = f"{', '.join(known[:-1])} and {known[-1]} are allowed for beam2d, z is up"
             if load.direction == "x":
                 allowed = "an axial load needs body.profile.axial = true"
-            raise _refusal(f"loads[{i}].direction", load.direction, allowed)
+            raise refusal(f"loads[{i}].direction", load.direction, allowed)
     if any(ring.moving for ring in scene.pads) and not any(
         ring.moving and {"bottom", "top"} & set(ring.faces) for ring in scene.pads
     ):
         allowed = "a ring with moving = true at bottom or top is needed: a planar beam does not feel pads on its sides"
-        raise _refusal("pads", None, allowed)
+        raise refusal("pads", None, allowed)
     if scene.gravity is not None and scene.gravity.direction[1] != 0.0:
-        raise _refusal("gravity.direction", list(scene.gravity.direction), "x and z are allowed for beam2d")
+        raise refusal("gravity.direction", list(scene.gravity.direction), "x and z are allowed for beam2d")
 
 
 def _names(key: str, names: Iterable[str]) -> None:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise _refusal(key, twice[0], "names that differ are allowed")
+        raise refusal(key, twice[0], "names that differ are allowed")
 
 
-def _refusal(key: str, value: Any, allowed: str) -> InputError:
+def refusal(key: str, value: Any, allowed: str) -> InputError:
+    """Of a scene's key; the reader of the file names the file."""
     return InputError("scene", key, value, allowed)

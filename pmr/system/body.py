@@ -173,8 +173,47 @@ def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, load
     return result
 
 
+class WithRows:
+    """What a full model says of its rows."""
+
+    rows: Rows
+
+    @property
+    def row_compliance(self) -> Array:
+        """1/k of each row's pad, (m,) in m/N."""
+        return self.rows.compliance
+
+    @property
+    def row_clearance(self) -> Array:
+        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
+        return self.rows.clearance
+
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        return self.rows.names
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        return self.rows.domain
+
+    @property
+    def moving(self) -> list[int]:
+        """Numbers of the rows that depend on s: the sliders."""
+        return self.rows.moving
+
+    @property
+    def held(self) -> dict[int, int]:
+        """Rows of supports on nodes: number of the row to that of the coordinate it holds."""
+        return self.rows.held
+
+    @property
+    def lasting(self) -> tuple[str, ...]:
+        """Names of rows that always hold, in one place, and hold more than one coordinate."""
+        return self.rows.lasting
+
+
 @dataclass(frozen=True)
-class FullBody:
+class FullBody(WithRows):
     """The full model on one process, sparse: what the full-order reference simulates."""
 
     M: sp.csr_matrix
@@ -192,16 +231,6 @@ class FullBody:
     @property
     def size(self) -> int:
         return int(self.M.shape[0])
-
-    @property
-    def row_compliance(self) -> Array:
-        """1/k of each row's pad, (m,) in m/N."""
-        return self.rows.compliance
-
-    @property
-    def row_clearance(self) -> Array:
-        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
-        return self.rows.clearance
 
     @property
     def flexibility(self) -> None:
@@ -232,32 +261,9 @@ class FullBody:
             rows=rows,
         )
 
-    @property
-    def row_names(self) -> tuple[str, ...]:
-        return self.rows.names
-
-    @property
-    def domain(self) -> tuple[float, float]:
-        return self.rows.domain
-
     def C(self, s: float, derivative: int = 0) -> sp.csr_matrix:
         """Rows (m, n) at s in m, or their derivative with respect to s."""
         return self.rows.at(s, derivative)
-
-    @property
-    def moving(self) -> list[int]:
-        """Numbers of the rows that depend on s: the sliders."""
-        return self.rows.moving
-
-    @property
-    def held(self) -> dict[int, int]:
-        """Rows of supports on nodes: number of the row to that of the coordinate it holds."""
-        return self.rows.held
-
-    @property
-    def lasting(self) -> tuple[str, ...]:
-        """Names of rows that always hold, in one place, and hold more than one coordinate."""
-        return self.rows.lasting
 
     def dense_rows(self, s: Array) -> Array:
         """C(s) (T, m, n) at several path coordinates (T,): for a few at a time."""

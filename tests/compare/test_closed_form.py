@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from textbook import CLOSED_FORM, EI, LENGTH, RHO_A, TIP_DEFLECTION
+from textbook import CLOSED_FORM, EI, LENGTH, RHO_A, TIP_DEFLECTION, static_tip_deflection
 
-from pmr.compare.closed_form import frequencies, static_tip_deflection
+from pmr.compare.closed_form import frequencies
 
 
 @pytest.mark.parametrize("s", CLOSED_FORM)

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from textbook import RHO_A, beam_matrices, relative
+from textbook import RHO_A, beam_matrices, relative, static_tip_deflection
 
-from pmr.compare.closed_form import static_tip_deflection
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import tall

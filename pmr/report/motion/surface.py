@@ -63,11 +63,6 @@ class Surface:
         return np.concatenate([self.faces[:, [0, 1, 2]], self.faces[:, [0, 2, 3]]])
 
     @property
-    def triangle_cell(self) -> Indices:
-        """The cell of each triangle, (T,)."""
-        return self.cell if self.faces.shape[1] == 3 else np.tile(self.cell, 2)
-
-    @property
     def edges(self) -> Indices:
         """(E, 2): edges of the faces, each once."""
         ends = np.concatenate([self.faces, self.faces[:, :1]], axis=1)

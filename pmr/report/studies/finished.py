@@ -45,6 +45,11 @@ class FinishedStudy:
         return str(self.summary["title"])
 
     @property
+    def scenes(self) -> list[str]:
+        """Names of the scenes that were run."""
+        return list(dict.fromkeys(str(run.parameters["scene"]) for run in self.results.runs))
+
+    @property
     def asked(self) -> Mapping[str, Any]:
         """Keys of the study file, but for names of files."""
         return dict(self.summary["asked"])

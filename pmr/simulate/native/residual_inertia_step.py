@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulate.native.compilation import compiled, inlined
+from pmr.simulate.native.rows import find_interval
 
 Array = NDArray[np.float64]
 
@@ -90,16 +91,6 @@ class State(NamedTuple):
     gains: Array  # (3, m, m): what multiplies z, z' and z'' in the multipliers
     Z: Array  # (4, m, r + 1): z, z', z'' and lambda as functions of (p'', 1)
     small: Array  # (m, m + 1)
-
-
-@inlined
-def _interval(breaks: Array, s: float, j: int) -> int:
-    """Number of the interval that holds s, sought from j on."""
-    while j > 0 and s < breaks[j]:
-        j -= 1
-    while j < len(breaks) - 2 and s >= breaks[j + 1]:
-        j += 1
-    return j
 
 
 @inlined
@@ -317,7 +308,7 @@ def run(
         s, ds, dds = course.s[0, step], course.s[1, step], course.s[2, step]
         f, df, ddf = course.f[0, step], course.f[1, step], course.f[2, step]
         _predict(scheme, state.motion)
-        j = _interval(system.breaks, s, j)
+        j = find_interval(system.breaks, s, j)
         _evaluate(system.tables[j], s - system.breaks[j], state.flat)
         failed = _factorise(state.values[0], r, system.round_off)
         if failed:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulate import balance
-from pmr.simulate.blocks import Block, Ended, Indices, Recorder, Take
+from pmr.simulate.blocks import Block, Ended, Recorder, Take
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.modal import ModalForm, modal_form, support_forces
 from pmr.simulate.native import residual_inertia as inertial
@@ -69,13 +69,6 @@ def simulate(
         initial = form.start(consistent_start(body, s, s_rate, initial))
     modal = simulate_modal(form, excitation, initial, progress)
     return in_coordinates(body, form, modal, excitation.forces(body.input_names))
-
-
-def simulate_at(body: SlidingBody, excitation: Excitation, steps: Indices) -> Trajectory:
-    """The states that `simulate` gives at the steps (S,), ascending numbers; no others are recorded."""
-    form, recorder = modal_form(body), Recorder(steps)
-    modal = recorder.trajectory(follow(form, excitation, recorder))
-    return in_coordinates(body, form, modal, excitation.forces(body.input_names)[steps])
 
 
 def simulate_modal(

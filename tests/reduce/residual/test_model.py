@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
+from textbook import static_tip_deflection
 
-from pmr.compare.closed_form import static_tip_deflection
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError
 from pmr.fem.distributed import tall

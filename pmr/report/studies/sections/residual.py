@@ -31,7 +31,7 @@ COLUMNS = 2
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
     """Errors over the number of coordinates and over seconds, and what the estimate says of them."""
-    scenes, sizes = _scenes(study), [int(r) for r in study.asked["coordinates"]]
+    scenes, sizes = study.scenes, [int(r) for r in study.asked["coordinates"]]
     few = 6 if 6 in sizes else sizes[len(sizes) // 2]
     least, largest = (study.figures.get(f"ratio.{end}") for end in ("least", "largest"))
     ratio = "" if least is None else f"{significant(number(least), 3)} to {significant(number(largest), 3)}"
@@ -73,7 +73,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
 
 def errors(study: FinishedStudy) -> Figure:
     """A panel a scene."""
-    scenes = _scenes(study)
+    scenes = study.scenes
     rows = -(-len(scenes) // COLUMNS)
     gaps = {"wspace": 0.05, "hspace": 0.3}
     figure, axes = sheet(
@@ -101,7 +101,7 @@ def errors(study: FinishedStudy) -> Figure:
 
 def over_seconds(study: FinishedStudy) -> Figure:
     """Error over the seconds of the march, one scene."""
-    scene = _scenes(study)[min(1, len(_scenes(study)) - 1)]
+    scene = study.scenes[min(1, len(study.scenes) - 1)]
     figure, axes = sheet(WIDE, 2.8, margins={"top": 0.5})
     ax, every = axes[0, 0], []
     for i, basis in enumerate(NAMES):
@@ -123,7 +123,7 @@ def over_seconds(study: FinishedStudy) -> Figure:
 def _gain(study: FinishedStudy, few: int) -> str:
     """How much the flexibility of the modes left out is worth."""
     gains = {}
-    for scene in _scenes(study):
+    for scene in study.scenes:
         plain, flexible = (study.figures.get(f"{scene}.{basis}.{few}") for basis in ("modes", "flexibility"))
         if plain and flexible:
             gains[scene] = number(plain) / number(flexible)
@@ -156,7 +156,7 @@ def _known(study: FinishedStudy, run: RunRecord) -> list[tuple[int, float]]:
 
 def _errors(study: FinishedStudy, few: int) -> Grid:
     rows = []
-    for scene in _scenes(study):
+    for scene in study.scenes:
         found = (study.figures.get(f"{scene}.{basis}.{few}") for basis in NAMES)
         rows.append((scene.replace("_", " "), *("–" if e is None else percent(number(e)) for e in found)))
     return Grid(f"Error along the beam with {few} coordinates.", ("scene", *NAMES.values()), tuple(rows))
@@ -164,7 +164,7 @@ def _errors(study: FinishedStudy, few: int) -> Grid:
 
 def _ratios(study: FinishedStudy, sizes: list[int]) -> Grid:
     rows = []
-    for scene in _scenes(study):
+    for scene in study.scenes:
         for basis in ESTIMATED:
             for run in study.runs(scene=scene, basis=basis):
                 known = dict(_known(study, run))
@@ -182,10 +182,6 @@ def _legend(figure: Figure) -> None:
     handles = [Line2D([], [], label=label, **_look(i)) for i, label in enumerate(NAMES.values())]
     by_column = [handles[i] for i in (0, 3, 1, 4, 2, 5)]
     figure.legend(handles=by_column, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=3, borderaxespad=0.25)
-
-
-def _scenes(study: FinishedStudy) -> list[str]:
-    return list(dict.fromkeys(str(run.parameters["scene"]) for run in study.results.runs))
 
 
 def _look(number_of: int) -> dict[str, Any]:

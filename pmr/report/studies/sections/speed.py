@@ -47,7 +47,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         "the paper's three approaches in Exudyn; blue: other ways to the same trajectories. Dashed: real "
         f"time.{extrapolated}"
     )
-    scenes = _scenes(study)
+    scenes = study.scenes
     fastest = max(study.figure(f"{name}.seconds.reduced-march") for name in scenes)
     return Chapter(
         anchor=prefix,
@@ -82,7 +82,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
 
 def seconds(study: FinishedStudy) -> Figure:
     """Repeats and medians on a logarithmic axis, one panel a scene."""
-    scenes = _scenes(study)
+    scenes = study.scenes
     margins = {"left": 1.75, "top": 0.45}
     figure, axes = sheet(WIDE, 3.1, columns=len(scenes), margins=margins, sharey=True, gridspec_kw={"wspace": 0.08})
     everything = [value for run in study.results.runs for value in repeats(run)]
@@ -136,10 +136,6 @@ def _grid(study: FinishedStudy, scene: str) -> Grid:
         rows.append((LABELS[name], size, quantity(median[name], "s"), quantity(least[name], "s"), f"{ratio}{SPACE}×"))
     caption = f"{case_name(scene).capitalize()}: solver time for the whole time span."
     return Grid(caption, ("approach", "coordinates", "median", "least", "against real time"), tuple(rows))
-
-
-def _scenes(study: FinishedStudy) -> list[str]:
-    return list(dict.fromkeys(str(run.parameters["scene"]) for run in study.results.runs))
 
 
 def _span(study: FinishedStudy) -> float:

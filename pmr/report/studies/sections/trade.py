@@ -43,7 +43,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         anchor=prefix,
         title=study.title,
         headline="How much time an error costs, by method, number of coordinates and step.",
-        key_numbers=[KeyNumber(plain(len(_scenes(study))), "scenes"), KeyNumber(plain(len(tried)), "tolerances tried")],
+        key_numbers=[KeyNumber(plain(len(study.scenes)), "scenes"), KeyNumber(plain(len(tried)), "tolerances tried")],
         paragraphs=[
             "Coordinates and steps each have their part of the error. What holds a tolerance here holds it with all "
             "shorter steps too, so that no two parts cancel by chance.",
@@ -56,15 +56,15 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
                 ((drawing(f"{prefix}-fronts", fronts, fronts_caption, study),),),
                 grids=(_offline(study), *([_recommended(study)] if tried else [])),
             ),
-            Block("What holds a tolerance", grids=tuple(_holding(study, scene) for scene in _scenes(study))),
-            Block(energy, grids=tuple(_energies(study, scene) for scene in _scenes(study)[:2])),
+            Block("What holds a tolerance", grids=tuple(_holding(study, scene) for scene in study.scenes)),
+            Block(energy, grids=tuple(_energies(study, scene) for scene in study.scenes[:2])),
         ],
     )
 
 
 def fronts(study: FinishedStudy) -> Figure:
     """A panel a scene, a front a method."""
-    scenes = _scenes(study)
+    scenes = study.scenes
     rows, gaps = -(-len(scenes) // COLUMNS), {"wspace": 0.05, "hspace": 0.3}
     grid = {"sharex": True, "sharey": True, "gridspec_kw": gaps}
     figure, axes = sheet(WIDE, 0.9 + 1.6 * rows, rows, COLUMNS, {"top": 0.7}, **grid)
@@ -125,7 +125,7 @@ def _holding(study: FinishedStudy, scene: str) -> Grid:
 
 def _recommended(study: FinishedStudy) -> Grid:
     rows = []
-    for scene in _scenes(study):
+    for scene in study.scenes:
         cells = [study.figures.get(f"{scene}.recommended.{tolerance:g}") for tolerance in RECOMMENDED]
         rows.append((scene.replace("_", " "), *("–" if cell is None else percent(number(cell)) for cell in cells)))
     caption = "Error of what is recommended for a tolerance; – where no model or step of this study is as fine."
@@ -135,7 +135,7 @@ def _recommended(study: FinishedStudy) -> Grid:
 def _offline(study: FinishedStudy) -> Grid:
     methods = [method for method in NAMES if study.runs(method=method)]
     rows = []
-    for scene in _scenes(study):
+    for scene in study.scenes:
         found = [study.runs(scene=scene, method=method) for method in methods]
         rows.append((scene.replace("_", " "), *(_seconds(runs) for runs in found)))
     return Grid("Offline time of the largest model.", ("scene", *(NAMES[method] for method in methods)), tuple(rows))
@@ -159,7 +159,3 @@ def _energies(study: FinishedStudy, scene: str) -> Grid:
             )
             rows.append((name, *cells))
     return Grid(f"{scene.replace('_', ' ')}.", ("method", *(f"{r}" for r in sizes)), tuple(rows))
-
-
-def _scenes(study: FinishedStudy) -> list[str]:
-    return list(dict.fromkeys(str(run.parameters["scene"]) for run in study.results.runs))
