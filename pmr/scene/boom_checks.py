@@ -152,7 +152,7 @@ def _pads(boom: Boom, number: int) -> None:
     points = [seat for seat in touching if seat.ring.faces is None]
     if points and (len(points) < len(touching) or boom.sections[number].pads):
         allowed = f"faces are needed: other pads on {boom.names[number]} have some; points alone, or none, are allowed"
-        raise _refusal(f"sections[{points[0].joint}].joint.{points[0].key}.faces", None, allowed)
+        raise refusal(f"sections[{points[0].joint}].joint.{points[0].key}.faces", None, allowed)
     for seat in touching:
         half = seat.ring.length / 2.0 if seat.ring.faces is not None else 0.0
         start, end = seat.at.first - half, seat.at.last + half
