@@ -55,11 +55,15 @@ def ratios(seed: int) -> Iterator[tuple[str, float, float]]:
 
 @pytest.mark.slow
 def test_every_kind_has_an_estimate_that_can_be_relied_on() -> None:
-    """Between 1 and 5 times the error in 95 % of displacements, 90 % of forces and velocities; nowhere below 0.8."""
+    """Between 1 and 5 times the error in 95 % of displacements, 90 % of all else; nowhere below 0.8.
+
+    Paths with kinks have no estimate of forces, and only booms have probes.
+    """
     found = [(seed, *one) for seed in SEEDS for one in ratios(seed)]
     told = "\n".join(f"{seed} {kind}: {ratio:.2f}, {true:.1e}" for seed, kind, ratio, true in found)
-    for kind, share in (("beam", 0.95), ("tip", 0.95), ("pad_force", 0.9), ("velocity", 0.9)):
+    shares = {"beam": 0.95, "tip": 0.95, "pad_force": 0.9, "velocity": 0.9, "probe": 0.9}
+    for kind, share in shares.items():
         of_kind = np.array([ratio for _, name, ratio, _ in found if name == kind])
-        assert len(of_kind) >= 0.6 * len(SEEDS), told
+        assert len(of_kind) >= (0.2 if kind == "probe" else 0.6) * len(SEEDS), told
         assert np.mean((of_kind >= 1.0) & (of_kind <= 5.0)) >= share, told
         assert of_kind.min() >= 0.8, told

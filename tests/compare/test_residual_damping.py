@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +12,15 @@ from numpy.typing import NDArray
 from on_pads import beam_on_pads
 from oracle import inertial, with_curvature
 
+from pmr.compare.estimate import estimate
+from pmr.compare.outputs import Floors, differences, outputs
 from pmr.compare.residual_damping import lag
 from pmr.reduced.damping import Rayleigh
+from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene.signals import Constant, Sine, SmoothRamp
 from pmr.simulate import TimeStepping
+from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
 from pmr.system.body import FullBody, displacement
 
@@ -47,6 +52,18 @@ def test_it_is_what_outputs_lack(stiffness: float) -> None:
     sizes = [np.sqrt(np.mean(x[200:] ** 2, axis=0)) for x in (left, missing)]
     assert np.linalg.norm(sizes[0][:-1]) < 0.2 * np.linalg.norm(sizes[1][:-1])
     assert sizes[0][-1] < 0.2 * sizes[1][-1]
+
+
+@pytest.mark.parametrize("keep", [lambda model: model, with_kept_inertia], ids=["plain", "with its inertia"])
+def test_estimates_know_of_it(keep: Callable[[ReducedModel], ReducedModel]) -> None:
+    full = damped(1e-3, 2e4)
+    model = keep(replace(inertial(full, 12, enrichment=4), rayleigh=full.rayleigh))
+    truth, own = (
+        outputs(one.body, march.simulate_modal(one, DRIVEN), DRIVEN, 1) for one in (modal_form(full), modal_form(model))
+    )
+    found, floors = estimate(model, DRIVEN), Floors(0.0, 0.0, np.zeros(1))
+    true = differences(own, truth, floors, ["beam", "probe"])
+    assert 1.0 < found.probe / true["probe"] < 2.0 and 1.0 < found.beam / true["beam"] < 2.0
 
 
 def test_without_such_damping_nothing_is_late() -> None:
