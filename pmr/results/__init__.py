@@ -1,7 +1,7 @@
 """What runs and studies leave in their folders: results as objects, tables in CSV, frames of pandas."""
 
 from pmr.fields.series import Fields
-from pmr.results.boom import BoomFrequencies, BoomResult
+from pmr.results.boom import BoomFrequencies, BoomResult, FrequencyMap
 from pmr.results.frames import load
 from pmr.results.run import RESULT_FILES, Energy, FrequencyCurves, FrequencyResponse, Response, RunResult, Shapes
 
@@ -12,6 +12,7 @@ __all__ = [
     "Energy",
     "Fields",
     "FrequencyCurves",
+    "FrequencyMap",
     "FrequencyResponse",
     "Response",
     "RunResult",

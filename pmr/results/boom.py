@@ -21,15 +21,27 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class FrequencyMap:
+    """First natural frequency (A, B) in Hz of a reduced boom over the extensions (A,) and (B,) in m of two joints."""
+
+    joints: tuple[str, ...]
+    first: Array
+    second: Array
+    lowest: Array
+
+
+@dataclass(frozen=True)
 class BoomFrequencies:
     """Lowest natural frequencies in Hz, (S, f) by model, where a boom reaches so far, (S,) m, by such extensions.
 
-    Every contact is closed; `extensions` (S, P) in m are in the order of the sections.
+    Every contact is closed; `extensions` (S, P) in m are in the order of the sections.  `over_joints` is there where two
+    joints move each on a path of its own.
     """
 
     reach: Array
     extensions: Array
     models: Mapping[str, Array]
+    over_joints: FrequencyMap | None = None
 
 
 @dataclass(frozen=True)

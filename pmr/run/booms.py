@@ -14,6 +14,7 @@ from pmr.compare import booms as compared
 from pmr.compare import errors
 from pmr.compare.boom_estimate import BoomError, boom_error
 from pmr.compare.boom_friction import with_friction
+from pmr.compare.boom_map import frequency_map
 from pmr.compare.boom_references import FullBoom, FullRun
 from pmr.compare.boom_simulations import BoomSimulations, simulate
 from pmr.compare.responses import check_installed
@@ -105,7 +106,8 @@ def run_boom(
     curves |= {"reduced": compared.frequencies(system, x[steps])}
     stepped = excitation.with_stepping(replace(excitation.stepping, parts=fine))
     error = boom_error(boom, system, stepped, simulations.first, clock)
-    frequencies = BoomFrequencies(boom.reach(excitation.times[steps]), excitation.s[steps], curves)
+    at, over_joints = boom.reach(excitation.times[steps]), frequency_map(boom, system)
+    frequencies = BoomFrequencies(at, excitation.s[steps], curves, over_joints)
     sizes = {name: {"full": built[name].model.size, "reduced": body.size} for name, body in reduced.items()}
     common = compared.with_forces_of_both(responses)
     measured = compared.quantities(boom, responses["reduced"])

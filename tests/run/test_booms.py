@@ -14,6 +14,7 @@ import pytest
 from pmr import scene as scenes
 from pmr.compare import boom_references
 from pmr.compare.boom_friction import with_friction
+from pmr.compare.boom_map import frequency_map
 from pmr.compare.booms import joints, respond
 from pmr.export.paraview import Travelling, write_bodies
 from pmr.fem.compat import MPI
@@ -29,6 +30,7 @@ from pmr.run.booms import BoomOutcome, run_boom
 from pmr.scene import Boom
 from pmr.simulate.booms import excitation_of, system_of
 from pmr.simulate.native import multibody
+from pmr.system.assembly import Assembly
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 #: Out by 0.6 m a joint within half a second.
@@ -176,6 +178,22 @@ def test_frequencies_are_those_of_the_full_model_from_the_shortest_to_the_longes
     assert found.models["reduced"][:, :3] == pytest.approx(found.models["full"][:, :3], rel=1e-3)
 
 
+def test_the_first_frequency_over_two_joints(outcome: BoomOutcome) -> None:
+    """Along the way both move alike; which of the two is out makes a difference."""
+    found = outcome.result.frequencies
+    over = found.over_joints
+    assert over is not None and over.joints == ("middle", "fly")
+    assert over.first[[0, -1]] == pytest.approx([1.0, 1.6]) and over.lowest.shape == (9, 9)
+    assert over.lowest[[0, -1], [0, -1]] == pytest.approx(found.models["reduced"][[0, -1], 0], rel=1e-9)
+    boom = outcome.result.scene
+    system = system_of(boom, outcome.reduced)
+    at = system.coordinates({"middle": 1.6, "fly": 1.0})
+    assert over.lowest[-1, 0] == pytest.approx(Assembly(system).frequencies(at, 1)[0], rel=1e-9)
+    assert np.abs(over.lowest[-1, 0] / over.lowest[0, -1] - 1.0) > 1e-3
+    together = load(*QUICK, "sections.fly.joint.follows=middle")
+    assert frequency_map(together, system) is None
+
+
 def test_a_result_is_read_as_it_was_saved_and_reported(outcome: BoomOutcome, tmp_path: Path) -> None:
     outcome.result.save(tmp_path)
     again = BoomResult.load(tmp_path)
@@ -184,9 +202,10 @@ def test_a_result_is_read_as_it_was_saved_and_reported(outcome: BoomOutcome, tmp
     assert again.scene.hash == outcome.result.scene.hash and again.summary == json.loads(json.dumps(again.summary))
     assert np.array_equal(again.responses["full"].slider_force, outcome.result.responses["full"].slider_force)
     assert np.array_equal(again.frequencies.models["full"], outcome.result.frequencies.models["full"])
+    assert again.frequencies.over_joints is not None and again.frequencies.over_joints.joints == ("middle", "fly")
     page = write_report([again], tmp_path).html.read_text(encoding="utf-8")
     told = ["A boom of 3 sections", "fly mouth top", "cylinder of middle", "hold both ways and pull"]
-    for said in (*told, "estimated without the full model"):
+    for said in (*told, "estimated without the full model", "extensions of middle and fly"):
         assert said in page
     outcome.reduced["fly"].save(tmp_path / "reduced-fly.npz")
     assert ReducedModel.load(tmp_path / "reduced-fly.npz").carriers is not None

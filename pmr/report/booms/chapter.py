@@ -106,7 +106,14 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
         drawing(f"{prefix}-frequencies", figures.frequencies, _of_frequencies(), result),
     ]
     published = _published(result) if "published_frequencies" in result.summary else ()
-    yield Block(heading="Extensions and frequencies", rows=(tuple(row),), grids=published)
+    drawn = [tuple(row)]
+    if (over := result.frequencies.over_joints) is not None:
+        caption = (
+            f"First natural frequency in Hz over the extensions of {' and '.join(over.joints)}, every pad closed; the "
+            "thick line is the way of this run."
+        )
+        drawn.append((drawing(f"{prefix}-map", figures.frequency_map, caption, result),))
+    yield Block(heading="Extensions and frequencies", rows=tuple(drawn), grids=published)
     tips = [direction for direction in "yz" if tip(result, result.responses["reduced"], direction) is not None]
     difference = "; below, the difference to the full model" if compared else ""
     yield Block(

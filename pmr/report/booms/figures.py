@@ -6,17 +6,20 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pmr.report.booms.lines import COLOURS, Array, lines, tip
 from pmr.report.decimation import extremes
-from pmr.report.figures.canvas import HALF, MUTED, PENS, WIDE, bins_of, key, octave_axis, sheet
+from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, RAMP, WIDE, bins_of, key, octave_axis, sheet
 from pmr.report.numbers import round_number, unit_for
 from pmr.results import BoomResult, Response
 
 #: Extensions at which the boom is drawn; largest deflection as drawn, over its reach; forces in one figure.
 DRAWN, REACH, MOST_FORCES = 4, 0.05, 12
+#: Lines of equal frequency on a map, ends included.
+LEVELS = 9
 
 
 def exaggeration(result: BoomResult) -> float:
@@ -71,6 +74,23 @@ def frequencies(result: BoomResult) -> Figure:
     ax.set_xlabel("Reach from the base's tail in m")
     ax.set_ylabel("Natural frequency in Hz")
     key(figure, handles)
+    return figure
+
+
+def frequency_map(result: BoomResult) -> Figure:
+    """First natural frequency over the extensions of two joints, as lines of equal frequency, and the run's way."""
+    found = result.frequencies.over_joints
+    assert found is not None  # who asks for the figure has looked
+    figure, axes = sheet(HALF, 2.6)
+    ax = axes[0, 0]
+    levels = np.geomspace(found.lowest.min(), found.lowest.max(), LEVELS)
+    ax.contourf(found.first, found.second, found.lowest.T, levels, cmap=LinearSegmentedColormap.from_list("", RAMP[:3]))
+    lines = ax.contour(found.first, found.second, found.lowest.T, levels, colors=INK, linewidths=0.5)
+    ax.clabel(lines, fmt=lambda value: f"{value:.3g}")
+    columns = [result.scene.names.index(name) - 1 for name in found.joints]
+    ax.plot(*result.extensions[:, columns].T, color=INK, linewidth=1.6)
+    ax.set_xlabel(f"Extension of {found.joints[0]} in m")
+    ax.set_ylabel(f"Extension of {found.joints[1]} in m")
     return figure
 
 
