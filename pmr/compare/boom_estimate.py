@@ -38,7 +38,7 @@ from pmr.system.system import System, SystemTrajectory
 Array = NDArray[np.float64]
 
 #: Share of the error that two richer models may differ by where pads lift.
-SETTLED = 0.25
+SETTLED = 0.5
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def boom_error(boom: Boom, system: System, excitation: Excitation, run: SystemTr
             with clock.stage("estimate"):
                 found = estimate(boom, system, excitation, run)
         except (SimulationError, InputError) as error:
-            why = str(error)
+            why = str(error).removeprefix("estimate: ")  # the clock's stage
     if why is not None:
         nothing = dict.fromkeys(("tip", "beam", "pad_force", "largest", "seconds", "not_covered"))
         return BoomError(Part({"estimate": nothing | {"reason": why}}))

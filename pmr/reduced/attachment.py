@@ -26,12 +26,14 @@ from pmr.reduced.truncation import extended
 
 Array = NDArray[np.float64]
 
-#: Share of the strain energy of all loads below which a direction among them is left out, and most directions.
-LEAST, MOST = 1e-8, 12
+#: Share of the inertia of all answers that directions among the loads may leave out, and most directions.
+LEFT_OUT, MOST = 1e-5, 64
 
 
 def with_attachment_modes(model: ReducedModel, loads: Array) -> ReducedModel:
     """The model with the principal answers to loads (T, K + i) in N, on its carriers and inputs, as coordinates.
+
+    They are those with the most inertia: at rest nothing is missing.  Without loads the model stays as it is.
 
     Raises
     ------
@@ -41,10 +43,12 @@ def with_attachment_modes(model: ReducedModel, loads: Array) -> ReducedModel:
     carriers = model.carriers
     if carriers is None or carriers.flexibility is None or carriers.inertia is None:
         raise ValueError("attachment modes need flexibility and inertia on carriers, as section_model gives them")
+    if not loads.any():
+        return model
     R, K = _on_loads(carriers.flexibility), len(carriers.values)
-    G = _principal(R, loads)
-    mass, turned = np.linalg.eigh(G.T @ _on_loads(carriers.inertia) @ G)
-    G, stiffness = (G @ (turned / np.sqrt(mass)))[:, ::-1], 1.0 / mass[::-1]
+    G = _principal(_on_loads(carriers.inertia), loads)
+    stiffness, turned = np.linalg.eigh(G.T @ R @ G)
+    G = G @ turned
     measured = R @ G
     on_rows = replace(carriers, values=measured[:K])
     rows = [on_rows.row(k, name).project(np.eye(len(stiffness))) for k, name in enumerate(model.row_names)]
@@ -63,11 +67,13 @@ def _on_loads(part: CarrierFlexibility) -> Array:
     return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
 
 
-def _principal(R: Array, loads: Array) -> Array:
-    """Combinations G (K + i, k) of the loads with G^T R G = I, those that store the most energy first."""
-    stiff, Q = np.linalg.eigh(R)
-    half = Q * np.sqrt(np.maximum(stiff, 0.0))
+def _principal(S: Array, loads: Array) -> Array:
+    """Combinations G (K + i, k) of the loads with G^T S G = I, those whose answers have the most inertia first."""
+    mass, Q = np.linalg.eigh(S)
+    half = Q * np.sqrt(np.maximum(mass, 0.0))
     gathered = loads.T @ (loads @ half)
     energy, V = np.linalg.eigh(half.T @ gathered)
-    chosen = np.flatnonzero(energy > LEAST * energy[-1])[::-1][:MOST]
+    energy, V = energy[::-1], V[:, ::-1]
+    known = np.cumsum(np.maximum(energy, 0.0))
+    chosen = slice(min(MOST, 1 + int(np.searchsorted(known, (1.0 - LEFT_OUT) * known[-1]))))
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])

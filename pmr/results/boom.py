@@ -34,8 +34,8 @@ class FrequencyMap:
 class BoomFrequencies:
     """Lowest natural frequencies in Hz, (S, f) by model, where a boom reaches so far, (S,) m, by such extensions.
 
-    Every contact is closed; `extensions` (S, P) in m are in the order of the sections.  `over_joints` is there where two
-    joints move each on a path of its own.
+    Every contact is closed; `extensions` (S, P) in m are in the order of the sections.  `over_joints` is there where
+    two joints move each on a path of its own.
     """
 
     reach: Array
