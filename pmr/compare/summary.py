@@ -125,5 +125,10 @@ def trusted(missing: Mapping[str, str], responses: Mapping[str, Response]) -> Pa
 
 
 def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
-    """Motions beyond what the models' theory describes."""
-    return Part(warnings=validity.large_motion(scene.length, responses.values()))
+    """Motions beyond what the models' theory describes, and materials of which nothing is built."""
+    materials = {"body.material": scene.body.material} | {
+        f"body.regions.{name}.material": region.material
+        for name, region in scene.body.regions.items()
+        if region.material is not None
+    }
+    return Part(warnings=[*validity.unusual(materials), *validity.large_motion(scene.length, responses.values())])
