@@ -78,7 +78,7 @@ def test_a_simulated_probe_is_the_recovered_stress() -> None:
     outcome = run(scenes.load(WORKFLOWS / "boom_beam.toml", [*changes, probes, "reduction.coordinates=8"]))
     assert outcome is not None and outcome.result.fields is not None
     result, reduced = outcome.result, outcome.result.responses["reduced"]
-    assert reduced.other_units == ("Pa", "Pa", "mm", "mm", "mm")
+    assert reduced.other_units[:5] == ("Pa", "Pa", "mm", "mm", "mm")  # reactions follow
     fields, (place, *_) = result.fields, result.summary["probes"]
     near = int(np.linalg.norm(fields.points - (2.0, 0.0, 0.0), axis=1).argmin())
     moved = [reduced.other(f"p displacement {d}")[-1] for d in "xyz"]
