@@ -41,6 +41,8 @@ Array = NDArray[np.float64]
 
 #: Places that are nearer to each other than this share of their distance from the origin are one frame.
 APART = 1e-9
+#: A body whose lowest omega^2 is less than this share of what is expected of it is not held.
+FREE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
     mass = gather(operators_of(model, MPI.COMM_SELF).M)
     assert mass is not None and built.model.rayleigh is not None
     damped = (w.T @ times(A, w) for A in (built.model.M, built.model.K))
-    return FramedBody(
+    body = FramedBody(
         s=s,
         places=Frames(
             ("ground", *(place if isinstance(place, str) else f"at {place:g} m" for place in places)),
@@ -90,6 +92,10 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
         C=symmetric(built.model.rayleigh.of(*damped)),
         K=symmetric(w.T @ times(held.full.K, w)),
     )
+    lowest = scipy.linalg.eigh(body.K[6:, 6:], body.M[6:, 6:], eigvals_only=True, subset_by_index=[0, 0])[0]
+    if lowest < FREE * held.full.reference_frequency**2:
+        raise _not_held()
+    return body
 
 
 def _held(built: Built, s: float) -> _Held:
@@ -109,8 +115,7 @@ def _static(held: _Held, G: sp.csr_matrix, solver: str) -> Array:
     try:
         static = static_solver(held.full, held.rows, solver)
     except ConvergenceError:
-        allowed = "pads and supports that hold the body in all directions are allowed: frames are attached to it"
-        raise InputError("scene", "supports", None, allowed) from None
+        raise _not_held() from None
     X = static.solve(G.T.toarray(order="F"))
     static.destroy()
     scale = np.sqrt(np.maximum((G @ X).diagonal(), np.finfo(float).tiny))
@@ -119,6 +124,11 @@ def _static(held: _Held, G: sp.csr_matrix, solver: str) -> Array:
     except np.linalg.LinAlgError:
         allowed = "places that move, each by itself, are allowed for frames: a clamped one does not"
         raise InputError("scene", "loads.on", None, allowed) from None
+
+
+def _not_held() -> InputError:
+    allowed = "pads and supports that hold the body at s in all directions are allowed: they join it to the first frame"
+    return InputError("scene", "supports", None, allowed)
 
 
 def _places(scene: Scene, model: StructuralModel) -> list[str | float]:

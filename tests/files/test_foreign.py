@@ -296,9 +296,10 @@ def test_sizes_and_indices_that_the_file_cannot_hold_are_refused(tmp_path: Path)
     with pytest.raises(InputError, match="entries in all rows, not 2 entries in 2000000000 x 2000000000"):
         read_foreign(files)
     files = as_scipy(tmp_path)
+    sp.save_npz(files.stiffness, given().K.tocsc())
     with np.load(files.stiffness) as found:
         parts = dict(found)
-    parts["indices"] = parts["indices"] + 10**6
+    parts["indices"] = parts["indices"] + 10**8
     np.savez(files.stiffness, **parts)
     with pytest.raises(InputError, match="K.npz: a readable .npz file"):
         read_foreign(files)
