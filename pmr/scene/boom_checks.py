@@ -43,7 +43,7 @@ def check_boom(boom: Boom) -> None:
     if len(set(planar)) > 1:
         names = ", ".join(name for name, flat in zip(boom.names, planar, strict=True) if flat)
         raise refusal("sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none")
-    _points(boom, planar[0])
+    _rigid_overlaps(boom)
     _friction(boom)
     _simulators(boom)
 
@@ -150,9 +150,13 @@ def _pads(boom: Boom, number: int) -> None:
     length = boom.length(number)
     touching = list(seats(boom, number))
     points = [seat for seat in touching if seat.ring.faces is None]
-    if points and (len(points) < len(touching) or boom.sections[number].pads):
-        allowed = f"faces are needed: other pads on {boom.names[number]} have some; points alone, or none, are allowed"
-        raise refusal(f"sections[{points[0].joint}].joint.{points[0].key}.faces", None, allowed)
+    if points:
+        key = f"sections[{points[0].joint}].joint.{points[0].key}.faces"
+        if not is_planar(boom, number):
+            raise refusal(key, None, "faces are needed: only on planar beams pads are points")
+        if len(points) < len(touching) or boom.sections[number].pads:
+            some = f"faces are needed: other pads on {boom.names[number]} have some"
+            raise refusal(key, None, f"{some}; points alone, or none, are allowed")
     for seat in touching:
         half = seat.ring.length / 2.0 if seat.ring.faces is not None else 0.0
         start, end = seat.at.first - half, seat.at.last + half
@@ -182,14 +186,10 @@ def _by_itself(boom: Boom, number: int) -> None:
         raise refusal(f"sections[{number}].{error.key}", error.value, error.allowed) from None
 
 
-def _points(boom: Boom, planar: bool) -> None:
+def _rigid_overlaps(boom: Boom) -> None:
     for number in range(1, len(boom.sections)):
-        if _joint(boom, number).rigid_overlap and not planar:
+        if _joint(boom, number).rigid_overlap and not is_planar(boom, number):
             raise refusal(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
-        for seat in seats(boom, number):
-            if seat.joint == number and seat.ring.faces is None and not planar:
-                allowed = "faces are needed: only on planar beams pads are points"
-                raise refusal(f"sections[{number}].joint.{seat.key}.faces", None, allowed)
 
 
 def _friction(boom: Boom) -> None:

@@ -74,7 +74,10 @@ def equilibrium(assembly: Assembly, x: Array, f: Array) -> Equilibrium:
     stored = q @ (assembly.K @ q) + forces @ rows.F @ forces
     stiff = stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(assembly.K) @ np.abs(q))
     if not (unchanged and stiff) or _wrong(rows, closed & pushes, ~closed, gap, q, forces, f).any():
-        allowed = "contacts that hold the bodies against the loads at the start, each in a way of its own, are allowed"
+        allowed = (
+            "contacts that hold the bodies against the loads at the start, each in a way of its own, are allowed "
+            "(pads in the middle of faces hold no roll; pads with a clearance hold nothing until a load closes them)"
+        )
         raise InputError("system", "contacts", None, allowed)
     return Equilibrium(q, forces, closed)
 

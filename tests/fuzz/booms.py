@@ -33,9 +33,11 @@ def boom(rng: Random) -> dict[str, Any]:
     count, planar = int(rng.integers(2, 5)), bool(rng.random() < 0.6)
     length = float(rng.uniform(3.0, 8.0))
     sections = [{"name": NAMES[k], **section(rng, k, planar, length)} for k in range(count)]
+    points = planar and bool(rng.random() < 0.3)
     for k in range(1, count):
-        sections[k]["joint"] = joint(rng, planar, length) | extension(rng, k, length)
-    sections[0]["supports"] = pick(rng, [held(planar)] * 3 + [luffing(length)])
+        mixed = bool(rng.random() < 0.05)
+        sections[k]["joint"] = joint(rng, planar, points != mixed) | extension(rng, k, length)
+    sections[0]["supports"] = pick(rng, [held(planar)] * 3 + [luffing(planar, length)])
     if rng.random() < 0.5:
         sections[-1]["masses"] = [{"name": "payload", "on": "tip", "mass": float(10.0 ** rng.uniform(0.0, 3.0))}]
     amount = float(10.0 ** rng.uniform(1.0, 4.0))
@@ -54,7 +56,7 @@ def boom(rng: Random) -> dict[str, Any]:
 
 
 def section(rng: Random, number: int, planar: bool, length: float) -> dict[str, Any]:
-    shrink = 0.04 * number * rng.uniform(0.7, 1.2)
+    shrink = 0.04 * (number + rng.uniform(-0.4, 0.4))
     box = {"width": 0.35 - shrink, "height": 0.45 - shrink, "wall": 8e-3, "length": length * rng.uniform(0.8, 1.1)}
     least = 3 if planar else 6
     return {
@@ -68,12 +70,13 @@ def held(planar: bool) -> list[dict[str, Any]]:
     return [{"kind": "clamped"} if planar else {"kind": "clamped", "points": "all"}]
 
 
-def luffing(length: float) -> list[dict[str, Any]]:
-    """On a pivot and a cylinder; in space nothing holds it sideways."""
-    return [{"kind": "pinned"}, {"directions": ["z"], "on": 0.25 * length, "stiffness": 5e7}]
+def luffing(planar: bool, length: float) -> list[dict[str, Any]]:
+    """On a pivot and a cylinder."""
+    pivot = [{"kind": "pinned"}] if planar else [{"directions": ["x", "y", "z", "rx", "rz"], "on": "tail"}]
+    return [*pivot, {"name": "luffing", "directions": ["z"], "on": 0.25 * length, "stiffness": 5e7}]
 
 
-def joint(rng: Random, planar: bool, length: float) -> dict[str, Any]:
+def joint(rng: Random, planar: bool, points: bool) -> dict[str, Any]:
     """Pads of one kind at both ends, or points; those that only push may have play."""
     unilateral = bool(rng.random() < 0.5)
     stiffness = 10.0 ** rng.uniform(6.0, 7.0 if unilateral else 9.0)  # stiff ones that push take many parts a step
@@ -84,7 +87,7 @@ def joint(rng: Random, planar: bool, length: float) -> dict[str, Any]:
         ring["stiffness"] = "rigid"
     if rng.random() < 0.4:
         ring["friction"] = float(rng.uniform(0.0, 0.3))
-    if not (planar and rng.random() < 0.3):
+    if not points:
         beside = [-0.06, 0.06] if rng.random() < 0.9 else [0.0]
         ring["faces"] = {"bottom": beside, "top": beside} | ({} if planar else {"left": [0.0], "right": [0.0]})
     ends = {end: [ring | {"at": float(rng.uniform(0.15, 0.4))}] for end in ("tail", "mouth")}
@@ -96,7 +99,7 @@ def joint(rng: Random, planar: bool, length: float) -> dict[str, Any]:
 def extension(rng: Random, number: int, length: float) -> dict[str, Any]:
     if number > 1 and rng.random() < 0.4:
         return {"follows": NAMES[int(rng.integers(1, number))], "ratio": float(rng.uniform(0.3, 1.2))}
-    low, high = (rng.uniform(0.3, 0.9, 2) * length).tolist()
+    low, high = (rng.uniform(0.3, 0.75, 2) * length).tolist()
     signals = (low, {"kind": "smooth_ramp", "times": [0.0, STEPS * STEP], "values": [low, 0.9 * low + 0.1 * high]})
     return {pick(rng, ("extension", "extension", "overlap")): pick(rng, signals)}
 

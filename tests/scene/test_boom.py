@@ -93,6 +93,11 @@ def test_what_contradicts_itself_is_refused_with_key_and_numbers(change: str, sa
     assert "\n" not in str(told.value)
 
 
+def test_pads_in_space_need_faces() -> None:
+    with pytest.raises(InputError, match=r"sections\[1\].joint.tail\[0\].faces: faces are needed: only on planar"):
+        load("section.joint.tail=[{at=0.15}]", "section.joint.mouth=[{at=0.15}]", "section.body.model=beam3d")
+
+
 def test_friction_needs_a_cylinder() -> None:
     assert load("section.joint.tail.0.friction=0.1").sections[1].joint.rings[0].friction == 0.1
     data = load("section.joint.tail.0.friction=0.1").model_dump(mode="json", exclude={"section"})

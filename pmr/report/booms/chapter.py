@@ -139,7 +139,8 @@ def _published(result: BoomResult) -> tuple[Grid]:
         models = [name for name in ("full", "reduced") if name in one]
         ours = [f"{one[name]:.4f} ({signed_deviation(one[name], one['published'])})" for name in models]
         rows.append((f"{one['reach']:.5g}{SPACE}m", f"{one['published']:g}", *ours))
-    caption = f"First natural frequency in Hz beside the published one ({result.scene.published.source})."
+    remarks = "".join(f" {remark}" for remark in result.scene.published.remarks)
+    caption = f"First natural frequency in Hz beside the published one ({result.scene.published.source}).{remarks}"
     return (Grid(caption, ("reach", "published", *models), tuple(rows)),)
 
 
