@@ -56,10 +56,9 @@ def tables(folder: Path) -> list[bytes]:
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The study of squares, run by the program on two workers."""
+    """The study of squares, on two workers."""
     folder = tmp_path_factory.mktemp("done")
-    finished = python(PROGRAM, str(folder), "2")
-    assert finished.returncode == 0, finished.stderr
+    run(folder, Squares(log=folder / "calls", seconds=SLEPT))
     assert calls(folder) == ONCE
     return folder
 
