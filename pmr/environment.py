@@ -21,6 +21,8 @@ from typing import Any
 from pmr.errors import InputError, SimulationError
 
 MEMINFO = Path("/proc/meminfo")
+#: Each launcher's name for the number of processes that it started.
+LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")
 
 _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "weasyprint")
 _NUMERICAL = ("numpy", "scipy", "numba", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
@@ -83,6 +85,11 @@ def available_memory() -> int | None:
         line = next(line for line in MEMINFO.read_text().splitlines() if line.startswith("MemAvailable:"))
         return int(line.split()[1]) * 1024
     return None
+
+
+def launched() -> int:
+    """How many processes a launcher of MPI started together, 1 without one."""
+    return max(int(os.environ.get(name, "1")) for name in LAUNCHED)
 
 
 def versions() -> dict[str, str]:

@@ -48,6 +48,13 @@ def test_a_model_of_forms_is_refused_in_one_line() -> None:
     assert "body.model = 'beam2d': matrices is allowed without FEniCSx" in done.stderr.replace('"', "'")
 
 
+def test_several_processes_are_refused_without_mpi(scene_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PMI_SIZE", "2")
+    done = without((*FENICSX, *PETSC), "run", str(scene_file))
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert "mpi4py: with petsc4py and slepc4py it is needed for more than one process" in done.stderr
+
+
 def test_matrices_without_a_map_are_node_by_node() -> None:
     given = bricks((2, 1, 1), (0.4, 0.1, 0.1))
     again = from_matrices(given.M.toarray(), given.K.toarray(), given.points, {"tip": [3]})

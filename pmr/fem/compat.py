@@ -71,6 +71,7 @@ else:
 
     SLEPc = None
 
+from pmr.environment import launched
 from pmr.errors import InputError
 from pmr.files.built import stored
 
@@ -80,6 +81,11 @@ __all__ = [
     "lagrange_space", "original_cells", "rule_points", "shell_space", "tabulated", "tabulation_space",
     "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
+
+if not HAS_PETSC and launched() > 1:  # each would take itself for the only one
+    raise InputError(
+        "installation", "mpi4py", None, "with petsc4py and slepc4py it is needed for more than one process"
+    )
 
 Array = NDArray[np.float64]
 VERSION = () if _MISSING else tuple(int(part) for part in dolfinx.__version__.split(".")[:2])

@@ -15,12 +15,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
+from pmr import environment
 from pmr.errors import InputError
 from pmr.studies.engine.orders import Answer, Order
 from pmr.studies.engine.worker import Worker
-
-#: Each launcher's name for the number of processes it started.
-LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")
 
 
 class Pool(Protocol):
@@ -98,7 +96,7 @@ def launched_ranks() -> int:
     InputError
         If the launcher belongs to another MPI than mpi4py, so that each process would take itself for the only one.
     """
-    asked = max(int(os.environ.get(name, "1")) for name in LAUNCHED)
+    asked = environment.launched()
     if asked == 1:
         return 1
     from mpi4py import MPI
