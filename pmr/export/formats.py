@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from pmr import environment
 from pmr.errors import InputError
 from pmr.errors.text import hint
-from pmr.fields.framed import FramedBody
-from pmr.fields.nodal import NodalBody
 
 
 @dataclass(frozen=True)
@@ -53,45 +52,34 @@ def _fmu(model: Path, target: Path, options: Options) -> Path:
     return write_fmu(model, target, options.fmi or "3")
 
 
-def _matlab(model: Path, target: Path, options: Options) -> Path:
-    from pmr.export.control import write_matlab
+def _imported(module: str, name: str) -> Callable[..., Path]:
+    """A writer of this room, imported when it is called."""
 
-    return write_matlab(model, target, options.at)
+    def write(*arguments: Any) -> Path:
+        written: Path = getattr(import_module(f"pmr.export.{module}"), name)(*arguments)
+        return written
 
-
-def _python_control(model: Path, target: Path, options: Options) -> Path:
-    from pmr.export.control import write_python_control
-
-    return write_python_control(model, target, options.at)
+    return write
 
 
-def _frequency_response(model: Path, target: Path, options: Options) -> Path:
-    from pmr.export.control import write_frequency_response
-
-    return write_frequency_response(model, target, options.at)
-
-
-def _dmig(model: Path, target: Path, options: Options) -> Path:
-    from pmr.export.nastran import write_dmig
-
-    return write_dmig(model, target, options.at)
-
-
-def _op4(model: Path, target: Path, options: Options) -> Path:
-    from pmr.export.nastran import write_output4
-
-    return write_output4(model, target, options.at)
+def _at(module: str, name: str) -> Callable[[Path, Path, Options], Path]:
+    """One that asks for places."""
+    return lambda model, target, options: _imported(module, name)(model, target, options.at)
 
 
 _AT = frozenset({"at"})
 FORMATS = {
     "exudyn": Format("a standalone Python script", "sliding_body.py", frozenset(), _exudyn),
     "fmu": Format("a functional mock-up unit", "sliding_body.fmu", frozenset({"fmi"}), _fmu),
-    "matlab": Format("state space on a grid of s", "state_space.mat", _AT, _matlab),
-    "python-control": Format("the same, read by a script", "state_space.py", _AT, _python_control),
-    "frequency-response": Format("a table and a picture over s", "frequency_response.csv", _AT, _frequency_response),
-    "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _dmig),
-    "op4": Format("the same matrices as OUTPUT4", "sliding_body.op4", _AT, _op4),
+    "matlab": Format("state space on a grid of s", "state_space.mat", _AT, _at("control", "write_matlab")),
+    "python-control": Format(
+        "the same, read by a script", "state_space.py", _AT, _at("control", "write_python_control")
+    ),
+    "frequency-response": Format(
+        "a table and a picture over s", "frequency_response.csv", _AT, _at("control", "write_frequency_response")
+    ),
+    "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _at("nastran", "write_dmig")),
+    "op4": Format("the same matrices as OUTPUT4", "sliding_body.op4", _AT, _at("nastran", "write_output4")),
 }
 
 
@@ -107,28 +95,12 @@ class BodyFormat:
     write: Callable[[Any, Path], Path]
 
 
-def _sid(body: NodalBody, target: Path) -> Path:
-    from pmr.export.sid import write_sid
-
-    return write_sid(body, target)
-
-
-def _ffrf(body: NodalBody, target: Path) -> Path:
-    from pmr.export.ffrf import write_ffrf
-
-    return write_ffrf(body, target)
-
-
-def _simscape(body: FramedBody, target: Path) -> Path:
-    from pmr.export.simscape import write_simscape
-
-    return write_simscape(body, target)
-
-
 BODY_FORMATS = {
-    "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", "node", _sid),
-    "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", "node", _ffrf),
-    "simscape": BodyFormat("Reduced Order Flexible Solid of Simscape", "body.mat", "frame", _simscape),
+    "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", "node", _imported("sid", "write_sid")),
+    "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", "node", _imported("ffrf", "write_ffrf")),
+    "simscape": BodyFormat(
+        "Reduced Order Flexible Solid of Simscape", "body.mat", "frame", _imported("simscape", "write_simscape")
+    ),
 }
 
 

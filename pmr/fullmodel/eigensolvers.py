@@ -1,6 +1,6 @@
-"""The lowest modes of the full model with its rows held at one path coordinate: SLEPc, or dense LAPACK.
+"""The lowest modes of the full model with its rows held at one path coordinate: block Lanczos, SLEPc, or dense LAPACK.
 
-Both solve (K + sigma M) phi = (omega^2 + sigma) M phi with a small sigma > 0 for the largest 1 / (omega^2 + sigma).
+All solve (K + sigma M) phi = (omega^2 + sigma) M phi with a small sigma > 0 for the largest 1 / (omega^2 + sigma).
 That keeps rigid-body modes harmless and, in contrast to asking LAPACK for eigenvalues of (K, M), gives the low modes
 to full relative accuracy: they are then the dominant ones.
 """
@@ -24,7 +24,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, finished, lowest_of, solved
 
 Array = NDArray[np.float64]
-DENSE_UP_TO = 1500  # coordinates; above, SLEPc is the automatic choice
+DENSE_UP_TO = 1500  # coordinates; above, sparse factors are the automatic choice
 CLUSTER = 1e-7  # relative distance of omega^2 below which two modes count as one cluster
 
 
