@@ -54,6 +54,7 @@ def crane(found: Found) -> None:
     assert lowest == sorted(lowest, reverse=True) and max(found["sway"].values()) < 1e-3
     for curve in found["curves"].values():
         np.testing.assert_allclose(curve.reduced[:, 0], curve.full[:, 0], rtol=1e-4)
+    assert "<canvas" in found["report"]
 
 
 @figures_of
@@ -105,6 +106,7 @@ def weld(found: Found) -> None:
     stress, cycles = found["stress"], found["cycles"]
     assert stress.max() > 1.0 and stress.min() < -1.0 and len(stress) == 10001
     assert 1e-6 * cycles["range"].max() == pytest.approx(stress.max() - stress.min(), rel=1e-9)
+    assert "<canvas" in found["report"]
 
 
 @figures_of

@@ -267,7 +267,8 @@ def test_one_and_two_ranks_give_the_same_figures(tmp_path) -> None:
     E = a["coordinates"]["full"] * np.finfo(float).eps / 2.0 * sigma[0]
     np.testing.assert_allclose(b["basis"]["singular_values"], sigma, rtol=0.0, atol=E)
     turned = E / (sigma[17] - sigma[18])
-    assert turned < 1e-8 < 1e-4 * min(a["errors"]["reduced_vs_full"].values())
+    displaced = [a["errors"]["reduced_vs_full"][name] for name in ("tip", "beam", "pad_force")]
+    assert turned < 1e-8 < 1e-4 * min(displaced)
     assert a["errors"]["reduced_vs_full"] == pytest.approx(b["errors"]["reduced_vs_full"], rel=0.0, abs=turned)
     assert a["max_displacement"] == pytest.approx(b["max_displacement"], rel=1e-9)
 

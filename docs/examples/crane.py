@@ -15,6 +15,8 @@ from typer.testing import CliRunner
 
 import pmr
 from pmr.cli.app import app
+from pmr.report.document import page
+from pmr.report.sections import chapter
 
 loads = [100.0, 400.0, 1600.0]  # kg on the hook
 curves, sway = {}, {}
@@ -36,3 +38,8 @@ for load, curve in curves.items():
 axes.set(xlabel="length that is out in m", ylabel="lowest frequency in Hz", title="lines: full model; circles: reduced")
 axes.legend()
 plt.show()
+
+# %%
+# The page of the last run's report, to play and to turn.
+
+report = page([chapter(result, "crane")])

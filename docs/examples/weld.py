@@ -14,6 +14,8 @@ import matplotlib.pyplot as plt
 
 import pmr
 import pmr.results
+from pmr.report.document import page
+from pmr.report.sections import chapter
 
 SCENE = """
 extends = "boom_shell"
@@ -35,7 +37,8 @@ face = "outer"
 
 with TemporaryDirectory() as folder:
     Path(folder, "weld.toml").write_text(SCENE)
-    pmr.run(pmr.load_scene(Path(folder, "weld.toml"), ["simulation.repeats=1"])).result.save(Path(folder))
+    result = pmr.run(pmr.load_scene(Path(folder, "weld.toml"), ["simulation.repeats=1"])).result
+    result.save(Path(folder))
     found = pmr.results.load(folder)
 
 stress = 1e-6 * found["reduced"]["weld stress along [Pa]"]
@@ -49,3 +52,8 @@ left.set(xlabel="t in s", ylabel="stress along the boom in MPa")
 right.hist(1e-6 * cycles["range"], weights=cycles["count"], bins=12)
 right.set(xlabel="range in MPa", ylabel="cycles")
 plt.show()
+
+# %%
+# The page of the run's report: the boom in motion, to play and to turn, and the weld's cycles in classes.
+
+report = page([chapter(result, "weld")])

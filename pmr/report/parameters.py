@@ -121,7 +121,8 @@ def _motion(result: RunResult) -> Rows:
         yield f"load {load.name}", f"{described(load.signal, unit)}; {load.where}"
     if (gravity := result.scene.gravity) is not None:
         along = ", ".join(plain(round(c, 3) + 0.0) for c in gravity.direction)
-        yield "gravity", f"{plain(gravity.acceleration)}{SPACE}m/s² along ({along})"
+        raised = f", raised by {plain(round(gravity.raised, 2))}°" if abs(gravity.raised) >= 0.01 else ""
+        yield "gravity", f"{plain(gravity.acceleration)}{SPACE}m/s² along ({along}){raised}"
 
 
 def _method(scene: Scene) -> Rows:

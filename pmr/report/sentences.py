@@ -48,7 +48,10 @@ def opening(result: RunResult) -> str:
             if high > low
             else f"{plain(end - low)}{SPACE}m"
         )
-        what = f"A section of {plain(end)}{SPACE}m slides through a mouth, beyond which {out} of it reach."
+        gravity = result.scene.gravity
+        raised = round(gravity.raised, 1) if gravity is not None else 0.0
+        where = f", raised by {plain(raised)}°," if raised else ""
+        what = f"A section of {plain(end)}{SPACE}m{where} slides through a mouth, beyond which {out} of it reach."
     else:
         count = len(offsets(result))
         where = f"between {plain(low)}{SPACE}m and {plain(high)}{SPACE}m" if high > low else f"at {plain(low)}{SPACE}m"

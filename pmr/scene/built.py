@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from pmr.scene.section import (
     Count,
@@ -214,11 +215,22 @@ class Load(Section):
     signal: Signal = Field(description="Over time, in N or N m")
 
 
+def _or_inclination(schema: dict[str, Any]) -> None:
+    """An inclination may stand in the place of the direction."""
+    about = "How far the boom is raised, in place of the direction, which then is (-sin, 0, -cos) of it"
+    degrees = {"type": "number", "minimum": -90.0, "maximum": 90.0, "unit": "degrees", "default": None}
+    schema["properties"] |= {"inclination": degrees | {"description": about}}
+    schema["not"] = {"required": ["inclination", "direction"]}
+
+
 class Gravity(Section):
     """The weight of everything; it comes up smoothly within the first `rise` seconds, 0: at once.
 
-    Of `direction` the length does not count: it is stored as a unit vector.
+    Down is where `direction` points, whose length does not count, or what an `inclination` in degrees says of a boom
+    that is raised, with x along it: one of the two.  It is stored as a unit vector.
     """
+
+    model_config = ConfigDict(json_schema_extra=_or_inclination)
 
     acceleration: Annotated[float, Field(gt=0.0, strict=True), Quantity("m/s^2", 1e-9, 1e6)] = Field(
         default=GRAVITY, description="Of free fall"
@@ -229,6 +241,23 @@ class Gravity(Section):
     rise: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e9)] = Field(
         default=1.0, description="Time in which it comes up"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _inclined(cls, data: Any) -> Any:
+        if not (isinstance(data, dict) and "inclination" in data):
+            return data
+        rest, angle = {key: value for key, value in data.items() if key != "inclination"}, data["inclination"]
+        is_number = isinstance(angle, (int, float)) and not isinstance(angle, bool)
+        if "direction" in rest or not is_number or not -90.0 <= angle <= 90.0:
+            raise ValueError("inclination, a number from -90 to 90 in degrees, or direction is allowed")
+        radians = math.radians(angle)
+        return rest | {"direction": (0.0 - math.sin(radians), 0.0, 0.0 - math.cos(radians))}
+
+    @property
+    def raised(self) -> float:
+        """How far x points upwards, in degrees."""
+        return math.degrees(math.asin(0.0 - self.direction[0]))
 
     @property
     def signal(self) -> SignalBase:

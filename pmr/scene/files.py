@@ -31,7 +31,11 @@ MOVED = {
 DIALECT = Dialect(
     "scene file",
     own=("published",),
-    alternatives={"damping": (("mass", "stiffness"), ("ratio", "frequencies")), "body": (("box",), ("profile",))},
+    alternatives={
+        "damping": (("mass", "stiffness"), ("ratio", "frequencies")),
+        "body": (("box",), ("profile",)),
+        "gravity": (("direction",), ("inclination",)),
+    },
     moved=MOVED,
 )
 

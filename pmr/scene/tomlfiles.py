@@ -388,7 +388,11 @@ def _known_keys(root: type[BaseModel], location: Sequence[str | int]) -> list[st
             return []
         choices = _sections_in(field.annotation)
         section = choices[0] if choices else section
-    return list(section.model_fields) + (["extends"] if section is root else [])
+    other_ways: Any = section.model_config.get("json_schema_extra")
+    said_otherwise: dict[str, dict[str, Any]] = {"properties": {}}
+    if callable(other_ways):
+        other_ways(said_otherwise)
+    return [*section.model_fields, *said_otherwise["properties"], *(["extends"] if section is root else [])]
 
 
 def _kinds(section: type[BaseModel]) -> tuple[Any, ...]:

@@ -7,6 +7,7 @@ from html import unescape
 
 import pytest
 
+from pmr.report import sentences
 from pmr.report.blocks import Drawing, drawing
 from pmr.report.figures import sketch
 from pmr.results import RunResult
@@ -41,6 +42,12 @@ def test_a_boom_has_what_is_attached_to_it(boom: RunResult, make_space) -> None:
     assert texts(boom) == ["cylinder", "2 m … 4.5 m beyond the mouth", "g", "payload, 250 kg", "tip force", "gust"]
     bare = make_space(loads=[], masses=[], supports=[])
     assert texts(bare) == ["2 m … 4.5 m beyond the mouth", "g"] and coloured(bare, LOAD) == 0
+
+
+def test_the_weight_points_where_it_does(boom: RunResult, make_space) -> None:
+    raised = make_space(gravity={"inclination": 60.0})
+    assert drawn(raised).svg != drawn(boom).svg and texts(raised) == texts(boom)
+    assert ", raised by 60°," in sentences.opening(raised) and "raised" not in sentences.opening(boom)
 
 
 @pytest.mark.parametrize(

@@ -59,6 +59,8 @@ masses = [{ name = "payload", on = "tip" }]
 masses = [{ name = "payload", on = "tip", mass = -1.0 }]
 gravity.direction = [0.0, 1.0]
 gravity.rise = -1.0
+gravity.inclination = 120.0
+gravity = { inclination = 30.0, direction = [0.0, 0.0, -1.0] }
 damping = { ratio = 0.01, frequencies = [1.0] }
 damping = { ratio = 0.01, frequencies = [1.0, 2.0], mass = 1.0 }
 time.end = "long"

@@ -62,6 +62,21 @@ def test_of_the_direction_of_gravity_the_length_does_not_count(load, direction: 
     assert again.gravity.direction == found.direction
 
 
+def test_an_inclination_stands_in_the_place_of_a_direction(load) -> None:
+    found = load("gravity.inclination=30.0").gravity
+    assert found.direction == pytest.approx((-0.5, 0.0, -np.sqrt(0.75)), rel=1e-15) and found.raised == pytest.approx(
+        30
+    )
+    assert load("gravity.inclination=0").hash == load().hash
+    after = load("gravity.direction=[0.0,1.0,0.0]", "gravity.inclination=-90.0").gravity  # the last one counts
+    assert after.direction == pytest.approx((1.0, 0.0, 0.0), abs=1e-15)
+    for wrong in ("91", "true", "'steep'"):
+        with pytest.raises(InputError, match="a number from -90 to 90 in degrees"):
+            load(f"gravity.inclination={wrong}")
+    with pytest.raises(InputError, match="did you mean 'inclination'"):
+        load("gravity.inclinaton=3")
+
+
 def test_free_modes_with_residual_flexibility_are_the_default(load) -> None:
     assert load().reduction.basis == "free_modes" and load().reduction.flexibility
     held = load("reduction.basis=eigenmodes")

@@ -103,7 +103,8 @@ def _telescopic(result: RunResult, stretch: _Stretch) -> Figure:
     paper.range(-outer - 0.24 * inch, 0.0, tip, f"{out} beyond the mouth")
     if result.scene.gravity is not None:
         middle = tail + 0.62 * end
-        paper.arrow(middle, tall / 2.0 + ARROW * inch, 0.0, -ARROW * inch, MUTED)
+        along, _, up = (ARROW * inch * part for part in result.scene.gravity.direction)
+        paper.arrow(middle - along, tall / 2.0 - up, along, up, MUTED)
         paper.write(middle + 0.1 * inch, tall / 2.0 + 0.2 * inch, "g", MUTED)
     _loads(paper, result, tail, tip, tall / 2.0)
     return paper.figure
