@@ -252,6 +252,8 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
         "1.05\u00a0%",
         said,
     )
+    of_probe = sentences.estimate(make_result(summary=summary | {"estimate": estimated | {"probe": 0.031}}))
+    assert "along the beam, and at most 3.10\u00a0% of what a probe measures" in of_probe
     alone = make_result(summary={"estimate": estimated})
     assert "estimated error along the beam" in [number.label for number in sentences.key_numbers(alone)]
     assert sentences.estimate(alone).endswith("along the beam; it includes a margin of a quarter.")
