@@ -14,18 +14,16 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.errors import ConvergenceError
 from pmr.fem.compat import HAS_PETSC, PETSc
 from pmr.fem.distributed import freed, times
 from pmr.fem.matrices import gather
 from pmr.fullmodel.elimination import eliminate
 from pmr.fullmodel.low_rank_eigensolver import OneFactorEigenSolver
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.modes import Modes, finished, lowest_of, solved
+from pmr.fullmodel.modes import Modes, check_count, clustered, finished, lowest_of, solved
 
 Array = NDArray[np.float64]
 DENSE_UP_TO = 1500  # coordinates; above, sparse factors are the automatic choice
-CLUSTER = 1e-7  # relative distance of omega^2 below which two modes count as one cluster
 
 
 class EigenSolver(Protocol):
@@ -74,7 +72,7 @@ class DenseEigenSolver:
         C, compliance = model.rows.at(s), model.rows.compliance
         rigid, soft = np.flatnonzero(compliance == 0.0), np.flatnonzero(compliance)
         elimination = eliminate(C[rigid], [model.rows.names[i] for i in rigid])
-        _check_count(count, model.size - len(elimination.pivots))
+        check_count(count, model.size - len(elimination.pivots))
         phi, omega2, cut = np.empty((model.size, count)), np.empty(count), False
         if self._M is not None and self._K is not None:
             springs = (C[soft].T @ sp.diags(1.0 / compliance[soft]) @ C[soft]).toarray() if len(soft) else 0.0
@@ -82,7 +80,7 @@ class DenseEigenSolver:
             mu, z = scipy.linalg.eigh(M, K + self._sigma * M)
             all_omega2 = 1.0 / mu[::-1] - self._sigma
             omega2, phi = all_omega2[:count], elimination.matrix() @ z[:, ::-1][:, :count]
-            cut = len(all_omega2) > count and _clustered(all_omega2[count - 1], all_omega2[count])
+            cut = len(all_omega2) > count and clustered(all_omega2[count - 1], all_omega2[count])
         omega2, phi, cut = model.comm.bcast((omega2, phi, cut))
         first, last = model.M.getOwnershipRange()
         return finished(model, s, omega2, np.ascontiguousarray(phi[first:last]), cut)
@@ -103,7 +101,7 @@ class SlepcEigenSolver:
         model = self._model
         elimination = eliminate(model.rows.at(s), model.rows.names)
         dimension = model.size - len(elimination.pivots)
-        _check_count(count, dimension)
+        check_count(count, dimension)
         T = elimination.petsc(model.M)
         M, K = model.M.PtAP(T), model.K.PtAP(T)
         wanted = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
@@ -111,7 +109,7 @@ class SlepcEigenSolver:
         for _ in range(wanted):
             below = (
                 omega2[count - 1] * (1.0 - 1e-5) - self._sigma * 1e-5
-                if len(omega2) == count or _clustered(omega2[count - 1], omega2[count])
+                if len(omega2) == count or clustered(omega2[count - 1], omega2[count])
                 else (omega2[count - 1] + omega2[count]) / 2.0
             )
             missing = _inertia(M, K, below) - int(np.sum(omega2 < below))
@@ -121,7 +119,7 @@ class SlepcEigenSolver:
             omega2, z = np.concatenate([omega2, more_omega2]), z + more
             order = np.argsort(omega2, kind="stable")[:wanted]
             omega2, z = omega2[order], [z[i] for i in order]
-        cut = len(omega2) > count and _clustered(omega2[count - 1], omega2[count])
+        cut = len(omega2) > count and clustered(omega2[count - 1], omega2[count])
         phi = times(T, np.column_stack([vector.getArray() for vector in z[:count]]))
         freed(T, M, K, *z)
         return finished(model, s, omega2[:count], phi, cut)
@@ -148,18 +146,6 @@ def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> A
     found = eigensolver(model, solver)
     count = min(count, model.size - len(model.rows.names))
     return np.array([found.lowest(float(at), count).omega for at in s])
-
-
-def _check_count(count: int, dimension: int) -> None:
-    if count > dimension:
-        raise ConvergenceError(
-            f"{count} modes asked for, but the model has {dimension} free coordinates; ask for fewer modes or refine "
-            "the mesh"
-        )
-
-
-def _clustered(a: float, b: float) -> bool:
-    return abs(b - a) <= CLUSTER * max(abs(a), abs(b))
 
 
 def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:

@@ -15,13 +15,13 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.errors import ConvergenceError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import freed, inner, subtract
 from pmr.fem.factor import factor_of
 from pmr.fullmodel.block_lanczos import BLOCK, largest
+from pmr.fullmodel.elimination import eliminate
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.modes import Modes, finished
+from pmr.fullmodel.modes import Modes, check_count, clustered, finished
 
 Array = NDArray[np.float64]
 
@@ -41,11 +41,14 @@ class OneFactorEigenSolver:
 
         Raises
         ------
-        ConvergenceError
-            If fewer than `count` modes exist or converge.
+        DependentRowsError, ConvergenceError
+            If rigid rows depend on each other, or fewer than `count` modes exist or converge.
         """
-        model, factor = self._model, self._factor
-        Ct = np.asfortranarray(model.rows.at(s)[:, model.share].T.toarray())
+        model, factor, C = self._model, self._factor, self._model.rows.at(s)
+        rigid = np.flatnonzero(model.rows.compliance == 0.0)
+        dimension = model.size - len(eliminate(C[rigid], [model.rows.names[i] for i in rigid]).pivots)
+        check_count(count, dimension)
+        Ct = np.asfortranarray(C[:, model.share].T.toarray())
         answers = factor.solve_columns(Ct)
         system = inner(Ct, answers, model.comm) + np.diag(model.rows.compliance)
         held = scipy.linalg.cho_factor((system + system.T) / 2.0) if len(system) else None
@@ -57,8 +60,8 @@ class OneFactorEigenSolver:
             return x
 
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (model.size, BLOCK))[model.share]
-        dimension = model.size - int(np.sum(model.rows.compliance == 0.0))
-        found = largest(apply, model.M, apply(np.asfortranarray(loads)), count, dimension)
-        if len(found.theta) < count:
-            raise ConvergenceError(f"{count} modes asked for, but the model has {dimension} free coordinates")
-        return finished(model, s, 1.0 / found.theta - self._sigma, found.vectors, cut=False)
+        wanted = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
+        found = largest(apply, model.M, apply(np.asfortranarray(loads)), wanted, dimension)
+        omega2 = 1.0 / found.theta - self._sigma
+        cut = len(omega2) > count and clustered(omega2[count - 1], omega2[count])
+        return finished(model, s, omega2[:count], np.asfortranarray(found.vectors[:, :count]), cut)

@@ -19,6 +19,8 @@ logger = logging.getLogger(__name__)
 
 #: Of the Krylov sequences.
 TOLERANCE, ITERATIONS = 1e-13, 500
+#: Relative distance of omega^2 below which two modes count as one cluster.
+CLUSTER = 1e-7
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,26 @@ def solved(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
     order = np.argsort(omega2, kind="stable")
     eps.destroy()
     return omega2[order], [vectors[i] for i in order]
+
+
+def check_count(count: int, dimension: int) -> None:
+    """Refuse to look for more modes than there are.
+
+    Raises
+    ------
+    ConvergenceError
+        With both numbers.
+    """
+    if count > dimension:
+        raise ConvergenceError(
+            f"{count} modes asked for, but the model has {dimension} free coordinates; ask for fewer modes or refine "
+            "the mesh"
+        )
+
+
+def clustered(a: float, b: float) -> bool:
+    """Whether omega^2 of two modes are told apart by round-off alone."""
+    return abs(b - a) <= CLUSTER * max(abs(a), abs(b))
 
 
 def finished(model: FullModel, s: float, omega2: Array, phi: Array, cut: bool) -> Modes:

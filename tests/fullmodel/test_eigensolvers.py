@@ -13,11 +13,13 @@ from pmr.fullmodel import modes
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver, eigensolver
 from pmr.fullmodel.elimination import DependentRowsError
+from pmr.fullmodel.low_rank_eigensolver import OneFactorEigenSolver
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes
 
 pytestmark = pytest.mark.mpi
 SOLVERS = [DenseEigenSolver, SlepcEigenSolver]
+ALL = [*SOLVERS, OneFactorEigenSolver]
 POSITIONS = [0.1, 1.25, 2.0 / 3.0, 2.5, 3.777, 5.0]  # on nodes, in mid-element, at the end
 
 
@@ -30,7 +32,7 @@ def everywhere(modes: Modes) -> np.ndarray:
     return np.concatenate(MPI.COMM_WORLD.allgather(modes.phi))
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL)
 @pytest.mark.parametrize("s", CLOSED_FORM)
 def test_frequencies_are_those_of_the_closed_form(model: FullModel, solver, s: float) -> None:
     """50 elements; 1.25 m and 3.75 m lie in mid-element, where the kink in curvature costs accuracy."""
@@ -110,7 +112,7 @@ def test_a_mode_that_the_iteration_missed_is_found_by_the_inertia(model: FullMod
     assert everywhere(forgetful) == pytest.approx(everywhere(sound), abs=1e-9)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL)
 def test_a_pair_cut_in_two_is_said(coinciding: tuple[FullModel, float], solver, caplog) -> None:
     with caplog.at_level(logging.WARNING):
         solver(coinciding[0]).lowest(2.5, 3)
@@ -121,7 +123,7 @@ def test_a_pair_cut_in_two_is_said(coinciding: tuple[FullModel, float], solver, 
     assert caplog.text == ""
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL)
 def test_a_rigid_body_mode_is_found_at_zero(load_scene, solver) -> None:
     """Rollers leave the axial motion free: one mode at 0, and the shift keeps the factorisation regular."""
     rollers = "supports=[{on=0.0,kind='roller'}]"
@@ -130,7 +132,7 @@ def test_a_rigid_body_mode_is_found_at_zero(load_scene, solver) -> None:
     assert modes.omega[0] < 1e-2 and modes.omega[1:] == pytest.approx(CLOSED_FORM[2.5], rel=1e-6)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL)
 def test_more_modes_than_there_are_is_an_error_that_says_what_to_do(load_scene, solver) -> None:
     model = full_model(load_scene("paper_simple", ["mesh.elements=2"]))
     with pytest.raises(ConvergenceError, match="6 free coordinates; ask for fewer modes or refine"):
@@ -146,7 +148,7 @@ def test_too_few_converged_pairs_are_an_error_that_says_what_to_do(model: FullMo
         SlepcEigenSolver(model).lowest(2.5, 40)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ALL)
 def test_the_slider_on_the_support_is_refused(model: FullModel, solver) -> None:
     with pytest.raises(DependentRowsError, match="slider"):
         solver(model).lowest(0.0, 3)
