@@ -79,7 +79,11 @@ def _numbers(result: BoomResult) -> Iterator[KeyNumber]:
     sizes = summary["coordinates"]
     yield KeyNumber(f"{plain(sizes['full'])}{SPACE}→{SPACE}{sizes['reduced']}", "coordinates")
     errors = summary["errors"].get("reduced_vs_full", {})
-    for place, label in (("tip", "error at the tip"), ("beam", "error along all sections"), ("pad_force", "of forces")):
+    for place, label in (
+        ("tip", "error at the tip"),
+        ("beam", "error along all sections"),
+        ("pad_force", "error of all forces"),
+    ):
         if place in errors:
             yield KeyNumber(percent(errors[place]), label)
     if not errors and (said := summary.get("estimate", {}).get("beam")) is not None:
@@ -110,7 +114,7 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
     if (over := result.frequencies.over_joints) is not None:
         caption = (
             f"First natural frequency in Hz over the extensions of {' and '.join(over.joints)}, every pad closed; the "
-            "thick line is the way of this run."
+            "white line is the way of this run."
         )
         drawn.append((drawing(f"{prefix}-map", figures.frequency_map, caption, result),))
     yield Block(heading="Extensions and frequencies", rows=tuple(drawn), grids=published)

@@ -9,6 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 
 from pmr.report.booms.lines import COLOURS, Array, lines, tip
 from pmr.report.decimation import extremes
@@ -18,7 +20,7 @@ from pmr.results import BoomResult, Response
 
 #: Extensions at which the boom is drawn; largest deflection as drawn, over its reach; forces in one figure.
 DRAWN, REACH, MOST_FORCES = 4, 0.05, 12
-#: Lines of equal frequency on a map, ends included.
+#: Lines of equal frequency on a map at most.
 LEVELS = 9
 
 
@@ -53,7 +55,8 @@ def extensions(result: BoomResult) -> Figure:
     ax, t = axes[0, 0], result.responses["reduced"].t
     for k, (name, values) in enumerate(zip(result.scene.names[1:], result.extensions.T, strict=True), start=1):
         shown = extremes(values, bins_of(ax))
-        ax.plot(t[shown], values[shown], color=COLOURS[k % len(COLOURS)], label=name)
+        wide = 1.0 + 1.2 * (len(result.scene.names) - 1 - k)  # sections may extend together
+        ax.plot(t[shown], values[shown], color=COLOURS[k % len(COLOURS)], label=name, linewidth=wide)
     ax.set_xlim(t[0], t[-1])
     ax.set_xlabel("Time in s")
     ax.set_ylabel("Extension in m")
@@ -83,12 +86,13 @@ def frequency_map(result: BoomResult) -> Figure:
     assert found is not None  # who asks for the figure has looked
     figure, axes = sheet(HALF, 2.6)
     ax = axes[0, 0]
-    levels = np.geomspace(found.lowest.min(), found.lowest.max(), LEVELS)
+    levels = MaxNLocator(LEVELS).tick_values(found.lowest.min(), found.lowest.max())
     ax.contourf(found.first, found.second, found.lowest.T, levels, cmap=LinearSegmentedColormap.from_list("", RAMP[:3]))
-    lines = ax.contour(found.first, found.second, found.lowest.T, levels, colors=INK, linewidths=0.5)
-    ax.clabel(lines, fmt=lambda value: f"{value:.3g}")
     columns = [result.scene.names.index(name) - 1 for name in found.joints]
-    ax.plot(*result.extensions[:, columns].T, color=INK, linewidth=1.6)
+    ax.plot(*result.extensions[:, columns].T, color="white", linewidth=2.5)
+    lines = ax.contour(found.first, found.second, found.lowest.T, levels, colors=INK, linewidths=0.5)
+    for label in ax.clabel(lines, fmt=lambda value: f"{value:.3g}", inline=False):
+        label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
     ax.set_xlabel(f"Extension of {found.joints[0]} in m")
     ax.set_ylabel(f"Extension of {found.joints[1]} in m")
     return figure
