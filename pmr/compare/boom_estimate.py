@@ -90,10 +90,10 @@ def estimate(boom: Boom, system: System, excitation: Excitation, run: SystemTraj
     bodies, loads = models_of(system), _borne(system, run)
     richer = {name: with_attachment_modes(extended(body), loads[name]) for name, body in bodies.items()}
     own = with_friction(boom, system.contacts, respond(system, run))
-    better = with_friction(boom, system.contacts, _from_rest(replace(system, bodies=richer), excitation))
+    better = with_friction(boom, system.contacts, response_from_rest(replace(system, bodies=richer), excitation))
     if _lifting(system, run):
         other = {name: with_attachment_modes(body, loads[name]) for name, body in bodies.items()}
-        _check_settled(own, better, _from_rest(replace(system, bodies=other), excitation))
+        _check_settled(own, better, response_from_rest(replace(system, bodies=other), excitation))
     measured = quantities(boom, own)
     found = errors.errors({"reduced": own, "full": better}, errors.relative_error, quantities=measured)
     return BoomEstimate(
@@ -134,9 +134,20 @@ def _along(columns: Sequence[int], own: Response, better: Response) -> float:
     return errors.relative_error(own.displacement[:, columns], better.displacement[:, columns])
 
 
-def _from_rest(system: System, excitation: Excitation) -> Response:
-    run = multibody.simulate(system, excitation, multibody.static_start(system, excitation))
-    return respond(system, run)
+def with_loads_answered(system: System, excitation: Excitation) -> System:
+    """With attachment modes for what its bodies bear in a run from rest."""
+    loads = _borne(system, _run(system, excitation))
+    bodies = {name: with_attachment_modes(body, loads[name]) for name, body in models_of(system).items()}
+    return replace(system, bodies=bodies)
+
+
+def response_from_rest(system: System, excitation: Excitation) -> Response:
+    """Of a run from static equilibrium."""
+    return respond(system, _run(system, excitation))
+
+
+def _run(system: System, excitation: Excitation) -> SystemTrajectory:
+    return multibody.simulate(system, excitation, multibody.static_start(system, excitation))
 
 
 def models_of(system: System) -> dict[str, ReducedModel]:

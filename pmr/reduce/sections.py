@@ -19,6 +19,9 @@ from pmr.scene import Boom, Reduction
 from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 
+#: Enrichment modes of a section where a tolerance or a budget is given: among them the smallest model is looked for.
+SEARCHED = 12
+
 
 @dataclass(frozen=True)
 class ReducedSection:
@@ -40,12 +43,13 @@ def reduce_sections(
     InputError
         With the section's key.
     """
+    beyond = ENRICHMENT_MODES if boom.ordered is None else SEARCHED
     made, found = dict[tuple[int, Reduction], ReducedSection](), dict[str, ReducedSection]()
     for number, part in enumerate(boom.sections):
         key = id(built[part.name]), part.reduction
         if key not in made:
             try:
-                made[key] = _reduced(built[part.name], part.reduction, (caches or {}).get(part.name))
+                made[key] = _reduced(built[part.name], part.reduction, beyond, (caches or {}).get(part.name))
             except InputError as error:
                 where = ".".join(filter(None, (f"sections[{number}]", error.key)))
                 raise InputError(error.source, where, error.value, error.allowed) from None
@@ -53,14 +57,17 @@ def reduce_sections(
     return found
 
 
-def _reduced(built: Built, choice: Reduction, cache: Cache | None) -> ReducedSection:
+def _reduced(built: Built, choice: Reduction, beyond: int, cache: Cache | None) -> ReducedSection:
+    """With so many enrichment modes, where an error is estimated."""
+    enrichment = beyond if choice.needs_inertia else 0
+
     def make() -> Reduced:
-        body, enrichment = FreeBody(built.model, choice.solver), ENRICHMENT_MODES if choice.needs_inertia else 0
+        body = FreeBody(built.model, choice.solver)
         snapshots = free_modes(built.model, choice.coordinates, choice.solver, enrichment, body)
         basis = modal_basis(snapshots)
         return Reduced(snapshots, basis, section_model(built.model, basis, {}, choice.coordinates, choice.solver, body))
 
-    found = make() if cache is None else cache.reduced(choice.model_dump(mode="json") | {"section": True}, make)
+    found = make() if cache is None else cache.reduced(choice.model_dump(mode="json") | {"section": enrichment}, make)
     model, V = found.model, found.basis.V.getDenseArray()
     if not choice.flexibility:
         assert model.carriers is not None  # as section models have

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.accuracy import booms as order
 from pmr.compare import booms as compared
 from pmr.compare import errors
 from pmr.compare.boom_estimate import BoomError, boom_error
@@ -29,7 +30,7 @@ from pmr.fullmodel.sections import build_sections
 from pmr.recover.from_scene import Recovered, recovered_steps
 from pmr.recover.sections import recover_sections, states_of
 from pmr.reduce.cache import Cache, cache_in
-from pmr.reduce.sections import reduce_sections
+from pmr.reduce.sections import ReducedSection, reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.results import BoomFrequencies, BoomResult, Response
 from pmr.scene import Boom
@@ -75,6 +76,9 @@ def run_boom(
     with clock.stage("reduce"):
         caches = {} if cache is None else {name: cache_in(cache, one.model) for name, one in built.items()}
         sections = reduce_sections(boom, built, caches)
+    choice = _chosen(boom, sections, comm, clock)
+    if choice is not None:
+        sections = {name: replace(one, model=choice.models[name]) for name, one in sections.items()}
     reduced = {name: one.model for name, one in sections.items()}
     system = system_of(boom, reduced)
     excitation = excitation_of(boom, system)
@@ -130,6 +134,7 @@ def run_boom(
         ),
         _seconds(clock, simulations, responses),
         error.part,
+        Part() if choice is None else Part(order.summary(boom, choice), order.warnings(boom, choice)),
         compared.sections(boom, responses, sizes, _more(seen, error)),
         compared.joints(boom, responses["reduced"], system.contacts),
         compared.beside_published(boom, frequencies),
@@ -152,6 +157,19 @@ def run_boom(
         {name: one.reduced.fields for name, one in seen.items()},
     )
     return BoomOutcome(result, reduced)
+
+
+def _chosen(
+    boom: Boom, sections: Mapping[str, ReducedSection], comm: MPI.Comm, clock: Clock
+) -> order.BoomChoice | None:
+    """Coordinates for the boom's tolerance or within its budget, if it has one; the same on every rank."""
+    if boom.ordered is None:
+        return None
+    models = {name: one.model for name, one in sections.items()}
+    with clock.stage("search"):
+        found = order.choose(boom, models, excitation_of(boom, system_of(boom, models))) if comm.rank == 0 else None
+        choice: order.BoomChoice | None = comm.bcast(found)
+    return choice
 
 
 def _full_frequencies(

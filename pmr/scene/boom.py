@@ -15,6 +15,7 @@ from pmr.scene.asked import Compare, Damping, Observe, Recovery, Reduction, Simu
 from pmr.scene.built import Body, Face, Gravity, Load, MeshChoice, PadRing, Support
 from pmr.scene.probes import Probe
 from pmr.scene.section import (
+    Count,
     Distance,
     Frequency,
     Length,
@@ -133,6 +134,25 @@ class BoomSection(Section):
     joint: Joint | None = Field(default=None, description="How it slides in the section before it")
 
 
+Outputs = Annotated[tuple[Literal["beam", "tip", "pad_force"], ...], Field(min_length=1)]
+
+
+class BoomAccuracy(Section):
+    """An error that is allowed, instead of the sections' coordinates, which are chosen to hold it."""
+
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
+        description="Allowed error of the reduction as a fraction"
+    )
+    outputs: Outputs = Field(default=("beam", "tip"), description="Where errors count")
+
+
+class BoomBudget(Section):
+    """The other way round: how many coordinates all sections may have; the best model within them is chosen."""
+
+    coordinates: Count = Field(description="Most coordinates of all sections together")
+    outputs: Outputs = Field(default=("beam", "tip"), description="Where errors count")
+
+
 class Boom(Section):
     """Sections from the base out, each of which slides in the one before it.
 
@@ -148,6 +168,8 @@ class Boom(Section):
     recovery: Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
     simulation: Simulation = Field(default=Simulation(), description="Who simulates")
     compare: Compare = Field(default=Compare(), description="What the reduced model is compared with")
+    accuracy: BoomAccuracy | None = Field(default=None, description="An allowed error, in place of coordinates")
+    budget: BoomBudget | None = Field(default=None, description="Coordinates in all, in place of an allowed error")
     published: PublishedBoom | None = Field(default=None, description="Figures from a publication")
 
     @model_validator(mode="before")
@@ -179,6 +201,11 @@ class Boom(Section):
             if part.mesh.file is not None:
                 described["mesh"]["file"] = hashlib.sha256(part.mesh.file.read_bytes()).hexdigest()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def ordered(self) -> BoomAccuracy | BoomBudget | None:
+        """What is asked for in place of coordinates, if anything."""
+        return self.accuracy or self.budget
 
     @property
     def names(self) -> tuple[str, ...]:

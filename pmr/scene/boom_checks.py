@@ -46,6 +46,7 @@ def check_boom(boom: Boom) -> None:
     _rigid_overlaps(boom)
     _friction(boom)
     _simulators(boom)
+    _ordered(boom)
 
 
 def _joint(boom: Boom, number: int) -> Joint:
@@ -198,6 +199,17 @@ def _friction(boom: Boom) -> None:
             if seat.joint == number and seat.ring.friction and not is_axial(boom, number):
                 allowed = f"0 is allowed: {boom.names[number]} has no coordinates along the boom, and so no cylinder"
                 raise refusal(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
+
+
+def _ordered(boom: Boom) -> None:
+    if boom.ordered is None:
+        return
+    if boom.accuracy is not None and boom.budget is not None:
+        raise refusal("budget", None, "accuracy or budget is allowed, not both")
+    for number, part in enumerate(boom.sections):
+        if not part.reduction.needs_inertia:
+            allowed = "flexibility and estimate = true are allowed: such models hold all smaller ones"
+            raise refusal(f"sections[{number}].reduction", None, allowed)
 
 
 def _simulators(boom: Boom) -> None:

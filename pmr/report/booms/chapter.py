@@ -52,6 +52,10 @@ def rows(result: BoomResult) -> list[Row]:
     for place, called in PLACES.items():
         if (size := summary.get("estimate", {}).get(place)) is not None:
             found.append(Row("estimated without the full model", called, percent(size)))
+    if (allowed := summary.get("accuracy", {}).get("tolerance")) is not None:
+        found.append(
+            Row("allowed", ", ".join(PLACES[kind] for kind in summary["accuracy"]["outputs"]), percent(allowed))
+        )
     found.append(Row("largest transverse displacement", "", length(summary["max_displacement"], 4)))
     if summary["max_error"] is not None:
         found.append(Row("largest difference, reduced to full", "", length(summary["max_error"], 4)))

@@ -1,0 +1,165 @@
+r"""The fewest coordinates of a boom's sections that hold an error, or the best ones within a number of them.
+
+One reduction of each section holds all smaller ones.  Errors are those beside a model that has all of its modes and
+attachment modes for the loads which sections bear (`pmr.compare.boom_estimate`), with `MARGIN`.  The search begins with
+the fewest elastic modes, as many in every section, then takes away one by one where the tolerance allows it; within a
+budget it adds them one by one where that helps most.  The time step stays as it is given: both models take it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pmr.accuracy.errors import MARGIN
+from pmr.compare import errors
+from pmr.compare.boom_estimate import response_from_rest, with_loads_answered
+from pmr.compare.booms import quantities
+from pmr.errors import InputError, SimulationError
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import extended, truncated
+from pmr.scene import Boom
+from pmr.simulate import Excitation
+from pmr.simulate.booms import system_of
+
+Sizes = Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class BoomChoice:
+    """Coordinates of each section, their errors by kind of output (fractions, with margin), whether these are held.
+
+    Attributes
+    ----------
+    models : mapping of str to ReducedModel
+    errors : mapping of str to float
+    holds : bool
+    seconds : float
+        Of the search.
+    """
+
+    models: Mapping[str, ReducedModel]
+    errors: Mapping[str, float]
+    holds: bool
+    seconds: float
+
+
+class _Search:
+    """Errors of the smaller models that one reduction of each section holds."""
+
+    def __init__(self, boom: Boom, models: Mapping[str, ReducedModel], excitation: Excitation) -> None:
+        self._boom, self._excitation, self._known = boom, excitation, dict[tuple[int, ...], dict[str, float]]()
+        self.wholes = {name: extended(model) for name, model in models.items()}
+        self.fewest = {name: 1 + _rigid(model) for name, model in self.wholes.items()}
+        self.most = {name: model.size - 1 for name, model in self.wholes.items()}
+        whole = system_of(boom, self.wholes)
+        self._best = response_from_rest(with_loads_answered(whole, excitation), excitation)
+
+    def models(self, sizes: Sizes) -> dict[str, ReducedModel]:
+        return {name: truncated(model, sizes[name]) for name, model in self.wholes.items()}
+
+    def of(self, sizes: Sizes) -> dict[str, float]:
+        """By kind of output that is asked for; infinite where there is no motion."""
+        key, asked = tuple(sizes.values()), self._boom.ordered
+        assert asked is not None
+        if key not in self._known:
+            try:
+                found = response_from_rest(system_of(self._boom, self.models(sizes)), self._excitation)
+                pair, measured = {"reduced": found, "full": self._best}, quantities(self._boom, found)
+                off = errors.errors(pair, errors.relative_error, quantities=measured)["reduced_vs_full"]
+                self._known[key] = {kind: MARGIN * off[kind] for kind in asked.outputs}
+            except SimulationError:
+                self._known[key] = dict.fromkeys(asked.outputs, float("inf"))
+        return self._known[key]
+
+    def worst(self, sizes: Sizes) -> float:
+        return max(self.of(sizes).values())
+
+    def elastic(self, count: int) -> dict[str, int]:
+        """As many elastic modes in each section, as far as there are."""
+        return {name: min(self.fewest[name] - 1 + count, self.most[name]) for name in self.wholes}
+
+
+def choose(boom: Boom, models: Mapping[str, ReducedModel], excitation: Excitation) -> BoomChoice:
+    """For a boom's `accuracy` or `budget`, of sections with enrichment modes.
+
+    Raises
+    ------
+    InputError
+        If there are no such modes, or fewer coordinates are allowed than a motion needs.
+    SimulationError
+        If the motion of all modes can't be computed.
+    """
+    begin = time.perf_counter()
+    if lacking := [name for name, model in models.items() if model.enrichment is None]:
+        raise InputError("scene", "accuracy" if boom.accuracy else "budget", None, _NO_MODES.format(lacking[0]))
+    search = _Search(boom, models, excitation)
+    if boom.accuracy is not None:
+        sizes = _fewest(search, boom.accuracy.tolerance)
+        holds = search.worst(sizes) <= boom.accuracy.tolerance
+    else:
+        assert boom.budget is not None
+        sizes, holds = _best(search, boom.budget.coordinates), True
+    return BoomChoice(search.models(sizes), search.of(sizes), holds, time.perf_counter() - begin)
+
+
+_NO_MODES = "a mesh with more modes is allowed: there are none beyond the coordinates of {}"
+
+
+def _fewest(search: _Search, tolerance: float) -> dict[str, int]:
+    count, top = 1, max(search.most[name] - search.fewest[name] + 1 for name in search.wholes)
+    while count < top and search.worst(search.elastic(count)) > tolerance:
+        count += 1
+    sizes = search.elastic(count)
+    for name in sizes:
+        while sizes[name] > search.fewest[name]:
+            fewer = sizes | {name: sizes[name] - 1}
+            if search.worst(fewer) > tolerance:
+                break
+            sizes = fewer
+    return sizes
+
+
+def _best(search: _Search, coordinates: int) -> dict[str, int]:
+    sizes = dict(search.fewest)
+    if sum(sizes.values()) > coordinates:
+        allowed = f"at least {sum(sizes.values())} are needed: rigid-body motions, and one mode of each section"
+        raise InputError("scene", "budget.coordinates", coordinates, allowed)
+    while sum(sizes.values()) < coordinates:
+        more = [sizes | {name: size + 1} for name, size in sizes.items() if size < search.most[name]]
+        if not more:
+            break
+        sizes = min(more, key=search.worst)
+    return sizes
+
+
+def _rigid(model: ReducedModel) -> int:
+    stiffness = np.diagonal(model.K)
+    return int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1]))
+
+
+def summary(boom: Boom, choice: BoomChoice) -> dict[str, Any]:
+    """``accuracy`` and ``budget`` of summary.json, as of one body; `chosen` has those of each section."""
+    asked, sizes = boom.ordered, {name: model.size for name, model in choice.models.items()}
+    assert asked is not None
+    chosen = {"coordinates": sum(sizes.values()), "sections": sizes, "step": boom.time.step}
+    accuracy = {
+        "tolerance": boom.accuracy.tolerance if boom.accuracy else None,
+        "outputs": list(asked.outputs),
+        "holds": choice.holds,
+        "chosen": chosen,
+        "seconds": choice.seconds,
+    }
+    return {"accuracy": accuracy, "budget": {"reduction": dict(choice.errors)}}
+
+
+def warnings(boom: Boom, choice: BoomChoice) -> list[str]:
+    """A line where the tolerance isn't held."""
+    if boom.accuracy is None or choice.holds:
+        return []
+    off = ", ".join(f"{100.0 * error:.2g} % in {kind}" for kind, error in choice.errors.items())
+    return [f"the tolerance of {100.0 * boom.accuracy.tolerance:g} % isn't held: all modes there are leave {off}"]

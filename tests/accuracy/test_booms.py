@@ -1,0 +1,73 @@
+"""Coordinates of a boom's sections by an allowed error, or within a number of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pmr import scene as scenes
+from pmr.accuracy.errors import MARGIN
+from pmr.errors import InputError
+from pmr.run.booms import run_boom
+from pmr.scene import Boom
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+QUICK = (
+    "time.end=0.2",
+    "section.mesh.elements=12",
+    "section.joint.extension={kind='smooth_ramp',times=[0.0,0.2],values=[1.0,1.3]}",
+    "section.joint.tail.0.unilateral=false",
+    "section.joint.mouth.0.unilateral=false",
+    "sections.fly.loads.0.signal={kind='sine',amplitude=4000.0,frequency=12.0}",
+)
+
+
+def summary(*changes: str) -> dict[str, Any]:
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
+    assert isinstance(boom, Boom)
+    outcome = run_boom(boom)
+    assert outcome is not None
+    return outcome.result.summary
+
+
+def test_the_fewest_that_hold_a_tolerance() -> None:
+    """Beside the full model; with one coordinate less, wherever it is taken from, the tolerance isn't held."""
+    found = summary("accuracy.tolerance=1e-3", "accuracy.outputs=['pad_force','beam']")
+    sizes, true = found["accuracy"]["chosen"]["sections"], found["errors"]["reduced_vs_full"]
+    assert found["accuracy"]["holds"] and sum(sizes.values()) == found["coordinates"]["reduced"]
+    for kind, told in found["budget"]["reduction"].items():
+        assert true[kind] < 1e-3 and told == pytest.approx(MARGIN * true[kind], rel=0.1)
+    for name, size in sizes.items():
+        fewer = {one: count - (one == name) for one, count in sizes.items()}
+        less = summary(*(f"sections.{one}.reduction.coordinates={count}" for one, count in fewer.items()))
+        assert max(less["errors"]["reduced_vs_full"][kind] for kind in ("pad_force", "beam")) > 1e-3 / MARGIN, size
+
+
+def test_within_a_budget_the_best_ones_are_taken() -> None:
+    found = summary("budget.coordinates=8", "compare.against=[]")
+    chosen = found["accuracy"]["chosen"]
+    assert chosen["coordinates"] == found["coordinates"]["reduced"] == 8
+    assert found["accuracy"]["tolerance"] is None and set(found["budget"]["reduction"]) == {"beam", "tip"}
+
+
+def test_what_is_not_held_is_told() -> None:
+    found = summary("accuracy.tolerance=1e-12", "section.mesh.elements=3", "compare.against=[]")
+    assert not found["accuracy"]["holds"]
+    assert any("tolerance of 1e-10 % isn't held" in line for line in found["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (("accuracy.tolerance=0.01", "budget.coordinates=9"), "accuracy or budget is allowed, not both"),
+        (("accuracy.tolerance=0.01", "section.reduction.estimate=false"), "estimate = true are allowed"),
+        (("budget.coordinates=3",), "at least 5 are needed"),
+        (("accuracy.tolerance=0.01", "accuracy.outputs=['velocity']"), "accuracy.outputs"),
+        (("accuracy.tolerance=0.01", "section.mesh.elements=2", "section.reduction.coordinates=5"), "mesh with more"),
+    ],
+)
+def test_what_is_refused(changes: tuple[str, ...], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        summary("compare.against=[]", "time.end=0.02", *changes)
