@@ -50,7 +50,8 @@ def load(*changes: str, file: str = "boom_three") -> Boom:
 @pytest.fixture(scope="module")
 def outcome() -> BoomOutcome:
     probe = "sections.middle.probes=[{name='waist',at=[3.0,0.0,0.0],measures=['displacement']}]"
-    found = run_boom(load(*QUICK, "sections.fly.loads.0.signal=3000.0", probe))
+    published = "published={source='A paper',frequencies=[{reach=9.0,first=2.0}]}"
+    found = run_boom(load(*QUICK, "sections.fly.loads.0.signal=3000.0", probe, published))
     assert found is not None
     return found
 
@@ -205,7 +206,7 @@ def test_a_result_is_read_as_it_was_saved_and_reported(outcome: BoomOutcome, tmp
     assert again.frequencies.over_joints is not None and again.frequencies.over_joints.joints == ("middle", "fly")
     page = write_report([again], tmp_path).html.read_text(encoding="utf-8")
     told = ["A boom of 3 sections", "fly mouth top", "cylinder of middle", "hold both ways and pull"]
-    for said in (*told, "estimated without the full model", "extensions of middle and fly"):
+    for said in (*told, "estimated without the full model", "extensions of middle and fly", "A paper"):
         assert said in page
     outcome.reduced["fly"].save(tmp_path / "reduced-fly.npz")
     assert ReducedModel.load(tmp_path / "reduced-fly.npz").carriers is not None
@@ -376,9 +377,9 @@ def test_the_published_boom_lift_on_two_rigid_pads_an_overlap() -> None:
     assert overlap == pytest.approx(4.478 * np.arange(0.05, 0.36, 0.05), abs=0.02)
 
 
-def test_the_published_boom_lift_with_rigid_overlaps(tmp_path: Path) -> None:
-    """Seven published frequencies to 2 %: nothing bends within an overlap, in full order and reduced; in the report."""
-    outcome = run_boom(load("time.end=7.0", "time.step=1e-2", file="boom_lift_rigid"))
+def test_the_published_boom_lift_with_rigid_overlaps() -> None:
+    """Seven published frequencies to 2 %: nothing bends within an overlap, in full order and reduced."""
+    outcome = run_boom(load("time.end=7.0", "time.step=2e-2", file="boom_lift_rigid"))
     assert outcome is not None
     rows = outcome.result.summary["published_frequencies"]
     assert len(rows) == 7
@@ -386,4 +387,3 @@ def test_the_published_boom_lift_with_rigid_overlaps(tmp_path: Path) -> None:
         assert row["full"] == pytest.approx(row["published"], rel=0.02)
         assert row["reduced"] == pytest.approx(row["full"], rel=1e-4)
     assert [one["name"] for one in outcome.result.summary["pads"]] == ["mid tail", "mid mouth", "fly tail", "fly mouth"]
-    assert "beside the published one" in write_report([outcome.result], tmp_path).html.read_text(encoding="utf-8")
