@@ -1,4 +1,4 @@
-"""Space frames from the textbook, in NumPy alone: element matrices in their own frame, then turned and added up.
+"""A straight beam in space from the textbook, in NumPy alone: element matrices, added up.
 
 Stiffness after Przemieniecki: Theory of Matrix Structural Analysis, 1968, section 5.6; mass from the shape functions of
 the same element by Gauss quadrature, section 11.3.
@@ -41,16 +41,12 @@ def bending(EI: float, kGA: float | None, rhoA: float, rhoI: float, h: float) ->
     return M, K
 
 
-def frame_matrices(nodes, up, section, material, shear: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and stiffness (6 N, 6 N) of a chain of elements; coordinates node by node, along and about global axes."""
+def frame_matrices(stations, section, material, shear: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Mass and stiffness (6 N, 6 N) of a chain of elements; coordinates node by node, along and about x, y, z."""
     E, rho, G = material.young, material.density, material.young / (2 * (1 + material.poisson))
-    n = 6 * len(nodes)
+    n = 6 * len(stations)
     M, K = np.zeros((n, n)), np.zeros((n, n))
-    for e, step in enumerate(np.diff(nodes, axis=0)):
-        h = np.linalg.norm(step)
-        x = step / h
-        y = np.cross(up, x) / np.linalg.norm(np.cross(up, x))
-        R = np.kron(np.eye(4), np.stack([x, y, np.cross(x, y)]))
+    for e, h in enumerate(np.diff(stations)):
         m, k = np.zeros((12, 12)), np.zeros((12, 12))
         for dofs, stiff, mass in (
             ([0, 6], E * section.area, rho * section.area),
@@ -67,6 +63,6 @@ def frame_matrices(nodes, up, section, material, shear: bool) -> tuple[np.ndarra
             k[np.ix_(dofs, dofs)] += np.outer(signs, signs) * stiff
             m[np.ix_(dofs, dofs)] += np.outer(signs, signs) * mass
         at = slice(6 * e, 6 * e + 12)
-        M[at, at] += R.T @ m @ R
-        K[at, at] += R.T @ k @ R
+        M[at, at] += m
+        K[at, at] += k
     return M, K

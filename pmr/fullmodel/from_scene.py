@@ -142,7 +142,7 @@ def _beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
     profile = None if body.section else BoxProfile(width=box.width, height=box.height, wall=box.wall)
     return Beam3D(
         Beam3DBody(
-            points=((0.0, 0.0, 0.0), (box.length, 0.0, 0.0)),
+            length=box.length,
             section=body.section,
             profile=profile,
             material=body.material,

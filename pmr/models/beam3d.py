@@ -1,6 +1,6 @@
 r"""Beam in space: stretching, torsion and bending in two planes, with C1 cubic Hermite elements.
 
-In the frame of an element, x along the axis, y and z the section's principal axes
+With x along the axis, y and z the section's principal axes
 
 .. math::
     k = \int EA\, u' \delta u' + GJ\, \phi' \delta\phi'
@@ -19,7 +19,7 @@ values are exact in statics, frequencies converge with order 2 (4 without shear)
 Structural Analysis, 1968, section 5.6 (stiffness), 11.3 (mass).
 
 Centroid and shear centre coincide; warping is free.  Coordinates are ordered node by node: displacements along and
-rotations about the global x, y, z; at a corner of the axis they are shared by elements of different frames.
+rotations about x, y, z.
 """
 
 from __future__ import annotations
@@ -42,7 +42,6 @@ from pmr.mesh.strip import Extent, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms
 from pmr.models.beam2d import ENDS, HERMITE, station
 from pmr.models.beam_stress import stress_rows
-from pmr.models.polyline import Polyline, divided
 from pmr.models.profile import box_section
 from pmr.models.tabulation import cell_values
 from pmr.scene.structures import Beam3DBody, BeamSection
@@ -50,7 +49,7 @@ from pmr.scene.structures import Beam3DBody, BeamSection
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Faces of the section: the component of the outward normal in the element's frame, and its sign.
+#: Faces of the section: the component of the outward normal, and its sign.
 FACES = {"bottom": (2, -1.0), "top": (2, 1.0), "left": (1, 1.0), "right": (1, -1.0)}
 
 
@@ -91,9 +90,13 @@ class Beam3D:
     body: Beam3DBody
 
     @cached_property
-    def axis(self) -> Polyline:
-        """Nodes and frames."""
-        return divided(np.array(self.body.points), np.array(self.body.up), self.body.elements)
+    def node_stations(self) -> Array:
+        return self.body.length * (np.arange(self.body.elements + 1) / self.body.elements)
+
+    @property
+    def cells(self) -> Indices:
+        """Numbers of the nodes at both ends of each element, (N - 1, 2)."""
+        return np.arange(self.body.elements)[:, None] + np.arange(2)
 
     @property
     def section(self) -> BeamSection:
@@ -119,29 +122,27 @@ class Beam3D:
     @property
     def size(self) -> int:
         """Number of coordinates n."""
-        return 6 * len(self.axis.nodes)
+        return 6 * len(self.node_stations)
 
     @property
     def reference_frequency(self) -> float:
         """sqrt(EI / (rho A L^4)) of the softer plane in rad/s."""
         softer = min(self.planes, key=lambda plane: plane.stiffness)
-        return float(np.sqrt(softer.stiffness / softer.mass) / self.axis.length**2)
+        return float(np.sqrt(softer.stiffness / softer.mass) / self.body.length**2)
 
     @property
     def directions(self) -> tuple[str, ...]:
         return DIRECTIONS
 
-    @property
-    def node_stations(self) -> Array:
-        return self.axis.stations
-
     @cached_property
     def transformation(self) -> sp.csr_matrix:
-        """T: the space works in the frames of the segments, one after the other on one line."""
-        return self.axis.transformation()
+        """T: the space's u, phi, v, v', w and w' at each node; v' is the rotation about z, w' minus that about y."""
+        at_node = np.zeros((6, 6))
+        at_node[range(6), [0, 3, 1, 5, 2, 4]] = 1.0, 1.0, 1.0, 1.0, 1.0, -1.0
+        return sp.csr_matrix(sp.kron(sp.eye(len(self.node_stations)), at_node, format="csr"))
 
     def domain(self, comm: MPI.Comm) -> Any:
-        return create_mesh(comm, "interval", self.axis.local_stations[:, None], self.axis.local_cells)
+        return create_mesh(comm, "interval", self.node_stations[:, None], self.cells)
 
     def space(self, domain: Any) -> Any:
         return hermite_space(domain, linear=2, planes=2)
@@ -170,7 +171,7 @@ class Beam3D:
     def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
         """Of a field (u, phi, w_A and theta_B of both planes), in both planes."""
         h = ufl.JacobianDeterminant(mesh)
-        middle = cellwise(mesh, (self.axis.stations[:-1] + self.axis.stations[1:]) / 2.0)
+        middle = cellwise(mesh, (self.node_stations[:-1] + self.node_stations[1:]) / 2.0)
         X = (ufl.SpatialCoordinate(mesh)[0] - middle) / h + 0.5
         bulge = h * (X - 3 * X**2 + 2 * X**3)
         found = []
@@ -186,13 +187,13 @@ class Beam3D:
         return found
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
-        return [6 * self.axis.local_cells[cells] + i for i in range(6)]
+        return [6 * self.cells[cells] + i for i in range(6)]
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
         return self.motion(place)[:3]
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        at = station(place, self.axis.length)
+        at = station(place, self.body.length)
         rows = self._motions(np.array([at]))
         if about is not None:
             arm = np.asarray(about, float) - self.centroid(at)
@@ -205,16 +206,14 @@ class Beam3D:
     def _motions(self, places: Array) -> sp.csr_matrix:
         """Displacements and rotations at distances along the axis, (6 len(places), n)."""
         e = self._elements(places)
-        h = np.diff(self.axis.stations)[e]
-        local = self._in_frame(h, (places - self.axis.stations[e]) / h)
-        turned = np.einsum("qji,qtjk->qtik", self.axis.frames[e], local.reshape(-1, 2, 3, 12))
-        columns = np.broadcast_to(6 * self.axis.local_cells[e, 0, None, None] + np.arange(12), local.shape)
-        shape = (6 * len(places), 6 * len(self.axis.local_stations))
-        ends = np.arange(0, local.size + 1, 12)
-        return sp.csr_matrix(sp.csr_matrix((turned.ravel(), columns.ravel(), ends), shape=shape) @ self.transformation)
+        h = np.diff(self.node_stations)[e]
+        local = self._in_elements(h, (places - self.node_stations[e]) / h)
+        columns = np.broadcast_to(6 * e[:, None, None] + np.arange(12), local.shape)
+        ends, shape = np.arange(0, local.size + 1, 12), (6 * len(places), self.size)
+        return sp.csr_matrix(sp.csr_matrix((local.ravel(), columns.ravel(), ends), shape=shape) @ self.transformation)
 
-    def _in_frame(self, h: Array, X: Array) -> Array:
-        """The motion at X h in elements of lengths h, (q, 6, 12), in their own frames."""
+    def _in_elements(self, h: Array, X: Array) -> Array:
+        """The motion at X h in elements of lengths h, (q, 6, 12), from the space's values at both ends."""
         local = np.zeros((len(h), 6, 12))
         for row, component in ((0, 0), (3, 1)):
             local[:, row, component], local[:, row, 6 + component] = 1.0 - X, X
@@ -225,27 +224,25 @@ class Beam3D:
         return local
 
     def centroid(self, place: str | float) -> Array:
-        at = station(place, self.axis.length)
-        return np.array([np.interp(at, self.axis.stations, x) for x in self.axis.nodes.T])
+        return station(place, self.body.length) * np.eye(3)[0]
 
     def strip(self, face: str, window: Window) -> Strip:
         """The line beside the axis that stands for a face; how far below or above the axis it is plays no role."""
         if face not in FACES:
             raise InputError("scene", "pads.on", face, f"a beam has the faces {', '.join(FACES)}")
         component, sign = FACES[face]
-        points, weights = line_points(window, self.axis.stations)
+        points, weights = line_points(window, self.node_stations)
         across = sum(window.across) / 2.0
-        frames = self.axis.frames[self._elements(points)]
-        normal = sign * frames[:, component]
-        turning = np.cross(across * frames[:, 3 - component], normal)  # (theta x arm) n = theta (arm x n)
-        entries, ends = np.hstack([normal, turning]).ravel(), 6 * np.arange(len(points) + 1)
+        normal = sign * np.eye(3)[component]
+        turning = np.cross(across * np.eye(3)[3 - component], normal)  # (theta x arm) n = theta (arm x n)
+        entries, ends = np.tile([*normal, *turning], len(points)), 6 * np.arange(len(points) + 1)
         weighed = sp.csr_matrix((entries, np.arange(len(entries)), ends), shape=(len(points), 6 * len(points)))
         normals = sp.csr_matrix(weighed @ self._motions(points))
         return Strip(points, np.full(len(points), across), weights, normals, self._extent(component), line=True)
 
     def _extent(self, component: int) -> Extent:
         """Of a face whose normal is that component: as long as the axis, as broad as the profile, if there is one."""
-        profile, along = self.body.profile, (0.0, self.axis.length)
+        profile, along = self.body.profile, (0.0, self.body.length)
         if profile is None:
             return Extent(along)
         half = (profile.height if component == 1 else profile.width) / 2.0
@@ -253,7 +250,7 @@ class Beam3D:
 
     def _elements(self, places: Array) -> Indices:
         """Numbers of the elements that hold places along the axis."""
-        return np.clip(np.searchsorted(self.axis.stations, places, side="right") - 1, 0, len(self.axis.segment) - 1)
+        return np.clip(np.searchsorted(self.node_stations, places, side="right") - 1, 0, self.body.elements - 1)
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         if place not in ENDS:
@@ -262,25 +259,23 @@ class Beam3D:
         return start + np.array([i for i, d in enumerate(DIRECTIONS) if d in directions], np.int64)
 
     def rigid_motions(self) -> Array:
-        motions = np.zeros((len(self.axis.nodes), 6, 6))
+        motions = np.zeros((len(self.node_stations), 6, 6))
         motions[:] = np.eye(6)
         for i, e in enumerate(np.eye(3)):
-            motions[:, :3, 3 + i] = np.cross(e, self.axis.nodes)
+            motions[:, :3, 3 + i] = np.cross(e, self.grid.points)
         return motions.reshape(-1, 6)
 
     @property
     def grid(self) -> Grid:
         """The axis as lines."""
-        first = np.arange(len(self.axis.segment))
-        return Grid("line", self.axis.nodes, np.stack([first, first + 1], axis=1))
+        return Grid("line", self.node_stations[:, None] * np.eye(3)[0], self.cells)
 
     def point_displacements(self) -> sp.csr_matrix:
-        columns = (6 * np.arange(len(self.axis.nodes))[:, None] + np.arange(3)).ravel()
+        columns = (6 * np.arange(len(self.node_stations))[:, None] + np.arange(3)).ravel()
         return sp.csr_matrix((np.ones(len(columns)), columns, np.arange(len(columns) + 1)), (len(columns), self.size))
 
     def stresses(self) -> StressRows | None:
-        profile = self.body.profile
-        if profile is None:
+        if self.body.profile is None:
             return None
 
         def strains(space: Any) -> Any:
@@ -289,7 +284,7 @@ class Beam3D:
             return ufl.as_vector([field[0].dx(0), v.curvature, w.curvature, field[1].dx(0)])
 
         at_ends = cell_values(self, strains, np.array([[0.0], [1.0]]))
-        return stress_rows(self.axis, profile, self.body.material, self.section.torsion_constant, at_ends)
+        return stress_rows(self.grid, self.transformation, self.body, at_ends)
 
 
 def _interpolated(plane: Bending, h: Array, X: Array) -> tuple[Array, Array]:

@@ -16,10 +16,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.fields.grid import Grid
 from pmr.fields.stress import FIBRE, StressRows
-from pmr.models.polyline import Polyline
+from pmr.models.profile import box_section
 from pmr.models.tabulation import CellValues, as_rows
-from pmr.scene.structures import BoxProfile, Material
+from pmr.scene.structures import Beam3DBody
 
 Array = NDArray[np.float64]
 
@@ -27,31 +28,34 @@ Array = NDArray[np.float64]
 CORNERS = {"bottom right": (-1, -1), "bottom left": (1, -1), "top left": (1, 1), "top right": (-1, 1)}
 
 
-def stress_rows(
-    axis: Polyline, profile: BoxProfile, material: Material, torsion_constant: float, strains: CellValues
-) -> StressRows:
+def stress_rows(axis: Grid, T: sp.csr_matrix, body: Beam3DBody, strains: CellValues) -> StressRows:
     """Axial stress and that of torsion.
 
     Parameters
     ----------
-    axis, profile, material
-    torsion_constant : float, m^4
+    axis : Grid
+        Of the beam.
+    T : (n', n) sparse matrix
+        What the strains are of, from the model's coordinates.
+    body : Beam3DBody
+        With a profile.
     strains : CellValues
-        u', psi_v', psi_w' and phi' at both ends of each element, in the frames of the segments.
+        u', psi_v', psi_w' and phi' at both ends of each element.
     """
-    elements = np.repeat(np.arange(len(axis.segment)), 2)
+    profile, material, elements = body.profile, body.material, np.repeat(np.arange(len(axis.cells)), 2)
+    assert profile is not None
     stretch, along_y, along_z, twist = strains.entries.reshape(len(elements), 4, -1).transpose(1, 0, 2)
     half = np.array([profile.width + profile.wall, profile.height + profile.wall]) / 2.0
-    shear = material.shear_modulus * torsion_constant / (2.0 * profile.width * profile.height * profile.wall) * twist
+    J, area = box_section(profile, material.poisson).torsion_constant, profile.width * profile.height
+    shear = material.shear_modulus * J / (2.0 * area * profile.wall) * twist
     signs = np.array(list(CORNERS.values()))
     axial = [material.young * (stretch - y * along_y - z * along_z) for y, z in signs * half]
     entries = np.concatenate([np.stack([a, shear], axis=1) for a in axial])
     coordinates = np.tile(strains.coordinates[elements], (len(CORNERS), 1))
-    local = as_rows(entries, coordinates, 6 * len(axis.local_stations))
-    nodes = axis.nodes[elements + np.tile([0, 1], len(axis.segment))]
-    places = [nodes + np.einsum("a,eai->ei", corner * half, axis.frames[elements, 1:]) for corner in signs]
+    local = as_rows(entries, coordinates, T.shape[0])
+    places = [axis.points[axis.cells.ravel()] + [0.0, *(corner * half)] for corner in signs]
     return StressRows(
-        rows=sp.csr_matrix(local @ axis.transformation()),
+        rows=sp.csr_matrix(local @ T),
         mises=FIBRE,
         components=("axial", "torsion"),
         points=np.concatenate(places),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from pmr.scene.section import (
@@ -21,7 +20,6 @@ from pmr.scene.section import (
     SecondMoment,
     Section,
     Switch,
-    Vector,
 )
 
 
@@ -154,13 +152,10 @@ class BeamSection(Section):
 
 
 class Beam3DBody(Section):
-    """A beam in space along a polyline, with one section; `shear` adds shear deformation and rotary inertia."""
+    """A straight beam in space, along x; `shear` adds shear deformation and rotary inertia."""
 
     model: Literal["beam3d"] = Field(default="beam3d", description="Structural model")
-    points: Annotated[tuple[Point, ...], Field(min_length=2)] = Field(description="Corners of the axis")
-    up: Vector = Field(
-        default=(0.0, 0.0, 1.0), description="The section's z axis lies in the plane of this and the beam's axis"
-    )
+    length: Length = Field(description="Along x")
     section: BeamSection | None = Field(default=None, description="By its properties")
     profile: BoxProfile | None = Field(default=None, description="By its dimensions")
     material: Material = Field(default=Material(), description="Of the beam")
@@ -173,15 +168,4 @@ class Beam3DBody(Section):
             raise ValueError("give section or profile, one of them")
         if self.shear and self.section is not None and None in (self.section.shear_area_y, self.section.shear_area_z):
             raise ValueError("shear = true needs section.shear_area_y and section.shear_area_z in m^2")
-        return self
-
-    @model_validator(mode="after")
-    def _frames_exist(self) -> Beam3DBody:
-        steps = np.diff(np.array(self.points), axis=0)
-        lengths = np.linalg.norm(steps, axis=1)
-        if np.any(lengths <= 0.0):
-            raise ValueError("two points in a row are the same")
-        across = np.linalg.norm(np.cross(steps / lengths[:, None], self.up), axis=1)
-        if np.any(across <= 1e-6 * float(np.linalg.norm(self.up))):
-            raise ValueError("up must not be parallel to the beam")
         return self

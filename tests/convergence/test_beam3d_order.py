@@ -19,7 +19,7 @@ DECLARED_ORDER = {False: 4, True: 2}
 
 def frequencies(elements: int, shear: bool) -> np.ndarray:
     profile = BoxProfile(width=0.3, height=0.4, wall=0.008)
-    body = Beam3DBody(points=((0.0, 0.0, 0.0), (6.0, 0.0, 0.0)), profile=profile, shear=shear, elements=elements)
+    body = Beam3DBody(length=6.0, profile=profile, shear=shear, elements=elements)
     full = structural_model(Structure(Beam3D(body), clamps=(Clamp("tail"),)))
     return DenseEigenSolver(full).lowest(0.0, 4).omega
 

@@ -47,7 +47,7 @@ def shell() -> Shell:
 
 def beam() -> Beam3D:
     profile = BoxProfile(width=0.3, height=0.4, wall=0.008)
-    return Beam3D(Beam3DBody(points=((0.0, 0.0, 0.0), (6.0, 0.0, 0.0)), profile=profile, elements=20, shear=True))
+    return Beam3D(Beam3DBody(length=6.0, profile=profile, elements=20, shear=True))
 
 
 def reduced(full: FullModel, r: int) -> ReducedModel:

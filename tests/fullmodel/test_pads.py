@@ -32,7 +32,7 @@ def shell(skew: float = 0.2, along: int = 8) -> Shell:
 
 def beam() -> Beam3D:
     profile = BoxProfile(width=0.3, height=0.4, wall=0.008)
-    return Beam3D(Beam3DBody(points=((0.0, 0.0, 0.0), (2.0, 0.0, 0.0)), profile=profile, elements=9))
+    return Beam3D(Beam3DBody(length=2.0, profile=profile, elements=9))
 
 
 MODELS = {"shell": shell, "beam": beam}

@@ -38,7 +38,7 @@ def shell(regions=None, mesh: NamedMesh | None = None) -> Shell:
 
 def beam() -> Beam3D:
     section = BeamSection(area=1e-2, second_moment_y=1e-5, second_moment_z=2e-5, torsion_constant=1e-5)
-    return Beam3D(Beam3DBody(points=((0, 0, 0), (2, 0, 0)), section=section, elements=8))
+    return Beam3D(Beam3DBody(length=2, section=section, elements=8))
 
 
 def halves() -> NamedMesh:

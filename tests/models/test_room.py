@@ -51,7 +51,7 @@ def spatial() -> Beam3D:
     A, I, J = WIDTH * DEPTH, WIDTH * DEPTH**3 / 12, WIDTH**3 * DEPTH / 12
     section = BeamSection(area=A, second_moment_y=I, second_moment_z=J, torsion_constant=0.229 * WIDTH * DEPTH**3,
                           shear_area_y=A * 5 / 6, shear_area_z=A * 5 / 6)  # fmt: skip
-    return Beam3D(Beam3DBody(points=((0, 0, 0), (LENGTH, 0, 0)), section=section, shear=True, elements=8))
+    return Beam3D(Beam3DBody(length=LENGTH, section=section, shear=True, elements=8))
 
 
 MODELS = {

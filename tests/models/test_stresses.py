@@ -57,8 +57,7 @@ def solid(kind: str) -> Solid:
 
 
 def beam(shear: bool = False) -> Beam3D:
-    points = ((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (2.0, 1.0, 0.5))
-    return Beam3D(Beam3DBody(points=points, profile=PROFILE, material=MATERIAL, elements=7, shear=shear))
+    return Beam3D(Beam3DBody(length=3.0, profile=PROFILE, material=MATERIAL, elements=7, shear=shear))
 
 
 def interpolated(model: Shell | Solid, motion: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -242,7 +241,7 @@ def test_a_beams_stresses_have_the_energy_of_its_weak_form(shear: bool) -> None:
     Mz = -section.second_moment_z / y * (axial[1] - axial[0]) / 2
     My = -section.second_moment_y / z * (axial[2] - axial[1]) / 2
     T = tau * 2 * 0.3 * 0.4 * 0.008
-    h = np.diff(model.axis.stations)
+    h = np.diff(model.node_stations)
     energy = 0.0
     for force, stiff in ((N, E * section.area), (Mz, E * section.second_moment_z), (My, E * section.second_moment_y),
                          (T, G * section.torsion_constant)):  # fmt: skip
@@ -262,7 +261,7 @@ def test_corners_of_a_beam_lie_on_its_outside() -> None:
 
 def test_a_beam_without_a_profile_has_no_stresses() -> None:
     section = BeamSection(area=1e-2, second_moment_y=1e-5, second_moment_z=2e-5, torsion_constant=1e-5)
-    assert Beam3D(Beam3DBody(points=((0, 0, 0), (2, 0, 0)), section=section)).stresses() is None
+    assert Beam3D(Beam3DBody(length=2, section=section)).stresses() is None
     body = Profile(length=2.0, bending_stiffness=1.0, mass_per_length=1.0)
     assert Beam2D(body, np.linspace(0.0, 2.0, 4)).stresses() is None
 
@@ -290,8 +289,7 @@ def strip() -> NamedMesh:
 
 
 def straight_beam() -> Beam3D:
-    ends = ((0.0, 0.0, 0.0), (LENGTH, 0.0, 0.0))
-    return Beam3D(Beam3DBody(points=ends, profile=PROFILE, material=MATERIAL, elements=4, shear=True))
+    return Beam3D(Beam3DBody(length=LENGTH, profile=PROFILE, material=MATERIAL, elements=4, shear=True))
 
 
 BAR, TUBE = WIDTH * DEPTH**3 / 12, (0.308 * 0.408**3 - 0.292 * 0.392**3) / 12

@@ -80,7 +80,7 @@ def test_one_look_finds_the_largest_stress_and_keeps_pictures() -> None:
 
 def test_a_beam_shows_its_corners() -> None:
     profile = BoxProfile(width=0.3, height=0.4, wall=0.008)
-    beam = Beam3D(Beam3DBody(points=((0, 0, 0), (2, 0, 0)), profile=profile, elements=5))
+    beam = Beam3D(Beam3DBody(length=2, profile=profile, elements=5))
     seen = look(View(beam), TIMES, in_blocks(mine(states(beam.size))), pictures=[3])
     assert sorted(seen.fields.von_mises) == ["bottom left", "bottom right", "top left", "top right"]
     assert seen.fields.von_mises["top left"].shape == (1, 5) and seen.fields.grid.cell == "line"
