@@ -121,19 +121,17 @@ def refused_growth(scene: Scene) -> Iterator[None]:
         raise error.refusal(scene.time.step, scene.time.rho_inf) from None
 
 
-def simulate_reduced(scene: Scene, reduced: ReducedModel, clock: Clock | None = None) -> Response:
+def simulate_reduced(scene: Scene, reduced: ReducedModel) -> Response:
     """Response of a reduced model to the scene's path and loads, by the first simulator that the scene names.
 
     Its seconds are the least of several simulations, if these are short.
     """
-    return simulate_with_states(scene, reduced, (), clock).response
+    return simulate_with_states(scene, reduced, ()).response
 
 
-def simulate_with_states(
-    scene: Scene, reduced: ReducedModel, steps: Sequence[int], clock: Clock | None = None
-) -> Simulated:
+def simulate_with_states(scene: Scene, reduced: ReducedModel, steps: Sequence[int]) -> Simulated:
     """The same with the states at the `steps`, ascending numbers."""
-    with (clock or Clock()).stage("reduced"), refused_growth(scene):
+    with Clock().stage("reduced"), refused_growth(scene):
         return _repeated(scene, reduced, scene.simulation.simulators[0], longest=SHORT, steps=steps)
 
 

@@ -19,7 +19,7 @@ from pmr.simulate import Excitation
 FREQUENCIES, POSITIONS = 6, 11
 
 
-def simulate_saved(reduced: ReducedModel, scene: Scene, clock: Clock | None = None) -> RunResult:
+def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
     """Simulate a reduced model under another scene's path, loads and time stepping, by the simulators that it names.
 
     There are no errors in the result but what is estimated without the full model, and no singular values.
@@ -37,7 +37,7 @@ def simulate_saved(reduced: ReducedModel, scene: Scene, clock: Clock | None = No
         allowed = f"the model's inputs are allowed: {', '.join(reduced.input_names)}"
         raise InputError("scene", "loads", list(excitation.loads), allowed)
     excitation.along(reduced.domain)
-    clock = clock or Clock()
+    clock = Clock()
     simulations = simulate(scene, reduced, {}, clock)
     response = simulations.responses["reduced"]
     made = {name: reduced.provenance.get(name) for name in ("scene_hash", "basis", "versions")}

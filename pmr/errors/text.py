@@ -29,12 +29,12 @@ def hint(name: object, known: Iterable[str]) -> str:
     return f"did you mean {close[0]!r}? " if close else ""
 
 
-def rounded(value: float, digits: int = 2) -> str:
-    """`value` with `digits` significant digits, as a decimal from 1e-4 to 1e6."""
-    return f"{float(f'{value:.{digits}g}'):g}"
+def rounded(value: float) -> str:
+    """`value` with two significant digits, as a decimal from 1e-4 to 1e6."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
-def rounded_down(value: float, digits: int = 2) -> str:
-    """A positive `value` with `digits` significant digits and not above it: for what is said to be small enough."""
-    place = floor(log10(value)) - digits + 1
+def rounded_down(value: float) -> str:
+    """A positive `value` with two significant digits and not above it: for what is said to be small enough."""
+    place = floor(log10(value)) - 1
     return f"{float(f'{floor(value / 10.0**place * (1.0 + 1e-12))}e{place}'):g}"

@@ -7,7 +7,7 @@ allowed raises `pmr.errors.InputError` with file, key, value and what is allowed
 from pmr.scene.asked import Compare, Damping, Published, Reduction, Simulation, TimeChoice
 from pmr.scene.boom import Boom
 from pmr.scene.built import Body, Load, MeshChoice, Support
-from pmr.scene.files import from_data, load, load_any, vary, vary_any, vary_beam
+from pmr.scene.files import beam_scene, from_data, load, load_any, vary, vary_any
 from pmr.scene.scene import Scene
 
 __all__ = [
@@ -28,5 +28,5 @@ __all__ = [
     "load_any",
     "vary",
     "vary_any",
-    "vary_beam",
+    "beam_scene",
 ]

@@ -114,15 +114,15 @@ def vary_any(path: str | Path, changes: Sequence[Change]) -> Scene | Boom:
     return boom
 
 
-def vary_beam(path: str | Path, changes: Sequence[Change] = ()) -> Scene:
-    """The same for a scene of a planar beam that is described by its stiffnesses, on which points slide.
+def beam_scene(path: str | Path) -> Scene:
+    """As `load`, of a scene of a planar beam that is described by its stiffnesses, on which points slide.
 
     Raises
     ------
     InputError
         As `load`, and for any other scene.
     """
-    scene = vary(path, changes)
+    scene = vary(path, ())
     if scene.body.profile is None or scene.pads:
         raise InputError(str(path), "body.profile", None, "a scene with a planar beam, without pads, is allowed here")
     return scene

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fullmodel.eigensolvers import EigenSolver, eigensolver
+from pmr.fullmodel.eigensolvers import eigensolver
 from pmr.fullmodel.elimination import DependentRowsError
 from pmr.fullmodel.model import FullModel
 from pmr.scene import Scene
@@ -57,7 +57,7 @@ def positions(scene: Scene, model: FullModel) -> Array:
     return np.array(choice)
 
 
-def eigenmode_snapshots(model: FullModel, scene: Scene, solver: EigenSolver | None = None) -> Snapshots:
+def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
     """The scene's snapshots: `modes` mass-normalised eigenmodes at each of the positions.
 
     Raises
@@ -67,7 +67,7 @@ def eigenmode_snapshots(model: FullModel, scene: Scene, solver: EigenSolver | No
     ConvergenceError
         If too few modes exist or converge.
     """
-    solver, free = solver or eigensolver(model, scene.reduction.solver), model.size - len(model.rows.names)
+    solver, free = eigensolver(model, scene.reduction.solver), model.size - len(model.rows.names)
     if scene.reduction.modes > free:
         allowed = f"the mesh leaves {free} free coordinates; ask for fewer modes or refine it"
         raise InputError("scene", "reduction.modes", scene.reduction.modes, allowed)

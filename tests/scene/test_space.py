@@ -170,7 +170,7 @@ def test_what_does_not_fit_is_refused_in_one_line(load, override, message) -> No
 
 def test_a_study_of_planar_beams_refuses_a_boom() -> None:
     with pytest.raises(InputError, match="a scene with a planar beam, without pads, is allowed here"):
-        scenes.vary_beam(WORKFLOWS / "boom.toml")
+        scenes.beam_scene(WORKFLOWS / "boom.toml")
 
 
 PLANAR = ["body.model=beam2d", "loads=[{name='down',on='tip',direction='z',signal=1.0}]", "supports=[]"]

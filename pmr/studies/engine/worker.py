@@ -26,6 +26,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLI
 #: By these a process takes itself for a rank of its parent's MPI job.
 OF_MPI = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
 PATIENCE = 10.0  # s for a child to leave by itself
+LAST_LINES = 20  # that a child which dies leaves behind
 
 
 class Worker:
@@ -86,9 +87,9 @@ class Worker:
             self._child.stdin.flush()
         return self._child
 
-    def _last_words(self, lines: int = 20) -> str:
+    def _last_words(self) -> str:
         self._log.seek(0)
-        return "\n".join(self._log.read().decode(errors="replace").splitlines()[-lines:])
+        return "\n".join(self._log.read().decode(errors="replace").splitlines()[-LAST_LINES:])
 
 
 def _cause(code: int) -> str:

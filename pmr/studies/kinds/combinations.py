@@ -45,7 +45,7 @@ class Study(StudyBase):
     fewest: Count = Field(default=3, description="Coordinates to begin with")
 
     def plan(self) -> Plan:
-        scene = scenes.vary_beam(self.scene)
+        scene = scenes.beam_scene(self.scene)
         nested.check(scene, [n for n, _ in self.combinations], [m for _, m in self.combinations], "combinations")
         library = nested.library_task(scene, [n for n, _ in self.combinations], max(m for _, m in self.combinations))
         reference = marching.full_task(scene)

@@ -47,7 +47,7 @@ class Study(StudyBase):
         return elements
 
     def plan(self) -> Plan:
-        scene = scenes.vary_beam(self.scene)
+        scene = scenes.beam_scene(self.scene)
         profile = scene.body.profile
         if scene.mesh.file is not None or profile is None or profile.axial_stiffness is None:
             allowed = "a scene with mesh.elements and body.profile.axial_stiffness is allowed"
@@ -67,7 +67,7 @@ class Study(StudyBase):
         return runs
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        scene, found = scenes.vary_beam(self.scene), dict[str, Scalar]()
+        scene, found = scenes.beam_scene(self.scene), dict[str, Scalar]()
         for approach, chosen in (("ancf", scene.compare.ancf_elements), ("full", scene.mesh.elements)):
             runs = [run for run in results.runs if run.parameters["approach"] == approach]
             errors = {run.parameters["elements"]: run.figures["e_abs"] for run in runs}

@@ -48,7 +48,7 @@ class Study(StudyBase):
     curve: Count | None = Field(default=None, description="Pool size for which a curve is drawn")
 
     def plan(self) -> Plan:
-        scene = scenes.vary_beam(self.scene)
+        scene = scenes.beam_scene(self.scene)
         counts, modes = range(1, self.most_snapshots + 1), range(1, self.most_modes + 1)
         nested.check(scene, counts, modes, "most_snapshots")
         chosen = [(n, m) for n in counts for m in modes if self.smallest_pool <= n * m <= self.largest_pool]

@@ -47,7 +47,7 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         runs, common = [], dict[str, Task]()
         for file in self.scenes:
-            scene = scenes.vary_beam(file)
+            scene = scenes.beam_scene(file)
             if "ancf" not in scene.compare.against:
                 allowed = f"{file.name}: scenes compared with ancf are allowed"
                 raise InputError("study", "scenes", list(scene.compare.against), allowed)
@@ -63,7 +63,7 @@ class Study(StudyBase):
 
     def statements(self) -> tuple[Statement, ...]:
         of_scenes = (
-            statement for file in self.scenes for statement in _of_scene(key_of(file.stem), scenes.vary_beam(file))
+            statement for file in self.scenes for statement in _of_scene(key_of(file.stem), scenes.beam_scene(file))
         )
         return (*of_scenes, *self.published)
 

@@ -62,7 +62,7 @@ class Study(StudyBase):
             raise InputError("study", "coordinates", list(self.coordinates), "increasing numbers are allowed")
         runs = []
         for file in self.scenes:
-            scene = scenes.vary_beam(file)
+            scene = scenes.beam_scene(file)
             for basis in BASES:
                 update = {"reduction": bases.reduction(scene, basis, max(self.coordinates))}
                 arguments = shared.scene_arguments(scene.model_copy(update=update))

@@ -111,7 +111,7 @@ class Study(StudyBase):
             raise InputError("study", f"share.{unknown[0]}", self.share[unknown[0]], allowed)
         runs, common = [], dict[str, Task]()
         for file in self.scenes:
-            scene = scenes.vary_beam(file)
+            scene = scenes.beam_scene(file)
             modes = shared.modes_tasks(scene)
             common |= {task.key: task for task in modes.values()}
             for name, approach in APPROACHES.items():
@@ -124,7 +124,7 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common.values()))
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        found: dict[str, Scalar] = {"span": max(scenes.vary_beam(file).time.end for file in self.scenes)}
+        found: dict[str, Scalar] = {"span": max(scenes.beam_scene(file).time.end for file in self.scenes)}
         for file in self.scenes:
             runs = [run for run in results.runs if run.parameters["scene"] == file.stem]
             median = {str(run.parameters["approach"]): statistics.median(_repeats(run)) for run in runs}
