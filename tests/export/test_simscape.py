@@ -61,6 +61,11 @@ def test_with_all_modes_it_is_the_full_model(bar: Path, tmp_path: Path, monkeypa
     np.testing.assert_allclose(found, np.sum(expected.phi * times(full.D, expected.phi), axis=0), rtol=1e-6)
 
 
+def displaced(point: np.ndarray) -> np.ndarray:
+    """Displacement (3, 6) of a point under unit translations and rotations about the origin."""
+    return np.hstack([np.eye(3), np.cross(np.eye(3), point).T])
+
+
 @pytest.mark.parametrize("case", ["bar", "boom"])
 def test_what_the_block_reads(case: str, bar: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     """Frequencies from above, the nearer the more modes; all frames as one move without force, with the whole mass."""
@@ -74,10 +79,7 @@ def test_what_the_block_reads(case: str, bar: Path, tmp_path: Path, monkeypatch,
     off = [frequencies(one) / expected - 1.0 for one in (few, many)]
     assert np.all(off[1] > -1e-7) and np.all(off[0] > off[1] - 1e-7)
     assert off[1][:4].max() < 1e-4
-    rigid = np.zeros((len(K), 6))
-    for k, (x, y, z) in enumerate(P):
-        rigid[6 * k : 6 * k + 6] = np.eye(6)
-        rigid[6 * k : 6 * k + 3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    rigid = np.vstack([*(np.vstack([displaced(point), np.eye(6)[3:]]) for point in P), np.zeros((16, 6))])
     for A in (K, M, C):
         np.testing.assert_array_equal(A, A.T)
     size = np.sqrt(np.diag(np.abs(rigid).T @ np.abs(K) @ np.abs(rigid)))
@@ -90,6 +92,10 @@ def test_what_the_block_reads(case: str, bar: Path, tmp_path: Path, monkeypatch,
             mass.mass for mass in scene.masses
         )
     np.testing.assert_allclose(inertia[:3, :3], total * np.eye(3), rtol=1e-9, atol=1e-9 * total)
+    if case == "bar":
+        given = bricks((10, 1, 1), (2.0, 0.2, 0.3))
+        R = np.vstack([displaced(point) for point in given.points])
+        np.testing.assert_allclose(inertia, R.T @ given.M @ R, rtol=1e-9, atol=1e-9 * total)
 
 
 def test_a_force_at_the_tip_moves_it_as_the_full_model(bar: Path, tmp_path: Path, monkeypatch, capsys) -> None:
