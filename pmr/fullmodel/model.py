@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Rows, SharedCarriers
@@ -44,6 +45,8 @@ class FullModel(WithRows):
         In closed form.  A model without can be simulated, but not be reduced to free modes.
     node_stations : (N,) array, m, optional
         Places of a beam's nodes along its axis.
+    mirrors : tuple of (n, n) sparse matrices
+        Planes of symmetry (`pmr.fullmodel.symmetry`); the same on every rank.
     """
 
     M: PETSc.Mat
@@ -59,6 +62,7 @@ class FullModel(WithRows):
     output_units: tuple[str, ...] = ()
     rigid: RigidMotions | None = None
     node_stations: Array | None = None
+    mirrors: tuple[sp.csr_matrix, ...] = ()
 
     @property
     def rayleigh(self) -> Rayleigh | None:

@@ -26,6 +26,7 @@ from pmr.fullmodel.assembly import Operators, operators_of, padded, projected, r
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.fullmodel.probes import Gauge
+from pmr.fullmodel.symmetry import mirror_images
 from pmr.models import StructuralModel
 from pmr.models.rigid import RigidMotions
 from pmr.scene import Damping
@@ -139,6 +140,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         reference_frequency=model.reference_frequency,
         rigid=_rigid_motions(coupling, restraints, operators.M),
         node_stations=model.node_stations,
+        mirrors=mirror_images(model, coupling.T, operators.M, operators.K),
     )
 
 

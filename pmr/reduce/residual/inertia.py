@@ -47,10 +47,12 @@ class PathProducts:
         self.order = np.argsort(self._spans[:, 0], kind="stable")
         self._operators = [model.M] if model.rayleigh is not None else [model.M, model.D]
         self._found = [Pairs(pattern) for _ in self._operators]
+        self._awaited = np.ones(len(self.order), bool)
         self._held: list[tuple[Indices, Array]] = []
 
     def take(self, numbers: Indices, answers: Array) -> None:
-        """The products with `answers` (n_local, k) to the loads with these numbers, the next ones in order."""
+        """The products with `answers` (n_local, k) to the loads with these numbers."""
+        self._awaited[numbers] = False
         self._held.append((numbers, answers))
         for A, found in zip(self._operators, self._found, strict=True):
             product = times(A, answers)
@@ -59,7 +61,7 @@ class PathProducts:
                 found.put(others, numbers, values)
                 if x is not answers:
                     found.put(numbers, others, values.T)
-        reached = self._spans[numbers[-1], 0]
+        reached = np.min(self._spans[self._awaited, 0], initial=np.inf)
         needed = [(others, x, self._spans[others, 1] > reached) for others, x in self._held]
         self._held = [
             (others, x) if still.all() else (others[still], np.asfortranarray(x[:, still]))

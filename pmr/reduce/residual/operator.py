@@ -20,14 +20,19 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.fem.distributed import inner, subtract, times
+from pmr.fem.distributed import freed, inner, sparse, subtract, times
 from pmr.fullmodel.model import FullModel
+from pmr.reduce.residual.mirrored import images_of
 from pmr.snapshots.free_body import FreeBody
-from pmr.snapshots.rigid import rigid_bodies
+from pmr.snapshots.rigid import fixed_rows, rigid_bodies
 
 Array = NDArray[np.float64]
+
+#: What a mirror image of a basis may have beside it, over its largest entry: of symmetric bodies it has some 1e-11.
+KEPT = 1e-9
 
 
 class ResidualFlexibility:
@@ -54,6 +59,19 @@ class ResidualFlexibility:
     def drop(self) -> None:
         """Give the factor's memory back."""
         self._body.drop()
+
+    def keeps(self, P: sp.csr_matrix) -> bool:
+        """Whether basis and fixed rows are their own images by P of the body, so that R P = P R; collective."""
+        M, held = self.model.M, [row.at(row.breaks[0]) for row in fixed_rows(self.model)]
+        if held and np.any(images_of(sp.vstack(held, format="csr"), [P])[0].partners < 0):
+            return False
+        first, last = M.getOwnershipRange()
+        mirror = sparse(P[first:last], M, columns=last - first)
+        image = times(mirror, self._basis)
+        freed(mirror)
+        apart = image - self._basis @ inner(self._dual, image, self._comm)
+        far, size = (np.max(self._comm.allgather(np.abs(x).max(axis=0, initial=0.0)), axis=0) for x in (apart, image))
+        return bool(np.all(far <= KEPT * size))
 
     def apply(self, g: Array) -> Array:
         """R g, this rank's rows (n_local, k) in m, of loads in N given likewise, which may be overwritten."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -13,12 +14,14 @@ from scipy.interpolate import PPoly
 from pmr.constraints.rows import SharedCarriers
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
+from pmr.reduce.residual.mirrored import Orbits, images_of
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.flexibility import Flexibility
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+_log = logging.getLogger(__name__)
 
 #: Loads answered at a time for each rank: a few times as many vectors of full length are in memory.  A column costs a
 #: tenth of what it costs alone, and more at a time would not make it cheaper (70,000 coordinates of a shell).
@@ -148,19 +151,30 @@ def load_flexibility(
     pattern: sp.csr_matrix,
     consumer: Consumer | None = None,
 ) -> LoadFlexibility:
-    """R on carriers (K, n) and on the inputs, one static solve each, whose answers a `consumer` may use; collective.
+    """R on carriers (K, n) and on the inputs, whose answers a `consumer` may use; collective.
 
-    It is kept for the pairs of loads of a `pattern` (L, L), that of `meeting` or `any_two`.
+    Each takes a static solve, but for those that are mirror images of others.
+
+    R is kept for the pairs of loads of a `pattern` (L, L), that of `meeting` or `any_two`.
     """
     model = residual.model
-    loads, many, found = carrier_loads(model, carriers), BLOCK * model.comm.size, OnCarriers(model, carriers, pattern)
+    loads, found = carrier_loads(model, carriers), OnCarriers(model, carriers, pattern)
     order = np.arange(loads.shape[1]) if consumer is None else consumer.order
-    for k in range(0, len(order), many):
-        numbers = order[k : k + many]
-        x = residual.apply(loads[:, numbers].toarray(order="F"))
-        found.take(numbers, x)
-        if consumer is not None:
-            consumer.take(numbers, x)
+    images = images_of(carriers, [P for P in model.mirrors if residual.keeps(P)])
+    orbits = Orbits(order, images, model.M)
+    _log.info(
+        "%d static solves answer loads on %d carriers and %d inputs",
+        len(orbits.own),
+        carriers.shape[0],
+        loads.shape[1] - carriers.shape[0],
+    )
+    many = min(BLOCK, 2 * BLOCK // (1 + len(images))) * model.comm.size
+    for k in range(0, len(orbits.own), many):
+        own = orbits.own[k : k + many]
+        for answers in orbits.answers(own, residual.apply(loads[:, own].toarray(order="F"))):
+            found.take(answers.numbers, answers.columns)
+            if consumer is not None:
+                consumer.take(answers.numbers, answers.columns)
     return found.result()
 
 
