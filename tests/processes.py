@@ -57,6 +57,11 @@ def python(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subproce
     )
 
 
+def resident() -> float:
+    """Memory that this process has now, MiB; a peak would hide what grows below that of an earlier test."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
 def without(packages: Sequence[str], *arguments: str, code: str = COMMAND) -> subprocess.CompletedProcess[str]:
     """The command `pmr` with the given arguments, or other code, where none of the packages can be imported."""
     return python("-c", f"import sys; sys.modules |= dict.fromkeys({list(packages)})\n{code}", *arguments)

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from processes import resident
 
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import sparse, times
 from pmr.fem.factor import Factor
 from pmr.fullmodel.assembly import share
-
-
-def resident() -> float:
-    """Memory of this process, MB."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def distributed(A: sp.csr_matrix) -> PETSc.Mat:

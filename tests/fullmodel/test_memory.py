@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
+from processes import resident
 
 from pmr import scene
 from pmr.fem.compat import MPI
@@ -15,11 +15,6 @@ SHELL = Path(__file__).parents[2] / "workflows" / "boom_shell.toml"
 STATUS = Path("/proc/self/statm")
 
 ENTRY = 12  # bytes of a number and its column
-
-
-def resident() -> float:
-    """Memory of this process in MiB."""
-    return int(STATUS.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 @pytest.mark.slow
