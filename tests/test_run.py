@@ -102,6 +102,7 @@ def test_six_coordinates_with_residual_flexibility(load_scene) -> None:
     assert 0.0 < found["beam"] < 2e-3 and found["pad_force"] > 0.0
     assert reduced.provenance["basis"].startswith("eigenmodes on the fixed supports with the sliders released")
     assert "residual flexibility" in summary["basis"]["kind"]
+    assert summary["basis"]["carriers"] == 42  # deflection and slope at 21 nodes
     assert outcome.result.responses["reduced"].residual_position.max() < 1e-12
     assert outcome.result.frequencies.reduced[:, :2] == pytest.approx(outcome.result.frequencies.full[:, :2], rel=1e-4)
 

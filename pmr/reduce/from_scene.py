@@ -12,7 +12,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduce.galerkin import reduced_model, with_held_coordinates
 from pmr.reduce.given import given_basis, given_vectors
-from pmr.reduce.residual.model import flexible_model, modal_model
+from pmr.reduce.residual.model import flexible_model, modal_model, released
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene import Scene
@@ -79,8 +79,10 @@ def provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
     }
 
 
-def summary(scene: Scene, snapshots: Snapshots, basis: Basis, reduced: ReducedModel) -> dict[str, Any]:
-    """``basis`` of summary.json."""
+def summary(
+    scene: Scene, model: FullModel, snapshots: Snapshots, basis: Basis, reduced: ReducedModel
+) -> dict[str, Any]:
+    """``basis`` of summary.json; `carriers` are how many places of loads the rows touch along the path."""
     largest = float(snapshots.residuals.max())
     return {
         "basis": {
@@ -89,6 +91,7 @@ def summary(scene: Scene, snapshots: Snapshots, basis: Basis, reduced: ReducedMo
             "singular_values": basis.sigma.tolist(),
             "largest_residual": None if np.isnan(largest) else largest,
             "rows_left_out": list(reduced.left_out),
+            "carriers": released(model).shared.carriers.shape[0],
         }
     }
 

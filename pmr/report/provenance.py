@@ -62,6 +62,8 @@ def _sizes(result: RunResult) -> Rows:
         said = f"{plain(contact['parts'])}, each with h omega = {plain(round(contact['h_omega'], 3))}"
         yield "parts of a step, for pads that only push", said
     basis = result.summary.get("basis", {})
+    if basis.get("carriers"):
+        yield "carriers that the rows touch along the path", plain(basis["carriers"])
     if basis.get("rows_left_out"):
         yield "rows left out", ", ".join(basis["rows_left_out"])
 

@@ -134,7 +134,7 @@ def run(
     parts = [
         made_with(scene, fenicsx_versions()),
         Part({"coordinates": {"full": size, "reduced": reduced.size}}),
-        Part(describe_basis(scene, reduction.snapshots, reduction.basis, reduced)),
+        Part(describe_basis(scene, reduction.model, reduction.snapshots, reduction.basis, reduced)),
         compared(scene, simulations, size),
         simulated(simulations, {name: clock.seconds[name] for name in STAGES if name in clock.seconds}),
         struck(reduced, excitation, responses),

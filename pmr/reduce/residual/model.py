@@ -137,7 +137,7 @@ def section_model(
     residual.drop()
     free_dropped(model.comm)
     values = model.comm.allreduce(shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray()))
-    carriers = CarriedRows.of(_released(model).shared.rows, values, flexibility.between_any_two())
+    carriers = CarriedRows.of(released(model).shared.rows, values, flexibility.between_any_two())
     return _with_coordinates(
         replace(
             _completed(reduced, tables(flexibility, shared)),
@@ -177,14 +177,14 @@ def _completed(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
     return flexible
 
 
-def _released(model: FullModel) -> Rows:
+def released(model: FullModel) -> Rows:
     """The rows of sliders and pads."""
     return Rows(tuple(row for row in model.rows.rows if not row.fixed), model.size)
 
 
 def _on_path(model: FullModel) -> SharedCarriers:
     """The same on common carriers and breaks."""
-    return _released(model).shared.aligned(model.rows.domain)
+    return released(model).shared.aligned(model.rows.domain)
 
 
 def _without_round_off(reduced: ReducedModel, model: FullModel, V: Array) -> ReducedModel:
