@@ -79,14 +79,13 @@ def run(
 
         mpirun -n 2 pmr run SCENE.toml --set reduction.solver=slepc
     """
-    asked = [
-        *([] if tolerance is None else _to(tolerance)),
-        *(overrides or ()),
-        *([_simulators(simulators)] if simulators is not None else ()),
-    ]
+    asked = [*(overrides or ()), *([_simulators(simulators)] if simulators is not None else ())]
     names = [file.resolve().name if file.is_dir() else file.stem for file in scene_files]
     files = [scene_file(file) for file in scene_files]
-    loaded = [(name, found, scenes.load_any(found, asked)) for name, found in zip(names, files, strict=True)]
+    loaded = [
+        (name, found, scenes.load_any(found, [*([] if tolerance is None else _to(tolerance, found)), *asked]))
+        for name, found in zip(names, files, strict=True)
+    ]
     if len(set(names)) != len(names):
         raise InputError("command line", "SCENE", names, "names must differ")
     environment.check_report()  # before the work, not after it
@@ -169,8 +168,10 @@ def _save_boom(outcome: BoomOutcome, folder: Path) -> None:
             write_bodies(new, "fields", {name: Travelling(*one) for name, one in result.travelling.items()})
 
 
-def _to(tolerance: str) -> list[str]:
+def _to(tolerance: str, file: Path) -> list[str]:
     """The overrides that ``--tolerance 1%`` stands for: a reduction that holds all models among which is chosen.
+
+    Sections of a boom have no other one.
 
     Raises
     ------
@@ -186,7 +187,7 @@ def _to(tolerance: str) -> list[str]:
         raise InputError(
             "command line", "--tolerance", tolerance, "more than 0 and less than 100% is allowed, as 1% or 0.01"
         )
-    basis = ["reduction.basis=free_modes", "reduction.flexibility=true"]
+    basis = [] if scenes.has_sections(file) else ["reduction.basis=free_modes", "reduction.flexibility=true"]
     return [*basis, f"accuracy.tolerance={share!r}"]
 
 

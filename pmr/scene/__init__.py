@@ -7,7 +7,7 @@ allowed raises `pmr.errors.InputError` with file, key, value and what is allowed
 from pmr.scene.asked import Compare, Damping, Published, Reduction, Simulation, TimeChoice
 from pmr.scene.boom import Boom
 from pmr.scene.built import Body, Load, MeshChoice, Support
-from pmr.scene.files import beam_scene, from_data, load, load_any, vary, vary_any
+from pmr.scene.files import beam_scene, from_data, has_sections, load, load_any, vary, vary_any
 from pmr.scene.scene import Scene
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Support",
     "TimeChoice",
     "from_data",
+    "has_sections",
     "load",
     "load_any",
     "vary",

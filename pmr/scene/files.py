@@ -93,6 +93,17 @@ def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene | Boom:
     return vary_any(found(Path(path), "scene.toml"), [override(text) for text in overrides])
 
 
+def has_sections(path: str | Path) -> bool:
+    """Whether a file describes a boom of several sections.
+
+    Raises
+    ------
+    InputError
+        As `load`.
+    """
+    return "sections" in TomlFile.read(found(Path(path), "scene.toml"), DIALECT).data
+
+
 def vary_any(path: str | Path, changes: Sequence[Change]) -> Scene | Boom:
     """As `vary`, of a file that may have several sections.
 

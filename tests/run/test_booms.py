@@ -353,13 +353,15 @@ def test_three_sections_as_they_come() -> None:
     assert outcome is not None
     summary = outcome.result.summary
     assert summary["coordinates"]["reduced"] == 15 and summary["warnings"] == []
-    assert max(summary["errors"]["reduced_vs_full"].values()) < 2e-4
+    true, told = summary["errors"]["reduced_vs_full"], summary["estimate"]
+    assert max(true.values()) < 2e-4
+    assert all(error < told[kind] < 2.0 * error for kind, error in true.items())  # though pads land and lift off
     assert min(pad["min"] for pad in summary["pads"]) >= 0.0
 
 
 @pytest.mark.slow
 def test_four_sections_that_extend_one_after_the_other() -> None:
-    outcome = run_boom(load(file="boom_four"))
+    outcome = run_boom(load("section.reduction.estimate=false", file="boom_four"))
     assert outcome is not None
     errors = outcome.result.summary["errors"]["reduced_vs_full"]
     assert outcome.result.summary["coordinates"]["reduced"] == 18
