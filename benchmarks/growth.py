@@ -1,21 +1,33 @@
-"""What a step costs as the model grows: in modes, in the full beam's coordinates, in moving rows, in outputs."""
+"""What a step costs as the model grows: in modes, coordinates, moving rows, outputs; in sections of a boom."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from benchmarks import beams
 from benchmarks.timing import exponent
+from pmr import load_scene
+from pmr.fem.compat import MPI
+from pmr.fullmodel.sections import build_sections
+from pmr.reduce.sections import reduce_sections
+from pmr.scene.signals import Constant, SmoothRamp
+from pmr.simulate import Excitation, TimeStepping
+from pmr.simulate.booms import system_of
 from pmr.simulate.modal import ModalForm
+from pmr.simulate.native import multibody
 from pmr.simulate.native import simulator as march
+from pmr.system.system import System
 
 MODES = (4, 8, 16, 32, 48, 64, 96, 128, 151)
 ELEMENTS = (10, 20, 50, 100)
 MANY_ELEMENTS = (*ELEMENTS, 200, 400)
 ROWS = (1, 2, 3, 4, 5, 6)
 OUTPUTS = (1, 4, 16, 51)
+BOOMS = ("boom_two", "boom_three", "boom_four")
+EACH = (4, 8, 16)  # coordinates of every section but the base
 
 
 def measure(long: bool, repeats: int = 40) -> dict[str, Any]:
@@ -31,7 +43,41 @@ def measure(long: bool, repeats: int = 40) -> dict[str, Any]:
         "full": full | {"exponent": _slope(full, above=100)},
         "rows": rows | {"coordinates": 40},
         "outputs": outputs | {"coordinates": 20},
+        "booms": booms(repeats),
     }
+
+
+def booms(repeats: int) -> dict[str, Any]:
+    """Microseconds of a step of booms on pads that hold both ways, and a + b m^2 + c m r fitted to them."""
+    systems = {(name, r): _boom(name, r) for name in BOOMS for r in EACH}
+    best = dict.fromkeys(systems, np.inf)
+    for _ in range(repeats):
+        for key, (system, drive) in systems.items():
+            seconds = multibody.simulate(system, drive).seconds
+            best[key] = min(best[key], 1e6 * seconds / drive.stepping.steps)
+    m = np.array([len(system.contacts) for system, _ in systems.values()])
+    r = np.array([sum(body.size for body in system.bodies.values()) for system, _ in systems.values()])
+    us = np.array(list(best.values()))
+    terms = np.column_stack([np.ones(len(m)), m**2, m * r])
+    fitted = np.linalg.lstsq(terms / us[:, None], np.ones(len(m)), rcond=None)[0]
+    return {
+        "sections": [len(system.bodies) for system, _ in systems.values()],
+        "contacts": m.tolist(),
+        "coordinates": r.tolist(),
+        "us": us.tolist(),
+        "fitted": fitted.tolist(),
+        "off": float(np.abs(terms @ fitted / us - 1.0).max()),
+    }
+
+
+def _boom(name: str, r: int) -> tuple[System, Excitation]:
+    boom = load_scene(beams.WORKFLOWS / f"{name}.toml", [f"section.reduction.coordinates={r}"])
+    bodies = {name: one.model for name, one in reduce_sections(boom, build_sections(boom, MPI.COMM_SELF)).items()}
+    given = system_of(boom, bodies)
+    system = System(bodies, tuple(replace(contact, clearance=None) for contact in given.contacts))
+    paths = {name: SmoothRamp(times=(0.0, 1.5), values=(1.0, 2.5)) for name in system.paths}
+    loads = {name: Constant(amount=1.0) for name in system.input_names}
+    return system, Excitation(paths, loads, TimeStepping(1.5, 1e-3))
 
 
 def _series(forms: dict[int, tuple[ModalForm, int]], repeats: int) -> dict[str, Any]:

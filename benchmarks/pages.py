@@ -163,6 +163,13 @@ def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
                           (f"outputs, {found['outputs']['coordinates']} modes", "outputs"))
         for size, ns in zip(found[key]["size"], found[key]["ns"], strict=True)
     )  # fmt: skip
+    booms, (own, squared, crossed) = found["booms"], found["booms"]["fitted"]
+    columns = zip(*(booms[key] for key in ("sections", "contacts", "coordinates", "us")), strict=True)
+    sections = tuple((str(k), str(m), str(r), quantity(1e-6 * us, "s")) for k, m, r, us in columns)
+    said = (
+        f"Booms on pads that hold both ways; {own:.2g} + {squared:.2g} m^2 + {crossed:.2g} m r microseconds "
+        f"with m contacts and r coordinates, at most {100 * booms['off']:.0f} % off."
+    )
     return Chapter(
         anchor=prefix,
         title="",
@@ -179,6 +186,7 @@ def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
                 grids=(
                     Grid("A step, and its share of each mode.", ("size", "a step", "each"), rows),
                     Grid("Moving rows and outputs.", ("size", "a step", "more than the first"), others),
+                    Grid(said, ("sections", "contacts", "coordinates", "a step"), sections),
                 ),
             )
         ],

@@ -26,6 +26,7 @@ from pmr.simulate.native import multibody
 from pmr.simulate.native.multibody_march import places
 from pmr.simulate.petsc import Checkpoint, Recording, observe_system, static_start
 from pmr.simulate.petsc.rows import contact_rows
+from pmr.simulate.stepping import TimeStepping
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -85,14 +86,14 @@ class FullBoom:
     def simulate(
         self,
         boom: Boom,
-        parts: int,
+        stepping: TimeStepping,
         steps: NDArray[np.int64],
         clock: Clock,
         checkpoint: Checkpoint | None = None,
     ) -> FullRun:
-        """Its motion, and its states at some steps; `parts` of a step as the reduced model takes.  Collective."""
+        """Its motion, and its states at some steps, made as the reduced model made them.  Collective."""
         excitation, comm = excitation_of(boom, self.whole), self.whole.comm
-        excitation = excitation.with_stepping(replace(excitation.stepping, parts=parts))
+        excitation = excitation.with_stepping(stepping)
         found, failed, states = None, "", dict[str, Array]()
         try:
             with clock.stage("full") as done:

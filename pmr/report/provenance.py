@@ -60,6 +60,8 @@ def _sizes(result: RunResult) -> Rows:
         yield "pads", plain(sum(len(ring.places) for ring in result.scene.pads))
     if contact := result.summary.get("contact"):
         said = f"{plain(contact['parts'])}, each with h omega = {plain(round(contact['h_omega'], 3))}"
+        if "mean_parts" in contact:
+            said = f"at most {said}; {plain(round(contact['mean_parts'], 1))} in the mean"
         yield "parts of a step, for pads that only push", said
     basis = result.summary.get("basis", {})
     if basis.get("carriers"):

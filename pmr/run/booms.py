@@ -88,16 +88,18 @@ def run_boom(
         large = full is not None and full.simulator == "petsc"
         steps = compared.on_the_way(boom, excitation.times, compared.FEWER_PLACES if large else compared.PLACES)
         curves = {} if full is None else {"full": _full_frequencies(boom, full, excitation.s[steps], steps, caches)}
-    fine = contact_step.parts(omega, excitation.stepping) if omega else 0
     whole, recovered = FullRun(None, "", {}), recovered_steps(boom)
-    if full is not None:
-        whole = full.simulate(boom, fine, recovered, clock, checkpoint)
-    responses: dict[str, Response] = {} if whole.response is None else {"full": whole.response}
-    states = None
+    states, made = None, excitation.stepping
     if comm.rank == 0:
         simulations = simulate(boom, system, excitation, clock)
-        responses |= {"reduced": simulations.response}
         states = states_of(system, simulations.first, recovered)
+        made = contact_step.as_made(made, simulations.first.parts, omega)
+    made = comm.bcast(made)
+    if full is not None:
+        whole = full.simulate(boom, made, recovered, clock, checkpoint)
+    responses: dict[str, Response] = {} if whole.response is None else {"full": whole.response}
+    if comm.rank == 0:
+        responses |= {"reduced": simulations.response}
     seen = dict[str, Recovered]()
     if boom.recovery is not None:
         with clock.stage("recover"):
@@ -108,8 +110,7 @@ def run_boom(
         return None
     responses = {name: with_friction(boom, system.contacts, one) for name, one in responses.items()}
     curves |= {"reduced": compared.frequencies(system, x[steps])}
-    stepped = excitation.with_stepping(replace(excitation.stepping, parts=fine))
-    error = boom_error(boom, system, stepped, simulations.first, clock)
+    error = boom_error(boom, system, excitation.with_stepping(made), simulations.first, clock)
     at, over_joints = boom.reach(excitation.times[steps]), frequency_map(boom, system)
     frequencies = BoomFrequencies(at, excitation.s[steps], curves, over_joints)
     sizes = {name: {"full": built[name].model.size, "reduced": body.size} for name, body in reduced.items()}
@@ -140,7 +141,7 @@ def run_boom(
         compared.beside_published(boom, frequencies),
         Part(probes.places({name: one.structure.outputs for name, one in built.items()})),
         driven(excitation),
-        Part(contact_step.summary_of(omega, excitation.stepping), contact_step.warnings_of(omega, excitation.stepping)),
+        Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
         trusted({"full": whole.missing} if whole.missing else {}, responses),
         *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
         Part(warnings=large_motion(float(boom.reach(excitation.times).max()), responses.values())),

@@ -5,10 +5,13 @@ A body that lands on closed pads swings on them, for half a period of
 .. math:: \omega^2 = \max_s \lambda_{max}\big( (G + 1/k)^{-1}\, C M^{-1} C^T \big)
 
 taken over the rows that only push.  A step with h omega of 1 or more takes the energy of an impact and most of its
-force; what is lost falls with the square (docs/pads.md).  So a step is made in equal parts, as many as h omega takes.
+force; what is lost falls with the square (docs/pads.md).  So a step is made in equal parts, as many as h omega takes;
+of systems that is the most, and an estimate of the error decides (`pmr.simulate.native.multibody_levels`).
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +26,8 @@ Array = NDArray[np.float64]
 
 #: h omega with which a peak force is right within some per cent, and an impact keeps 99.9 % of its energy in the mean.
 RESOLVED = 0.05
+#: What a part may err in the forces of closed contacts, over the largest so far, for each radian of h omega up to one.
+TOLERANCE = 1e-5
 #: Parts that a step is divided into at most, and parts of all steps together.
 MOST_PARTS, MOST_IN_ALL = 200, 5_000_000
 #: Places on the path at which omega is found.
@@ -54,10 +59,22 @@ def frequency(F: Array, mobility: Array) -> float:
 
 def parts(omega: float, stepping: TimeStepping) -> int:
     """Equal parts of a step in which a contact of circular frequency `omega` in rad/s is followed."""
-    if stepping.parts:
-        return stepping.parts
+    if stepping.parts or stepping.schedule:
+        return stepping.parts or max(stepping.schedule)
     needed = int(np.ceil(stepping.step * omega / RESOLVED - 1e-9))
     return max(1, min(needed, MOST_PARTS, MOST_IN_ALL // stepping.steps))
+
+
+def levels(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
+    """Of how many parts a step may be made where the tolerance decides: powers of two, up to what resolves `omega`.
+
+    Or those that are asked for.
+    """
+    if stepping.schedule:
+        return tuple(sorted(set(stepping.schedule)))
+    if stepping.parts:
+        return (stepping.parts,)
+    return tuple(2**k for k in range((parts(omega, stepping) - 1).bit_length() + 1))
 
 
 def with_parts(body: ReducedModel, excitation: Excitation) -> TimeStepping:
@@ -67,6 +84,15 @@ def with_parts(body: ReducedModel, excitation: Excitation) -> TimeStepping:
         return stepping
     count = parts(_omega(body, excitation), stepping)
     return TimeStepping(stepping.end, stepping.step, stepping.rho_inf, count)
+
+
+def as_made(stepping: TimeStepping, made: NDArray[np.int64] | None, omega: float) -> TimeStepping:
+    """The time grid of others that make each step in the parts it was `made` in (T,); None: what `omega` takes."""
+    if omega == 0.0 or stepping.parts:
+        return stepping
+    if made is None:
+        return replace(stepping, parts=parts(omega, stepping))
+    return replace(stepping, schedule=tuple(made[1:].tolist()))
 
 
 def summary(body: ReducedModel, excitation: Excitation) -> dict[str, object]:
@@ -79,7 +105,10 @@ def summary_of(omega: float, stepping: TimeStepping) -> dict[str, object]:
     if omega == 0.0:
         return {}
     count = parts(omega, stepping)
-    return {"contact": {"omega": omega, "parts": count, "h_omega": stepping.step * omega / count}}
+    found = {"omega": omega, "parts": count, "h_omega": stepping.step * omega / count}
+    if stepping.schedule:
+        found["mean_parts"] = float(np.mean(stepping.schedule))
+    return {"contact": found}
 
 
 def warnings(body: ReducedModel, excitation: Excitation) -> list[str]:

@@ -29,6 +29,8 @@ class TimeStepping:
     parts : int
         Equal parts of a step in which rows that only push are followed; 0, the default: as many as their contact takes
         (`pmr.simulate.contact_step`).  Without such rows a step is one.
+    schedule : tuple of int
+        Instead of it, the parts of each step: 1, 2, 4 and so on, as a simulation of a system chose them.
 
     Raises
     ------
@@ -40,6 +42,7 @@ class TimeStepping:
     step: float
     rho_inf: float = 0.9
     parts: int = 0
+    schedule: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 < self.step <= self.end:

@@ -200,6 +200,8 @@ class SystemTrajectory:
         Wall time of the solver alone.
     surplus : float
         Share of the largest energy that nothing put in (`pmr.simulate.balance`).
+    parts : (T,) integer array, optional
+        Of how many parts each step was made (`pmr.simulate.contact_step`).
     """
 
     t: Array
@@ -211,3 +213,4 @@ class SystemTrajectory:
     work: Array
     seconds: float
     surplus: float
+    parts: NDArray[np.int64] | None = None

@@ -7,16 +7,17 @@ one row after the other, each row at its own offset.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulate.native.arrays import DAMPING, INPUT, ROW, STIFFNESS, UNIT, Memory, Scheme, State
+from pmr.simulate.native.arrays import ROW, Memory, State
 from pmr.simulate.native.contact import contact
 from pmr.simulate.native.multibody_form import MultibodyForm, starts
 from pmr.simulate.native.simd import LANES
-from pmr.simulate.native.system import aligned, divided
+from pmr.simulate.native.system import aligned
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -28,6 +29,9 @@ class Polynomials(NamedTuple):
 
     contact: Indices  # (q,)
     body: Indices  # (q,)
+    path: Indices  # (q,)
+    at: Array  # (q,) m: x = at + rate s
+    rate: Array  # (q,)
     breaks: Array
     first_break: Indices  # (q,); the next entry of the flat array belongs to another row from `intervals` + 1 on
     intervals: Indices  # (q,)
@@ -41,13 +45,14 @@ class Polynomials(NamedTuple):
 class Bodies(NamedTuple):
     """Constants of bodies with r' modes, K carriers and i inputs in all, and of m contacts; m' as r'."""
 
-    B: Array  # (i, r'): S^-1 B, transposed
-    damped: Array  # (3, r', r') as `System.damped`, or (0, 0, 0)
+    B: Array  # (i, r'): S^-1 B, transposed, of the present step's length
+    damped: Array  # (3, r', r') as `System.damped`, likewise, or (0, 0, 0)
     values: Array  # (K, r'): what the modes measure on the carriers
     inputs: Array  # (K, i) m/N: U R B
     energy: Array  # (i, i) m/N: B^T R B
     plain_inputs: Array  # (i, r'): B, transposed
     stiffness: Array  # (r',): Omega^2
+    damping: Array  # (1, r'): the diagonal of D, or (r', r') where it couples modes
     flexibility: Array  # all U R U^T in m/N, flat, one body after the other; nothing of a body without
     first_flexibility: Indices  # (bodies + 1,)
     carriers: Indices  # (bodies + 1,): where each body's begin
@@ -62,13 +67,13 @@ class Bodies(NamedTuple):
 
 
 class Sides(NamedTuple):
-    """What changes with the places x (q,) of the sides that travel, and what the step before left.
+    """What changes with the places of the q sides that travel, and what the step before left.
 
     Between two breaks all that a side measures is a polynomial of p' powers, whose coefficients are kept: with the
     modes, with the sides that stay, and with every other one that travels on the same body.
     """
 
-    x: Array  # (q,) m; NaN before the first step
+    s: Array  # (P,) m: where the paths lead; NaN before the first step
     interval: Indices  # (q,); -1 before the first step
     entered: NDArray[np.bool_]  # (q,): whether the last move led into another one
     moved: NDArray[np.bool_]  # (1,): whether the contacts' rows have changed since `account` was last called
@@ -89,13 +94,8 @@ class Sides(NamedTuple):
     energy: Array  # (2,) J: what is stored, and the work done since the start
 
 
-def travelling(system: System) -> list[int]:
-    """Numbers of the sides that travel."""
-    return [number for number, side in enumerate(system.sides) if side.place.path is not None]
-
-
-def bodies(form: MultibodyForm, scheme: Scheme) -> Bodies:
-    """Constants of a system under a time step."""
+def bodies(form: MultibodyForm, paths: Sequence[str]) -> Bodies:
+    """Constants of a system that travels on `paths`, by their names; those of a step are zero."""
     system, K, i = form.system, int(form.carriers[-1]), int(form.inputs[-1])
     values, inputs, energy = np.zeros((K, form.modes[-1])), np.zeros((K, i)), np.zeros((i, i))
     flexibility = []
@@ -119,18 +119,16 @@ def bodies(form: MultibodyForm, scheme: Scheme) -> Bodies:
     for first, last, R in zip(form.carriers, form.carriers[1:], flexibility, strict=False):
         if len(R):
             answers[first:last, :m] = R @ staying[:, first:last].T
-    D, omega2 = form.damping, form.along("K")
-    damped = np.zeros((0, 0, 0))
-    if not form.classically_damped:
-        damped = np.stack([divided(A, omega2, D, scheme).T for A in (np.diag(omega2), D, np.eye(len(D)))])
+    r = int(form.modes[-1])
     return Bodies(
-        B=aligned(divided(form.B.T, omega2, D, scheme)),
-        damped=aligned(damped),
+        B=aligned(np.zeros((i, r))),
+        damped=aligned(np.zeros((0, 0, 0) if form.classically_damped else (3, r, r))),
         values=aligned(values),
         inputs=inputs,
         energy=energy,
         plain_inputs=aligned(form.B.T),
-        stiffness=aligned(omega2),
+        stiffness=aligned(form.along("K")),
+        damping=aligned(form.along("D")[None] if form.classically_damped else form.damping),
         flexibility=np.concatenate([np.empty(0), *(R.ravel() for R in flexibility)]),
         first_flexibility=starts([R.size for R in flexibility]),
         carriers=form.carriers,
@@ -141,22 +139,15 @@ def bodies(form: MultibodyForm, scheme: Scheme) -> Bodies:
         staying_inputs=staying @ inputs,
         staying_half=aligned(staying @ answers / 2.0),
         staying_answers=aligned(answers),
-        rows=_polynomials(system),
+        rows=_polynomials(form.system, paths),
     )
 
 
-def multibody_state(form: MultibodyForm, scheme: Scheme, constants: Bodies, memory: Memory) -> State:
-    """At rest, before the contacts' rows are evaluated."""
+def multibody_state(form: MultibodyForm, constants: Bodies, memory: Memory) -> State:
+    """At rest, before the contacts' rows are evaluated and the constants of a step are known."""
     m, (i, r) = len(constants.compliance), constants.B.shape
-    modes = np.zeros((ROW + max(m, 1), r))
-    if i > 0:
-        modes[INPUT] = constants.B[0]
-    if form.classically_damped:
-        omega2, D = form.along("K"), form.along("D")
-        modes[UNIT] = divided(np.ones(r), omega2, np.diag(D), scheme)
-        modes[STIFFNESS], modes[DAMPING] = modes[UNIT] * omega2, modes[UNIT] * D
     return State(
-        modes=aligned(modes),
+        modes=aligned(np.zeros((ROW + max(m, 1), r))),
         multipliers=np.zeros(m),
         position=np.full(1, np.nan),
         interval=np.zeros(1, np.int64),
@@ -168,13 +159,13 @@ def multibody_state(form: MultibodyForm, scheme: Scheme, constants: Bodies, memo
     )
 
 
-def sides(constants: Bodies) -> Sides:
+def sides(constants: Bodies, paths: int) -> Sides:
     """Before the first step."""
     (m, wide), (i, r) = constants.staying_half.shape, constants.B.shape
     q, width = len(constants.rows.body), int(constants.rows.width.max(initial=1))
     p = constants.rows.coefficients.shape[1]
     return Sides(
-        x=np.full(q, np.nan),
+        s=np.full(paths, np.nan),
         interval=np.full(q, -1),
         entered=np.zeros(q, np.bool_),
         moved=np.zeros(1, np.bool_),
@@ -196,8 +187,8 @@ def sides(constants: Bodies) -> Sides:
     )
 
 
-def _polynomials(system: System) -> Polynomials:
-    sides, names = [system.sides[number] for number in travelling(system)], list(system.bodies)
+def _polynomials(system: System, paths: Sequence[str]) -> Polynomials:
+    sides, names = [side for side in system.sides if side.place.path is not None], list(system.bodies)
     rows = [system.row(side.place) for side in sides]
     powers = max((len(row.coefficients) for row in rows), default=1)
     c = []
@@ -208,6 +199,9 @@ def _polynomials(system: System) -> Polynomials:
     return Polynomials(
         contact=np.array([side.contact for side in sides], np.int64),
         body=np.array([names.index(side.place.body) for side in sides], np.int64),
+        path=np.array([paths.index(str(side.place.path)) for side in sides], np.int64),
+        at=np.array([side.place.at for side in sides], float),
+        rate=np.array([side.place.rate for side in sides], float),
         breaks=np.concatenate([np.empty(0), *(row.breaks for row in rows)]),
         first_break=starts([len(row.breaks) for row in rows])[:-1],
         intervals=np.array([len(row.breaks) - 1 for row in rows], np.int64),

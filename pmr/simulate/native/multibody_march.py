@@ -15,9 +15,10 @@ from pmr.simulate import balance, contact_step
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.native import contact as contact_rows
 from pmr.simulate.native import multibody_step as kernel
-from pmr.simulate.native.arrays import A_NEXT, DAMPING, ROW, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, V, Z
-from pmr.simulate.native.multibody_arrays import bodies, multibody_state, sides, travelling
+from pmr.simulate.native.arrays import ROW, Z_NEXT, V, Z
+from pmr.simulate.native.multibody_arrays import bodies, multibody_state, sides
 from pmr.simulate.native.multibody_form import multibody_form
+from pmr.simulate.native.multibody_levels import control, levels
 from pmr.simulate.native.multibody_rows import move_sides
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.start import NotSettledError, dependence, multipliers_of
@@ -42,35 +43,44 @@ class _Record:
     multipliers: Array
     peaks: Array
     energy: Array
+    parts: NDArray[np.int64]
 
 
 class MultibodyMarch:
     """Constants, state, places and loads of one simulation; arguments and errors as `multibody.simulate`."""
 
     def __init__(self, system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> None:
-        self._system, self._form, self._parts = system, multibody_form(system), 1
-        self._t = excitation.times
+        self._system, self._form, stepping = system, multibody_form(system), excitation.stepping
+        self._t, self._x, omega = excitation.times, places(system, excitation), 0.0
+        parts: tuple[int, ...] = (1,)
         if not np.isnan(system.clearance).all():
-            stepping = excitation.stepping
-            self._parts = stepping.parts or contact_step.parts(contact_frequency(system, excitation), stepping)
-            excitation = excitation.with_stepping(excitation.stepping.divided(self._parts))
-        self._x, self._f = places(system, excitation), excitation.forces(system.input_names)
-        self._travelled = np.ascontiguousarray(self._x[:, travelling(system)])
-        method = GeneralizedAlpha(excitation.stepping.step, excitation.stepping.rho_inf)
-        self._scheme = method.scheme()
-        self._bodies = bodies(self._form, self._scheme)
-        self._state = multibody_state(self._form, self._scheme, self._bodies, method.memory())
-        self._sides = sides(self._bodies)
-        self._start(method, initial)
+            omega = 0.0 if stepping.parts or stepping.schedule else contact_frequency(system, excitation)
+            parts = contact_step.levels(omega, stepping)
+        self._given = np.full(stepping.steps, -1)
+        if stepping.schedule and len(parts) > 1:
+            self._given = np.searchsorted(parts, stepping.schedule)
+        self._finest = parts[-1]
+        fine = excitation.with_stepping(stepping.divided(self._finest))
+        self._s, self._f = fine.s, fine.forces(system.input_names)
+        methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
+        self._levels = levels(self._form, methods, parts)
+        self._bodies = bodies(self._form, list(excitation.paths))
+        self._state = multibody_state(self._form, self._bodies, methods[0].memory())
+        self._sides = sides(self._bodies, len(excitation.paths))
+        self._control = control(self._state, contact_step.TOLERANCE, omega)
+        self._bodies.B[:], self._bodies.damped[:] = self._levels.B[0], self._levels.damped[0]
+        self._state.modes[:Z_NEXT] = self._levels.modes[0]
+        self._start(stepping.rho_inf, initial)
 
-    def _start(self, method: GeneralizedAlpha, initial: Mapping[str, InitialState]) -> None:
+    def _start(self, rho_inf: float, initial: Mapping[str, InitialState]) -> None:
         state, f, m = self._state, self._f[0], len(self._system.contacts)
-        failed = move_sides(self._bodies, self._scheme, state, self._sides, self._travelled[0])
+        scheme = GeneralizedAlpha(float(self._t[1]), rho_inf).scheme()
+        failed = move_sides(self._bodies, scheme, state, self._sides, self._s[0])
         if failed:
             raise SimulationError(f"march failed at t = 0 s: {self._reason(failed)}")
         half = self._sides.half[:, :m]
         C, F = state.modes[ROW : ROW + m].copy(), np.asarray(half + half.T + np.diag(self._system.compliance), float)
-        self._check_rigid(np.all(F == 0.0, axis=1), method.rho_inf)
+        self._check_rigid(np.all(F == 0.0, axis=1), rho_inf)
         z, v = self._stacked(initial)
         names = zip(self._system.contact_names, self._rigid, strict=True)
         check_position(C[self._rigid], z, tuple(name for name, rigid in names if rigid))
@@ -79,13 +89,7 @@ class MultibodyMarch:
             state.multipliers[:] = multipliers_of(C, F, free, C @ z + self._sides.inputs @ f, state.contact)
         except NotSettledError as error:
             raise SimulationError(f"march failed at t = 0 s: {self._reason(error.number)}") from None
-        if state.contact is not None:
-            pushing = np.where(state.contact.pushes, state.multipliers, 0.0)
-            state.contact.force[:] = state.contact.share[:] = pushing
-        modes, a = state.modes, free - C.T @ state.multipliers
-        modes[Z], modes[V] = z, v
-        modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = z, v, a = method.predict(z, v, a)
-        modes[Z_FREE] = z - self._scheme.z_gain * (modes[STIFFNESS] * z + modes[DAMPING] * v)
+        state.modes[Z], state.modes[V] = z, v
         kernel.account(self._bodies, state, self._sides, f)
         self._sides.energy[1] = 0.0
 
@@ -113,15 +117,14 @@ class MultibodyMarch:
     def run(self, progress: Progress | None) -> SystemTrajectory:
         """Take all steps."""
         T, m, r = len(self._t), len(self._system.contacts), self._state.modes.shape[1]
-        record = _Record(*(np.empty((T, width)) for width in (r, r, m, m, 2)))
+        z, v, forces, peaks, energy = (np.empty((T, width)) for width in (r, r, m, m, 2))
+        record = _Record(z, v, forces, peaks, energy, np.ones(T, np.int64))
         modes, multipliers = self._state.modes, self._state.multipliers
         start = (modes[Z], modes[V], multipliers, multipliers, self._sides.energy)
-        for array, values in zip(
-            (record.z, record.v, record.multipliers, record.peaks, record.energy), start, strict=True
-        ):
+        for array, values in zip((z, v, forces, peaks, energy), start, strict=True):
             array[0] = values
         self._advance(1, 1, record)  # none: what is compiled or loaded for the first time is not the solver's time
-        seconds, block = 0.0, max(1, BLOCK // self._parts)
+        seconds, block = 0.0, max(1, BLOCK // self._finest)
         for first in range(1, T, block):
             last = min(first + block, T)
             begin = time.perf_counter()
@@ -133,14 +136,14 @@ class MultibodyMarch:
 
     def _advance(self, first: int, last: int, record: _Record) -> None:
         """Take steps `first` to `last`, the latter excluded."""
-        parts, rows = self._parts, slice(first, last)
-        given = slice((first - 1) * parts + 1, (last - 1) * parts + 1)
+        rows, reach = slice(first, last), slice((first - 1) * self._finest, (last - 1) * self._finest + 1)
         taken, failed = kernel.run(
-            self._bodies, self._scheme, self._state, self._sides, self._travelled[given], self._f[given], parts,
-            record.z[rows], record.v[rows], record.multipliers[rows], record.peaks[rows], record.energy[rows],
+            self._bodies, self._levels, self._state, self._sides, self._control, self._given[first - 1 : last - 1],
+            self._s[reach], self._f[reach], record.z[rows], record.v[rows], record.multipliers[rows],
+            record.peaks[rows], record.energy[rows], record.parts[rows],
         )  # fmt: skip
         if failed:
-            raise SimulationError(f"march failed at {self._where(first + taken // parts)}: {self._reason(failed)}")
+            raise SimulationError(f"march failed at {self._where(first + taken)}: {self._reason(failed)}")
         finite = np.isfinite(record.z[rows]).all(axis=1)
         if not finite.all():
             raise SimulationError(f"march failed at {self._where(first + int(np.argmin(finite)))}: not finite")
@@ -156,7 +159,7 @@ class MultibodyMarch:
         return dependence(self._state.modes[ROW : ROW + failed], system.contact_names)
 
     def _trajectory(self, record: _Record, seconds: float) -> SystemTrajectory:
-        x, f = self._x[:: self._parts], self._f[:: self._parts]
+        x, f = self._x, self._f[:: self._finest]
         least = balance.round_off(self._form.B.T @ self._form.B, f, float(self._t[1]))
         pushing = not np.isnan(self._system.clearance).all()
         energy, work = record.energy.T
@@ -168,7 +171,9 @@ class MultibodyMarch:
             q, v = record.z[:, columns] @ form.X.T, record.v[:, columns] @ form.X.T
             motions[name] = Trajectory(self._t, q, v, forces, own, seconds, surplus=found)
         peaks = np.where(np.isnan(self._system.clearance), record.multipliers, record.peaks)
-        return SystemTrajectory(self._t, motions, record.multipliers, peaks, f, energy, work, seconds, found)
+        return SystemTrajectory(
+            self._t, motions, record.multipliers, peaks, f, energy, work, seconds, found, record.parts
+        )
 
 
 def contact_frequency(system: System, excitation: Excitation) -> float:

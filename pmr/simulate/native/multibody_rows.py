@@ -27,22 +27,24 @@ Array = NDArray[np.float64]
 
 
 @compiled_and_inlined
-def move_sides(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, x: Array) -> int:
-    """Evaluate rows and factor at the places x (q,); number of the first contact that depends on others, or 0."""
+def move_sides(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, s: Array) -> int:
+    """Evaluate rows and factor at s (P,) m of the paths; number of the first contact that depends on others, or 0."""
     moved = np.isnan(state.position[0])
-    for a in range(len(x)):
-        moved = moved or x[a] != sides.x[a]
+    for k in range(len(s)):
+        moved = moved or s[k] != sides.s[k]
+        sides.s[k] = s[k]
     if not moved:
         return 0
     state.position[0], sides.moved[0] = 0.0, True
-    for a in range(len(x)):
-        _locate(bodies.rows, sides, a, x[a])
-    for a in range(len(x)):
+    q = len(sides.interval)
+    for a in range(q):
+        _locate(bodies.rows, sides, a)
+    for a in range(q):
         if sides.entered[a]:
             _enter(bodies, sides, a)
     for k in range(len(state.multipliers)):
         _stay(bodies, state, sides, k)
-    for a in range(len(x)):
+    for a in range(q):
         _add_side(bodies, state, sides, a)
     for k in range(len(state.multipliers)):
         _couple_contact(bodies, scheme, state, sides, k)
@@ -53,15 +55,17 @@ def move_sides(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, x: Ar
 
 
 @inlined
-def _locate(rows: Polynomials, sides: Sides, a: int, x: float) -> None:
+def _locate(rows: Polynomials, sides: Sides, a: int) -> None:
     """The interval of a side, and the powers of its place in it."""
     first, j = rows.first_break[a], max(sides.interval[a], 0)
+    x = rows.at[a] + rows.rate[a] * sides.s[rows.path[a]]
+    x = min(max(x, rows.breaks[first]), rows.breaks[first + rows.intervals[a]])  # beyond is round-off
     while j > 0 and x < rows.breaks[first + j]:
         j -= 1
     while j < rows.intervals[a] - 1 and x >= rows.breaks[first + j + 1]:
         j += 1
     sides.entered[a] = j != sides.interval[a]
-    sides.interval[a], sides.x[a] = j, x
+    sides.interval[a] = j
     power = 1.0
     for p in range(sides.powers.shape[1]):
         sides.powers[a, p] = power
@@ -97,7 +101,7 @@ def _enter(bodies: Bodies, sides: Sides, a: int) -> None:
                 sides.of_inputs[a, p, n] += bodies.inputs[at, n] * rows.coefficients[first + l, p]
     if not flexible:
         return
-    for c in range(len(sides.x)):
+    for c in range(len(sides.interval)):
         if rows.body[c] == body and (c <= a or not sides.entered[c]):
             _multiply(bodies, sides, max(a, c), min(a, c))
 

@@ -17,57 +17,138 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulate.native.arrays import ROW, Scheme, State, V, Z
+from pmr.simulate.native.arrays import ROW, State, V, Z
 from pmr.simulate.native.compilation import compiled, compiled_and_inlined, inlined
 from pmr.simulate.native.multibody_arrays import Bodies, Sides
+from pmr.simulate.native.multibody_levels import (
+    Control,
+    Levels,
+    begin,
+    contact_of,
+    mark,
+    missed,
+    note,
+    scheme_of,
+    take_back,
+)
 from pmr.simulate.native.multibody_rows import move_sides
 from pmr.simulate.native.rows import dot
 from pmr.simulate.native.simd import LANES, load, store
 from pmr.simulate.native.step import FINISHED, advance
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Where a step misses less than this share of what it may, the next one is made in half as many parts.
+SPARE = 0.125
 
 
 @compiled
 def run(
     bodies: Bodies,
-    scheme: Scheme,
+    levels: Levels,
     state: State,
     sides: Sides,
-    x: Array,
+    control: Control,
+    given: Indices,
+    s: Array,
     f: Array,
-    parts: int,
     z: Array,
     v: Array,
     multipliers: Array,
     peaks: Array,
     energy: Array,
+    parts: Indices,
 ) -> tuple[int, int]:
-    """Steps to x (T, q) of the sides that travel, under f (T, i).
+    """Steps along paths s (., P) under f (., i), sampled as finely as the last level takes it, the start included.
 
-    Z, v, multipliers, peaks and energy (T // parts, .) are those of each `parts`-th.
+    `given` (T,) are the steps' levels, or -1 where they are to be found.  Z, v, multipliers, peaks and energy (T, .)
+    are recorded, and of how many `parts` (T,) a step is made.
 
     Returns the number of steps taken and 0, or what stopped them as `advance` says.
     """
-    m = len(state.multipliers)
-    for n in range(len(x)):
-        row, first = n // parts, n % parts == 0
-        failed = move_sides(bodies, scheme, state, sides, x[n])
-        if failed == 0:
-            failed = advance(bodies, scheme, state, f[n])
+    finest = levels.parts[-1]
+    for n in range(len(z)):
+        reach = slice(n * finest, (n + 1) * finest + 1)
+        failed = _step(bodies, levels, state, sides, control, given[n], s[reach], f[reach], peaks[n])
         if failed:
             return n, failed
-        account(bodies, state, sides, f[n])
-        for k in range(m):
+        parts[n] = levels.parts[control.active[0]]
+        for k in range(z.shape[1]):
+            z[n, k], v[n, k] = state.modes[Z, k], state.modes[V, k]
+        for k in range(len(state.multipliers)):
+            multipliers[n, k] = state.multipliers[k]
+        energy[n, 0], energy[n, 1] = sides.energy[0], sides.energy[1]
+    return len(z), FINISHED
+
+
+@inlined
+def _step(
+    bodies: Bodies,
+    levels: Levels,
+    state: State,
+    sides: Sides,
+    control: Control,
+    given: int,
+    s: Array,
+    f: Array,
+    peaks: Array,
+) -> int:
+    """One step, in as many parts as it takes to keep to the tolerance; as `advance` returns."""
+    level, last = given if given >= 0 else control.level[0], len(levels.parts) - 1
+    found = given < 0 and last > 0
+    if found:
+        mark(state.contact, state, sides, control)
+    while True:
+        if level != control.active[0]:
+            failed = begin(bodies, levels, state, sides, control, level, s[0], f[0])
+            if failed:
+                return failed
+            _keep(state, sides, f[0])
+        failed, off = _parts(bodies, levels, state, sides, control, level, found, s, f, peaks)
+        if failed or not found or off <= 1.0 or level == last:
+            break
+        take_back(state.contact, state, sides, control)
+        while off > 1.0 and level < last:  # half the length misses an eighth and may miss a half
+            level, off = level + 1, off / 4.0
+    control.level[0] = level - 1 if off < SPARE and level > 0 else level
+    return failed
+
+
+@inlined
+def _parts(
+    bodies: Bodies,
+    levels: Levels,
+    state: State,
+    sides: Sides,
+    control: Control,
+    level: int,
+    judged: bool,
+    s: Array,
+    f: Array,
+    peaks: Array,
+) -> tuple[int, float]:
+    """The parts of a step on a level; what failed, or 0, and what one of them misses over what it may."""
+    scheme, stride, off = scheme_of(levels, level), levels.parts[-1] // levels.parts[level], 0.0
+    now = State(
+        state.modes, state.multipliers, state.position, state.interval, state.couplings, state.factor, state.weighted,
+        state.shares, contact_of(state.contact, levels, level),
+    )  # fmt: skip
+    for at in range(stride, len(s), stride):
+        if judged:
+            note(state.contact, state, control)
+        failed = move_sides(bodies, scheme, now, sides, s[at])
+        if failed == 0:
+            failed = advance(bodies, scheme, now, f[at])
+        if failed:
+            return failed, off
+        account(bodies, state, sides, f[at])
+        for k in range(len(peaks)):
             force = state.multipliers[k]
-            peaks[row, k] = force if first else max(peaks[row, k], force)
-        if (n + 1) % parts == 0:
-            for k in range(z.shape[1]):
-                z[row, k], v[row, k] = state.modes[Z, k], state.modes[V, k]
-            for k in range(m):
-                multipliers[row, k] = state.multipliers[k]
-            energy[row, 0], energy[row, 1] = sides.energy[0], sides.energy[1]
-    return len(x), FINISHED
+            peaks[k] = force if at == stride else max(peaks[k], force)
+        if judged:
+            off = max(off, missed(state.contact, bodies, scheme, state, control, f[at]))
+    return FINISHED, off
 
 
 @compiled_and_inlined
@@ -91,13 +172,15 @@ def account(bodies: Bodies, state: State, sides: Sides, f: Array) -> None:
         stored += f[l] * direct / 2.0
     for k in range(len(multipliers)):
         force, given = multipliers[k], bodies.compliance[k] * multipliers[k] / 2.0
-        for l in range(len(f)):
-            given -= sides.inputs[k, l] * f[l]
-        for l in range(len(multipliers)):
-            given += sides.half[k, l] * multipliers[l]
-        stored += force * given
-        if sides.moved[0]:
-            work += (force + sides.old_multipliers[k]) / 4.0 * _turned(bodies, state, sides, f, k)
+        if force != 0.0:
+            for l in range(len(f)):
+                given -= sides.inputs[k, l] * f[l]
+            for l in range(len(multipliers)):
+                given += sides.half[k, l] * multipliers[l]
+            stored += force * given
+        mean = (force + sides.old_multipliers[k]) / 2.0
+        if mean != 0.0 and sides.moved[0]:
+            work += mean / 2.0 * _turned(bodies, state, sides, f, k)
     sides.energy[0] = stored
     sides.energy[1] += work
     _keep(state, sides, f)
