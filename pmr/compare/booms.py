@@ -13,14 +13,16 @@ from pmr.compare.boom_friction import friction
 from pmr.compare.errors import Quantity, nrms, with_common_forces
 from pmr.compare.pad_forces import newton
 from pmr.compare.summary import Part
+from pmr.reduced.model import ReducedModel
 from pmr.results import BoomFrequencies, Energy, Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Boom
 from pmr.scene.boom import Joint
 from pmr.scene.boom_parts import STRAIGHT
-from pmr.scene.built import force_of
+from pmr.scene.built import force_of, reaction_of
 from pmr.simulate.booms import cylinder
 from pmr.simulate.columns import called
+from pmr.simulate.modal import inertia_share, unpressed
 from pmr.simulate.native import multibody
 from pmr.system.assembly import Assembly
 from pmr.system.body import force_outputs, length_outputs
@@ -54,7 +56,35 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
     energy = Energy(kinetic, trajectory.energy - kinetic, -trajectory.work)
     outputs = multibody.displacements(system, trajectory)
     found = response_of(system, trajectory.t, Said(outputs, trajectory.forces, trajectory.peaks, energy))
-    return replace(found, seconds=trajectory.seconds, surplus=trajectory.surplus)
+    return _with_reactions(replace(found, seconds=trajectory.seconds, surplus=trajectory.surplus), system, trajectory)
+
+
+def _with_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:
+    """With what reduced sections press on their rigid supports with."""
+    names, units, columns, first = list[str](), list[str](), list[Array](), 0
+    for name, body in system.bodies.items():
+        loads = trajectory.loads[:, first : first + len(body.input_names)]
+        first += len(body.input_names)
+        known, motion = body.reactions, trajectory.bodies[name]
+        if not isinstance(body, ReducedModel) or body.carriers is None or known is None or known.carried is None:
+            continue
+        carried = known.carried - body.carriers.values @ inertia_share(body, known).T
+        forces = unpressed(body, known, motion, loads)
+        own = [side for side in system.sides if side.place.body == name]
+        for side, x, force in zip(own, motion.s.T, motion.multipliers.T, strict=True):
+            forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
+        names += [reaction_of(f"{name}: {one}") for one in known.names]
+        units += known.units
+        columns.append(forces)
+    if not names:
+        return response
+    others = [] if response.others is None else [response.others]
+    return replace(
+        response,
+        others=np.hstack([*others, *columns]),
+        other_names=(*response.other_names, *names),
+        other_units=(*response.other_units, *units),
+    )
 
 
 def response_of(system: Joined[Any], t: Array, said: Said) -> Response:

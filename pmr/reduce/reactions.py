@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import stacked
+from pmr.constraints.rows import Rows
 from pmr.fem.distributed import inner, subtract, times
 from pmr.fem.matrices import local_csr
+from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.reactions import Reactions
 from pmr.snapshots.free_body import FreeBody
@@ -76,5 +78,12 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
             stiffness=np.zeros_like(inertia),
             inputs=np.asarray(model.comm.allreduce(motions.T @ local_csr(model.inputs))),
             rows=PPoly(np.ascontiguousarray(c.swapaxes(2, 3)), rows.x),
+            carried=None if reduced.carriers is None else _carried(model, motions),
         ),
     )
+
+
+def _carried(model: FullModel, motions: Array) -> Array:
+    """U Phi (K, h) on the carriers of the rows that are no rigid supports."""
+    U = Rows(tuple(row for row in model.rows.rows if not row.fixed), model.size).shared.carriers
+    return np.asarray(model.comm.allreduce(U[:, model.share] @ motions))

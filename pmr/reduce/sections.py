@@ -13,6 +13,7 @@ from pmr.fullmodel.build import Built
 from pmr.reduce.basis import modal_basis
 from pmr.reduce.cache import Cache, Reduced
 from pmr.reduce.from_scene import ENRICHMENT_MODES
+from pmr.reduce.reactions import support_motions, with_reactions
 from pmr.reduce.residual.model import section_model
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Boom, Reduction
@@ -65,7 +66,9 @@ def _reduced(built: Built, choice: Reduction, beyond: int, cache: Cache | None) 
         body = FreeBody(built.model, choice.solver)
         snapshots = free_modes(built.model, choice.coordinates, choice.solver, enrichment, body)
         basis = modal_basis(snapshots)
-        return Reduced(snapshots, basis, section_model(built.model, basis, {}, choice.coordinates, choice.solver, body))
+        motions = support_motions(body)
+        model = section_model(built.model, basis, {}, choice.coordinates, choice.solver, body)
+        return Reduced(snapshots, basis, with_reactions(model, body, np.array(basis.V.getDenseArray()), motions))
 
     found = make() if cache is None else cache.reduced(choice.model_dump(mode="json") | {"section": enrichment}, make)
     model, V = found.model, found.basis.V.getDenseArray()

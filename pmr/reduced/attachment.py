@@ -59,7 +59,8 @@ def with_attachment_modes(model: ReducedModel, loads: Array) -> ReducedModel:
         outputs=np.hstack([carriers.flexibility.outputs, carriers.flexibility.direct]) @ G,
         rows=stacked(rows, model.domain),
     )
-    return extended(replace(model, enrichment=modes, carriers=replace(carriers, enrichment=measured[:K], inertia=None)))
+    on_modes = replace(carriers, enrichment=measured[:K], inertia=None)
+    return extended(replace(model, enrichment=modes, carriers=on_modes, reactions=None))  # which know nothing of them
 
 
 def _on_loads(part: CarrierFlexibility) -> Array:

@@ -40,6 +40,8 @@ class Reactions:
         Phi^T B.
     rows : PPoly with values (h, m)
         (C(s) Phi)^T of the rows that are no rigid supports, zero for these.
+    carried : (K, h) array, optional
+        U Phi on the carriers of a body of a system, whose rows each have a path coordinate of their own.
     """
 
     names: tuple[str, ...]
@@ -49,6 +51,7 @@ class Reactions:
     stiffness: Array
     inputs: Array
     rows: PPoly
+    carried: Array | None = None
 
     def on(self, V: Array) -> Reactions:
         """Those of the body projected on V (n, r)."""

@@ -36,17 +36,21 @@ def forces(result: RunResult) -> tuple[Grid, ...]:
     response = result.responses["reduced"]
     found = force_extremes(response, result.path)
     largest = max(map(_size, found.values()), default=0.0)
-    reactions = dict[str, dict[str, Extremes]]()
-    for of, one in reaction_extremes(response, result.path).items():
-        if _size(one) > 0.0:  # nothing acts along a support that only keeps a direction
-            reactions.setdefault(of.unit, {})[of.support] = one
-    grids = [
-        _extremes(found, "N", largest, "Least and largest forces, when they occur, and the path coordinate s then.")
-    ]
-    for base, of_unit in reactions.items():
-        what = "Moments on rigid supports" if base == "N m" else "Forces on rigid supports, positive along their axis"
-        grids.append(_extremes(of_unit, base, max(largest, *map(_size, of_unit.values())), f"{what}, likewise."))
+    caption = "Least and largest forces, when they occur, and the path coordinate s then."
+    grids = (_extremes(found, "N", largest, caption), *reactions(response, result.path, "s is the path coordinate"))
     return tuple(grid for grid in grids if grid.rows)
+
+
+def reactions(response: Response, path: Array, s: str) -> Iterator[Grid]:
+    """Smallest and largest forces and moments on rigid supports; `path` (T,) m is what is called s, in words `s`."""
+    found = dict[str, dict[str, Extremes]]()
+    for of, one in reaction_extremes(response, path).items():
+        if _size(one) > 0.0:  # nothing acts along a support that only keeps a direction
+            found.setdefault(of.unit, {})[of.support] = one
+    for base, of_unit in found.items():
+        what = "Moments on rigid supports" if base == "N m" else "Forces on rigid supports"
+        caption = f"{what}, positive along the axes, when they occur, and s then; {s}."
+        yield _extremes(of_unit, base, max(map(_size, of_unit.values())), caption)
 
 
 def _extremes(found: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:

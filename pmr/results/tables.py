@@ -27,6 +27,10 @@ Cell = str | float
 FORCE_OF, REACTION_OF = force_of(""), reaction_of("")
 
 
+#: Share of the largest reaction up to which another one is round-off.
+ROUND_OFF = 1e-9
+
+
 @dataclass(frozen=True)
 class Table:
     """Named columns, and rows in their order."""
@@ -87,11 +91,14 @@ def probe_extremes(response: Response, path: Array) -> dict[str, Extremes]:
 
 def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extremes]:
     """Of each rigid support: forces in N, moments in N m; nothing where all is round-off."""
-    found = dict[Reaction, Extremes]()
+    found, largest = dict[Reaction, Extremes](), 0.0
+    for name in response.other_names:
+        if name.startswith(REACTION_OF):
+            largest = max(largest, float(np.abs(response.other(name)).max()))
     for name, unit in zip(response.other_names, response.other_units, strict=True):
         if name.startswith(REACTION_OF):
             values = response.other(name)
-            if np.abs(values).max() <= response.force_round_off:
+            if np.abs(values).max() <= max(response.force_round_off, ROUND_OFF * largest):
                 values = np.zeros_like(values)
             found[Reaction(name.removeprefix(REACTION_OF), unit)] = Extremes.of(values, response.t, path)
     return found

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.accuracy import booms as order
 from pmr.compare import booms as compared
-from pmr.compare import errors
+from pmr.compare import errors, pad_forces
 from pmr.compare.boom_estimate import BoomError, boom_error
 from pmr.compare.boom_friction import with_friction
 from pmr.compare.boom_map import frequency_map
@@ -138,6 +138,7 @@ def run_boom(
         Part() if choice is None else Part(order.summary(boom, choice), order.warnings(boom, choice)),
         compared.sections(boom, responses, sizes, _more(seen, error)),
         compared.joints(boom, responses["reduced"], system.contacts),
+        Part(pad_forces.reactions(responses["reduced"], boom.reach(excitation.times))),
         compared.beside_published(boom, frequencies),
         Part(probes.places({name: one.structure.outputs for name, one in built.items()})),
         driven(excitation),

@@ -21,6 +21,7 @@ from pmr.constraints.polynomials import times, total, transposed
 from pmr.errors import InputError
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import symmetric
 from pmr.simulate.extended import product
 from pmr.simulate.start import InitialState
@@ -116,11 +117,21 @@ def support_forces(body: ReducedModel, trajectory: Trajectory, loads: Array) -> 
     known = body.reactions
     if known is None:
         return np.empty((len(trajectory.t), 0))
-    r = body.size
-    P = np.linalg.solve(body.M, known.inertia[:, :r].T).T
+    P = inertia_share(body, known)
     rows = total(known.rows, transposed(times(body.rows, P.T)), -1.0)
-    forces = loads @ (known.inputs - P @ body.B).T - applied(rows, trajectory.s, trajectory.multipliers)
-    forces -= trajectory.v @ (known.damping[:, :r] - P @ body.D).T
+    pressed = applied(rows, trajectory.s, trajectory.multipliers)
+    return unpressed(body, known, trajectory, loads) - pressed
+
+
+def inertia_share(body: ReducedModel, known: Reactions) -> Array:
+    """P (h, r) of `support_forces`."""
+    return np.asarray(np.linalg.solve(body.M, known.inertia[:, : body.size].T).T)
+
+
+def unpressed(body: ReducedModel, known: Reactions, trajectory: Trajectory, loads: Array) -> Array:
+    """`support_forces` but for the rows' share, (T, h)."""
+    r, P = body.size, inertia_share(body, known)
+    forces = loads @ (known.inputs - P @ body.B).T - trajectory.v @ (known.damping[:, :r] - P @ body.D).T
     return np.asarray(forces - trajectory.q @ (known.stiffness[:, :r] - P @ body.K).T)
 
 

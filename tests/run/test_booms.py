@@ -126,7 +126,8 @@ def test_three_shells_are_the_same_on_all_ranks_as_on_one() -> None:
 
 def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: BoomOutcome) -> None:
     result, found = outcome.result, tables(outcome.result)
-    assert set(found) == {"forces", "frequencies", "probes"}
+    assert set(found) == {"forces", "reactions", "frequencies", "probes"}
+    assert [row[1] for row in found["reactions"].rows] == ["base: clamp x", "base: clamp z", "base: clamp ry"]
     assert found["frequencies"].columns[0] == "reach [m]"
     assert [row[0] for row in found["frequencies"].rows] == result.frequencies.reach.tolist()
     told = {row[1]: row for row in found["forces"].rows if row[0] == "reduced"}

@@ -13,6 +13,8 @@ from pmr.fullmodel.build import full_model
 from pmr.reduced.model import ReducedModel
 from pmr.results.tables import reaction_extremes
 from pmr.run import Outcome, run
+from pmr.run.booms import run_boom
+from pmr.scene.built import GRAVITY
 from pmr.simulate import Excitation
 from pmr.simulate.native.simulator import simulate
 from pmr.system.body import FullBody
@@ -113,3 +115,23 @@ def test_a_rigid_support_bears_what_a_stiff_one_does() -> None:
     rigid, spring = (one.result.responses["reduced"] for one in outcomes if one is not None)
     force = spring.force("force of end", 0)
     assert np.abs(rigid.other("reaction of end") - force).max() <= 0.01 * np.abs(force).max()
+
+
+def test_the_clamp_of_a_boom_of_sections_bears_all_of_them() -> None:
+    still = ("section.joint.extension=2.0", "damping={mass=40.0}", "sections.fly.loads=[]", "time.end=2.5")
+    both_ways = ("section.joint.tail.0.unilateral=false", "section.joint.mouth.0.unilateral=false")
+    few = ("section.mesh.elements=12", "compare.against=[]", "gravity.rise=0.5")
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*still, *both_ways, *few])
+    outcome = run_boom(boom)
+    assert outcome is not None
+    response, weight, moment = outcome.result.responses["reduced"], 0.0, 0.0
+    for part, tail in zip(boom.sections, (0.0, 2.0), strict=True):
+        box = part.body.box
+        mass = part.body.material.density * box.length * 2.0 * box.wall * (box.width + box.height)
+        weight, moment = weight + GRAVITY * mass, moment + GRAVITY * mass * (tail + box.length / 2.0)
+        for one in part.masses:
+            weight, moment = weight + GRAVITY * one.mass, moment + GRAVITY * one.mass * (tail + box.length)
+    assert response.other("reaction of base: clamp z")[-1] == pytest.approx(-weight, rel=1e-6)
+    assert response.other("reaction of base: clamp ry")[-1] == pytest.approx(moment, rel=1e-6)
+    told = {one["name"]: one["unit"] for one in outcome.result.summary["reactions"]}
+    assert told == {"base: clamp x": "N", "base: clamp z": "N", "base: clamp ry": "N m"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from pmr.report import borne
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber, Player, Table, drawing
 from pmr.report.booms import figures
 from pmr.report.booms.lines import tip
@@ -135,6 +136,8 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
     if result.summary["cylinders"]:
         note = "What a cylinder or rope pushes its section out with, friction included; negative where it pulls."
         yield _forces(result, prefix, "cylinders", "Cylinder forces", note)
+    if grids := tuple(borne.reactions(result.responses["reduced"], result.reach, "s is the reach")):
+        yield Block(heading="Supports", grids=grids)
     if "max_von_mises" in result.summary:
         yield _stresses(result)
     yield _origin(result)
