@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 import pytest
+from random_scenes import random_boom
 
 from pmr import scene as scenes
 from pmr.accuracy.errors import MARGIN
 from pmr.errors import InputError
 from pmr.run.booms import run_boom
 from pmr.scene import Boom
+from pmr.scene.boom import BoomAccuracy
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 QUICK = (
@@ -43,6 +46,18 @@ def test_the_fewest_that_hold_a_tolerance() -> None:
         fewer = {one: count - (one == name) for one, count in sizes.items()}
         less = summary(*(f"sections.{one}.reduction.coordinates={count}" for one, count in fewer.items()))
         assert max(less["errors"]["reduced_vs_full"][kind] for kind in ("pad_force", "beam")) > 1e-3 / MARGIN, size
+
+
+@pytest.mark.slow
+def test_random_booms_hold_what_they_are_asked_for() -> None:
+    """Beside their full models; ``PMR_SWEEP=full`` takes eight booms."""
+    for seed in (0, 2, 3, 5, 7, 11, 14, 17) if os.environ.get("PMR_SWEEP") == "full" else (3, 14):
+        for tolerance in (1e-3, 1e-4):
+            outcome = run_boom(random_boom(seed).model_copy(update={"accuracy": BoomAccuracy(tolerance=tolerance)}))
+            assert outcome is not None
+            found = outcome.result.summary
+            true = found["errors"]["reduced_vs_full"]
+            assert found["accuracy"]["holds"] and max(true["tip"], true["beam"]) < tolerance
 
 
 def test_within_a_budget_the_best_ones_are_taken() -> None:
