@@ -90,10 +90,10 @@ def estimate(boom: Boom, system: System, excitation: Excitation, run: SystemTraj
     bodies, loads = models_of(system), _borne(system, run)
     richer = {name: with_attachment_modes(extended(body), loads[name]) for name, body in bodies.items()}
     own = with_friction(boom, system.contacts, respond(system, run))
-    better = with_friction(boom, system.contacts, response_from_rest(replace(system, bodies=richer), excitation))
+    better = _rubbing(boom, replace(system, bodies=richer), excitation)
     if _lifting(system, run):
         other = {name: with_attachment_modes(body, loads[name]) for name, body in bodies.items()}
-        _check_settled(own, better, response_from_rest(replace(system, bodies=other), excitation))
+        _check_settled(own, better, _rubbing(boom, replace(system, bodies=other), excitation))
     measured = quantities(boom, own)
     found = errors.errors({"reduced": own, "full": better}, errors.relative_error, quantities=measured)
     return BoomEstimate(
@@ -102,6 +102,10 @@ def estimate(boom: Boom, system: System, excitation: Excitation, run: SystemTraj
         float(MARGIN * np.abs(better.displacement - own.displacement).max()),
         time.perf_counter() - begin,
     )
+
+
+def _rubbing(boom: Boom, system: System, excitation: Excitation) -> Response:
+    return with_friction(boom, system.contacts, response_from_rest(system, excitation))
 
 
 def _borne(system: System, run: SystemTrajectory) -> dict[str, Array]:
