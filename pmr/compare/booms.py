@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 CURVES, PLACES, FEWER_PLACES = 4, 13, 4
 #: Share of a pad's largest push, and of a tenth of the largest force of any, from which on a pull is told.
 PULLED = 0.01
+#: Share of the reach by which a published one may lie beyond it: it is rounded.
+BESIDE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -195,15 +197,21 @@ def joints(boom: Boom, response: Response, contacts: Sequence[Contact]) -> Part:
 
 
 def beside_published(boom: Boom, found: BoomFrequencies) -> Part:
-    """``published_frequencies``: the first one where it is published, and what each model has there."""
-    if boom.published is None or not boom.published.frequencies:
-        return Part()
+    """``published_frequencies``: the first one where it is published, and what each model has there.
+
+    What is published beyond this boom's reach is left out, with a line.
+    """
+    published = boom.published.frequencies if boom.published else ()
+    low, high, slack = found.reach[0], found.reach[-1], BESIDE * found.reach[-1]
+    within = [one for one in published if low - slack <= one.reach <= high + slack]
     rows = [
         {"reach": one.reach, "published": one.first}
         | {model: float(np.interp(one.reach, found.reach, f[:, 0])) for model, f in found.models.items()}
-        for one in boom.published.frequencies
+        for one in within
     ]
-    return Part({"published_frequencies": rows})
+    beyond = ", ".join(f"{one.reach:g}" for one in published if one not in within)
+    said = f"published frequencies at a reach of {beyond} m are left out: this boom reaches {low:.6g} to {high:.6g} m"
+    return Part({"published_frequencies": rows} if rows else {}, [said] if beyond else [])
 
 
 def frequencies(system: System, x: Array) -> Array:

@@ -50,7 +50,7 @@ def load(*changes: str, file: str = "boom_three") -> Boom:
 @pytest.fixture(scope="module")
 def outcome() -> BoomOutcome:
     probe = "sections.middle.probes=[{name='waist',at=[3.0,0.0,0.0],measures=['displacement']}]"
-    published = "published={source='A paper',frequencies=[{reach=9.0,first=2.0}]}"
+    published = "published={source='A paper',frequencies=[{reach=9.0,first=2.0},{reach=30.0,first=1.0}]}"
     found = run_boom(load(*QUICK, "sections.fly.loads.0.signal=3000.0", probe, published))
     assert found is not None
     return found
@@ -63,6 +63,8 @@ def test_summary_says_what_each_section_and_joint_does(outcome: BoomOutcome) -> 
     assert [one["name"] for one in summary["sections"]] == ["base", "middle", "fly"]
     assert summary["sections"][2]["coordinates"] == {"full": 39, "reduced": 6}
     assert len(summary["pads"]) == 8 and len(summary["cylinders"]) == 2
+    assert [row["reach"] for row in summary["published_frequencies"]] == [9.0]
+    assert any("at a reach of 30 m are left out: this boom reaches 8 to 9.2 m" in said for said in summary["warnings"])
     force = outcome.result.responses["reduced"].force("force of fly mouth top", 0)
     told = next(pad for pad in summary["pads"] if pad["name"] == "fly mouth top")
     assert told["min"] == force.min() and told["max"] == force.max()
