@@ -72,8 +72,12 @@ def _names(boom: Boom) -> None:
 
 def _reduction(boom: Boom, number: int) -> None:
     choice, key = boom.sections[number].reduction, f"sections[{number}].reduction"
-    if choice.pooled:
-        raise refusal(f"{key}.basis", choice.basis, "'free_modes' is allowed: sections have no common path")
+    if choice.basis != "free_modes" or choice.file is not None:
+        allowed = "'free_modes' is allowed, without a file: sections have no common path"
+        raise refusal(f"{key}.basis", choice.basis, allowed)
+    if boom.sections[number].observe.frequency_response:
+        where = f"sections[{number}].observe.frequency_response"
+        raise refusal(where, True, "false is allowed for sections of a boom")
     if choice.residual_inertia:
         raise refusal(f"{key}.residual_inertia", True, "false is allowed for sections of a boom")
     if boom.length(number) <= 0.0:

@@ -66,6 +66,8 @@ REFUSED = [
     ("sections.fly.joint.follows=base", r"joint.follows = 'base': middle are allowed"),
     ("sections.fly.joint.extension={kind='step',time=1.0,before=1.0,after=2.0}", r"fly jumps from 1 m to 2 m at 1 s"),
     ("sections.fly.name=middle", r"sections = 'middle': names that differ are allowed"),
+    ("sections.fly.observe.frequency_response=true", r"sections\[2\].observe.frequency_response = True: false"),
+    ("sections.fly.reduction.basis=file", r"sections\[2\].reduction.basis = 'file': 'free_modes'"),
     ("sections.fly.reduction.basis=eigenmodes", r"sections\[2\].reduction.basis = 'eigenmodes': 'free_modes'"),
     ("sections.fly.body.model=beam3d", r"planar beams \(base, middle\) beside others"),
     ("sections.fly.loads.0.on=12.0", r"sections\[2\].loads\[0\].on = 12\.0: on the body, 0 to 6 m"),
