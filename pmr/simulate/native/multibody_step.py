@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulate.native.arrays import ROW, State, V, Z
+from pmr.simulate.native.arrays import ROW, Scheme, State, V, Z
 from pmr.simulate.native.compilation import compiled, compiled_and_inlined, inlined
 from pmr.simulate.native.multibody_arrays import Bodies, Sides
 from pmr.simulate.native.multibody_levels import (
@@ -68,9 +68,19 @@ def run(
     Returns the number of steps taken and 0, or what stopped them as `advance` says.
     """
     finest = levels.parts[-1]
+    if control.active[0] < 0 and len(z) > 0:
+        failed = _begin(bodies, levels, state, sides, control, 0, s[0], f[0])
+        if failed:
+            return 0, failed
+    scheme = scheme_of(levels, 0)
     for n in range(len(z)):
-        reach = slice(n * finest, (n + 1) * finest + 1)
-        failed = _step(bodies, levels, state, sides, control, given[n], s[reach], f[reach], peaks[n])
+        if finest == 1:  # nothing to choose: the shorter way
+            failed = _part(bodies, scheme, state, sides, s[n + 1], f[n + 1])
+            for k in range(len(state.multipliers)):
+                peaks[n, k] = state.multipliers[k]
+        else:
+            reach = slice(n * finest, (n + 1) * finest + 1)
+            failed = _step(bodies, levels, state, sides, control, given[n], s[reach], f[reach], peaks[n])
         if failed:
             return n, failed
         parts[n] = levels.parts[control.active[0]]
@@ -101,10 +111,9 @@ def _step(
         mark(state.contact, state, sides, control)
     while True:
         if level != control.active[0]:
-            failed = begin(bodies, levels, state, sides, control, level, s[0], f[0])
+            failed = _begin(bodies, levels, state, sides, control, level, s[0], f[0])
             if failed:
                 return failed
-            _keep(state, sides, f[0])
         failed, off = _parts(bodies, levels, state, sides, control, level, found, s, f, peaks)
         if failed or not found or off <= 1.0 or level == last:
             break
@@ -137,18 +146,37 @@ def _parts(
     for at in range(stride, len(s), stride):
         if judged:
             note(state.contact, state, control)
-        failed = move_sides(bodies, scheme, now, sides, s[at])
-        if failed == 0:
-            failed = advance(bodies, scheme, now, f[at])
+        failed = _part(bodies, scheme, now, sides, s[at], f[at])
         if failed:
             return failed, off
-        account(bodies, state, sides, f[at])
         for k in range(len(peaks)):
             force = state.multipliers[k]
             peaks[k] = force if at == stride else max(peaks[k], force)
         if judged:
             off = max(off, missed(state.contact, bodies, scheme, state, control, f[at]))
     return FINISHED, off
+
+
+@inlined
+def _begin(
+    bodies: Bodies, levels: Levels, state: State, sides: Sides, control: Control, level: int, s: Array, f: Array
+) -> int:
+    """Begin anew on a level; as `move_sides` returns."""
+    failed = begin(bodies, levels, state, sides, control, level, s, f)
+    if failed == 0:
+        _keep(state, sides, f)
+    return failed
+
+
+@inlined
+def _part(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, s: Array, f: Array) -> int:
+    """One part of a step to s (P,) and f (i,) at its end; as `advance` returns."""
+    failed = move_sides(bodies, scheme, state, sides, s)
+    if failed == 0:
+        failed = advance(bodies, scheme, state, f)
+    if failed == 0:
+        account(bodies, state, sides, f)
+    return failed
 
 
 @compiled_and_inlined
