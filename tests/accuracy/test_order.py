@@ -62,6 +62,7 @@ def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
         assert 0.9 * error < said[kind] < 2.0 * error
 
 
+@pytest.mark.slow
 def test_what_cannot_be_held_is_said(load_scene) -> None:
     outcome = run(load_scene("evolved_tolerance", [*SHORT, "mesh.elements=5", "accuracy.tolerance=1e-6"]))
     assert outcome is not None

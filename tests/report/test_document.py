@@ -203,6 +203,10 @@ def test_published_figures_are_absent_where_there_are_none(html: str) -> None:
 def test_saved_results_give_the_same_page_as_fresh_ones(html: str, whole: RunResult) -> None:
     fresh = case(whole, "case-1")
     assert section(render([fresh, fresh]), "case-1") == section(html, "case-1")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_case_alone_needs_no_index(whole: RunResult) -> None:
     alone = render([case(replace(whole, scene=whole.scene.model_copy(update={"published": None})), "case-1")])
     text = Page(alone).text
     assert '<nav class="index"' not in alone  # a single case needs none

@@ -143,6 +143,7 @@ def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: Boom
     assert result.summary["errors"]["reduced_vs_full"]["middle: waist displacement z"] < 5e-3
 
 
+@pytest.mark.slow
 def test_with_a_cache_another_signal_computes_nothing_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Equal sections are reduced once, too; another length of one section is another one."""
     calls = list[str]()

@@ -99,7 +99,8 @@ def test_one_worker_makes_the_same_table_as_two(done: Path, tmp_path: Path) -> N
     assert tables(tmp_path) == tables(done)
 
 
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [2, 3])
 def test_ranks_make_the_same_table(done: Path, tmp_path: Path, ranks: int) -> None:
     finished = python("-m", "mpi4py.futures", PROGRAM, str(tmp_path), "1", ranks=ranks)
     assert finished.returncode == 0, finished.stderr
