@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from finished import WORKFLOWS
 
 from pmr.accuracy import limits, mesh
 from pmr.accuracy.family import Family, Member
@@ -14,6 +15,7 @@ from pmr.run import reduce, run
 
 SMOOTH = "slider.path={kind='smooth_ramp',times=[0.1,0.5],values=[1.25,1.9]}"
 PROBE = "probes=[{name='p',at=[2.0,0.0,0.0],measures=['displacement']}]"
+EVOLVED = WORKFLOWS / "paper_evolved.toml"
 SHORT = ["time.end=0.6", "time.step=1e-3", "mesh.elements=20", SMOOTH, "compare.against=['full']"]
 
 
@@ -104,11 +106,11 @@ def test_cells_of_the_finer_mesh(load_scene) -> None:
 
 def test_a_percentage_on_the_command_line(load_scene) -> None:
     for text, share in (("1%", 0.01), ("0.5 %", 0.005), ("0.02", 0.02)):
-        scene = load_scene("paper_evolved", [*_to(text), "compare.against=['full']"])
+        scene = load_scene("paper_evolved", [*_to(text, EVOLVED), "compare.against=['full']"])
         assert scene.accuracy.tolerance == pytest.approx(share) and scene.reduction.basis == "free_modes"
     for text in ("0", "150%", "much", "-1%", "nan"):
         with pytest.raises(InputError, match="--tolerance"):
-            _to(text)
+            _to(text, EVOLVED)
 
 
 BUDGET = ["simulation.simulators=['march']", *SHORT, "compare.against=[]"]
