@@ -97,6 +97,15 @@ def test_a_path_beyond_what_the_model_was_made_for_is_refused_with_the_time() ->
         simulate_saved(model, scene.load(file, ["mesh.elements=8", path, "time.end=1", "recovery.every=1"]))
 
 
+def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_refused() -> None:
+    file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8", "recovery.every=1"]
+    model = whole.reduce(scene.load(file, ours)).reduced
+    with pytest.raises(InputError, match=r"gravity.direction = .*that of the model is allowed: \[0.0, 0.0, -1.0\]"):
+        simulate_saved(model, scene.load(file, [*ours, "gravity.inclination=30.0"]))
+    with pytest.raises(InputError, match=r"loads\[1\].direction = 'z': that of the model is allowed: 'y'"):
+        simulate_saved(model, scene.load(file, [*ours, "loads.gust.direction=z"]))
+
+
 def test_a_load_beyond_what_the_model_was_made_for_is_said(saved: Path) -> None:
     """Faster than the modes that the model knows of: as fast as it was made for nothing is said."""
     file, model, said = ROOT / "workflows" / "evolved_residual.toml", ReducedModel.load(saved), {}
