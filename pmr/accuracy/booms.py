@@ -4,6 +4,7 @@ One reduction of each section holds all smaller ones.  Errors are those beside a
 attachment modes for the loads which sections bear (`pmr.compare.boom_estimate`), with `MARGIN`.  The search begins with
 the fewest elastic modes, as many in every section, then takes away one by one where the tolerance allows it; within a
 budget it adds them one by one where that helps most.  The time step stays as it is given: both models take it.
+Where pads push each model takes the parts of a step that its own forces ask for, so what these leave counts, too.
 """
 
 from __future__ import annotations
