@@ -281,6 +281,10 @@ def test_a_start_as_given_goes_on_where_another_instance_is(made: Made) -> None:
     np.testing.assert_allclose(second.get(moved), expected, rtol=0.0, atol=1e-2 * np.abs(expected).max())
     with pytest.raises(CallError, match="fixed once the start is made"):
         second.set(states, reached)
+    forgotten = Instance(made.library)
+    forgotten.set(states, reached)
+    with pytest.raises(CallError, match="modes were set, which start = 2 alone takes"):
+        forgotten.initialise(values, first.get(values))
     if made.model.flexibility is None:
         third = Instance(made.library)
         third.set(states, 1.0 + reached)

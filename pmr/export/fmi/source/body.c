@@ -350,7 +350,7 @@ static int take_given(Body *body)
             moved += body->place.C[0][k][n] * z[n];
             largest += fabs(body->place.C[0][k][n] * z[n]);
         }
-        if (fabs(moved) > VIOLATED * largest) return fail(body, "start as given: the states move a rigid row");
+        if (!(fabs(moved) <= VIOLATED * largest)) return fail(body, "start as given: the states move a rigid row");
     }
     return 0;
 }
@@ -362,6 +362,8 @@ int body_start(Body *body)
     int k;
     if (!(u[INTERNAL_STEP] > 0.0)) return fail(body, "internal_step: more than 0 s is allowed");
     if (!(u[RHO_INF] >= 0.0 && u[RHO_INF] <= 1.0)) return fail(body, "rho_inf: 0 to 1 is allowed");
+    for (k = 0; k < 2 * MODES; k++)
+        if (u[START] != 2.0 && memory->given[k] != 0.0) return fail(body, "modes were set, which start = 2 alone takes");
     if (place(body, 1)) return 1;
     memset(z, 0, 2 * MODES * sizeof(double));
     if (u[START] == 2.0 && take_given(body)) return 1;
