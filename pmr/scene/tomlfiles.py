@@ -20,6 +20,8 @@ from pmr.scene.workflows import workflow, workflows
 Origins = dict[tuple[str, ...], str]
 Model = TypeVar("Model", bound=BaseModel)
 OPTION = "--set"
+#: What is allowed where something else than TOML's tables and lists stands, by pydantic's kind of error.
+_INSTEAD = dict.fromkeys(("model_type", "dict_type"), "a table of keys") | {"tuple_type": "a list"}
 #: So deep tables and lists may stand within each other, and so many files extend one another.
 DEEPEST = 40
 
@@ -183,6 +185,8 @@ class TomlFile:
             expected = first["ctx"]["expected"]
             close = hint(value, re.findall(r"'([\w-]+)'", expected))
             allowed = f"{close}{expected} is allowed"
+        elif first["type"] in _INSTEAD:
+            allowed = f"{_INSTEAD[first['type']]} is allowed"
         source = self.origin(location)
         if isinstance(value, (dict, list)) and first["type"] == "value_error":
             value, source = None, self._latest(location)
@@ -236,6 +240,7 @@ def is_file(path: Path) -> bool:
 def _text(path: Path, what: str) -> str:
     if not is_file(path):
         close = hint(path.stem, workflows()) if path.name == str(path) else ""
+        close = f"a change of a key stands behind {OPTION}" if "=" in path.name else close
         raise InputError(str(path), "", None, f"no such {what}; {close}".removesuffix("; ").rstrip())
     try:
         return path.read_text(encoding="utf-8")

@@ -131,6 +131,7 @@ def test_a_report_that_cant_be_drawn_loses_no_results(tmp_path: Path) -> None:
 
 BAD = [
     (["run", "nowhere.toml"], "nowhere.toml: no such scene file"),
+    (["run", SIMPLE, "time.end=1"], "time.end=1: no such scene file; a change of a key stands behind --set"),
     (["run", SIMPLE, "--set", "body.profile.lenght=3"], "did you mean 'length'"),
     (["run", SIMPLE, "--set", "body.profile.bending_stiffness=-1"], "body.profile.bending_stiffness = -1"),
     (["run", SIMPLE, "--set", "reduction.coordinates=31"], "snapshots * modes = 30"),
