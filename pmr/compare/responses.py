@@ -15,6 +15,7 @@ from pmr import environment
 from pmr.compare import cable
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
+from pmr.compare.made_for import check_directions
 from pmr.environment import Clock
 from pmr.errors import GrowthError
 from pmr.reduced.model import ReducedModel
@@ -125,7 +126,13 @@ def simulate_reduced(scene: Scene, reduced: ReducedModel) -> Response:
     """Response of a reduced model to the scene's path and loads, by the first simulator that the scene names.
 
     Its seconds are the least of several simulations, if these are short.
+
+    Raises
+    ------
+    InputError
+        If loads act elsewhere than those that the model was made for.
     """
+    check_directions(reduced, scene)
     return simulate_with_states(scene, reduced, ()).response
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from pmr.compare.estimated import reduction_error, step_part
 from pmr.compare.frequencies import reduced_frequencies
+from pmr.compare.made_for import check_directions
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated
 from pmr.environment import Clock
@@ -38,7 +37,7 @@ def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
     if set(excitation.loads) != set(reduced.input_names):
         allowed = f"the model's inputs are allowed: {', '.join(reduced.input_names)}"
         raise InputError("scene", "loads", list(excitation.loads), allowed)
-    _check_directions(reduced, scene)
+    check_directions(reduced, scene)
     excitation.along(reduced.domain)
     clock = Clock()
     simulations = simulate(scene, reduced, {}, clock)
@@ -75,26 +74,3 @@ def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
         FrequencyCurves(s, full=nothing, reduced=found, closed_form=nothing),
         tip_error=estimated.band,
     )
-
-
-def _check_directions(reduced: ReducedModel, scene: Scene) -> None:
-    """Loads act where and as they did when the model was made: their columns are in it.
-
-    Raises
-    ------
-    InputError
-        With the key and what the model has.
-    """
-    made = reduced.provenance.get("scene")
-    if not isinstance(made, Mapping):
-        return
-    gravity = made.get("gravity")
-    if gravity and scene.gravity and not np.allclose(gravity["direction"], scene.gravity.direction, atol=1e-9):
-        allowed = f"that of the model is allowed: {gravity['direction']}"
-        raise InputError("scene", "gravity.direction", list(scene.gravity.direction), allowed)
-    known = {load["name"]: load for load in made.get("loads") or ()}
-    for i, load in enumerate(scene.loads):
-        for key in ("on", "direction"):
-            if load.name in known and known[load.name][key] != getattr(load, key):
-                allowed = f"that of the model is allowed: {known[load.name][key]!r}"
-                raise InputError("scene", f"loads[{i}].{key}", getattr(load, key), allowed)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from processes import FENICSX, PETSC, called, without
 
 from pmr import run as whole
 from pmr import scene
+from pmr.compare.made_for import check_directions
+from pmr.compare.responses import simulate_reduced
 from pmr.compare.saved_model import simulate_saved
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
@@ -104,6 +107,11 @@ def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_re
         simulate_saved(model, scene.load(file, [*ours, "gravity.inclination=30.0"]))
     with pytest.raises(InputError, match=r"loads\[1\].direction = 'z': that of the model is allowed: 'y'"):
         simulate_saved(model, scene.load(file, [*ours, "loads.gust.direction=z"]))
+    with pytest.raises(InputError, match=r"loads\[1\].on = 3.0: that of the model is allowed: 'tip'"):
+        simulate_reduced(scene.load(file, [*ours, "loads.gust.on=3"]), model)
+    told = model.provenance["scene"]
+    older = {"scene": told | {"gravity": {}, "loads": [{"name": load["name"]} for load in told["loads"]]}}
+    check_directions(replace(model, provenance=older), scene.load(file, ours))
 
 
 def test_a_load_beyond_what_the_model_was_made_for_is_said(saved: Path) -> None:
