@@ -99,3 +99,8 @@ def share_captured(kappa: float, count: int) -> str:
     if missing < 1e-6:
         return f"1 {MINUS} κ({count}) = {significant(missing, 2)}"
     return f"κ({count}) = {kappa:.6f}"
+
+
+def times_the_true_error(estimate: float, true: float | None) -> str:
+    """How an estimate stands to a known error; empty below 1e-6, where round-off is part of both."""
+    return f"{significant(estimate / true, 3)} times the true error" if true and true > 1e-6 else ""

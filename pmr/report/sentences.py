@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from pmr.report.blocks import KeyNumber, Point
 from pmr.report.marks import Row, verdicts
-from pmr.report.numbers import MINUS, SPACE, length, percent, plain, quantity, significant
+from pmr.report.numbers import MINUS, SPACE, length, percent, plain, quantity, significant, times_the_true_error
 from pmr.report.subject import forces_called, moving, offsets, represented
 from pmr.report.subject import length as reach
 from pmr.results import RunResult
@@ -79,7 +79,8 @@ def estimate(result: RunResult) -> str:
         if found.get("by") == "other model"
         else "it includes a margin of a quarter"
     )
-    known = f", {significant(found['beam'] / true, 3)} times the true error" if true else f"; {of}"
+    ratio = times_the_true_error(found["beam"], true)
+    known = f", {ratio}" if ratio else f"; {of}"
     left_out = found.get("not_covered")
     rest = f" It does not cover {'; nor '.join(left_out)}." if left_out else ""
     return f"{said}{known}.{rest}"

@@ -169,8 +169,8 @@ def _chosen(
         return None
     models = {name: one.model for name, one in sections.items()}
     with clock.stage("search"):
-        found = order.choose(boom, models, excitation_of(boom, system_of(boom, models))) if comm.rank == 0 else None
-        choice: order.BoomChoice | None = comm.bcast(found)
+        # Each rank searches, so that what is refused is refused on all.
+        choice: order.BoomChoice = comm.bcast(order.choose(boom, models, excitation_of(boom, system_of(boom, models))))
     return choice
 
 

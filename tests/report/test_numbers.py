@@ -79,3 +79,8 @@ def test_round_number_is_not_above(largest: float, step: float) -> None:
 )
 def test_share_captured(kappa: float, text: str) -> None:
     assert numbers.share_captured(kappa, 20) == text
+
+
+@pytest.mark.parametrize(("true", "said"), [(1e-3, "1.25 times the true error"), (4e-9, ""), (0.0, ""), (None, "")])
+def test_an_estimate_is_compared_with_an_error_above_round_off_only(true: float | None, said: str) -> None:
+    assert numbers.times_the_true_error(1.25e-3, true) == said

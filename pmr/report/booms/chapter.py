@@ -11,7 +11,7 @@ from pmr.report.booms import figures
 from pmr.report.booms.lines import tip
 from pmr.report.booms.motion import motion, said
 from pmr.report.marks import ErrorTable, Row, signed_deviation
-from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
+from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant, times_the_true_error
 from pmr.results import BoomResult
 
 PLACES = {"tip": "tip", "beam": "all sections", "pad_force": "forces"}
@@ -73,7 +73,8 @@ def estimate(result: BoomResult) -> str:
     if found["beam"] is None:
         return f"The error can't be estimated without the full model: {found['reason']}."
     true = result.summary["errors"].get("reduced_vs_full", {}).get("beam")
-    known = f", and is {significant(found['beam'] / true, 3)} times the true error along all sections" if true else ""
+    ratio = times_the_true_error(found["beam"], true)
+    known = f", and is {ratio} along all sections" if ratio else ""
     return (
         f"The estimate includes a margin of a quarter{known}. It does not cover {'; nor '.join(found['not_covered'])}."
     )
