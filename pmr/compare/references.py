@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pmr.compare.responses import MARCHED_UP_TO, Simulated, full_simulator, simulate_reference
 from pmr.compare.trust import distrust
 from pmr.environment import Clock
-from pmr.errors import SimulationError
+from pmr.errors import SimulationError, on_first
 from pmr.fullmodel.model import FullModel
 from pmr.results import Response
 from pmr.scene import Scene
@@ -112,17 +112,15 @@ def _full(
 
 def _gathered(scene: Scene, model: FullModel, clock: Clock, steps: Sequence[int]) -> Simulated | None:
     """What the full model does, on rank 0; where it fails there, all ranks know."""
-    body, found, failed = model.gather(), None, None
-    if body is not None:
-        try:
-            found = simulate_reference("full", scene, body, clock, steps)
-            _trusted(found.response)
-        except SimulationError as error:
-            failed = str(error)
-    failed = model.comm.bcast(failed)
-    if failed is not None:
-        raise SimulationError(failed)
-    return found
+    body = model.gather()
+
+    def make() -> Simulated:
+        assert body is not None
+        found = simulate_reference("full", scene, body, clock, steps)
+        _trusted(found.response)
+        return found
+
+    return on_first(model.comm, make)
 
 
 def _trusted(response: Response) -> Response:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from pmr.errors.text import visible
+
+Found = TypeVar("Found")
 
 
 class InputError(ValueError):
@@ -66,6 +69,23 @@ class GrowthError(SimulationError):
 
 class ConvergenceError(RuntimeError):
     """An iterative solver returned less than was asked for; the message says what to change."""
+
+
+def on_first(comm: Any, make: Callable[[], Found]) -> Found | None:
+    """What `make` gives on rank 0, None on the others; collective.  What is refused there is raised on all ranks.
+
+    Without that the others would wait in the next exchange for a rank that has left.
+    """
+    found, refused = None, None
+    if comm.rank == 0:
+        try:
+            found = make()
+        except (InputError, SimulationError, ConvergenceError) as error:
+            refused = error
+    refused = comm.bcast(refused)
+    if refused is not None:
+        raise refused
+    return found
 
 
 def _short(value: Any, width: int = 60) -> str:

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
+from pmr.errors import InputError, on_first
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
@@ -181,16 +181,7 @@ _MODELS: dict[str, Callable[[Scene, MPI.Comm], StructuralModel]] = {
 
 def _mesh(scene: Scene, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
     """Read or drawn by rank 0, then the same everywhere."""
-    found: NamedMesh | InputError | None = None
-    if comm.rank == 0:
-        try:
-            found = _read_or_draw(scene, kinds, write)
-        except InputError as error:
-            found = error
-    found = comm.bcast(found)
-    if isinstance(found, InputError):
-        raise found
-    assert found is not None
+    found: NamedMesh = comm.bcast(on_first(comm, lambda: _read_or_draw(scene, kinds, write)))
     return found
 
 

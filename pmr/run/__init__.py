@@ -33,7 +33,7 @@ from pmr.compare.summary import (
     trusted,
 )
 from pmr.environment import Clock
-from pmr.errors import ConvergenceError, InputError
+from pmr.errors import ConvergenceError, InputError, on_first
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fem.distributed import free_dropped
@@ -119,7 +119,7 @@ def run(
         curves = _frequency_curves(scene, reduction, cached)
     steps = recovered_steps(scene).tolist()
     found = references(scene, reduction.model, clock, steps, checkpoint)
-    simulations = simulate(scene, reduction.reduced, found.responses, clock, steps) if comm.rank == 0 else None
+    simulations = on_first(comm, lambda: simulate(scene, reduction.reduced, found.responses, clock, steps))
     seen = None
     if scene.recovery is not None:
         with clock.stage("recover"):

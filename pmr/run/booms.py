@@ -22,6 +22,7 @@ from pmr.compare.responses import check_installed
 from pmr.compare.summary import Part, driven, gathered, made_with, trusted
 from pmr.compare.validity import large_motion
 from pmr.environment import Clock
+from pmr.errors import on_first
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fullmodel import probes
@@ -90,15 +91,15 @@ def run_boom(
         curves = {} if full is None else {"full": _full_frequencies(boom, full, excitation.s[steps], steps, caches)}
     whole, recovered = FullRun(None, "", {}), recovered_steps(boom)
     states, made = None, excitation.stepping
-    if comm.rank == 0:
-        simulations = simulate(boom, system, excitation, clock)
+    simulations = on_first(comm, lambda: simulate(boom, system, excitation, clock))
+    if simulations is not None:
         states = states_of(system, simulations.first, recovered)
         made = contact_step.as_made(made, simulations.first.parts, omega)
     made = comm.bcast(made)
     if full is not None:
         whole = full.simulate(boom, made, recovered, clock, checkpoint)
     responses: dict[str, Response] = {} if whole.response is None else {"full": whole.response}
-    if comm.rank == 0:
+    if simulations is not None:
         responses |= {"reduced": simulations.response}
     seen = dict[str, Recovered]()
     if boom.recovery is not None:
@@ -106,7 +107,7 @@ def run_boom(
             states = comm.bcast(states)
             assert states is not None
             seen = recover_sections(boom, built, sections, states, {} if whole.missing else whole.states)
-    if comm.rank > 0:
+    if simulations is None:
         return None
     responses = {name: with_friction(boom, system.contacts, one) for name, one in responses.items()}
     curves |= {"reduced": compared.frequencies(system, x[steps])}
@@ -169,8 +170,8 @@ def _chosen(
         return None
     models = {name: one.model for name, one in sections.items()}
     with clock.stage("search"):
-        # Each rank searches, so that what is refused is refused on all.
-        choice: order.BoomChoice = comm.bcast(order.choose(boom, models, excitation_of(boom, system_of(boom, models))))
+        found = on_first(comm, lambda: order.choose(boom, models, excitation_of(boom, system_of(boom, models))))
+        choice: order.BoomChoice = comm.bcast(found)
     return choice
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.environment import Clock
-from pmr.errors import GrowthError, InputError
+from pmr.errors import GrowthError, InputError, on_first
 from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
 from pmr.run import reduce, run
@@ -127,3 +127,15 @@ def test_a_bad_mesh_file_is_one_line_on_every_rank(tmp_path: Path, content: str)
     (tmp_path / "own.toml").write_text(text[:start] + "[body]\nmodel = 'shell'\nthickness = 0.008\n" + text[end:])
     with pytest.raises(InputError, match="bad.msh"):
         structure_of(scenes.load(tmp_path / "own.toml", [f"mesh.file={file}"]))
+
+
+@pytest.mark.parametrize("error", [InputError("scene", "time.step", 0.1, "less"), GrowthError("it grows", ("pin",))])
+def test_what_rank_0_refuses_is_refused_on_all(error: Exception) -> None:
+    def fail() -> None:
+        raise error
+
+    with pytest.raises(type(error)) as caught:
+        on_first(MPI.COMM_WORLD, fail)
+    assert str(caught.value) == str(error)
+    assert getattr(caught.value, "rigid_rows", ("pin",)) == ("pin",)
+    assert on_first(MPI.COMM_WORLD, lambda: 1) == (1 if MPI.COMM_WORLD.rank == 0 else None)

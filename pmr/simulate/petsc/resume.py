@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pmr.errors import InputError
+from pmr.errors import on_first
 from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
 from pmr.simulate.petsc.checkpoint import Checkpoint, Saved, load, save
@@ -84,15 +84,7 @@ class Keeper:
         InputError
             If the file is damaged or belongs to another simulation.
         """
-        found, refusal = None, None
-        if self._comm.rank == 0:
-            try:
-                found = load(self._checkpoint, self._identity)
-            except InputError as error:
-                refusal = error.source, error.key, error.value, error.allowed
-        found, refusal = self._comm.bcast((found, refusal))
-        if refusal:
-            raise InputError(*refusal)
+        found = self._comm.bcast(on_first(self._comm, lambda: load(self._checkpoint, self._identity)))
         if found is None:
             return None
         arrays, mine = found.arrays, self._system.mine

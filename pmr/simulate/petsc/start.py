@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import on_first
 from pmr.fem.factor import product
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
@@ -64,8 +65,12 @@ def static_start(system: FullSystem, excitation: Excitation) -> dict[str, Initia
         If the contacts do not hold the bodies.
     """
     gathered = system.gather()
-    found = None if gathered is None else equilibrium(gathered, excitation)
-    return dict(system.comm.bcast(found))
+
+    def make() -> dict[str, InitialState]:
+        assert gathered is not None
+        return dict(equilibrium(gathered, excitation))
+
+    return dict(system.comm.bcast(on_first(system.comm, make)))
 
 
 def starting_state(
