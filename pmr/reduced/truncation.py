@@ -109,16 +109,21 @@ def with_kept_inertia(model: ReducedModel) -> ReducedModel:
 
 def is_modal(model: ReducedModel) -> bool:
     """Whether the coordinates are M-orthonormal modes in ascending order that neither K nor D couples."""
-    if np.any(np.abs(model.M - np.eye(model.size)) > MODAL) or np.any(np.diff(np.diagonal(model.K)) < 0.0):
+    if np.any(np.abs(model.M - np.eye(model.size)) > MODAL):
         return False
-    return _is_diagonal(model.K) and _is_diagonal(model.D)
+    # Equal frequencies, those of rigid motions among them, stand in the order that round-off gives them.
+    ascending = np.all(np.diff(np.diagonal(model.K)) >= -_round_off(model.K))
+    return bool(ascending) and _is_diagonal(model.K) and _is_diagonal(model.D)
 
 
 def _is_diagonal(A: Array) -> bool:
-    """But for round-off, which is relative to the largest entry."""
     scale = np.sqrt(np.abs(np.outer(np.diagonal(A), np.diagonal(A))))
     coupling = np.abs(A - np.diag(np.diagonal(A)))
-    return bool(np.all(coupling <= MODAL * scale + 1e-9 * np.abs(A).max(initial=0.0)))
+    return bool(np.all(coupling <= MODAL * scale + _round_off(A)))
+
+
+def _round_off(A: Array) -> float:
+    return 1e-9 * float(np.abs(A).max(initial=0.0))
 
 
 def _joined(tables: Flexibility, modes: EnrichmentModes, sign: float) -> Flexibility:

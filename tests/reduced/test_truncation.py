@@ -58,6 +58,15 @@ def test_step_by_step_is_at_once() -> None:
     assert left and left.count == 1 and left.stiffness == once.enrichment.stiffness[3:]
 
 
+def test_equal_frequencies_stand_in_any_order() -> None:
+    model = flexible(FULL, 6)
+    K = np.array(model.K)
+    K[0, 0], K[1, 1] = 1e-13 * K.max(), -1e-13 * K.max()  # as those of two rigid motions may come out
+    assert is_modal(replace(model, K=K))
+    K[1, 1] = -1e-6 * K.max()
+    assert not is_modal(replace(model, K=K))
+
+
 def test_what_cannot_join_the_tables_is_refused() -> None:
     model = inertial(FULL, 6)
     with pytest.raises(ValueError, match="0 modes of 6"):
