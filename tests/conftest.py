@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
+import time
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -31,6 +33,19 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Which kernels decided the round-off."""
     found = sorted(f"{library.name} {library.kernel}" for library in blas.loaded())
     terminalreporter.write_line(f"BLAS: {', '.join(found) or 'no OpenBLAS was loaded'}")
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """A rank on which a test failed ends the others, which would wait for it, after a while to say what they know."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    if int(os.environ.get("OMPI_COMM_WORLD_SIZE", os.environ.get("PMI_SIZE", "1"))) == 1 or reporter is None:
+        return
+    if reporter.stats.get("failed") or reporter.stats.get("error"):
+        from mpi4py import MPI
+
+        sys.stdout.flush()
+        time.sleep(10.0)
+        MPI.COMM_WORLD.Abort(1)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
