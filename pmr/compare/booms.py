@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.boom_friction import friction
 from pmr.compare.errors import Quantity, nrms, with_common_forces
-from pmr.compare.pad_forces import newton
+from pmr.compare.pad_forces import PULLED, newton
 from pmr.compare.summary import Part
 from pmr.reduced.model import ReducedModel
 from pmr.results import BoomFrequencies, Energy, Response
@@ -33,8 +33,6 @@ Array = NDArray[np.float64]
 
 #: Frequencies that are compared, and places on the way at which: fewer where matrices are large.
 CURVES, PLACES, FEWER_PLACES = 4, 13, 4
-#: Share of a pad's largest push, and of a tenth of the largest force of any, from which on a pull is told.
-PULLED = 0.01
 #: Share of the reach by which a published one may lie beyond it: it is rounded.
 BESIDE = 1e-4
 
