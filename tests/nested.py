@@ -19,9 +19,8 @@ from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.fem.compat import MPI
 from pmr.fem.matrices import columns
 from pmr.fullmodel.assembly import assemble_model
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, RigidMotions
 from pmr.models.beam2d import Beam2D
-from pmr.models.rigid import RigidMotions
 from pmr.reduce.basis import modal_basis
 from pmr.reduce.residual.model import section_model
 from pmr.reduced.model import ReducedModel

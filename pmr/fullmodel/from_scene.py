@@ -22,8 +22,8 @@ from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.mesh.drawing import NotDrawnError
 from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
+from pmr.models.box_section import box_section
 from pmr.models.matrices import Matrices
-from pmr.models.profile import box_section
 from pmr.scene import Scene
 from pmr.scene.built import Box, PadRing
 from pmr.scene.choice import directions, model_of, transverse

@@ -13,11 +13,27 @@ from numpy.typing import NDArray
 from pmr.constraints.rows import Rows, SharedCarriers
 from pmr.fem.compat import PETSc
 from pmr.fem.matrices import gather
-from pmr.models.rigid import RigidMotions
 from pmr.reduced.damping import Rayleigh
 from pmr.system.body import FullBody, WithRows
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RigidMotions:
+    """Rigid motions of a body, known from its geometry alone, and what of them is held by more than constraint rows.
+
+    Attributes
+    ----------
+    coordinates : (n_local, k) array
+        This rank's rows of the coordinates under each of k motions: translations, then rotations (`directions` of the
+        model).  Coordinates that are clamped are missing.
+    held : (h, k) array
+        What clamps and springs measure of each motion, in m or rad: a motion is free of them where all of it is zero.
+    """
+
+    coordinates: Array
+    held: Array
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,11 @@ from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, sparse
 from pmr.fem.matrices import columns
 from pmr.fullmodel.assembly import Operators, operators_of, padded, projected, rayleigh, reordered, share
-from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.model import FullModel, RigidMotions
 from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.symmetry import mirror_images
 from pmr.models import StructuralModel
-from pmr.models.rigid import RigidMotions
 from pmr.scene import Damping
 from pmr.scene.built import force_of
 from pmr.scene.structures import PointMass, unit_vector

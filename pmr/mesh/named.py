@@ -65,6 +65,11 @@ class NamedMesh:
     regions: Mapping[str, Indices]
     source: str = "mesh"
 
+    @property
+    def axis(self) -> int:
+        """0, 1 or 2 for x, y or z: along the longest extent."""
+        return int(np.ptp(self.points, axis=0).argmax())
+
     def distribute(self, comm: MPI.Comm) -> Any:
         """The mesh in dolfinx, spread over `comm`; collective."""
         return create_mesh(comm, self.cell, self.points, self.cells)

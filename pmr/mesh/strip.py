@@ -80,7 +80,7 @@ def face_strip(mesh: NamedMesh, nodes: Nodes, face: str, window: Window) -> Stri
     group = mesh.groups[face]
     if group.dim != 2:
         raise InputError(mesh.source, "", None, f"group {face} is no face, pads slide on faces only")
-    axis = int(np.ptp(mesh.points, axis=0).argmax())
+    axis = mesh.axis
     normal = _normal(mesh, group, face)
     beside = int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
     corners = mesh.points[group.entities]

@@ -132,7 +132,7 @@ def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
     InputError
         If the mesh does not reach there.
     """
-    axis = int(np.ptp(mesh.points, axis=0).argmax())
+    axis = mesh.axis
     x = mesh.points[mesh.cells][:, :, axis]
     low, high = x.min(axis=1), x.max(axis=1)
     slack = 1e-9 * (high.max() - low.min())  # round-off of a caller's arithmetic

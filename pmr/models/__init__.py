@@ -155,3 +155,14 @@ class FiniteElementModel(StructuralModel, Protocol):
 def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:
     """Whether a model has forms on a mesh; otherwise it was given as matrices."""
     return hasattr(model, "forms")
+
+
+def rigid_motions(at: Array, component: Indices) -> Array:
+    """Coordinates (n, 6) of unit translations along and rotations about x, y, z through the origin.
+
+    Each is that of a place `at` (n, 3) m along or about the `component` (n,), as `DIRECTIONS` counts them.
+    """
+    motions, moved = np.zeros((len(at), 6)), component < 3
+    motions[np.arange(len(at)), component] = 1.0
+    motions[moved, 3:] = np.cross(at[moved], np.eye(3)[component[moved]])
+    return motions

@@ -23,35 +23,24 @@ from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row, row_on_coordinates
 from pmr.errors import InputError
-from pmr.fem.compat import MPI, constant, hermite_space, interval_mesh
-from pmr.fields.grid import Grid
+from pmr.fem.compat import constant, hermite_space
 from pmr.mesh.strip import Extent, Strip, Window, line_points
 from pmr.models import Forms
+from pmr.models.beam import HERMITE, Beam
 from pmr.scene.structures import Profile
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
-#: Named places, as shares of the length.
-ENDS = {"tail": 0.0, "tip": 1.0}
+SLOPES = np.array([np.polyder(shape) for shape in HERMITE])
 FACES = {"bottom": -1.0, "top": 1.0}  # outward normals along z
 
 
 @dataclass(frozen=True)
-class Beam2D:
+class Beam2D(Beam):
     """The model on given nodes (N,) m."""
 
     body: Profile
     nodes: Array
-
-    @property
-    def per_node(self) -> int:
-        return len(self.directions)
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates n."""
-        return self.per_node * len(self.nodes)
 
     @property
     def reference_frequency(self) -> float:
@@ -80,9 +69,6 @@ class Beam2D:
     @property
     def transformation(self) -> None:
         """None: the space's coordinates are the model's."""
-
-    def domain(self, comm: MPI.Comm) -> Any:
-        return interval_mesh(comm, self.nodes)
 
     def space(self, domain: Any) -> Any:
         """Function space on a dolfinx interval mesh."""
@@ -125,30 +111,18 @@ class Beam2D:
         used = np.abs(values) > 1e-14
         return np.array(dofs, np.int64)[used], values[used]
 
-    def element_coordinates(self, cells: Indices) -> list[Indices]:
-        first = self.per_node * cells[:, None] + np.array([0, self.per_node])
-        return [first + i for i in range(self.per_node)]
-
-    def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self._at(place, self.directions[:-1])
-
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         if about is not None:
-            raise InputError(
-                "scene", "place", place, "the place itself is allowed: a planar beam has no points beside it"
-            )
-        return self._at(place, self.directions)
+            allowed = "the place itself is allowed: a planar beam has no points beside it"
+            raise InputError("scene", "place", place, allowed)
+        return self._rows([(self.station(place), direction) for direction in self.directions])
 
-    def _at(self, place: str | float, directions: Sequence[str]) -> sp.csr_matrix:
-        """Rows of some of the directions."""
-        x = station(place, self.body.length)
-        parts = [self.point(x, direction) for direction in directions]
+    def _rows(self, points: Sequence[tuple[float, str]]) -> sp.csr_matrix:
+        """As `point`, of several, (len(points), n)."""
+        parts = [self.point(x, direction) for x, direction in points]
         ends = np.cumsum([0, *(len(dofs) for dofs, _ in parts)])
         columns, weights = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         return sp.csr_matrix((weights, columns, ends), shape=(len(parts), self.size))
-
-    def centroid(self, place: str | float) -> Array:
-        return np.array([station(place, self.body.length), 0.0, 0.0])
 
     def strip(self, face: str, window: Window) -> Strip:
         """The line that stands for bottom or top; how far below or above the axis it is plays no role."""
@@ -156,38 +130,13 @@ class Beam2D:
             raise InputError("scene", "pads.on", face, f"a planar beam has the faces {', '.join(FACES)}")
         points, weights = line_points(window, self.nodes)
         across = np.full(len(points), sum(window.across) / 2.0)
-        rows = sp.lil_matrix((len(points), self.size))
-        for i, x in enumerate(points):
-            dofs, values = self.point(float(x), "z")
-            rows[i, dofs] = FACES[face] * values
-        return Strip(points, across, weights, rows.tocsr(), Extent((0.0, self.body.length)), line=True)
-
-    def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        if place not in ENDS:
-            raise InputError("scene", "place", place, "tail or tip is allowed")
-        node = round(ENDS[place] * (len(self.nodes) - 1))
-        return np.array([self._dof(node, d) for d in self.directions if d in directions], np.int64)
+        normals = FACES[face] * self._rows([(x, "z") for x in points.tolist()])
+        return Strip(points, across, weights, normals, Extent((0.0, self.body.length)), line=True)
 
     def rigid_motions(self) -> Array:
-        motions = np.zeros((self.size, self.per_node))
-        for i, direction in enumerate(self.directions):
-            motions[i :: self.per_node, i] = -1.0 if direction == "ry" else 1.0
-        motions[self.directions.index("z") :: self.per_node, -1] = -self.nodes
+        motions = super().rigid_motions()
+        motions[self.directions.index("ry") :: len(self.directions)] *= -1.0
         return motions
-
-    @property
-    def grid(self) -> Grid:
-        """The axis as lines."""
-        first, nothing = np.arange(len(self.nodes) - 1), np.zeros_like(self.nodes)
-        return Grid("line", np.stack([self.nodes, nothing, nothing], axis=1), np.stack([first, first + 1], axis=1))
-
-    def point_displacements(self) -> sp.csr_matrix:
-        along = [i for i, d in enumerate("xyz") if d in self.directions]
-        nodes = np.arange(len(self.nodes))[:, None]
-        columns = self.per_node * nodes + [self.directions.index("xyz"[i]) for i in along]
-        rows = 3 * nodes + along
-        entries = np.ones(rows.size), (rows.ravel(), columns.ravel())
-        return sp.csr_matrix(entries, shape=(3 * len(self.nodes), self.size))
 
     def stresses(self) -> None:
         """None: of the section no more than its stiffness is known."""
@@ -202,27 +151,7 @@ class Beam2D:
         return row_on_coordinates(name, self.nodes - offset, dofs, c, self.size)
 
     def _dof(self, node: int, direction: str) -> int:
-        return self.per_node * node + self.directions.index(direction)
+        return len(self.directions) * node + self.directions.index(direction)
 
     def _bending_dofs(self, e: int) -> list[int]:
         return [self._dof(n, d) for n in (e, e + 1) for d in ("z", "ry")]
-
-
-def station(place: str | float, length: float) -> float:
-    """Distance of a place from the beam's first end in m.
-
-    Raises
-    ------
-    InputError
-        If it is not on the beam.
-    """
-    at = ENDS[place] * length if isinstance(place, str) and place in ENDS else place
-    slack = 1e-9 * length  # round-off of a caller's arithmetic
-    if isinstance(at, str) or not -slack <= at <= length + slack:
-        raise InputError("scene", "place", place, f"tail, tip or a number from 0 to {length:g} m is allowed")
-    return min(max(float(at), 0.0), length)
-
-
-#: N2, N3 / h, N5, N6 / h as polynomials in xi in [0, 1], highest power first.
-HERMITE = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
-SLOPES = np.array([np.polyder(shape) for shape in HERMITE])

@@ -24,7 +24,6 @@ rotations about x, y, z.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -35,14 +34,12 @@ import ufl
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fem.compat import MPI, cellwise, constant, create_mesh, hermite_space
-from pmr.fields.grid import Grid
+from pmr.fem.compat import cellwise, constant, hermite_space
 from pmr.fields.stress import StressRows
 from pmr.mesh.strip import Extent, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms
-from pmr.models.beam2d import ENDS, HERMITE, station
-from pmr.models.beam_stress import stress_rows
-from pmr.models.profile import box_section
+from pmr.models.beam import HERMITE, Beam
+from pmr.models.box_section import box_section, stress_rows
 from pmr.models.tabulation import cell_values
 from pmr.scene.structures import Beam3DBody, BeamSection
 
@@ -84,7 +81,7 @@ class Deflection:
 
 
 @dataclass(frozen=True)
-class Beam3D:
+class Beam3D(Beam):
     """The model of a scene's beam in space."""
 
     body: Beam3DBody
@@ -92,11 +89,6 @@ class Beam3D:
     @cached_property
     def node_stations(self) -> Array:
         return self.body.length * (np.arange(self.body.elements + 1) / self.body.elements)
-
-    @property
-    def cells(self) -> Indices:
-        """Numbers of the nodes at both ends of each element, (N - 1, 2)."""
-        return np.arange(self.body.elements)[:, None] + np.arange(2)
 
     @property
     def section(self) -> BeamSection:
@@ -120,11 +112,6 @@ class Beam3D:
         return Bending(E * second_moment, kGA, rho * self.section.area, rho * second_moment if kGA else 0.0)
 
     @property
-    def size(self) -> int:
-        """Number of coordinates n."""
-        return 6 * len(self.node_stations)
-
-    @property
     def reference_frequency(self) -> float:
         """sqrt(EI / (rho A L^4)) of the softer plane in rad/s."""
         softer = min(self.planes, key=lambda plane: plane.stiffness)
@@ -140,9 +127,6 @@ class Beam3D:
         at_node = np.zeros((6, 6))
         at_node[range(6), [0, 3, 1, 5, 2, 4]] = 1.0, 1.0, 1.0, 1.0, 1.0, -1.0
         return sp.csr_matrix(sp.kron(sp.eye(len(self.node_stations)), at_node, format="csr"))
-
-    def domain(self, comm: MPI.Comm) -> Any:
-        return create_mesh(comm, "interval", self.node_stations[:, None], self.cells)
 
     def space(self, domain: Any) -> Any:
         return hermite_space(domain, linear=2, planes=2)
@@ -186,14 +170,8 @@ class Beam3D:
             found.append(Deflection(w, gamma, w + gamma * bulge, rotation, curvature))
         return found
 
-    def element_coordinates(self, cells: Indices) -> list[Indices]:
-        return [6 * self.cells[cells] + i for i in range(6)]
-
-    def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self.motion(place)[:3]
-
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        at = station(place, self.body.length)
+        at = self.station(place)
         rows = self._motions(np.array([at]))
         if about is not None:
             arm = np.asarray(about, float) - self.centroid(at)
@@ -223,9 +201,6 @@ class Beam3D:
                 local[:, row, component], local[:, turn, component] = value[k], sign * slope[k]
         return local
 
-    def centroid(self, place: str | float) -> Array:
-        return station(place, self.body.length) * np.eye(3)[0]
-
     def strip(self, face: str, window: Window) -> Strip:
         """The line beside the axis that stands for a face; how far below or above the axis it is plays no role."""
         if face not in FACES:
@@ -251,28 +226,6 @@ class Beam3D:
     def _elements(self, places: Array) -> Indices:
         """Numbers of the elements that hold places along the axis."""
         return np.clip(np.searchsorted(self.node_stations, places, side="right") - 1, 0, self.body.elements - 1)
-
-    def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        if place not in ENDS:
-            raise InputError("scene", "place", place, "tail or tip is allowed")
-        start = round(ENDS[place] * (self.size - 6))
-        return start + np.array([i for i, d in enumerate(DIRECTIONS) if d in directions], np.int64)
-
-    def rigid_motions(self) -> Array:
-        motions = np.zeros((len(self.node_stations), 6, 6))
-        motions[:] = np.eye(6)
-        for i, e in enumerate(np.eye(3)):
-            motions[:, :3, 3 + i] = np.cross(e, self.grid.points)
-        return motions.reshape(-1, 6)
-
-    @property
-    def grid(self) -> Grid:
-        """The axis as lines."""
-        return Grid("line", self.node_stations[:, None] * np.eye(3)[0], self.cells)
-
-    def point_displacements(self) -> sp.csr_matrix:
-        columns = (6 * np.arange(len(self.node_stations))[:, None] + np.arange(3)).ravel()
-        return sp.csr_matrix((np.ones(len(columns)), columns, np.arange(len(columns) + 1)), (len(columns), self.size))
 
     def stresses(self) -> StressRows | None:
         if self.body.profile is None:

@@ -15,7 +15,8 @@ from pmr.errors import InputError
 from pmr.files.matrices import GivenMatrices
 from pmr.mesh.strip import Extent, Strip, Window
 from pmr.mesh.trace import Trace
-from pmr.models import DIRECTIONS
+from pmr.models import DIRECTIONS, rigid_motions
+from pmr.models.meshed import Traced
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -27,7 +28,7 @@ REACH = 1.01
 
 
 @dataclass(frozen=True)
-class Matrices:
+class Matrices(Traced):
     """M and K as they are given; the mean over a group counts every node alike.
 
     A face that pads slide on is a group of nodes in a plane, between which displacements are linear on the triangles of
@@ -35,15 +36,10 @@ class Matrices:
     """
 
     given: GivenMatrices
-    node_stations: None = None
 
     @property
     def size(self) -> int:
         return self.given.size
-
-    @property
-    def directions(self) -> tuple[str, ...]:
-        return DIRECTIONS
 
     @property
     def axis(self) -> int:
@@ -68,29 +64,13 @@ class Matrices:
             found.append(float(q @ (self.given.K @ q)) / float(q @ (self.given.M @ q)))
         return float(np.sqrt(max(min(found), 1e-12 * max(found))))
 
-    def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self._trace(place).mean()
-
-    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        return self._trace(place).motion(about)
-
-    def centroid(self, place: str | float) -> Array:
-        return self._trace(place).centroid
-
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         on = np.isin(self.given.node, self._group(place))
         along = np.isin(self.given.direction, [DIRECTIONS.index(direction) for direction in directions])
         return np.flatnonzero(on & along)
 
     def rigid_motions(self) -> Array:
-        given, points = self.given, self.given.points[self.given.node]
-        motions = np.zeros((given.size, 6))
-        motions[np.arange(given.size), given.direction] = 1.0
-        moved = given.direction < 3
-        for k in range(3):
-            swept = np.cross(np.eye(3)[k], points)
-            motions[moved, 3 + k] = swept[moved, given.direction[moved]]
-        return motions
+        return rigid_motions(self.given.points[self.given.node], self.given.direction)
 
     def strip(self, face: str, window: Window) -> Strip:
         nodes, axis = self._group(face), self.axis
@@ -139,16 +119,15 @@ class Matrices:
         numbers = [np.flatnonzero(given.direction == k) for k in range(3)]
         return [sp.csr_matrix((np.ones(len(own)), (given.node[own], own)), shape=shape) for own in numbers]
 
-    def _trace(self, place: str | float) -> Trace:
+    def trace(self, place: str | float) -> Trace:
         if isinstance(place, str):
             nodes = self._group(place)
             return Trace(place, self.given.points[nodes], np.ones(len(nodes)), self._values(nodes))
         x = self.given.points[:, self.axis]
         slack = 1e-9 * float(np.ptp(x))
         if not x.min() - slack <= place <= x.max() + slack:
-            raise InputError(
-                "scene", "place", place, f"a group or a number from {x.min():g} to {x.max():g} m is allowed"
-            )
+            allowed = f"a group or a number from {x.min():g} to {x.max():g} m is allowed"
+            raise InputError("scene", "place", place, allowed)
         levels = np.unique(np.round(x / max(slack, 1e-300)).astype(np.int64)) * slack
         gaps = np.diff(levels)
         near = (levels[1:] >= place - slack) & (levels[:-1] <= place + slack)

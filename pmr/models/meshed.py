@@ -1,35 +1,60 @@
-"""What shells and solids share: displacements on named groups of a mesh, whatever the cells carry besides."""
+"""What shells and solids share: displacements on named groups of a mesh, materials by region, outside and inside."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fields.grid import Grid
 from pmr.mesh.named import KINDS, NamedMesh
 from pmr.mesh.nodes import Nodes, number_nodes
 from pmr.mesh.strip import Strip, Window, face_strip
 from pmr.mesh.trace import Trace, coordinates_on, section, trace
-from pmr.models import DIRECTIONS
-from pmr.models.regions import rigid_motions
+from pmr.models import DIRECTIONS, rigid_motions
+from pmr.scene.structures import Material
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+T = TypeVar("T")
+
+#: Where stresses are told of.
+FACES = ("outer", "middle", "inner")
+#: Cosine from which on a normal points away from the body's axis, or towards it.
+CLEAR = 0.01
 
 
-class MeshedModel(ABC):
+class Traced(ABC):
+    """A body in space that measures places by traces of its displacement."""
+
+    node_stations: None = None
+    directions: tuple[str, ...] = DIRECTIONS
+
+    @abstractmethod
+    def trace(self, place: str | float) -> Trace: ...
+
+    def displacement(self, place: str | float) -> sp.csr_matrix:
+        return self.trace(place).mean()
+
+    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
+        return self.trace(place).motion(about)
+
+    def centroid(self, place: str | float) -> Array:
+        return self.trace(place).centroid
+
+
+class MeshedModel(Traced):
     """A structural model whose coordinates sit on a mesh; its displacement is quadratic."""
 
     mesh: NamedMesh
     transformation: None = None  # the space's coordinates are the model's
-    node_stations: None = None
 
     @property
     @abstractmethod
@@ -43,10 +68,6 @@ class MeshedModel(ABC):
     @property
     def size(self) -> int:
         return self.nodes.size
-
-    @property
-    def directions(self) -> tuple[str, ...]:
-        return DIRECTIONS
 
     def domain(self, comm: MPI.Comm) -> Any:
         return self.mesh.distribute(comm)
@@ -67,15 +88,6 @@ class MeshedModel(ABC):
     def _traces(self) -> dict[str | float, Trace]:
         return {}
 
-    def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self.trace(place).mean()
-
-    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        return self.trace(place).motion(about)
-
-    def centroid(self, place: str | float) -> Array:
-        return self.trace(place).centroid
-
     def strip(self, face: str, window: Window) -> Strip:
         return face_strip(self.mesh, self.nodes, face, window)
 
@@ -83,7 +95,7 @@ class MeshedModel(ABC):
         return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
 
     def rigid_motions(self) -> Array:
-        return rigid_motions(self.nodes)
+        return rigid_motions(self.nodes.at, self.nodes.component)
 
     @property
     def grid(self) -> Grid:
@@ -96,3 +108,45 @@ class MeshedModel(ABC):
         first = self.nodes.of(points[:, None], 0, len(points))
         columns = (first[:, None] + np.arange(3)).ravel()
         return sp.csr_matrix((np.ones(len(columns)), columns, np.arange(len(columns) + 1)), (len(columns), self.size))
+
+
+def by_region(mesh: NamedMesh, default: T, regions: Mapping[str, T]) -> list[T]:
+    """One entry for each cell: its region's, or the default.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no such group of cells, or two of them share cells.
+    """
+    chosen = [default] * len(mesh.cells)
+    owner = np.full(len(mesh.cells), -1)
+    for number, (name, entry) in enumerate(regions.items()):
+        if name not in mesh.regions:
+            found = ", ".join(sorted(mesh.regions)) or "none"
+            raise InputError("scene", f"body.regions.{name}", None, f"{mesh.source} has these regions: {found}")
+        cells = mesh.regions[name]
+        shared = owner[cells].max(initial=-1)
+        if shared >= 0:
+            raise InputError("scene", f"body.regions.{name}", None, f"shares cells with {list(regions)[shared]}")
+        owner[cells] = number
+        for cell in cells:
+            chosen[cell] = entry
+    return chosen
+
+
+def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -> float:
+    """sqrt(E / rho) r / L^2 in rad/s, with the largest extent L and half the smallest, r: that of a slender beam."""
+    extent = np.ptp(points, axis=0)
+    depth = max(extent.min(), thickness) / 2.0
+    return float(np.sqrt(material.young / material.density) * depth / extent.max() ** 2)
+
+
+def away(mesh: NamedMesh, places: Array, normals: Array) -> Array:
+    """1 where a unit normal (f, 3) at a place (f, 3) points away from the body's axis, -1 towards it, 0 neither.
+
+    The axis runs through the middle of the other extents.
+    """
+    arm = places - (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
+    arm[:, mesh.axis] = 0.0
+    along = np.sum(arm * normals, axis=1)
+    return np.asarray(np.where(np.abs(along) > CLEAR * np.linalg.norm(arm, axis=1), np.sign(along), 0.0))

@@ -19,7 +19,7 @@ def interpolated(model: Beam2D, function, slope) -> np.ndarray:
     """Coordinates of the Hermite interpolant of a deflection."""
     q = np.zeros(model.size)
     for i, x in enumerate(model.nodes):
-        start = model.per_node * i + model.per_node - 2
+        start = len(model.directions) * i + len(model.directions) - 2
         q[start], q[start + 1] = function(x), slope(x)
     return q
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.models.profile import box_section
+from pmr.models.box_section import box_section
 from pmr.scene.structures import BoxProfile
 
 BOOM = BoxProfile(width=0.3, height=0.4, wall=0.008)

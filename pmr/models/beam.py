@@ -1,0 +1,97 @@
+"""What beams share: coordinates on nodes along an axis, as many on each as it has directions, and places there."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.fem.compat import MPI, interval_mesh
+from pmr.fields.grid import Grid
+from pmr.models import DIRECTIONS, rigid_motions
+from pmr.scene.structures import Beam3DBody, Profile
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Named places, as shares of the length.
+ENDS = {"tail": 0.0, "tip": 1.0}
+#: N2, N3 / h, N5, N6 / h as polynomials in xi in [0, 1], highest power first.
+HERMITE = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
+
+
+class Beam(ABC):
+    """A model whose coordinates are ordered node by node, each along one of its directions or about it."""
+
+    body: Profile | Beam3DBody
+
+    @property
+    @abstractmethod
+    def node_stations(self) -> Array: ...
+
+    @property
+    @abstractmethod
+    def directions(self) -> tuple[str, ...]: ...
+
+    @abstractmethod
+    def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix: ...
+
+    @property
+    def size(self) -> int:
+        return len(self.directions) * len(self.node_stations)
+
+    def domain(self, comm: MPI.Comm) -> Any:
+        return interval_mesh(comm, self.node_stations)
+
+    def element_coordinates(self, cells: Indices) -> list[Indices]:
+        nodes = cells[:, None] + np.arange(2)
+        return [len(self.directions) * nodes + i for i in range(len(self.directions))]
+
+    def displacement(self, place: str | float) -> sp.csr_matrix:
+        return self.motion(place)[[i for i, d in enumerate(self.directions) if d in "xyz"]]
+
+    def station(self, place: str | float) -> float:
+        """Distance of a place from the beam's first end in m.
+
+        Raises
+        ------
+        InputError
+            If it is not on the beam.
+        """
+        length = self.body.length
+        at = ENDS[place] * length if isinstance(place, str) and place in ENDS else place
+        slack = 1e-9 * length  # round-off of a caller's arithmetic
+        if isinstance(at, str) or not -slack <= at <= length + slack:
+            raise InputError("scene", "place", place, f"tail, tip or a number from 0 to {length:g} m is allowed")
+        return min(max(float(at), 0.0), length)
+
+    def centroid(self, place: str | float) -> Array:
+        return self.station(place) * np.eye(3)[0]
+
+    def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
+        if place not in ENDS:
+            raise InputError("scene", "place", place, "tail or tip is allowed")
+        first = round(ENDS[place] * (self.size - len(self.directions)))
+        return first + np.array([i for i, d in enumerate(self.directions) if d in directions], np.int64)
+
+    def rigid_motions(self) -> Array:
+        own = [DIRECTIONS.index(direction) for direction in self.directions]
+        nodes = self.grid.points
+        return rigid_motions(np.repeat(nodes, len(own), axis=0), np.tile(own, len(nodes)))[:, own]
+
+    @property
+    def grid(self) -> Grid:
+        """The axis as lines."""
+        first = np.arange(len(self.node_stations) - 1)
+        return Grid("line", self.node_stations[:, None] * np.eye(3)[0], first[:, None] + np.arange(2))
+
+    def point_displacements(self) -> sp.csr_matrix:
+        nodes, along = np.arange(len(self.node_stations))[:, None], [d for d in self.directions if d in "xyz"]
+        rows = 3 * nodes + ["xyz".index(d) for d in along]
+        columns = len(self.directions) * nodes + [self.directions.index(d) for d in along]
+        return sp.csr_matrix((np.ones(rows.size), (rows.ravel(), columns.ravel())), (3 * len(nodes), self.size))
