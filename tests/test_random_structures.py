@@ -25,7 +25,7 @@ from pmr.fullmodel.build import build
 from pmr.reduce.from_scene import take_snapshots
 from pmr.run import reduce_with
 from pmr.simulate import Excitation
-from pmr.snapshots.rigid import rigid_modes
+from pmr.snapshots.free_body import rigid_modes
 
 BOOM = Path(__file__).parents[1] / "workflows" / "boom_beam.toml"
 COUNT = 200

@@ -8,7 +8,7 @@ residual inertia), which is one order more of the same series:
     d = y_{r+c,\ \text{inertia}} - y_r, \qquad \text{estimate} = 1.25 \max(\lVert d \rVert, \lVert y_{r+c} - y_r \rVert)
 
 The larger one, since what the enrichment modes alone see is a part of the error.  Outputs of the second run have the
-lag that damping makes of the residual part's deformation, too (`pmr.compare.residual_damping`).  1.25 is a margin:
+lag that damping makes of the residual part's deformation, too (`pmr.compare.velocities`).  1.25 is a margin:
 without it the estimate was 0.86 to 1.18 times the true error in random scenes, damped and not, with one slider, two
 sliders and twelve pads (tests/compare/test_estimate_sweep.py).  It is no bound: it needs an error that falls from r to
 r + c modes (docs/moving_residual_flexibility.md, section 12); `pmr.compare.coverage` says where it can be seen to fail.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from pmr.compare import coverage, estimate, step_advice, step_error
+from pmr.compare import coverage, estimate, step_error
 from pmr.compare.summary import Part
 from pmr.environment import Clock
 from pmr.errors import InputError, SimulationError
@@ -89,7 +89,7 @@ def step_part(scene: Scene, reduced: ReducedModel, omega: Array, clock: Clock) -
             found = step_error.step_error(reduced, excitation, len(transverse(scene)))
         except (SimulationError, InputError) as error:
             said = [f"the error of the time step is not known: {error}"]
-            return Part({"step": step_advice.summary(None, str(error))}, said)
+            return Part({"step": step_error.summary(None, str(error))}, said)
     searched = scene.accuracy is not None  # then the step was chosen by its error
-    said = [] if searched else step_advice.warnings(found, excitation.stepping, excitation.signals, omega)
-    return Part({"step": step_advice.summary(found)}, said)
+    said = [] if searched else step_error.warnings(found, excitation.stepping, excitation.signals, omega)
+    return Part({"step": step_error.summary(found)}, said)

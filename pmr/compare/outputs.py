@@ -21,8 +21,7 @@ from pmr.compare.errors import (
     round_off,
     settled,
 )
-from pmr.compare.residual_damping import lag
-from pmr.compare.velocities import velocity
+from pmr.compare.velocities import lag, velocity
 from pmr.reduced.model import ReducedModel
 from pmr.simulate import Excitation
 from pmr.system.body import Trajectory, displacement, force_outputs, length_outputs, other_outputs, released_rows

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pmr import environment
-from pmr.compare import errors, pad_forces, trust, validity
+from pmr.compare import errors, pad_forces, trust
 from pmr.compare.outputs import impulsive
 from pmr.compare.responses import Simulations, full_simulator, quantities
 from pmr.compare.spectrum import band, error_below
@@ -131,4 +131,4 @@ def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
         for name, region in scene.body.regions.items()
         if region.material is not None
     }
-    return Part(warnings=[*validity.unusual(materials), *validity.large_motion(scene.length, responses.values())])
+    return Part(warnings=[*trust.unusual(materials), *trust.large_motion(scene.length, responses.values())])

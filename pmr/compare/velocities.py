@@ -1,4 +1,4 @@
-r"""Velocities with the part of the body that follows at once.
+r"""Velocities with the part of the body that follows at once, and the lag that damping makes of its deformation.
 
 .. math::
     \dot y = O \dot p + W \dot f - X \dot z - \dot s X' z, \qquad
@@ -10,6 +10,16 @@ Where s or f has a kink, so do z and the deformation under the slider: their rat
 and those of a real one can't.  On smooth paths the recovered part makes velocities more accurate (evolved case of the
 paper with smooth ramps, six modes: 0.32 % off instead of 0.86 %), on the paper's straight ramps less so (2.5 instead of
 1.9 %).
+
+Coordinates feel the damping of the residual part through the rows' forces (`pmr.reduced.inertia`), outputs are those of
+its statics.  With D = beta K its deformation x = R (B f - C^T z) lags behind its forces, and rows that give way share
+the rest out anew:
+
+.. math::
+    \Delta y = -\beta\,(O \dot x - X \bar G^{-1} C \dot x), \qquad \bar G = G + 1/k
+
+Nothing of it is left of rows that are rigid but the loads' part.  Stresses feel it most, for the residual part has much
+of them, and no number of modes takes it away.
 """
 
 from __future__ import annotations
@@ -85,3 +95,21 @@ def velocity(model: ReducedModel, trajectory: Trajectory, excitation: Excitation
 
 def _times(A: Array, x: Array) -> Array:
     return np.asarray(np.einsum("tab,tb->ta", A, x))
+
+
+def lag(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> Array:
+    """Of the outputs (T, o) of a model with residual flexibility and its inertia's tables; zero without such damping.
+
+    Trajectory and excitation as for `velocity`.  What is in proportion to mass is left out.
+    """
+    tables, known, s = model.flexibility, model.rayleigh, trajectory.s
+    if known is None or known.beta == 0.0 or tables is None or tables.inertia is None:
+        return np.zeros((len(s), len(model.outputs)))
+    f, path_rate = load_rates(model, excitation), excitation.path_rate
+    z, G = force_rates(model, trajectory, path_rate, f), evaluate(tables.rows, s)
+    turned = (evaluate(tables.inertia.D1, s) - known.alpha * evaluate(tables.inertia.A1, s)) / known.beta  # C R C'^T
+    of_rows = np.einsum("tmi,ti->tm", evaluate(tables.inputs, s), f.rate) - np.einsum("tmn,tn->tm", G, z.rate)
+    of_rows -= path_rate[:, None] * np.einsum("tmn,tn->tm", turned, z.value)
+    carried = np.linalg.solve(G + np.diag(model.row_compliance), of_rows[:, :, None])[:, :, 0]
+    own = velocity(model, trajectory, excitation) - trajectory.v @ model.outputs.T
+    return np.asarray(-known.beta * (own - np.einsum("tom,tm->to", evaluate(tables.outputs, s), carried)))

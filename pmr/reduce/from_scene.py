@@ -18,9 +18,8 @@ from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene import Scene
 from pmr.snapshots import Snapshots
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
-from pmr.snapshots.free_body import FreeBody
+from pmr.snapshots.free_body import FreeBody, rigid_modes
 from pmr.snapshots.free_modes import free_modes
-from pmr.snapshots.rigid import rigid_modes
 
 #: Modes beyond the coordinates with which the error is estimated: six of the paper's beam hold 98 % of the residual
 #: part's inertia with four.

@@ -14,7 +14,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis
 from pmr.scene import Reduction
 from pmr.snapshots import Snapshots
-from pmr.snapshots.rigid import rigid_modes
+from pmr.snapshots.free_body import rigid_modes
 
 Array = NDArray[np.float64]
 #: A vector of which a smaller share is left beside those before it depends on them.

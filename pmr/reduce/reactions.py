@@ -16,8 +16,7 @@ from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.reactions import Reactions
-from pmr.snapshots.free_body import FreeBody
-from pmr.snapshots.rigid import HELD, fixed_rows
+from pmr.snapshots.free_body import HELD, FreeBody, fixed_rows
 
 Array = NDArray[np.float64]
 

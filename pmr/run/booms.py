@@ -20,7 +20,7 @@ from pmr.compare.boom_references import FullBoom, FullRun
 from pmr.compare.boom_simulations import BoomSimulations, simulate
 from pmr.compare.responses import check_installed
 from pmr.compare.summary import Part, driven, gathered, made_with, trusted
-from pmr.compare.validity import large_motion
+from pmr.compare.trust import large_motion
 from pmr.environment import Clock
 from pmr.errors import on_first
 from pmr.fem.compat import MPI

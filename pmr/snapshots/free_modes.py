@@ -24,8 +24,7 @@ from pmr.fullmodel.eigensolvers import DenseEigenSolver, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, finished
 from pmr.snapshots import Snapshots
-from pmr.snapshots.free_body import FreeBody
-from pmr.snapshots.rigid import fixed_rows
+from pmr.snapshots.free_body import FreeBody, fixed_rows
 
 Array = NDArray[np.float64]
 
@@ -42,7 +41,7 @@ def free_modes(
     """The lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes first; collective.
 
     There are `count` of them, and up to `enrichment` more.  Rigid-body modes come from the geometry
-    (`pmr.snapshots.rigid`), all others are M-orthogonal to them.
+    (`pmr.snapshots.free_body`), all others are M-orthogonal to them.
 
     Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act
     across it.  They are left out.

@@ -14,7 +14,7 @@ from oracle import inertial, with_curvature
 
 from pmr.compare.estimate import estimate
 from pmr.compare.outputs import Floors, differences, outputs
-from pmr.compare.residual_damping import lag
+from pmr.compare.velocities import lag
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia

@@ -13,8 +13,7 @@ from oracle import flexible, full_body, inertial, paper_basis, project, rich_bod
 
 from pmr.compare.errors import relative_error
 from pmr.compare.halved_steps import Ladder
-from pmr.compare.step_advice import summary, warnings
-from pmr.compare.step_error import LIMIT, StepError, step_error
+from pmr.compare.step_error import LIMIT, StepError, step_error, summary, warnings
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare.validity import unusual
+from pmr.compare.trust import unusual
 from pmr.run import run
 from pmr.scene.structures import Material
 

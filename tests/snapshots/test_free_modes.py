@@ -13,8 +13,8 @@ from pmr.fem.distributed import inner, times
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.snapshots import Snapshots
+from pmr.snapshots.free_body import rigid_bodies, rigid_modes
 from pmr.snapshots.free_modes import free_modes
-from pmr.snapshots.rigid import rigid_bodies, rigid_modes
 
 #: beta L of bending modes, from the characteristic equations (Blevins 1979, Table 8-1), and rigid-body modes before.
 PINNED_FREE = (1, [3.92660231, 7.06858275, 10.21017612])

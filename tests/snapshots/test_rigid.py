@@ -20,8 +20,8 @@ from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.run import run
 from pmr.scene import Damping
 from pmr.scene.structures import PointMass
+from pmr.snapshots.free_body import rigid_bodies, rigid_modes
 from pmr.snapshots.free_modes import _beside, free_modes
-from pmr.snapshots.rigid import rigid_bodies, rigid_modes
 
 pytestmark = pytest.mark.mpi
 BOOM = Path(__file__).parents[2] / "workflows" / "boom_beam.toml"

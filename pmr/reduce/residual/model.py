@@ -26,8 +26,7 @@ from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncated
-from pmr.snapshots.free_body import FreeBody
-from pmr.snapshots.rigid import rigid_bodies
+from pmr.snapshots.free_body import FreeBody, rigid_bodies
 
 Array = NDArray[np.float64]
 

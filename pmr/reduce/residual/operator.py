@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 from pmr.fem.distributed import freed, inner, sparse, subtract, times
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.mirrored import images_of
-from pmr.snapshots.free_body import FreeBody
-from pmr.snapshots.rigid import fixed_rows, rigid_bodies
+from pmr.snapshots.free_body import FreeBody, fixed_rows, rigid_bodies
 
 Array = NDArray[np.float64]
 

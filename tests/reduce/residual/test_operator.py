@@ -15,9 +15,8 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import with_rigid_modes
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.snapshots.eigenmodes import eigenmode_snapshots
-from pmr.snapshots.free_body import FreeBody
+from pmr.snapshots.free_body import FreeBody, rigid_modes
 from pmr.snapshots.free_modes import free_modes
-from pmr.snapshots.rigid import rigid_modes
 
 NODES = np.linspace(0.0, 5.0, 31)
 #: Coordinates that a support at 0 holds.
