@@ -1,16 +1,26 @@
-"""Errors of a family's members: against all modes, by a step, and both together."""
+r"""Errors of a family's members: against all modes, by a step, and both together.
+
+What a step is off by is known from runs with ever shorter ones,
+
+.. math::
+    y_h - y \approx \frac{y_h - y_{h/4}}{1 - \rho^2}, \qquad
+    \rho = \lVert y_{h/2} - y_{h/4} \rVert / \lVert y_h - y_{h/2} \rVert
+
+as a geometric series (`pmr.compare.step_error`); rho is 1/4 for a scheme of second order, 1/2 behind a kink.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pmr.accuracy.family import Family, Member
-from pmr.accuracy.steps import Rung
+from pmr.compare.halved_steps import ROUGH
 from pmr.compare.outputs import Outputs, differences
 from pmr.errors import SimulationError
+from pmr.simulate.resolution import unseen
 
 #: Of all errors; they are known better than an estimate by a few enrichment modes, whose margin is 1.25.
 MARGIN = 1.1
@@ -97,3 +107,101 @@ class Errors:
             kind: max(reduction[kind], step[kind], float(np.hypot(both[kind], unsure[kind])))
             for kind in self.demand.kinds
         }
+
+
+#: Steps of a run up to which shorter ones are tried.
+LONGEST = 2_100_000
+#: The same of a model that keeps its residual inertia.
+LONGEST_WITH_INERTIA = 32_000
+#: How often the step that a scene names is doubled at most.
+COARSER = 6
+#: Steps that a motion has at least.
+FEWEST = 20
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A number of steps, and what they make of the motion.
+
+    Attributes
+    ----------
+    member : Member
+        Whose motion it is.
+    steps : int
+    missing : Outputs
+        What the exact motion has beyond that of these steps, at the times of the coarsest rung.
+    settled : bool
+        Whether runs with shorter steps approach each other; else it is only a part of the error.
+    """
+
+    member: Member
+    steps: int
+    missing: Outputs
+    settled: bool
+
+
+def coarsest(family: Family, every: float | None = None) -> int:
+    """The fewest steps, halves of the given number, that follow path and loads; `every` so many seconds one ends."""
+    given = family.excitation.stepping
+    steps = given.steps
+    for _ in range(COARSER):
+        half = family.with_steps(max(1, steps // 2))
+        share = 0.0 if every is None else every / half.stepping.step
+        if steps % 2 or steps < 2 * FEWEST or abs(share - round(share)) > 1e-9 * share:
+            break
+        if unseen(half.signals, half.stepping):
+            break
+        steps = half.stepping.steps
+    return steps
+
+
+def rungs(family: Family, member: Member, coarse: int, kinds: Sequence[str]) -> Iterator[Rung]:
+    """From the coarsest one on, each half the step of the one before, until runs become too long.
+
+    A step with which the motion can't be computed is passed over.  Residual inertia costs ten times as much: where runs
+    become long what a step leaves out is that of the model without.
+    """
+    limits = [(member, LONGEST)]
+    if member.residual_inertia:
+        limits = [(member, LONGEST_WITH_INERTIA), (Member(member.coordinates), LONGEST)]
+    first = coarse
+    for one, longest in limits:
+        for rung in _rungs(family, one, (first, coarse, longest), kinds):
+            yield rung
+            first = 2 * rung.steps
+
+
+def coarser(family: Family, rung: Rung, coarse: int) -> Iterator[Rung]:
+    """All rungs before one that is settled, from the coarsest on: what they leave out is known from that one.
+
+    Some of them are not settled by themselves, and good enough all the same.
+    """
+    exact = family.motion(rung.member, rung.steps, coarse).plus(rung.missing)
+    steps = coarse
+    while steps < rung.steps:
+        try:
+            yield Rung(rung.member, steps, exact.minus(family.motion(rung.member, steps, coarse)), True)
+        except SimulationError:
+            pass
+        steps *= 2
+
+
+def _rungs(family: Family, member: Member, range_: tuple[int, int, int], kinds: Sequence[str]) -> Iterator[Rung]:
+    steps, coarse, longest = range_
+    floors, runs = family.floors(coarse), list[tuple[int, Outputs]]()
+
+    def apart(one: Outputs, other: Outputs) -> float:
+        return max(differences(one, other, floors, kinds).values())
+
+    while steps <= longest:
+        try:
+            runs.append((steps, family.motion(member, steps, coarse)))
+        except SimulationError:
+            runs.clear()
+        steps *= 2
+        if len(runs) < 3:
+            continue
+        (count, first), (_, second), (_, third) = runs[-3:]
+        before, after = apart(first, second), apart(second, third)
+        ratio = after / before if before > 0.0 else 0.0
+        yield Rung(member, count, third.minus(first).times(1.0 / (1.0 - min(ratio, ROUGH) ** 2)), ratio <= ROUGH)

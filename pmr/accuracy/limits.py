@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pmr.accuracy.errors import Demand, Errors
+from pmr.accuracy.errors import Demand, Errors, Rung, rungs
 from pmr.accuracy.family import Family, Member
 from pmr.accuracy.search import Found, comparable
-from pmr.accuracy.steps import Rung, rungs
 from pmr.errors import InputError
 from pmr.errors.text import rounded
 from pmr.scene.asked import Budget

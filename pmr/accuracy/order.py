@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from pmr.accuracy import mesh
-from pmr.accuracy.errors import Demand
+from pmr.accuracy.errors import Demand, coarsest
 from pmr.accuracy.family import Family, member_of
 from pmr.accuracy.limits import best_within
 from pmr.accuracy.search import Found, search
-from pmr.accuracy.steps import coarsest
 from pmr.compare.coverage import BLOWS
 from pmr.compare.estimate import no_estimate
 from pmr.compare.outputs import impulsive

@@ -7,7 +7,7 @@ With y_N the motion of all modes that a reduction has (the inertia of the rest k
     1.1 \max(\lVert e \rVert, \lVert e_{reduction} \rVert, \lVert e_{step} \rVert) \le \text{tolerance}
 
 in every kind of output that is asked for.  The first part is the error estimate with N - r enrichment modes
-(`pmr.compare.estimate`), the second comes from shorter steps (`pmr.accuracy.steps`).
+(`pmr.compare.estimate`), the second comes from shorter steps (`pmr.accuracy.errors`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pmr.accuracy.errors import Demand, Errors
+from pmr.accuracy.errors import Demand, Errors, Rung, coarser, rungs
 from pmr.accuracy.family import Family, Member
-from pmr.accuracy.steps import Rung, coarser, rungs
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
 

@@ -1,9 +1,10 @@
-"""Models of a sliding body on several bases, of every size, beside the motion of its full model."""
+"""Models of a sliding body on several bases, of every size, beside the motion of its full model, simulated alike."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,13 @@ from numpy.typing import NDArray
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated, with_kept_inertia
 from pmr.scene import Reduction, Scene
-from pmr.simulate import Excitation
-from pmr.simulate.modal import modal_form
+from pmr.simulate import Excitation, TimeStepping
+from pmr.simulate.balance import energy
+from pmr.simulate.blocks import Recorder
+from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
-from pmr.studies import shared
-from pmr.system.body import Trajectory, displacement
+from pmr.studies import local_bases, shared
+from pmr.system.body import Trajectory, displacement, length_outputs
 from pmr.system.projection import projected
 
 Array = NDArray[np.float64]
@@ -39,9 +42,7 @@ class Case:
 
     @classmethod
     def of(cls, scene: Scene, band: float) -> Case:
-        body, excitation = shared.model_of(scene).gather(), Excitation.of(scene)
-        assert body is not None
-        form = modal_form(body)
+        form, excitation = modal_form(shared.body_of(scene)), Excitation.of(scene)
         run = march.simulate_modal(form, excitation)
         return cls(scene, excitation, band, form.body, run, _outputs(form.body, run, excitation))
 
@@ -52,12 +53,19 @@ class Case:
         return run, _outputs(form.body, run, self.excitation)
 
 
-@dataclass(frozen=True)
-class Models:
-    """Models of one basis by their number of coordinates, up to the largest."""
+Model = TypeVar("Model")
+Simulate = Callable[[Excitation, int], local_bases.LocalMotion]  # each so many steps
 
-    of: Callable[[int], ReducedModel]
+
+@dataclass(frozen=True)
+class BySize(Generic[Model]):
+    """Models, or what simulates them, by their number of coordinates, up to the largest."""
+
+    of: Callable[[int], Model]
     largest: int
+
+
+Models = BySize[ReducedModel]
 
 
 def _outputs(body: ReducedModel, run: Trajectory, excitation: Excitation) -> Array:
@@ -148,3 +156,44 @@ MODELS: dict[str, Callable[[Case], Models]] = {
     "inertia": inertial,
     "trajectory": trajectory,
 }
+LOCAL = ("local", "matrices")
+
+
+def candidates(case: Case, method: str) -> BySize[Simulate]:
+    """Simulators of one method: one of `MODELS`, or of local bases."""
+    if method not in LOCAL:
+        models = MODELS[method](case)
+        return BySize(lambda r: _marched(modal_form(models.of(r))), models.largest)
+    if np.any(case.full.row_compliance > 0.0):
+        return BySize(lambda r: _marched(modal_form(case.full)), 0)  # pads that give way hold no modes
+    s = local_bases.positions(case.full, case.scene.path_bounds)
+    return BySize(lambda r: local_bases.local_model(case.full, s, r, method == "local").simulate, case.full.size // 2)
+
+
+def _marched(form: ModalForm) -> Simulate:
+    def simulate(excitation: Excitation, every: int) -> local_bases.LocalMotion:
+        recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
+        run, f = recorder.trajectory(march.follow(form, excitation, recorder)), excitation.forces(form.body.input_names)
+        y = displacement(form.body, run.q, run.s, run.deforming, f[::every])[:, length_outputs(form.body)]
+        found = energy(form.body, run, f[::every])
+        return local_bases.LocalMotion(y, found.kinetic + found.strain, run.seconds)
+
+    return simulate
+
+
+def full_energy(case: Case) -> Array:
+    """Energy (T,) in J of the full model's motion."""
+    body = case.full
+    found = energy(body, case.run, case.excitation.forces(body.input_names))
+    return np.asarray(found.kinetic + found.strain)
+
+
+def stepped(excitation: Excitation, factor: float) -> Excitation:
+    """The same with a step that is so many times as long."""
+    given = excitation.stepping
+    return excitation.with_stepping(TimeStepping(given.end, given.step * factor, given.rho_inf))
+
+
+def observed(form: ModalForm, excitation: Excitation, every: int) -> Array:
+    """Displacements (T, o) in m at each `every`-th step."""
+    return march.observe(form, excitation, np.flatnonzero(length_outputs(form.body)).tolist(), every).y

@@ -68,9 +68,7 @@ def full_task(scene: Scene) -> Task:
 def full(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: ``displacement`` (T, o) in m, ``strain`` (T,) in J of the full model; ``t`` (T,) in s, ``x`` (o,) in m."""
     scene = shared.scene_of(arguments)
-    body = shared.model_of(scene).gather()
-    assert body is not None
-    excitation = Excitation.of(scene)
+    body, excitation = shared.body_of(scene), Excitation.of(scene)
     found = motion(body, excitation)
     if found.surplus > NOTABLE:  # what many runs are compared with
         raise SimulationError(f"the full model is no reference: {described(found.surplus)}")

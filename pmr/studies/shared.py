@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pmr.fullmodel.build import Built
     from pmr.fullmodel.model import FullModel
     from pmr.snapshots import Snapshots
+    from pmr.system.body import FullBody
 
 #: Rough effort in s for the paper's beam.
 COSTS = {"modes": 0.05, "full": 0.5, "ancf": 3.0, "frequencies": 0.5}
@@ -45,6 +46,13 @@ def scene_of(arguments: Mapping[str, Any]) -> Any:
 def model_of(scene: Scene) -> FullModel:
     """The scene's full model, as `built_of`."""
     return built_of(scene).model
+
+
+def body_of(scene: Scene) -> FullBody:
+    """The same in one piece: a task has one rank."""
+    body = model_of(scene).gather()
+    assert body is not None
+    return body
 
 
 def built_of(scene: Scene) -> Built:

@@ -9,11 +9,10 @@ import pytest
 from oracle import full_body, inertial
 
 from pmr.accuracy import limits
-from pmr.accuracy.errors import MARGIN, Demand
+from pmr.accuracy.errors import MARGIN, Demand, coarsest, rungs
 from pmr.accuracy.family import Family, Member
 from pmr.accuracy.limits import best_within
 from pmr.accuracy.search import search
-from pmr.accuracy.steps import coarsest, rungs
 from pmr.compare.outputs import Floors, Outputs, differences, outputs
 from pmr.errors import SimulationError
 from pmr.scene.asked import Budget

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 from random_scenes import sliding_scene
 
-from pmr.accuracy.errors import Demand
+from pmr.accuracy.errors import Demand, coarsest
 from pmr.accuracy.family import Family, Member
 from pmr.accuracy.search import Found, search
-from pmr.accuracy.steps import coarsest
 from pmr.compare.outputs import Outputs, differences, impulsive, observed
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI

@@ -9,8 +9,7 @@ import sys
 import time
 
 from pmr.cli.app import main
-from pmr.studies.engine.orders import Answer, Order
-from pmr.studies.engine.worker import Worker
+from pmr.studies.engine.worker import Answer, Order, Worker
 
 plain, done = Worker.run, list[Answer]()
 

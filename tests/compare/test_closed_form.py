@@ -14,7 +14,9 @@ def test_the_lowest_frequencies(s: float) -> None:
 
 def test_supported_at_its_end_the_beam_is_the_simply_supported_one() -> None:
     n = np.arange(1, 13)
-    assert bending_frequencies(5.0, LENGTH, EI, RHO_A, 12) == pytest.approx((n * np.pi / 5.0) ** 2 * np.sqrt(EI / RHO_A))
+    assert bending_frequencies(5.0, LENGTH, EI, RHO_A, 12) == pytest.approx(
+        (n * np.pi / 5.0) ** 2 * np.sqrt(EI / RHO_A)
+    )
 
 
 def test_a_support_close_to_the_pin_makes_a_cantilever() -> None:

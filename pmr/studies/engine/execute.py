@@ -23,9 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pmr.studies.engine.orders import Answer, Order
 from pmr.studies.engine.store import Store, Stored
 from pmr.studies.engine.task import Scalar, TaskFunction, TaskResult
+from pmr.studies.engine.worker import Answer, Order
 
 REMEMBERED = 256 * 2**20  # bytes of results that a child remembers for the next tasks that need them
 

@@ -17,8 +17,7 @@ from typing import Protocol
 
 from pmr import environment
 from pmr.errors import InputError
-from pmr.studies.engine.orders import Answer, Order
-from pmr.studies.engine.worker import Worker
+from pmr.studies.engine.worker import Answer, Order, Worker
 
 
 class Pool(Protocol):

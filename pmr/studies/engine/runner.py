@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 from pmr.studies.engine.frozen import sources
 from pmr.studies.engine.graph import Node, Ready
-from pmr.studies.engine.orders import Answer, Order
 from pmr.studies.engine.pools import Pool
 from pmr.studies.engine.store import Store
+from pmr.studies.engine.worker import Answer, Order
 
 WATCH_EVERY = 1.0  # s
 

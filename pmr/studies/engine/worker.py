@@ -14,12 +14,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 from pmr.studies.engine.frozen import START, sources
-from pmr.studies.engine.orders import Answer, Order
 
 #: Libraries read these when they are loaded.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -27,6 +27,35 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLI
 OF_MPI = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
 PATIENCE = 10.0  # s for a child to leave by itself
 LAST_LINES = 20  # that a child which dies leaves behind
+
+
+@dataclass(frozen=True)
+class Order:
+    """A task as text: what to call, with what, and where results are.
+
+    `code` is the digest of the sources that it was planned for; empty where any will do.
+    """
+
+    key: str
+    digest: str
+    address: str
+    arguments: Mapping[str, Any]
+    needs: Mapping[str, str]  # name for the function -> digest
+    store: str
+    code: str = ""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """How it went; the result itself is in the store.
+
+    `reason` is one line, the same wherever the task fails; `detail` is what helps to find out why.
+    """
+
+    status: Literal["done", "failed"]
+    seconds: float
+    reason: str = ""
+    detail: str = ""
 
 
 class Worker:

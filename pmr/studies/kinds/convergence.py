@@ -79,10 +79,8 @@ class Study(StudyBase):
 def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full beam's tip; array ``tip`` (T,) in m."""
     scene = shared.scene_of(arguments)
-    body = shared.model_of(scene).gather()
-    assert body is not None
-    excitation = Excitation.of(scene)
-    tip = marching.displacement(body, excitation)[:, -1]
+    body = shared.body_of(scene)
+    tip = marching.displacement(body, Excitation.of(scene))[:, -1]
     return _compared(tip, body.size, needs)
 
 

@@ -17,9 +17,9 @@ from pmr.results import Response
 from pmr.scene import Boom, Scene
 from pmr.scene.tomlfiles import Change
 from pmr.studies import grid, shared
-from pmr.studies.booms import boom_arguments, run_boom_case
 from pmr.studies.engine.task import KEY, Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.study import StudyBase
+from pmr.studies.taken_away import boom_arguments, run_boom_case
 
 COMPARED_FREQUENCIES = 3
 

@@ -20,14 +20,14 @@ from pmr.compare.cable import simulate_cable
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.signals import SignalBase
-from pmr.simulate import Excitation, InitialState, Progress, Simulator, exudyn
+from pmr.simulate import Excitation, exudyn
 from pmr.simulate.exudyn.cable import COORDINATES_PER_NODE
 from pmr.simulate.native import simulator as march
 from pmr.studies import shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Count, StudyBase
-from pmr.system.body import FullBody, SlidingBody, Trajectory
+from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.projection import projected
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
+Simulate = Callable[[SlidingBody, Excitation], Trajectory]
 
 
 @dataclass(frozen=True)
@@ -42,20 +43,12 @@ class Approach:
     """One way to simulate the beam; `model` is ``"ancf"``, ``"dense"`` (full), ``"full"`` (sparse) or ``"reduced"``."""
 
     model: str
-    simulate: Simulator | None
+    simulate: Simulate | None
     cost: float
 
 
-def _in_exudyn(formulation: Formulation) -> Simulator:
-    def simulate(
-        body: SlidingBody,
-        excitation: Excitation,
-        initial: InitialState | None = None,
-        progress: Progress | None = None,
-    ) -> Trajectory:
-        return exudyn.simulate(body, excitation, initial, progress, formulation)
-
-    return simulate
+def _in_exudyn(formulation: Formulation) -> Simulate:
+    return lambda body, excitation: exudyn.simulate(body, excitation, formulation=formulation)
 
 
 #: ``callbacks`` is the paper's way: dense matrices, rows and loads asked for in every iteration.  Whether it reuses a
@@ -202,16 +195,10 @@ def _solver(
         tip = [scene.length]
         coordinates = COORDINATES_PER_NODE * (scene.compare.ancf_elements + 1)
         return lambda stretch: simulate_cable(scene, tip, during(stretch)).seconds, coordinates
-    simulate, model = approach.simulate, shared.model_of(scene)
+    simulate = approach.simulate
     if approach.model == "reduced":
-        body: SlidingBody = reduce_with(scene, model, shared.snapshots_from(scene, needs)).reduced
+        body: SlidingBody = reduce_with(scene, shared.model_of(scene), shared.snapshots_from(scene, needs)).reduced
     else:
-        gathered = model.gather()
-        assert gathered is not None
-        body = _dense(gathered) if approach.model == "dense" else gathered
+        full = shared.body_of(scene)
+        body = full if approach.model == "full" else projected(full, np.eye(full.size))  # dense, as the paper's
     return lambda stretch: simulate(body, during(stretch)).seconds, body.size
-
-
-def _dense(full: FullBody) -> SlidingBody:
-    """The full model as the paper simulates it: a reduced one whose basis is the identity."""
-    return projected(full, np.eye(full.size))

@@ -30,8 +30,8 @@ from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.modal import modal_form
-from pmr.studies import bases, candidates, shared
-from pmr.studies.candidates import observed, stepped
+from pmr.studies import bases, shared
+from pmr.studies.bases import observed, stepped
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.recommended import RECOMMENDED, holding, tried
 from pmr.studies.results import StudyResults
@@ -129,9 +129,7 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     lies, and ``below``, how many natural frequencies of the free body are lower, those of rigid motions included.
     """
     scene, steps = shared.scene_of(arguments), arguments["steps"]
-    body = shared.model_of(scene).gather()
-    assert body is not None
-    form, given, finest = modal_form(body), Excitation.of(scene), FINER * steps[-1]
+    form, given, finest = modal_form(shared.body_of(scene)), Excitation.of(scene), FINER * steps[-1]
     coarser, y = (
         observed(form, stepped(given, factor * finest), round(steps[0] / (factor * finest))) for factor in (2.0, 1.0)
     )
@@ -158,10 +156,10 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     scene, truth = shared.scene_of(arguments), needs["truth"]
     case = bases.Case.of(scene, 0.0)
     begin = time.process_time()
-    models = candidates.candidates(case, arguments["method"])
+    models = bases.candidates(case, arguments["method"])
     tried = [(r, models.of(r)) for r in arguments["coordinates"] if r <= models.largest]
     seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / scene.time.steps}
-    stored = candidates.full_energy(case)
+    stored = bases.full_energy(case)
     moving = np.abs(case.excitation.path_rate) > 0.0
     record: dict[str, Scalar] = {"reference": truth.record["step"]}
     record |= {name: truth.record[name] for name in ("band", "below")}

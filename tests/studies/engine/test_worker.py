@@ -11,14 +11,13 @@ import study_tasks
 from waiting import is_alive, wait_until
 
 from pmr.studies.engine.execute import _Memory
-from pmr.studies.engine.orders import Order
 from pmr.studies.engine.store import Store, Stored
 from pmr.studies.engine.task import TaskResult
-from pmr.studies.engine.worker import Worker
+from pmr.studies.engine.worker import Order, Worker
 
 SLEEPER = """
 import sys
-from pmr.studies.engine.orders import Order
+from pmr.studies.engine.worker import Order
 from pmr.studies.engine.worker import Worker
 Worker(sys.path).run(Order("sleep", "abc", "study_tasks:sleep", {"file": sys.argv[1]}, {}, sys.argv[2]))
 """

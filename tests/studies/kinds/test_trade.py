@@ -14,7 +14,7 @@ from pmr.scene import load
 from pmr.simulate import Excitation
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
-from pmr.studies import candidates, files, recommended, shared
+from pmr.studies import bases, files, recommended, shared
 from pmr.studies.engine.task import number
 from pmr.studies.kinds import trade
 from pmr.studies.results import StudyResults
@@ -46,7 +46,7 @@ def figures(small: StudyResults) -> dict[str, dict]:
 def test_methods_differ_as_they_should(small: StudyResults) -> None:
     found = {method: number(figures(small)[method]["reduction.4"]) for method in trade.METHODS}
     assert found["inertia"] < found["flexibility"] < 0.5 * found["modes"]
-    local, matrices = (figures(small)[method] for method in candidates.LOCAL)
+    local, matrices = (figures(small)[method] for method in bases.LOCAL)
     assert number(local["reduction.8"]) < number(matrices["reduction.8"])
 
 
@@ -55,7 +55,7 @@ def test_the_reference_is_the_full_model_with_a_far_shorter_step(small: StudyRes
     body = shared.model_of(scene).gather()
     assert body is not None
     runs = [
-        march.observe(modal_form(body), candidates.stepped(Excitation.of(scene), h), every=round(2.0 / h)).y
+        march.observe(modal_form(body), bases.stepped(Excitation.of(scene), h), every=round(2.0 / h)).y
         for h in (0.125, 1 / 32)
     ]
     assert number(figures(small)["pod"]["reference"]) == pytest.approx(nrms(*runs), rel=0.5)
