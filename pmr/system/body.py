@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,118 +15,10 @@ from pmr.constraints.polynomials import stacked, transposed
 from pmr.constraints.rows import Rows
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
-from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.model import ReducedModel
 from pmr.reduced.reactions import Reactions
 
 Array = NDArray[np.float64]
-
-
-class SlidingBody(Protocol):
-    r"""What a simulator asks of a body: constant matrices and a few rows that move with s.
-
-    .. math::
-        M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C q + H f - (G + 1/k) \lambda = 0
-
-    G and H come from the residual flexibility and vanish without one, 1/k is the rows' own compliance.  Rows that only
-    push hold where they are closed, C q + H f - (G + 1/k) lambda = clearance, and have lambda = 0 elsewhere.
-    `ReducedModel` is such a body (dense), `FullBody` another (sparse).  Shapes: M, D, K (n, n), B (n, i),
-    outputs (o, n), C(s) (m, n).
-    """
-
-    @property
-    def M(self) -> Any: ...
-    @property
-    def D(self) -> Any: ...
-    @property
-    def K(self) -> Any: ...
-    @property
-    def B(self) -> Any: ...
-    @property
-    def outputs(self) -> Any: ...
-    @property
-    def input_names(self) -> tuple[str, ...]: ...
-    @property
-    def row_names(self) -> tuple[str, ...]: ...
-    @property
-    def domain(self) -> tuple[float, float]: ...
-    @property
-    def size(self) -> int: ...
-    def C(self, s: float, derivative: int = 0) -> Any:
-        """Constraint rows (m, n) at the path coordinate s in m, or their derivative with respect to s."""
-        ...
-
-    @property
-    def output_positions(self) -> Array: ...
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """What each output is called; empty: nothing in particular."""
-        ...
-
-    @property
-    def output_units(self) -> tuple[str, ...]:
-        """Of each output: m, N, rad or whatever a probe measures in; empty: all are displacements."""
-        ...
-
-    @property
-    def row_compliance(self) -> Array:
-        """1/k of each row's pad, (m,) in m/N; 0 where it is rigid."""
-        ...
-
-    @property
-    def row_clearance(self) -> Array:
-        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
-        ...
-
-    @property
-    def rayleigh(self) -> Rayleigh | None:
-        """What D is made of, where it is Rayleigh's."""
-        ...
-
-    @property
-    def flexibility(self) -> Flexibility | None:
-        """What the coordinates leave out, quasi-static; None where nothing is added."""
-        ...
-
-    @property
-    def carriers(self) -> CarriedRows | None:
-        """The rows on their carriers, each with a path coordinate of its own; None where only tables in s are known."""
-        ...
-
-    @property
-    def reactions(self) -> Reactions | None:
-        """What tells the forces of rigid supports; None where there are none, or nobody knows them."""
-        ...
-
-    @property
-    def moving(self) -> list[int]:
-        """Numbers of the rows that depend on s: the sliders."""
-        ...
-
-    @property
-    def held(self) -> dict[int, int]:
-        """Rows that hold one coordinate and do nothing else: number of the row to that of the coordinate."""
-        ...
-
-    @property
-    def lasting(self) -> tuple[str, ...]:
-        """Names of rows that always hold, in one place, and hold more than one coordinate."""
-        ...
-
-    def dense_rows(self, s: Array) -> Array:
-        """C(s) (T, m, n) at several path coordinates (T,), dense."""
-        ...
-
-    def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
-        """C(s) q (T, m) along a trajectory, s (T,) and q (T, n); or with the derivative of C."""
-        ...
-
-    def row_change(self, s: Array, q: Array) -> Array:
-        """(C(s_{t+1}) - C(s_t)) q_t, (T - 1, m), for s (T,) and q (T - 1, n)."""
-        ...
-
-    def rows_on(self, V: Array) -> PPoly:
-        """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
-        ...
 
 
 class Observed(Protocol):
@@ -180,7 +72,7 @@ class WithRows:
 
     @property
     def row_compliance(self) -> Array:
-        """1/k of each row's pad, (m,) in m/N."""
+        """1/k of each row's pad, (m,) in m/N; 0 where it is rigid."""
         return self.rows.compliance
 
     @property
@@ -280,6 +172,11 @@ class FullBody(WithRows):
     def rows_on(self, V: Array) -> PPoly:
         """C(s) V as a piecewise polynomial with values (m, r), for V (n, r)."""
         return stacked([row.project(V) for row in self.rows.rows], self.domain)
+
+
+#: What a simulator takes: constant matrices and a few rows that move with s (`pmr.reduced.model` has the equations),
+#: dense of a reduced body, sparse of a full one.
+SlidingBody: TypeAlias = ReducedModel | FullBody
 
 
 @dataclass(frozen=True)
