@@ -28,7 +28,7 @@ from pmr.scene.structures import Profile
 from pmr.simulate.modal import modal_form
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.body import FullBody, SlidingBody
-from pmr.system.joints import Joint, JointPad
+from pmr.system.contacts import Joint, JointPad
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

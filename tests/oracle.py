@@ -15,9 +15,7 @@ from textbook import LENGTH, beam_matrices
 from pmr.constraints.polynomials import stacked
 from pmr.constraints.rows import Row, Rows, carrier, fixed_row, row_on_coordinates
 from pmr.reduced.carriers import CarriedRows, CarrierFlexibility
-from pmr.reduced.enrichment import EnrichmentModes
-from pmr.reduced.flexibility import Flexibility
-from pmr.reduced.inertia import Inertia
+from pmr.reduced.flexibility import EnrichmentModes, Flexibility, Inertia
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulate import InitialState, TimeStepping

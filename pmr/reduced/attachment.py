@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import stacked
 from pmr.reduced.carriers import CarrierFlexibility
-from pmr.reduced.enrichment import EnrichmentModes
+from pmr.reduced.flexibility import EnrichmentModes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended
 

@@ -14,14 +14,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
-from pmr.reduced.enrichment import EnrichmentModes
-from pmr.reduced.soundness import misfit
+from pmr.reduced.flexibility import EnrichmentModes
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -44,6 +44,8 @@ class CarrierFlexibility:
     energy : (i, i) array, m/N
         B^T R B.
     """
+
+    AXES: ClassVar = {"rows": "KK", "inputs": "Ki", "outputs": "oK", "direct": "oi", "energy": "ii"}
 
     rows: Array
     inputs: Array
@@ -80,6 +82,8 @@ class CarriedRows:
     inertia : CarrierFlexibility, optional
         The same of R M R, in s^2 m/N: what the inertia of that part moves (`pmr.compare.boom_estimate`).
     """
+
+    AXES: ClassVar = {"values": "Kr", "enrichment": "Kc"}
 
     values: Array
     breaks: Mapping[str, Array]
@@ -136,22 +140,14 @@ class CarriedRows:
         inertia = None if self.inertia is None else self.inertia.joined(U, modes, sign / modes.stiffness**2)
         return replace(self, flexibility=flexibility, inertia=inertia)
 
-    def contradiction(self, m: int, r: int, i: int, o: int) -> str | None:
-        """What is wrong with the shapes for m rows, r coordinates, i inputs and o outputs; None where all is sound."""
-        K, c = len(self.values), self.enrichment.shape[-1]
-        if wrong := misfit(self, {"values": (K, r), "enrichment": (K, c)}, "carriers."):
-            return wrong
-        shapes = {"rows": (K, K), "inputs": (K, i), "outputs": (o, K), "direct": (o, i), "energy": (i, i)}
-        for name in ("flexibility", "inertia"):
-            part = getattr(self, name)
-            if part is not None and (wrong := misfit(part, shapes, f"carriers.{name}.")):
-                return wrong
+    def contradiction(self, m: int) -> str | None:
+        """What is wrong with b(x) of the m rows, in words; None where all is sound."""
         for k in map(str, range(m)):
             x, touched, b = self.breaks[k], self.touched[k], self.coefficients[k]
             if x.ndim != 1 or touched.ndim != 2 or len(touched) != len(x) - 1 or not np.all(np.diff(x) > 0.0):
                 return f"the carriers' row {k} has breaks that do not increase, or not one more than intervals"
             if b.ndim != 3 or b.shape[1:] != touched.shape or not np.isfinite(b).all():
                 return f"the carriers' row {k} has coefficients of shape {b.shape} or that are not finite"
-            if not np.all((touched >= 0) & (touched < K)):
+            if not np.all((touched >= 0) & (touched < len(self.values))):
                 return f"the carriers' row {k} touches a carrier that there is none of"
         return None

@@ -1,5 +1,7 @@
 r"""Residual flexibility: what the truncated coordinates would have answered at once, as small tables in s.
 
+Beside it the inertia of that part, and the first modes in it.
+
 With R the flexibility that a basis leaves out and q = V p + R (B f - C^T lambda), the rows and outputs become
 
 .. math::
@@ -13,16 +15,54 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import side_by_side, transposed
-from pmr.reduced.inertia import Inertia
-from pmr.reduced.soundness import misfit
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Inertia:
+    r"""Tables of the residual part's inertia and damping, for m rows and i inputs.
+
+    The residual part x = R (B f - C(s)^T z) moves with the forces z at the rows.  What its inertia and damping do there
+    is
+
+    .. math::
+        -C R M \ddot x = A_0 \ddot z + 2 \dot s A_1 \dot z + (\ddot s A_1 + \dot s^2 A_2)\, z - E_0 \ddot f, \qquad
+        -C R D \dot x = D_0 \dot z + \dot s D_1 z - F_0 \dot f
+
+    docs/moving_residual_flexibility.md, sections 6 and 11; for rows at rest A_0 is the mass term of Rubin: Improved
+    component-mode representation for structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
+
+    Attributes
+    ----------
+    A0, A1, A2 : PPoly with values (m, m), m s^2/N, s^2/N, s^2/(m N)
+        C R M R C^T and, with the second C replaced by its first and second derivative, A1 and A2.
+    E0 : PPoly with values (m, i), m s^2/N
+        C R M R B.
+    D0, D1, F0 : PPoly
+        As A0, A1 and E0 with the damping D in place of M; s instead of s^2 in the units.
+    kept : bool
+        Whether the equations of motion keep this inertia (`pmr.simulate.native.residual_inertia`); else it only serves
+        error estimates.
+    """
+
+    AXES: ClassVar = {"A0": "mm", "A1": "mm", "A2": "mm", "E0": "mi", "D0": "mm", "D1": "mm", "F0": "mi"}
+
+    A0: PPoly
+    A1: PPoly
+    A2: PPoly
+    E0: PPoly
+    D0: PPoly
+    D1: PPoly
+    F0: PPoly
+    kept: bool = False
 
 
 @dataclass(frozen=True)
@@ -42,8 +82,10 @@ class Flexibility:
     energy : (i, i) array, m/N
         B^T R B: twice the residual strain energy under unit inputs.
     inertia : Inertia, optional
-        What is neglected with the inertia of the residual part, or kept (`pmr.reduced.inertia`).
+        What is neglected with the inertia of the residual part, or kept.
     """
+
+    AXES: ClassVar = {"rows": "mm", "inputs": "mi", "outputs": "om", "direct": "oi", "energy": "ii"}
 
     rows: PPoly
     inputs: PPoly
@@ -94,8 +136,34 @@ class Flexibility:
         """H(s) and G(s) side by side."""
         return side_by_side(self.inputs, self.rows)
 
-    def contradiction(self, m: int, i: int, o: int) -> str | None:
-        """What is wrong with the shapes for m rows, i inputs and o outputs, in words; None where all is sound."""
-        shapes = {"rows": (m, m), "inputs": (m, i), "outputs": (o, m), "direct": (o, i), "energy": (i, i)}
-        wrong = misfit(self, shapes, "flexibility.")
-        return wrong or (self.inertia.contradiction(m, i) if self.inertia else None)
+
+@dataclass(frozen=True)
+class EnrichmentModes:
+    """The first c modes that a model truncates, M-orthonormal and in ascending order; m rows, i inputs, o outputs.
+
+    Their flexibility is part of the model's tables; as coordinates they serve to estimate its error, or to have more
+    coordinates after all (`pmr.reduced.truncation`).
+
+    Attributes
+    ----------
+    stiffness : (c,) array, (rad/s)^2
+        omega^2.
+    damping : (c,) array, 1/s
+        phi^T D phi: 2 zeta omega.
+    B : (c, i) array
+    outputs : (o, c) array
+    rows : PPoly with values (m, c)
+        C(s) phi.
+    """
+
+    AXES: ClassVar = {"stiffness": "c", "damping": "c", "B": "ci", "outputs": "oc", "rows": "mc"}
+
+    stiffness: Array
+    damping: Array
+    B: Array
+    outputs: Array
+    rows: PPoly
+
+    @property
+    def count(self) -> int:
+        return len(self.stiffness)

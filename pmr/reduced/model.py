@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,8 +28,7 @@ from pmr.errors import InputError
 from pmr.files import jsonfile, npz, records
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
-from pmr.reduced.enrichment import EnrichmentModes
-from pmr.reduced.flexibility import Flexibility
+from pmr.reduced.flexibility import EnrichmentModes, Flexibility
 from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import asymmetry, misfit
 
@@ -81,6 +80,9 @@ class ReducedModel:
     reactions : Reactions, optional
         What tells the forces of rigid supports.
     """
+
+    AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
+    AXES |= {"B": "ri", "outputs": "or", "rows": "mr", "pads": "m"}
 
     M: Array
     D: Array
@@ -256,26 +258,21 @@ class ReducedModel:
 
     def contradiction(self) -> str | None:
         """What is wrong with the arrays, in words; None where shapes agree, breaks increase and all is finite."""
-        for name, axes in {"M": 2, "output_positions": 1}.items():
-            if getattr(self, name).ndim != axes:
-                return f"{name} has shape {getattr(self, name).shape}, {axes} axes are allowed"
-        r, i, o, m = self.size, len(self.input_names), len(self.output_positions), len(self.row_names)
-        shapes = {"M": (r, r), "D": (r, r), "K": (r, r), "B": (r, i), "outputs": (o, r), "output_positions": (o,)}
+        o, m = len(self.output_positions), len(self.row_names)
         if not {len(self.output_names), len(self.output_units)} <= {0, o}:
             return f"{len(self.output_names)} names and {len(self.output_units)} units are given for {o} outputs"
-        if wrong := misfit(self, shapes) or asymmetry({"M": self.M, "D": self.D, "K": self.K}):
-            return wrong
-        if wrong := misfit(self, {"rows": (m, r)} | ({} if self.pads is None else {"pads": (m,)})):
+        if wrong := misfit(self, {}) or asymmetry({"M": self.M, "D": self.D, "K": self.K}):
             return wrong
         if np.any(self.row_compliance < 0.0):
             return "pads has negative values, values from 0 on are allowed"
         clearance = self.row_clearance
         if clearance.shape != (m,) or not np.all(np.isnan(clearance) | (clearance >= 0.0) & np.isfinite(clearance)):
             return f"clearance has shape {clearance.shape} or values that are no lengths, {(m,)} from 0 on are allowed"
-        parts = [part.contradiction(m, i, o) for part in (self.flexibility, self.enrichment) if part is not None]
-        parts += [] if self.carriers is None else [self.carriers.contradiction(m, r, i, o)]
-        parts += [] if self.reactions is None else [self.reactions.contradiction(m, r, i)]
-        return next((wrong for wrong in parts if wrong), None)
+        if self.enrichment is not None and not np.all(self.enrichment.stiffness > 0.0):
+            return "enrichment.stiffness is not positive"
+        if self.reactions is not None and self.reactions.inertia.shape[1] < self.size:
+            return f"reactions.inertia has {self.reactions.inertia.shape[1]} columns, {self.size} or more are allowed"
+        return None if self.carriers is None else self.carriers.contradiction(m)
 
 
 def _of_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:

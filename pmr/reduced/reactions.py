@@ -15,13 +15,13 @@ the sum of forces and moments).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import columns
-from pmr.reduced.soundness import misfit
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,10 @@ class Reactions:
         U Phi on the carriers of a body of a system, whose rows each have a path coordinate of their own.
     """
 
+    AXES: ClassVar = {"names": "h", "units": "h", "inputs": "hi", "rows": "hm"} | dict.fromkeys(
+        ("inertia", "damping", "stiffness"), "hn"
+    )
+
     names: tuple[str, ...]
     units: tuple[str, ...]
     inertia: Array
@@ -61,11 +65,3 @@ class Reactions:
     def with_rows(self, numbers: list[int]) -> Reactions:
         """Those of the body with none but these of its rows."""
         return replace(self, rows=columns(self.rows, numbers))
-
-    def contradiction(self, m: int, r: int, i: int) -> str | None:
-        """What is wrong with the shapes for m rows, r coordinates and i inputs, in words; None where all is sound."""
-        h, n = len(self.names), max(self.inertia.shape[-1], r)
-        shapes = {name: (h, n) for name in ("inertia", "damping", "stiffness")} | {"inputs": (h, i), "rows": (h, m)}
-        if len(self.units) != h:
-            return f"{len(self.units)} units are given for {h} reactions"
-        return misfit(self, shapes, "reactions.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -13,21 +14,31 @@ from scipy.interpolate import PPoly
 SYMMETRIC = 1e-6
 
 
-def misfit(part: Any, shapes: Mapping[str, tuple[int, ...]], prefix: str = "") -> str | None:
-    """What is wrong with the arrays and piecewise polynomials of `part`, in words.
+def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
+    """What is wrong with the arrays, names and piecewise polynomials of `part`, a dataclass, in words; None: nothing.
 
-    None where each has the values' shape given for its name, all is finite and breaks increase.
+    Its ``AXES`` give a letter for each axis, such as ``{"rows": "mr"}`` for values (m, r).  What a letter stands for,
+    unless `sizes` says it, does its first axis.  Parts within the part that have such a table follow.
     """
-    for name, shape in shapes.items():
+    sizes = dict(sizes)
+    for name, axes in part.AXES.items():
         found = getattr(part, name)
-        values, has = (found.c, found.c.shape[2:]) if isinstance(found, PPoly) else (found, found.shape)
-        if has != shape:
-            return f"{prefix}{name} has shape {has}, {shape} is allowed"
-        if not np.isfinite(values).all():
+        if found is None:
+            continue
+        values, has = (found.c, found.c.shape[2:]) if isinstance(found, PPoly) else (found, np.shape(found))
+        if len(has) != len(axes):
+            return f"{prefix}{name} has shape {has}, {len(axes)} axes are allowed"
+        for letter, size in zip(axes, has, strict=True):
+            sizes.setdefault(letter, size)
+        if has != (allowed := tuple(sizes[letter] for letter in axes)):
+            return f"{prefix}{name} has shape {has}, {allowed} is allowed"
+        if not isinstance(found, tuple) and not np.isfinite(values).all():
             return f"{prefix}{name} is not finite"
         if isinstance(found, PPoly) and not (np.all(np.diff(found.x) > 0.0) and np.isfinite(found.x).all()):
             return f"the breaks of {prefix}{name} do not increase"
-    return None
+    parts = {field.name: getattr(part, field.name) for field in fields(part)}
+    within = (misfit(one, sizes, f"{prefix}{name}.") for name, one in parts.items() if hasattr(one, "AXES"))
+    return next((wrong for wrong in within if wrong), None)
 
 
 def symmetric(A: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,9 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import columns, product, side_by_side, times, total, transposed
-from pmr.reduced.enrichment import EnrichmentModes
-from pmr.reduced.flexibility import Flexibility
-from pmr.reduced.inertia import Inertia
+from pmr.reduced.flexibility import EnrichmentModes, Flexibility, Inertia
 from pmr.reduced.model import ReducedModel
 
 Array = NDArray[np.float64]
@@ -53,13 +51,7 @@ def truncated(model: ReducedModel, r: int) -> ReducedModel:
         rows=columns(model.rows, slice(r, None)),
     )
     return replace(
-        model,
-        M=model.M[:r, :r],
-        D=model.D[:r, :r],
-        K=model.K[:r, :r],
-        B=model.B[:r],
-        outputs=model.outputs[:, :r],
-        rows=columns(model.rows, slice(0, r)),
+        replace(model, flexibility=None, carriers=None).leading(r),
         flexibility=_joined(model.flexibility, moved, 1.0),
         enrichment=moved if model.enrichment is None else _chained(moved, model.enrichment),
         carriers=None if model.carriers is None else model.carriers.truncated(r, moved),

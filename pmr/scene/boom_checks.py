@@ -117,7 +117,7 @@ def _fits(boom: Boom, number: int) -> None:
 
 
 def _slides(boom: Boom, number: int) -> None:
-    """As `pmr.system.joints.Joint.check`, in the words of a scene."""
+    """As `pmr.system.contacts.Joint.check`, in the words of a scene."""
     joint, name, outer = _joint(boom, number), boom.names[number], boom.names[number - 1]
     path = boom.extension(number)
     (first, last), length = bounds(path, 0.0, boom.time.end), boom.length(number - 1)

@@ -23,8 +23,7 @@ from pmr.scene.signals.base import Array, Floats
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.stepping import TimeStepping
 from pmr.system.body import SlidingBody
-from pmr.system.contacts import Contact, Place
-from pmr.system.joints import Joint, JointPad
+from pmr.system.contacts import Contact, Joint, JointPad, Place
 from pmr.system.system import Body, Joined, System
 
 

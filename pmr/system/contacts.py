@@ -82,3 +82,99 @@ class Contact:
 def refused(contact: str, key: str, value: object, allowed: str) -> InputError:
     """What is wrong with a contact, by its name."""
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
+
+
+@dataclass(frozen=True)
+class JointPad:
+    """A pad of a joint; `direction`, `compliance`, `clearance` and `friction` as of a `Contact`.
+
+    Attributes
+    ----------
+    name : str
+    row : str
+        What it measures, on both sections.
+    from_end : float, m
+        Of the section's tail or mouth that it sits at.
+    """
+
+    name: str
+    row: str
+    from_end: float
+    direction: float = 1.0
+    compliance: float = 0.0
+    clearance: float | None = None
+    friction: float = 0.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    r"""What joins two neighbouring sections of a telescope.
+
+    With the inner section's tail at s on the outer one, of length L_out, a pad d from the inner tail, and one d from
+    the outer mouth, have
+
+    .. math:: x_{in} = d,\; x_{out} = s + d \qquad \text{and} \qquad x_{in} = L_{out} - d - s,\; x_{out} = L_{out} - d
+
+    Attributes
+    ----------
+    inner, outer : str
+        Bodies of the system.
+    inner_length, outer_length : float, m
+    path : str
+        Name of the path s(t), where the inner tail is on the outer section, in m from its tail.
+    tail, mouth : tuples of JointPad
+        Pads that travel with the inner section's tail, and those that sit at the outer one's mouth.
+    """
+
+    inner: str
+    outer: str
+    inner_length: float
+    outer_length: float
+    path: str
+    tail: tuple[JointPad, ...]
+    mouth: tuple[JointPad, ...]
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """For a `System`."""
+        at_tail = [
+            (pad, Place(self.inner, pad.row, pad.from_end), Place(self.outer, pad.row, pad.from_end, self.path))
+            for pad in self.tail
+        ]
+        places = [(pad, self.outer_length - pad.from_end) for pad in self.mouth]
+        at_mouth = [
+            (pad, Place(self.inner, pad.row, x, self.path, -1.0), Place(self.outer, pad.row, x)) for pad, x in places
+        ]
+        return tuple(
+            Contact(pad.name, inner, outer, pad.direction, pad.compliance, pad.clearance, pad.friction)
+            for pad, inner, outer in (*at_tail, *at_mouth)
+        )
+
+    def check(self, s: Array) -> None:
+        """Refuse places s (T,) m of the inner tail that its pads don't allow.
+
+        Raises
+        ------
+        InputError
+            If the inner section leaves the outer one through its tail, its pads pass those at the mouth, or the inner
+            section ends before the pads at the mouth do.
+        """
+        key, slack = f"joints.{self.inner}", 1e-9 * self.outer_length
+        first, last = float(np.min(s)), float(np.max(s))
+        if first < -slack:
+            allowed = f"0 m or more is allowed: there the tail of {self.inner} is at that of {self.outer}"
+            raise InputError("system", key, first, allowed)
+        needed = max(pad.from_end for pad in self.tail) + max(pad.from_end for pad in self.mouth)
+        overlap = self.outer_length - last
+        if not overlap > needed + slack:
+            allowed = (
+                f"less than {self.outer_length - needed:g} m is allowed: the overlap is {overlap:g} m, and pads reach "
+                f"{needed:g} m from the tail of {self.inner} and the mouth of {self.outer}"
+            )
+            raise InputError("system", key, last, allowed)
+        least = self.outer_length - min(pad.from_end for pad in self.mouth) - self.inner_length
+        if first < least - slack:
+            allowed = (
+                f"{least:g} m or more is allowed: else {self.inner} ends before a pad at the mouth of {self.outer}"
+            )
+            raise InputError("system", key, first, allowed)

@@ -14,7 +14,7 @@ from scipy.interpolate import PPoly
 
 from pmr.fields.series import Fields
 from pmr.files.records import arrays, record
-from pmr.reduced.inertia import TABLES
+from pmr.reduced.flexibility import Inertia
 from pmr.reduced.model import ReducedModel
 from pmr.simulate.petsc.checkpoint import Checkpoint, load
 from pmr.studies.engine.store import Store
@@ -87,7 +87,7 @@ def test_a_reduced_model_of_version_4_is_read() -> None:
     assert model.pads == [1e-6] and model.clearance == [2e-3] and model.rayleigh and model.rayleigh.alpha == 0.1
     assert np.array_equal(model.rows.c, np.arange(8.0).reshape(2, 2, 1, 2)) and model.domain == (0.0, 2.5)
     assert model.flexibility and model.flexibility.inertia and model.flexibility.keeps_inertia and model.enrichment
-    tables = [getattr(model.flexibility.inertia, name).c[0, 0] for name in TABLES]
+    tables = [getattr(model.flexibility.inertia, name).c[0, 0] for name in Inertia.AXES]
     assert tables == [0, 1, 2, 4, 5, 6, 7]  # one more was kept then
     assert np.array_equal(model.flexibility.inputs.c[:, :, 0, 0], [[3.0, 4.0], [5.0, 6.0]])
     assert np.array_equal(model.enrichment.rows.c[:, :, 0, 0], [[7.0, 8.0], [9.0, 10.0]])

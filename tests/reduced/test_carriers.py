@@ -12,6 +12,7 @@ from oracle import carried_rows, free_modes, inertial, rich_body
 from pmr.errors import InputError
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.soundness import misfit
 from pmr.reduced.truncation import extended, truncated
 
 FULL = rich_body()
@@ -87,7 +88,8 @@ def test_fewer_rows_and_other_coordinates(model: ReducedModel) -> None:
     X = np.random.default_rng(2).normal(size=(9, 4))
     assert model.carriers is not None
     turned = model.carriers.on(X).with_rows([1])
-    assert turned.contradiction(1, 4, 2, len(model.outputs)) is None
+    sizes = {"r": 4, "i": 2, "o": len(model.outputs)}
+    assert misfit(turned, sizes) is turned.contradiction(1) is None
     only, second = turned.row(0, "b"), model.carriers.row(1, "b")
     assert np.array_equal(only.weights(1.3).toarray(), second.weights(1.3).toarray())
     assert turned.values == pytest.approx(model.carriers.values @ X)

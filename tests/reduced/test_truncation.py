@@ -11,7 +11,7 @@ from oracle import flexible, inertial, paper_basis, project, rich_body
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
-from pmr.reduced.inertia import TABLES
+from pmr.reduced.flexibility import Inertia
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, is_modal, truncated, with_kept_inertia
 
@@ -24,7 +24,7 @@ def arrays(model: ReducedModel) -> dict[str, np.ndarray]:
     assert model.flexibility and model.flexibility.inertia
     tables, inertia = model.flexibility, model.flexibility.inertia
     found = {name: getattr(tables, name) for name in ("rows", "inputs", "outputs", "direct", "energy")}
-    found |= {name: getattr(inertia, name) for name in TABLES}
+    found |= {name: getattr(inertia, name) for name in Inertia.AXES}
     values = {name: A(S) if isinstance(A, PPoly) else A for name, A in found.items()}
     return (
         values

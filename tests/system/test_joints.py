@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pmr.errors import InputError
-from pmr.system.joints import Joint, JointPad
+from pmr.system.contacts import Joint, JointPad
 
 TAIL, MOUTH = JointPad("t", "w", 0.2), JointPad("m", "w", 0.3, -1.0, 1e-8, 1e-3)
 JOINT = Joint("inner", "outer", 4.0, 5.0, "e", (TAIL,), (MOUTH,))

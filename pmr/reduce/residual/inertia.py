@@ -15,8 +15,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduce.residual.tables import LoadFlexibility, OnCarriers, Pairs, paired, stacked
 from pmr.reduced.carriers import CarrierFlexibility
-from pmr.reduced.flexibility import Flexibility
-from pmr.reduced.inertia import Inertia
+from pmr.reduced.flexibility import Flexibility, Inertia
 from pmr.reduced.soundness import symmetric
 
 Array = NDArray[np.float64]
