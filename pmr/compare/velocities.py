@@ -11,7 +11,7 @@ and those of a real one can't.  On smooth paths the recovered part makes velocit
 paper with smooth ramps, six modes: 0.32 % off instead of 0.86 %), on the paper's straight ramps less so (2.5 instead of
 1.9 %).
 
-Coordinates feel the damping of the residual part through the rows' forces (`pmr.reduced.inertia`), outputs are those of
+Coordinates feel the damping of the residual part through the rows' forces (`Inertia`), outputs are those of
 its statics.  With D = beta K its deformation x = R (B f - C^T z) lags behind its forces, and rows that give way share
 the rest out anew:
 
