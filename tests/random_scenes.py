@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pmr import scene as scenes
-from pmr.scene import Boom, Scene, from_data
+from pmr.scene import Boom, Scene
 from pmr.scene.boom_checks import check_boom
 from pmr.scene.checks import check
 
@@ -20,7 +20,7 @@ def random_scene(seed: int) -> Scene:
     rng = np.random.default_rng(seed)
     if rng.random() >= 0.7:
         return scenes.load(WORKFLOWS / "boom_beam.toml", _boom(rng))
-    scene = from_data(_beam(rng))
+    scene = Scene.model_validate(_beam(rng))
     check(scene)
     return scene
 
@@ -31,7 +31,7 @@ def sliding_scene(seed: int) -> Scene:
         return random_scene(seed)
     rng = np.random.default_rng(seed)
     first, second = rng.uniform(0.3, 0.6, 2).tolist()
-    scene = from_data(_beam(rng, [0.0, first, first + second]))
+    scene = Scene.model_validate(_beam(rng, [0.0, first, first + second]))
     check(scene)
     return scene
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pmr.fields.series import Fields
 from pmr.files import jsonfile, npz, records
 from pmr.files.swap import finished
-from pmr.scene import Scene, from_data
+from pmr.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -250,7 +250,7 @@ class RunResult:
         data = npz.read(folder / "trajectories.npz")
         simulators = sorted({key.split(".")[0] for key in data if key.endswith(".displacement")})
         return cls(
-            scene=from_data(json.loads((folder / "scene.json").read_text(encoding="utf-8"))),
+            scene=Scene.model_validate(json.loads((folder / "scene.json").read_text(encoding="utf-8"))),
             summary=summary,
             responses={simulator: records.record(Response, data, f"{simulator}.") for simulator in simulators},
             path=data["s"],

@@ -7,27 +7,10 @@ allowed raises `pmr.errors.InputError` with file, key, value and what is allowed
 from pmr.scene.asked import Compare, Damping, Published, Reduction, Simulation, TimeChoice
 from pmr.scene.boom import Boom
 from pmr.scene.built import Body, Load, MeshChoice, Support
-from pmr.scene.files import beam_scene, from_data, has_sections, load, load_any, vary, vary_any
+from pmr.scene.files import beam_scene, has_sections, load, load_any, vary
 from pmr.scene.scene import Scene
 
 __all__ = [
-    "Body",
-    "Boom",
-    "Compare",
-    "Damping",
-    "Load",
-    "MeshChoice",
-    "Published",
-    "Reduction",
-    "Scene",
-    "Simulation",
-    "Support",
-    "TimeChoice",
-    "from_data",
-    "has_sections",
-    "load",
-    "load_any",
-    "vary",
-    "vary_any",
-    "beam_scene",
-]
+    "Body", "Boom", "Compare", "Damping", "Load", "MeshChoice", "Published", "Reduction", "Scene", "Simulation",
+    "Support", "TimeChoice", "beam_scene", "has_sections", "load", "load_any", "vary",
+]  # fmt: skip

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
+from pmr.scene.refusals import of_key
 from pmr.scene.section import (
     Count,
     Direction,
@@ -250,7 +251,7 @@ class Gravity(Section):
         rest, angle = {key: value for key, value in data.items() if key != "inclination"}, data["inclination"]
         is_number = isinstance(angle, (int, float)) and not isinstance(angle, bool)
         if "direction" in rest or not is_number or not -90.0 <= angle <= 90.0:
-            raise ValueError("inclination, a number from -90 to 90 in degrees, or direction is allowed")
+            raise of_key("inclination", angle, "a number from -90 to 90 in degrees, or direction, is allowed")
         radians = math.radians(angle)
         return rest | {"direction": (0.0 - math.sin(radians), 0.0, 0.0 - math.cos(radians))}
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from pmr.errors import InputError
 from pmr.scene.boom import Boom
@@ -13,6 +14,8 @@ from pmr.scene.checks import check
 from pmr.scene.scene import Scene
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.scene.workflows import found
+
+Whole = TypeVar("Whole", Scene, Boom)
 
 #: Keys of earlier versions and what they are called now.
 MOVED = {
@@ -56,86 +59,50 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     InputError
         One line: file, key, value, what is allowed.
     """
-    return vary(found(Path(path), "scene.toml"), [override(text) for text in overrides])
-
-
-def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
-    """Read a scene file and lay changes over it, one after the other.
-
-    Raises
-    ------
-    InputError
-        As `load`.
-    """
-    file = TomlFile.read(path, DIALECT)
-    if not changes:
-        return _scene(file)
-    try:
-        as_it_stands = _scene(file).hash
-    except InputError:
-        as_it_stands = ""  # a change may mend it
-    for change in changes:
-        file.apply(change)
-    scene = _scene(file)
-    if scene.hash != as_it_stands:
-        scene = scene.model_copy(update={"published": None})  # published figures are those of the file as it stands
-    return scene
+    return _of_one_body(_file(path), [override(text) for text in overrides])
 
 
 def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene | Boom:
-    """The same for a file that may have several sections.
+    """The same for a file that may have several sections."""
+    return vary(path, [override(text) for text in overrides])
 
-    Raises
-    ------
-    InputError
-        As `load`.
-    """
-    return vary_any(found(Path(path), "scene.toml"), [override(text) for text in overrides])
+
+def vary(path: str | Path, changes: Sequence[Change]) -> Scene | Boom:
+    """The same with changes laid over it, one after the other."""
+    file = _file(path)
+    if "sections" not in file.data:
+        return _of_one_body(file, changes)
+    for change in changes:
+        file.apply(change)
+    return _checked(file, file.validated(Boom), check_boom)
 
 
 def has_sections(path: str | Path) -> bool:
-    """Whether a file describes a boom of several sections.
-
-    Raises
-    ------
-    InputError
-        As `load`.
-    """
-    return "sections" in TomlFile.read(found(Path(path), "scene.toml"), DIALECT).data
-
-
-def vary_any(path: str | Path, changes: Sequence[Change]) -> Scene | Boom:
-    """As `vary`, of a file that may have several sections.
-
-    Raises
-    ------
-    InputError
-        As `load`.
-    """
-    file = TomlFile.read(path, DIALECT)
-    if "sections" not in file.data:
-        return vary(path, changes)
-    for change in changes:
-        file.apply(change)
-    boom = file.validated(Boom)
-    try:
-        check_boom(boom)
-    except InputError as error:
-        raise error.found_in(file.origin(error.key)) from None
-    return boom
+    """Whether a file describes a boom of several sections."""
+    return "sections" in _file(path).data
 
 
 def beam_scene(path: str | Path) -> Scene:
-    """As `load`, of a scene of a planar beam that is described by its stiffnesses, on which points slide.
-
-    Raises
-    ------
-    InputError
-        As `load`, and for any other scene.
-    """
-    scene = vary(path, ())
+    """As `load`, of a planar beam that is described by its stiffnesses, on which points slide; others are refused."""
+    scene = load(path)
     if scene.body.profile is None or scene.pads:
         raise InputError(str(path), "body.profile", None, "a scene with a planar beam, without pads, is allowed here")
+    return scene
+
+
+def _file(path: str | Path) -> TomlFile:
+    return TomlFile.read(found(Path(path), "scene.toml"), DIALECT)
+
+
+def _of_one_body(file: TomlFile, changes: Sequence[Change]) -> Scene:
+    as_it_stands = ""
+    with suppress(InputError):  # a change may mend it
+        as_it_stands = _scene(file).hash if changes else ""
+    for change in changes:
+        file.apply(change)
+    scene = _scene(file)
+    if changes and scene.hash != as_it_stands:  # published figures are those of the file as it stands
+        scene = scene.model_copy(update={"published": None})
     return scene
 
 
@@ -143,14 +110,12 @@ def _scene(file: TomlFile) -> Scene:
     if "sections" in file.data:
         allowed = "a scene of one body is allowed here; pmr run takes booms of several sections"
         raise InputError(file.origin("sections"), "sections", None, allowed)
-    scene = file.validated(Scene)
+    return _checked(file, file.validated(Scene), check)
+
+
+def _checked(file: TomlFile, whole: Whole, check_it: Callable[[Whole], None]) -> Whole:
     try:
-        check(scene)
+        check_it(whole)
     except InputError as error:
         raise error.found_in(file.origin(error.key)) from None
-    return scene
-
-
-def from_data(data: Mapping[str, Any]) -> Scene:
-    """The scene that was dumped as `data`."""
-    return Scene.model_validate(data)
+    return whole

@@ -4,50 +4,40 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from pmr.errors import InputError
 from pmr.errors.text import hint
+from pmr.scene.refusals import Refusal, dotted, keys_of
 from pmr.scene.workflows import workflow, workflows
 
 #: The file (or option) in which each key of the merged data was written.
 Origins = dict[tuple[str, ...], str]
 Model = TypeVar("Model", bound=BaseModel)
 OPTION = "--set"
-#: What is allowed where something else than TOML's tables and lists stands, by pydantic's kind of error.
-_INSTEAD = dict.fromkeys(("model_type", "dict_type"), "a table of keys") | {"tuple_type": "a list"}
 #: So deep tables and lists may stand within each other, and so many files extend one another.
 DEEPEST = 40
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How one kind of file is read.
-
-    Attributes
-    ----------
-    name : str
-        What the file is called in messages, e.g. ``"scene file"``.
-    references : tuple of str
-        Keys, at any depth, that hold the name of a file (or a list of names), relative to the file they stand in.
-    own : tuple of str
-        Keys that a file which extends this one does not take over.
-    alternatives : mapping of a table's name to tuples of its keys
-        Different ways to say the same: a file that writes keys of one of them takes over none of the others.
-    moved : mapping of dotted names
-        Keys of earlier versions, wherever they stand in lists, and what to write in their place.
-    """
+    """How one kind of file is read: its name in messages, as ``"scene file"``, and what keys of it mean."""
 
     name: str
+    #: Keys, at any depth, that hold the name of a file (or a list of names), relative to the file they stand in.
     references: tuple[str, ...] = ("file",)
+    #: Keys that a file which extends this one does not take over.
     own: tuple[str, ...] = ()
+    #: By table, different ways to say the same: a file that writes keys of one takes over none of the others.
     alternatives: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
+    #: Dotted keys of earlier versions, wherever they stand in lists, and what to write in their place.
     moved: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -70,25 +60,13 @@ class TomlFile:
 
     @classmethod
     def read(cls, path: str | Path, dialect: Dialect) -> TomlFile:
-        """Read a file; its ``extends`` key names a base file, relative to it, or a workflow, whose keys it overrides.
-
-        Raises
-        ------
-        InputError
-            If there is no such file, it is not TOML, or it extends itself.
-        """
+        """Read a file; its ``extends`` key names a base file, relative to it, or a workflow; its own keys count."""
         file = cls(Path(path), dialect, {})
         file.data = file._with_base(file.path, seen=())
         return file
 
     def apply(self, change: Change) -> None:
-        """Lay a change over the data.
-
-        Raises
-        ------
-        InputError
-            If it is meant for an entry of a list that isn't there.
-        """
+        """Lay a change over the data; one that is meant for an entry of a list that isn't there is refused."""
         self._forget_alternatives(self.data, change.tables)
         _merge(self.data, deepcopy(dict(change.tables)), change.source, self.origins)
 
@@ -101,28 +79,22 @@ class TomlFile:
             For the first key that has moved, else the first value that the model refuses; unknown keys go first, with
             the known ones.
         """
-        for location, name, value in _keys(self.data):
+        for location, name, _, value in keys_of(self.data):
             if name in self.dialect.moved:
                 allowed = f"this key is called {self.dialect.moved[name]} now"
-                raise InputError(self.origin(location), location, None if _is_table(value) else value, allowed)
+                raise InputError(self.origin(location), location, value, allowed)
         try:
             return model.model_validate(self.data)
         except ValidationError as error:
-            raise self._first_error(error, model) from None
+            found = Refusal.of(error, model, self.data)
+            raise InputError(self.origin(found.location), dotted(found.location), found.value, found.allowed) from None
 
     def origin(self, key: str | Sequence[str | int]) -> str:
-        """The file (or option) in which a key, or the nearest one above it, was written."""
+        """The file (or option) that wrote a key last, or something in its table, or the nearest one above it."""
         words = tuple(re.findall(r"\w+", key) if isinstance(key, str) else map(str, key))
-        for length in range(len(words), 0, -1):
-            if words[:length] in self.origins:
-                return self.origins[words[:length]]
-        return str(self.path)
-
-    def _latest(self, location: Sequence[str | int]) -> str:
-        """The file (or option) that wrote last into a table whose keys do not go together."""
-        words = tuple(map(str, location))
-        inside = [source for key, source in self.origins.items() if key[: len(words)] == words]
-        return inside[-1] if inside else self.origin(location)
+        inside = [source for known, source in self.origins.items() if words and known[: len(words)] == words]
+        above = [self.origins[words[:k]] for k in range(len(words), 0, -1) if words[:k] in self.origins]
+        return (inside[-1:] or above or [str(self.path)])[0]
 
     def _with_base(self, path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
         what = self.dialect.name
@@ -164,43 +136,9 @@ class TomlFile:
                 old.pop(key, None)
                 self.origins.pop((table, key), None)
 
-    def _first_error(self, error: ValidationError, model: type[BaseModel]) -> InputError:
-        found = error.errors()
-        first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
-        spelled = _spelled(self.data)
-        location = [part for part in first["loc"] if part in ("", *spelled) or isinstance(part, int)]
-        if first["type"] == "missing":
-            location = [*location, first["loc"][-1]] if first["loc"][-1] not in location else location
-        value: Any = None if first["type"] == "missing" else first["input"]
-        allowed = first["msg"].removeprefix("Value error, ")
-        if first["type"] == "extra_forbidden":
-            known = _known_keys(model, first["loc"][:-1])
-            close = hint(first["loc"][-1], known)
-            allowed = f"unknown key; {close}allowed: {', '.join(known)}" if known else "unknown key"
-        elif first["type"] == "union_tag_invalid":
-            tag, known = first["ctx"]["tag"], re.findall(r"'(\w+)'", first["ctx"]["expected_tags"])
-            location, value = [*location, "kind"], tag
-            allowed = f"{hint(tag, known)}{', '.join(known)} are allowed"
-        elif first["type"] == "literal_error":
-            expected = first["ctx"]["expected"]
-            close = hint(value, re.findall(r"'([\w-]+)'", expected))
-            allowed = f"{close}{expected} is allowed"
-        elif first["type"] in _INSTEAD:
-            allowed = f"{_INSTEAD[first['type']]} is allowed"
-        source = self.origin(location)
-        if isinstance(value, (dict, list)) and first["type"] == "value_error":
-            value, source = None, self._latest(location)
-        return InputError(source, _dotted(location), value, allowed[:1].lower() + allowed[1:])
-
 
 def override(text: str) -> Change:
-    """The change that ``"section.key=value"`` asks for, the value in TOML notation or a bare word.
-
-    Raises
-    ------
-    InputError
-        If the text is no such thing.
-    """
+    """The change that ``"section.key=value"`` asks for, the value in TOML notation or a bare word."""
     key, equals, value = text.partition("=")
     keys = key.strip().split(".")
     if not equals or not all(keys) or len(keys) > DEEPEST:
@@ -217,13 +155,7 @@ def override(text: str) -> Change:
 
 
 def laid_over(base: Mapping[str, Any], update: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables over others, as a file lies over the one that it extends.
-
-    Raises
-    ------
-    InputError
-        If an entry of a list is meant that isn't there.
-    """
+    """Tables over others, as a file lies over the one that it extends."""
     found = deepcopy(dict(base))
     _merge(found, deepcopy(dict(update)), "scene", {})
     return found
@@ -252,15 +184,10 @@ def _text(path: Path, what: str) -> str:
 
 def _parsed(text: str) -> dict[str, Any]:
     """What TOML says; ValueError for what is none or too deep."""
-    try:
-        data = tomllib.loads(text)
-    except RecursionError:
-        data, deep = {}, True
-    else:
-        deep = _is_deep(data)
-    if deep:
-        raise ValueError(f"at most {DEEPEST} tables or lists within each other are allowed")
-    return data
+    with suppress(RecursionError):
+        if not _is_deep(data := tomllib.loads(text)):
+            return data
+    raise ValueError(f"at most {DEEPEST} tables or lists within each other are allowed")
 
 
 def _is_deep(data: Any) -> bool:
@@ -306,7 +233,7 @@ def _merge(
             _merge(old, value, source, origins, here)
         elif isinstance(value, Mapping) and isinstance(old, list):
             for name, part in value.items():
-                number = _entry(old, name, (source, *_leaf(_dotted([*here, name]), part)))
+                number = _entry(old, name, (source, *_leaf(dotted([*here, name]), part)))
                 if isinstance(part, Mapping):
                     _merge(old[number], part, source, origins, (*here, str(number)))
                 else:
@@ -338,74 +265,9 @@ def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
     raise InputError(source, key, value, allowed)
 
 
-def _keys(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str, str, Any]]:
-    """Where each key of nested tables stands, its name without places in lists, and its value."""
-    if isinstance(data, list):
-        for i, part in enumerate(data):
-            yield from _keys(part, f"{location}[{i}]", name)
-    elif isinstance(data, Mapping):
-        for key, value in data.items():
-            here, called = (f"{prefix}.{key}" if prefix else str(key) for prefix in (location, name))
-            yield here, called, value
-            yield from _keys(value, here, called)
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, (Mapping, list))
-
-
 def _leaf(key: str, value: Any) -> tuple[str, Any]:
     """Dotted key and value at the end of tables that hold one key each."""
     while isinstance(value, Mapping) and len(value) == 1:
         ((part, value),) = value.items()
         key = f"{key}.{part}"
     return key, value
-
-
-def _spelled(data: Any) -> set[str]:
-    """Every key in the user's data: pydantic's locations also name union branches, which the user never wrote."""
-    if isinstance(data, Mapping):
-        return set(data) | {key for value in data.values() for key in _spelled(value)}
-    if isinstance(data, list):
-        return {key for value in data for key in _spelled(value)}
-    return set()
-
-
-def _dotted(location: Sequence[str | int]) -> str:
-    text = ""
-    for part in location:
-        text += f"[{part}]" if isinstance(part, int) else (f".{part}" if text else str(part))
-    return text
-
-
-def _known_keys(root: type[BaseModel], location: Sequence[str | int]) -> list[str]:
-    """Keys that the section at `location` allows; where sections differ by their kind, the kind is in the location."""
-    section, choices = root, [root]
-    for part in location:
-        if isinstance(part, int):
-            continue
-        of_kind = [choice for choice in choices if part in _kinds(choice)]
-        if of_kind:
-            section = of_kind[0]
-            continue
-        field = section.model_fields.get(part)
-        if field is None:
-            return []
-        choices = _sections_in(field.annotation)
-        section = choices[0] if choices else section
-    other_ways: Any = section.model_config.get("json_schema_extra")
-    said_otherwise: dict[str, dict[str, Any]] = {"properties": {}}
-    if callable(other_ways):
-        other_ways(said_otherwise)
-    return [*section.model_fields, *said_otherwise["properties"], *(["extends"] if section is root else [])]
-
-
-def _kinds(section: type[BaseModel]) -> tuple[Any, ...]:
-    kind = section.model_fields.get("kind")
-    return get_args(kind.annotation) if kind and get_origin(kind.annotation) is Literal else ()
-
-
-def _sections_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [c for a in getattr(annotation, "__args__", ()) for c in _sections_in(a)]

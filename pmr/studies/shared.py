@@ -17,7 +17,7 @@ import numpy as np
 
 from pmr.files import records
 from pmr.results import Response
-from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice, from_data
+from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
 from pmr.scene.signals import Constant
 from pmr.studies.engine.task import Task, TaskFunction, TaskResult
 
@@ -40,7 +40,7 @@ def scene_arguments(scene: Scene) -> dict[str, Any]:
 
 def scene_of(arguments: Mapping[str, Any]) -> Any:
     """The scene that `scene_arguments` was given."""
-    return from_data(arguments["scene"])
+    return Scene.model_validate(arguments["scene"])
 
 
 def model_of(scene: Scene) -> FullModel:

@@ -47,13 +47,13 @@ def case(number: int, rng: Random, folder: Path) -> str:
 
 def _simulated(model: Any) -> str:
     from pmr.errors import SimulationError
-    from pmr.scene import from_data
+    from pmr.scene import Scene
     from pmr.simulate import Excitation, TimeStepping
     from pmr.simulate.native import simulator
     from pmr.system.body import displacement
 
     try:
-        scene = from_data(model.provenance["scene"])
+        scene = Scene.model_validate(model.provenance["scene"])
         time = scene.time
     except (KeyError, TypeError, ValueError, AttributeError):
         return "no scene"

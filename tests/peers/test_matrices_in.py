@@ -32,7 +32,7 @@ def scene_on(given: GivenMatrices, folder: Path, **sections: object) -> scenes.S
     data = tomllib.loads((WORKFLOWS / "boom.toml").read_text())
     del data["body"]["box"]
     data["body"]["model"], data["mesh"] = "matrices", {"file": str(given.save(folder / "boom.npz"))}
-    return scenes.from_data(data | sections)
+    return scenes.Scene.model_validate(data | sections)
 
 
 def test_frequencies_are_those_of_calculix(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.fullmodel.from_scene import structure_of
-from pmr.scene import Damping, Scene, from_data
+from pmr.scene import Damping, Scene
 from pmr.scene.choice import choose, wall_frequency
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -41,7 +41,7 @@ def test_rings_become_pads_with_names_that_differ(load) -> None:
 
 def test_a_dumped_scene_is_the_same_scene(load) -> None:
     scene = load()
-    again = from_data(scene.model_dump(mode="json"))
+    again = Scene.model_validate(scene.model_dump(mode="json"))
     assert again == scene and again.hash == scene.hash
 
 
@@ -58,7 +58,7 @@ def test_of_the_direction_of_gravity_the_length_does_not_count(load, direction: 
     found = load(f"gravity.direction={direction}").gravity
     assert found.direction == pytest.approx((-np.sqrt(0.5), 0.0, -np.sqrt(0.5)), rel=1e-15)
     assert load("gravity.direction=[0.0,0.0,-2.0]").hash == load().hash  # a length of two is that of one
-    again = from_data(load(f"gravity.direction={direction}").model_dump(mode="json"))
+    again = Scene.model_validate(load(f"gravity.direction={direction}").model_dump(mode="json"))
     assert again.gravity.direction == found.direction
 
 

@@ -77,7 +77,7 @@ class Study(StudyBase):
 
     def _scene(self, point: _Point) -> Scene | Boom:
         try:
-            return scenes.vary_any(point.file, point.changes)
+            return scenes.vary(point.file, point.changes)
         except InputError as error:
             source, key = error.source, error.key
             if source in {change.source for change in point.changes}:

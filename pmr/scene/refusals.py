@@ -1,0 +1,120 @@
+"""What pydantic refuses, in the words of who wrote the file: key, value and what is allowed, or which key was meant."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import PydanticCustomError
+
+from pmr.errors.text import hint
+
+Location = Sequence[str | int]
+Schema = dict[str, Any]
+#: What is allowed where something else than TOML's tables and lists stands, by pydantic's kind of error.
+_INSTEAD = dict.fromkeys(("model_type", "dict_type"), "a table of keys") | {"tuple_type": "a list"}
+_OF_A_KEY = "of_a_key"
+
+
+def of_key(key: str, value: Any, allowed: str) -> PydanticCustomError:
+    """What a validator of a whole table raises where one of its keys is meant."""
+    return PydanticCustomError(_OF_A_KEY, "{allowed}", {"key": key, "value": value, "allowed": allowed})
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Where a value stands that is refused, the value (None: not shown) and what is allowed."""
+
+    location: Location
+    value: Any
+    allowed: str
+
+    @classmethod
+    def of(cls, error: ValidationError, model: type[BaseModel], data: Any) -> Refusal:
+        """The first thing that pydantic refuses of what a file says; unknown keys go first."""
+        found = error.errors()
+        first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
+        spelled = {key for _, _, key, _ in keys_of(data)} | {""}  # not the branches of unions
+        location: list[str | int] = [part for part in first["loc"] if isinstance(part, int) or part in spelled]
+        value, allowed, about = first["input"], first["msg"].removeprefix("Value error, "), first.get("ctx", {})
+        match first["type"]:
+            case "missing":
+                location += [part for part in first["loc"][-1:] if part not in location]
+                value = None
+            case "extra_forbidden":
+                allowed = _unknown(str(first["loc"][-1]), model.model_json_schema(), first["loc"][:-1])
+            case "union_tag_invalid":
+                known = re.findall(r"'(\w+)'", about["expected_tags"])
+                location, value = [*location, "kind"], about["tag"]
+                allowed = f"{hint(value, known)}{', '.join(known)} are allowed"
+            case "literal_error":
+                close = hint(value, re.findall(r"'([\w-]+)'", about["expected"]))
+                allowed = f"{close}{about['expected']} is allowed"
+            case "value_error" if isinstance(value, (dict, list)):
+                value = None
+            case kind if kind == _OF_A_KEY:
+                location, value = [*location, about["key"]], about["value"]
+            case kind if kind in _INSTEAD:
+                allowed = f"{_INSTEAD[kind]} is allowed"
+        return cls(location, value, allowed[:1].lower() + allowed[1:])
+
+
+def keys_of(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str, str, str, Any]]:
+    """Where each key of nested tables stands, the same without places in lists, the key itself, and what it holds."""
+    if isinstance(data, list):
+        for i, part in enumerate(data):
+            yield from keys_of(part, f"{location}[{i}]", name)
+    elif isinstance(data, Mapping):
+        for key, value in data.items():
+            here, called = (f"{prefix}.{key}" if prefix else str(key) for prefix in (location, name))
+            yield here, called, key, None if isinstance(value, (Mapping, list)) else value
+            yield from keys_of(value, here, called)
+
+
+def dotted(location: Location) -> str:
+    """A key as it is written in messages, as ``loads[0].signal``."""
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).removeprefix(".")
+
+
+def _unknown(key: str, schema: Schema, location: Location) -> str:
+    """What is known instead of a key: the keys of its table, and what it is like among them and in all of the file."""
+    parts, tables = schema.get("$defs", {}), [schema]
+    for part in location:
+        of_kind = [table for table in tables if table["properties"].get("kind", {}).get("const") == part]
+        within = [inner for table in tables for inner in _tables(table["properties"].get(part, {}), parts)]
+        tables = of_kind or within or tables  # a name in a table of names leads no further
+    known = [*dict.fromkeys(key for table in tables for key in table["properties"])]
+    known += ["extends"] * (tables[0] is schema)
+    paths = _paths(schema) | {name: name for name in known}
+    near = [*get_close_matches(key, known, cutoff=0.8), *get_close_matches(key, paths, cutoff=0.8)]
+    meant = "".join(f"did you mean {paths[name]!r}? " for name in [*near, *get_close_matches(key, known)][:1])
+    return f"unknown key; {meant}allowed: {', '.join(known)}"
+
+
+def _paths(schema: Schema) -> dict[str, str]:
+    """Each key that a file may have, and the shortest way to it."""
+    found, seen, ahead = dict[str, str](), list[Schema](), [("", schema)]
+    for prefix, node in ahead:  # which grows meanwhile
+        for table in _tables(node, schema.get("$defs", {})):
+            if not any(table is one for one in seen):
+                seen.append(table)
+                for key, inner in table["properties"].items():
+                    found.setdefault(key, f"{prefix}{key}")
+                    ahead.append((f"{prefix}{key}.", inner))
+    return found
+
+
+def _tables(node: Any, parts: Schema) -> Iterator[Schema]:
+    """Tables with keys of their own that may stand where a node of a schema says."""
+    if isinstance(node, dict):
+        if "properties" in node:
+            yield node
+        within = [parts[node["$ref"].rpartition("/")[2]]] if "$ref" in node else []
+        for key in ("anyOf", "oneOf", "allOf", "prefixItems"):
+            within += node.get(key, [])
+        for inner in (*within, node.get("items"), node.get("additionalProperties")):
+            yield from _tables(inner, parts)
