@@ -7,7 +7,6 @@ import numpy as np
 from pmr.compare.booms import frequencies
 from pmr.results import FrequencyMap
 from pmr.scene import Boom
-from pmr.scene.signals import bounds
 from pmr.system.system import System
 
 #: Extensions of each joint.
@@ -19,7 +18,7 @@ def frequency_map(boom: Boom, system: System) -> FrequencyMap | None:
 
     All other such joints are where they start; None where fewer than two move.
     """
-    ends = {name: bounds(path, 0.0, boom.time.end) for name, path in boom.paths.items() if not _follows(boom, name)}
+    ends = {name: path.bounds(0.0, boom.time.end) for name, path in boom.paths.items() if not _follows(boom, name)}
     moving = [name for name, (low, high) in ends.items() if high - low > 1e-9 * high]
     if len(moving) < 2:
         return None

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from pmr.scene.asked import Compare, Damping, Observe, Recovery, Reduction, Simulation, TimeChoice
-from pmr.scene.built import Body, Face, Gravity, Load, MeshChoice, PadRing, Support
-from pmr.scene.probes import Probe
+from pmr.scene.built import Face, Gravity
+from pmr.scene.scene import OneBody, Whole
 from pmr.scene.section import (
     Count,
     Distance,
@@ -30,7 +27,6 @@ from pmr.scene.section import (
 )
 from pmr.scene.signals import Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats
-from pmr.scene.structures import PointMass
 from pmr.scene.tomlfiles import laid_over
 
 Name = Annotated[str, Field(pattern=r"^\w[\w -]*$")]
@@ -118,19 +114,10 @@ class PublishedBoom(Section):
     remarks: tuple[str, ...] = Field(default=(), description="Where and why our figures differ, for the report")
 
 
-class BoomSection(Section):
-    """A section of a boom, x along it from its tail and z up; the first one is the base, all others have a joint."""
+class BoomSection(OneBody):
+    """A section of a boom; the first one is the base, all others have a joint."""
 
     name: Name = Field(description="What it is called")
-    body: Body = Field(description="What it is")
-    mesh: MeshChoice = Field(default=MeshChoice(), description="How fine it is divided")
-    supports: tuple[Support, ...] = Field(default=(), description="What holds it to the ground")
-    pads: tuple[PadRing, ...] = Field(default=(), description="Pads between it and the ground")
-    masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to it")
-    loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
-    observe: Observe = Field(default=Observe(), description="Where motions are compared and drawn")
-    probes: tuple[Probe, ...] = Field(default=(), description="Where stress, strain or motion is followed")
-    reduction: Reduction = Field(default=Reduction(), description="How it is reduced")
     joint: Joint | None = Field(default=None, description="How it slides in the section before it")
 
 
@@ -153,21 +140,15 @@ class BoomBudget(Section):
     outputs: Outputs = Field(default=("beam", "tip"), description="Where errors count")
 
 
-class Boom(Section):
+class Boom(Whole):
     """Sections from the base out, each of which slides in the one before it.
 
     What several have in common stands in the table `section`, which every one of `sections` extends.
     """
 
-    title: str = Field(description="For reports")
     section: dict[str, Any] = Field(default={}, description="What every section takes over unless it says otherwise")
     sections: Annotated[tuple[BoomSection, ...], Field(min_length=2)] = Field(description="From the base out")
     gravity: Gravity = Field(default=Gravity(rise=0.0), description="The weight of everything")
-    damping: Damping = Field(default=Damping(), description="Of the material")
-    time: TimeChoice = Field(description="Simulated time and its steps")
-    recovery: Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
-    simulation: Simulation = Field(default=Simulation(), description="Who simulates")
-    compare: Compare = Field(default=Compare(), description="What the reduced model is compared with")
     accuracy: BoomAccuracy | None = Field(default=None, description="An allowed error, in place of coordinates")
     budget: BoomBudget | None = Field(default=None, description="Coordinates in all, in place of an allowed error")
     published: PublishedBoom | None = Field(default=None, description="Figures from a publication")
@@ -189,18 +170,8 @@ class Boom(Section):
             ],
         }
 
-    def __hash__(self) -> int:
-        return hash(self.hash)
-
-    @property
-    def hash(self) -> str:
-        """Digest of what decides the result; a key at its default counts as one that is not there."""
-        left_out = {"title", "published", "simulation", "section"}
-        content = self.model_dump(mode="json", exclude=left_out, exclude_defaults=True)
-        for part, described in zip(self.sections, content["sections"], strict=True):
-            if part.mesh.file is not None:
-                described["mesh"]["file"] = hashlib.sha256(part.mesh.file.read_bytes()).hexdigest()
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+    def _bodies(self, content: dict[str, Any]) -> Iterable[tuple[OneBody, dict[str, Any]]]:
+        return zip(self.sections, content["sections"], strict=True)
 
     @property
     def ordered(self) -> BoomAccuracy | BoomBudget | None:
@@ -214,15 +185,19 @@ class Boom(Section):
 
     def extension(self, number: int) -> SignalBase:
         """How far the tail of a section, 1 or more, is ahead of that of the one before it, m over time."""
-        joint = self.sections[number].joint
-        assert joint is not None  # as the checks say
+        joint = self.joint(number)
         if joint.extension is not None:
             return joint.extension
         if joint.overlap is not None:
             return Linear(signal=joint.overlap, ratio=-1.0, offset=self.length(number - 1))
-        return Linear(
-            signal=self.extension(self.names.index(str(joint.follows))), ratio=joint.ratio, offset=joint.offset
-        )
+        followed = self.extension(self.names.index(str(joint.follows)))
+        return Linear(signal=followed, ratio=joint.ratio, offset=joint.offset)
+
+    def joint(self, number: int) -> Joint:
+        """In which a section, 1 or more, slides."""
+        joint = self.sections[number].joint
+        assert joint is not None  # as the checks say
+        return joint
 
     def length(self, number: int) -> float:
         """Of a section, m."""

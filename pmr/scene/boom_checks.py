@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 
 from pmr.errors import InputError
-from pmr.scene.boom import Boom, Joint, Linear
+from pmr.scene.boom import Boom, Linear
 from pmr.scene.boom_parts import footprint, is_axial, is_planar, seats, section_scene
 from pmr.scene.checks import check_time, jump_of
 from pmr.scene.magnitudes import check_magnitudes, check_sizes
-from pmr.scene.signals import bounds
 from pmr.scene.simulators import SIMULATORS
-from pmr.scene.structure_checks import check_structure, refusal
+from pmr.scene.structure_checks import check_names, check_structure, refusal
 
 #: Round-off of a user's arithmetic, m for each m of length.
 SLACK = 1e-9
 
 
 def check_boom(boom: Boom) -> None:
-    """Refuse a boom whose sections contradict each other.
-
-    Raises
-    ------
-    InputError
-        With source ``"scene"``; the reader of the file replaces it by the file in which the key stands.
-    """
+    """Refuse a boom whose sections contradict each other."""
     check_sizes(boom)  # first: what others compute with is then finite
     _names(boom)
     check_time(boom)
@@ -49,19 +41,10 @@ def check_boom(boom: Boom) -> None:
     _ordered(boom)
 
 
-def _joint(boom: Boom, number: int) -> Joint:
-    joint = boom.sections[number].joint
-    assert joint is not None
-    return joint
-
-
 def _names(boom: Boom) -> None:
-    for name, count in Counter(boom.names).items():
-        if count > 1:
-            raise refusal("sections", name, "names that differ are allowed")
+    check_names("sections", boom.names)
     if boom.sections[0].joint is not None:
-        allowed = "the base slides in nothing: supports or pads hold it"
-        raise refusal("sections[0].joint", None, allowed)
+        raise refusal("sections[0].joint", None, "the base slides in nothing: supports or pads hold it")
     for number, part in enumerate(boom.sections[1:], start=1):
         if part.joint is None:
             raise refusal(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
@@ -87,16 +70,16 @@ def _reduction(boom: Boom, number: int) -> None:
 
 def _driven(boom: Boom, number: int) -> None:
     """The extension is known, and without jumps."""
-    joint, key = _joint(boom, number), f"sections[{number}].joint"
+    joint, key = boom.joint(number), f"sections[{number}].joint"
     seen = [boom.names[number]]
-    while (follows := _joint(boom, boom.names.index(seen[-1])).follows) is not None:
+    while (follows := boom.joint(boom.names.index(seen[-1])).follows) is not None:
         others = [name for name in boom.names[1:] if name not in seen]
         if follows not in others:
             allowed = f"{', '.join(others)} are allowed, which do not follow it" if others else "a signal is needed"
             raise refusal(f"{key}.follows", joint.follows, allowed)
         seen.append(follows)
     path = boom.extension(number)
-    jump = jump_of(path, 1e-9 * max(1.0, *map(abs, bounds(path, 0.0, boom.time.end))))
+    jump = jump_of(path, 1e-9 * max(1.0, *map(abs, path.bounds(0.0, boom.time.end))))
     if jump is not None:
         raise refusal(f"{key}.extension", None, f"{boom.names[number]} {jump}")
 
@@ -118,9 +101,9 @@ def _fits(boom: Boom, number: int) -> None:
 
 def _slides(boom: Boom, number: int) -> None:
     """As `pmr.system.contacts.Joint.check`, in the words of a scene."""
-    joint, name, outer = _joint(boom, number), boom.names[number], boom.names[number - 1]
+    joint, name, outer = boom.joint(number), boom.names[number], boom.names[number - 1]
     path = boom.extension(number)
-    (first, last), length = bounds(path, 0.0, boom.time.end), boom.length(number - 1)
+    (first, last), length = path.bounds(0.0, boom.time.end), boom.length(number - 1)
     by = "overlap" if joint.overlap is not None else "follows" if isinstance(path, Linear) else "extension"
     key, slack = f"sections[{number}].joint.{by}", SLACK * length
     if first < -slack:
@@ -193,7 +176,7 @@ def _by_itself(boom: Boom, number: int) -> None:
 
 def _rigid_overlaps(boom: Boom) -> None:
     for number in range(1, len(boom.sections)):
-        if _joint(boom, number).rigid_overlap and not is_planar(boom, number):
+        if boom.joint(number).rigid_overlap and not is_planar(boom, number):
             raise refusal(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from pmr.scene.boom import Boom, JointPads
 from pmr.scene.built import PadRing, Slider
 from pmr.scene.choice import directions, model_of
-from pmr.scene.scene import Scene
-from pmr.scene.signals import Ramp, bounds
+from pmr.scene.scene import OneBody, Scene
+from pmr.scene.signals import Ramp
 
 #: What the row of points on a planar beam is called, and that of a section's tail along the boom.
 POINT, TAIL = "deflection", "tail x"
@@ -56,30 +56,24 @@ class Footprint:
 
 def seats(boom: Boom, number: int) -> Iterator[Seat]:
     """All rings that touch a section, its own joint's first."""
-    length, end = boom.length(number), boom.time.end
-    if number > 0:
-        joint, out = boom.sections[number].joint, Ends(*bounds(boom.extension(number), 0.0, end))
-        assert joint is not None  # as the checks say
-        outer = boom.length(number - 1)
+    for k in range(max(number, 1), min(number + 2, len(boom.sections))):  # in which it slides, and what slides in it
+        joint, outer = boom.joint(k), boom.length(k - 1)
+        first, last = boom.extension(k).bounds(0.0, boom.time.end)
         for i, ring in enumerate(joint.tail):
-            yield Seat(number, ring, f"tail[{i}]", Ends(ring.at, ring.at))
+            at = Ends(ring.at, ring.at) if k == number else Ends(ring.at + first, ring.at + last)
+            yield Seat(k, ring, f"tail[{i}]", at)
         for i, ring in enumerate(joint.mouth):
-            yield Seat(number, ring, f"mouth[{i}]", Ends(outer - ring.at - out.last, outer - ring.at - out.first))
-    if number + 1 < len(boom.sections):
-        joint, out = boom.sections[number + 1].joint, Ends(*bounds(boom.extension(number + 1), 0.0, end))
-        assert joint is not None
-        for i, ring in enumerate(joint.tail):
-            yield Seat(number + 1, ring, f"tail[{i}]", Ends(ring.at + out.first, ring.at + out.last))
-        for i, ring in enumerate(joint.mouth):
-            yield Seat(number + 1, ring, f"mouth[{i}]", Ends(length - ring.at, length - ring.at))
+            mouth = outer - ring.at
+            at = Ends(mouth - last, mouth - first) if k == number else Ends(mouth, mouth)
+            yield Seat(k, ring, f"mouth[{i}]", at)
 
 
 def footprint(boom: Boom, ring: JointPads) -> str:
     """What the pads of a ring are called on the sections that they touch; those of one pattern and size are alike."""
     if ring.faces is None:
         return POINT
-    joints = [part.joint for part in boom.sections if part.joint is not None]
-    known = list(dict.fromkeys(_pattern(one) for joint in joints for one in joint.rings if one.faces is not None))
+    rings = [one for number in range(1, len(boom.sections)) for one in boom.joint(number).rings]
+    known = list(dict.fromkeys(_pattern(one) for one in rings if one.faces is not None))
     return f"pads {known.index(_pattern(ring)) + 1}"
 
 
@@ -112,33 +106,21 @@ def section_scene(boom: Boom, number: int) -> Scene:
     reach = Ends(max(everywhere.first, longest), min(everywhere.last, boom.length(number) - longest))
     return Scene(
         title=f"{boom.title}: {part.name}",
-        body=part.body,
-        mesh=part.mesh,
-        supports=part.supports,
         pads=(*part.pads, *(one.ring for one in footprints(boom, number))),
         slider=Slider(
             path=Ramp(times=(0.0, end), values=(reach.first, reach.last)), offsets=(0.0,) if points else None
         ),
-        masses=part.masses,
-        loads=part.loads,
-        gravity=boom.gravity,
-        damping=boom.damping,
-        time=boom.time,
-        observe=part.observe,
-        probes=part.probes,
-        recovery=boom.recovery,
-        reduction=part.reduction,
+        **{name: getattr(part, name) for name in OneBody.model_fields if name != "pads"},
+        **{name: getattr(boom, name) for name in ("gravity", "damping", "time", "recovery")},
     )
 
 
 def stiffened(boom: Boom, number: int) -> dict[tuple[str, str], float]:
     """Rows that keep a section straight in its rigid overlaps: their names, and the end of each that stays, m."""
     found = {}
-    own = boom.sections[number].joint
-    if own is not None and own.rigid_overlap:
+    if number and (own := boom.joint(number)).rigid_overlap:
         found[WITHIN] = own.first_at(own.tail)
-    following = boom.sections[number + 1].joint if number + 1 < len(boom.sections) else None
-    if following is not None and following.rigid_overlap:
+    if number + 1 < len(boom.sections) and (following := boom.joint(number + 1)).rigid_overlap:
         found[AROUND] = boom.length(number) - following.first_at(following.mouth)
     return found
 

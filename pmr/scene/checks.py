@@ -19,13 +19,7 @@ MOST_STEPS = 1_000_000
 
 
 def check(scene: Scene) -> None:
-    """Refuse a scene whose sections contradict each other.
-
-    Raises
-    ------
-    InputError
-        With source ``"scene"``; the reader of the file replaces it by the file in which the key stands.
-    """
+    """Refuse a scene whose sections contradict each other, of the key ``"scene"``: its reader names the file."""
     check_magnitudes(scene)  # first: what others compute with is then finite
     check_time(scene)
     _reduction(scene)

@@ -9,8 +9,8 @@ import numpy as np
 
 from pmr.errors import InputError
 from pmr.scene.scene import Scene
-from pmr.scene.section import Section, quantity_of
-from pmr.scene.signals import SignalBase, bounds
+from pmr.scene.section import Quantity, Section, quantity_of
+from pmr.scene.signals import SignalBase
 
 Range = tuple[float, float]
 
@@ -22,13 +22,7 @@ LARGEST_LOAD = 1e120  # N or N m; models are linear in it, their energies are it
 
 
 def check_magnitudes(scene: Scene) -> None:
-    """Refuse sizes that no computation in double precision can carry.
-
-    Raises
-    ------
-    InputError
-        With the key and its range.
-    """
+    """Refuse sizes that no computation in double precision can carry."""
     check_sizes(scene)
     _proportions(scene)
     for i, load in enumerate(scene.loads):
@@ -36,45 +30,28 @@ def check_magnitudes(scene: Scene) -> None:
 
 
 def check_sizes(part: Section) -> None:
-    """Refuse any number, in a section or in those within it, that is out of its range.
-
-    Raises
-    ------
-    InputError
-        With the key and its range.
-    """
-    for key, value, (low, high) in _sized(part, ""):
-        if not low <= value <= high:
-            raise InputError("scene", key, value, f"a number from {low:g} to {high:g} is allowed (SI units)")
+    """Refuse any number, in a section or in those within it, that is out of its range."""
+    for key, value, known in _sized(part, ""):
+        if not known.low <= value <= known.high:
+            raise InputError(
+                "scene", key, value, f"a number from {known.low:g} to {known.high:g} is allowed (SI units)"
+            )
 
 
-def _sized(part: Any, key: str) -> Iterator[tuple[str, float, Range]]:
-    """Key, value and range of every number in a section and in those within it."""
-    if isinstance(part, (tuple, list)):
+def _sized(part: Any, key: str, known: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
+    """Key and value of every number in a section and in those within it, and what is known of it."""
+    if isinstance(part, (int, float)) and known is not None:
+        yield key, part, known
+    elif isinstance(part, (tuple, list)):
         for i, one in enumerate(part):
-            yield from _sized(one, f"{key}[{i}]")
+            yield from _sized(one, f"{key}[{i}]", known)
     elif isinstance(part, dict):
         for name, one in part.items():
-            yield from _sized(one, f"{key}.{name}")
+            yield from _sized(one, f"{key}.{name}", known)
     elif isinstance(part, Section):
         for name in type(part).model_fields:
-            value, here, known = getattr(part, name), f"{key}.{name}" if key else name, quantity_of(type(part), name)
-            if known is not None:
-                yield from ((where, number, (known.low, known.high)) for where, number in _numbers(value, here))
-            else:
-                yield from _sized(value, here)
-
-
-def _numbers(value: Any, key: str) -> Iterator[tuple[str, float]]:
-    """The numbers of a key: it may hold one, several, some by name, a word or nothing."""
-    if isinstance(value, (int, float)):
-        yield key, value
-    elif isinstance(value, (tuple, list)):
-        for i, one in enumerate(value):
-            yield from _numbers(one, f"{key}[{i}]")
-    elif isinstance(value, dict):
-        for name, one in value.items():
-            yield from _numbers(one, f"{key}.{name}")
+            here = f"{key}.{name}" if key else name
+            yield from _sized(getattr(part, name), here, quantity_of(type(part), name))
 
 
 def _proportions(scene: Scene) -> None:
@@ -102,6 +79,6 @@ def _check_ratio(key: str, found: float, allowed: Range, what: str) -> None:
 
 def _check_load(signal: SignalBase, key: str, end: float) -> None:
     with np.errstate(all="ignore"):
-        largest = float(np.abs(bounds(signal, 0.0, end)).max())
+        largest = float(np.abs(signal.bounds(0.0, end)).max())
     if not largest <= LARGEST_LOAD:
         raise InputError("scene", key, None, f"at most {LARGEST_LOAD:g} N or N m are allowed, here it is {largest:.3g}")

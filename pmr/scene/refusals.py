@@ -96,16 +96,16 @@ def _unknown(key: str, schema: Schema, location: Location) -> str:
 
 
 def _paths(schema: Schema) -> dict[str, str]:
-    """Each key that a file may have, and the shortest way to it."""
-    found, seen, ahead = dict[str, str](), list[Schema](), [("", schema)]
+    """Each key that a single table of a file may have, and the shortest way to it."""
+    found, seen, ahead = dict[str, list[str]](), list[Schema](), [("", schema)]
     for prefix, node in ahead:  # which grows meanwhile
         for table in _tables(node, schema.get("$defs", {})):
             if not any(table is one for one in seen):
                 seen.append(table)
                 for key, inner in table["properties"].items():
-                    found.setdefault(key, f"{prefix}{key}")
+                    found.setdefault(key, []).append(f"{prefix}{key}")
                     ahead.append((f"{prefix}{key}.", inner))
-    return found
+    return {key: paths[0] for key, paths in found.items() if len(paths) == 1}
 
 
 def _tables(node: Any, parts: Schema) -> Iterator[Schema]:

@@ -1,10 +1,13 @@
-"""A scene: everything that a run is made from."""
+"""A scene: everything that a run is made from; what a boom of several sections has in common with it."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from abc import abstractmethod
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from pydantic import Field
 
@@ -23,33 +26,39 @@ from pmr.scene.asked import (
 from pmr.scene.built import ENDS, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.probes import Probe
 from pmr.scene.section import Section
-from pmr.scene.signals import Constant, SignalBase, bounds
+from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass
 
 
-class Scene(Section):
-    """A body that slides, x along it and z up; two scenes with equal `hash` give equal results."""
+class OneBody(Section):
+    """A body, x along it and z up, and what is on it."""
 
-    title: str = Field(description="For reports")
     body: Body = Field(description="What slides")
     mesh: MeshChoice = Field(default=MeshChoice(), description="How fine it is divided")
-    supports: tuple[Support, ...] = Field(default=(), description="What holds it in one place")
-    pads: tuple[PadRing, ...] = Field(default=(), description="Pads that stay on it or move along it")
-    slider: Slider = Field(description="The path of what slides")
+    supports: tuple[Support, ...] = Field(default=(), description="What holds it to the ground, in one place")
+    pads: tuple[PadRing, ...] = Field(default=(), description="Pads between it and the ground")
     masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to it")
     loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
-    gravity: Gravity | None = Field(default=None, description="The weight of everything")
-    damping: Damping = Field(default=Damping(), description="Of the material")
-    time: TimeChoice = Field(description="Simulated time and its steps")
     observe: Observe = Field(default=Observe(), description="Where motions are compared and drawn")
     probes: tuple[Probe, ...] = Field(default=(), description="Where stress, strain or motion is followed")
-    recovery: Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
     reduction: Reduction = Field(default=Reduction(), description="How the model is reduced")
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """What is read to make the model, by the section that names it."""
+        named = {"mesh": self.mesh.file, "reduction": self.reduction.file}
+        return {section: file for section, file in named.items() if file is not None}
+
+
+class Whole(Section):
+    """What a scene of one body and a boom of several sections have in common; equal `hash`, equal results."""
+
+    title: str = Field(description="For reports")
+    damping: Damping = Field(default=Damping(), description="Of the material")
+    time: TimeChoice = Field(description="Simulated time and its steps")
+    recovery: Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
     simulation: Simulation = Field(default=Simulation(), description="Who simulates")
     compare: Compare = Field(default=Compare(), description="What the reduced model is compared with")
-    accuracy: Accuracy | None = Field(default=None, description="An allowed error, in place of coordinates and step")
-    budget: Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
-    published: Published | None = Field(default=None, description="Figures from a publication")
 
     def __hash__(self) -> int:
         return hash(self.hash)  # some sections hold tables
@@ -60,16 +69,29 @@ class Scene(Section):
 
         A key at its default counts as one that is not there: what was computed stays valid when there is a new key.
         """
-        content = self.model_dump(mode="json", exclude={"title", "published", "simulation"}, exclude_defaults=True)
-        for section, file in self.files.items():
-            content[section]["file"] = hashlib.sha256(file.read_bytes()).hexdigest()
+        left_out = {"title", "published", "simulation", "section"}
+        content = self.model_dump(mode="json", exclude=left_out, exclude_defaults=True)
+        for body, described in self._bodies(content):
+            for section, file in body.files.items():
+                described[section]["file"] = hashlib.sha256(file.read_bytes()).hexdigest()
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
-    @property
-    def files(self) -> dict[str, Path]:
-        """What is read to make the model, by the section that names it."""
-        named = {"mesh": self.mesh.file, "reduction": self.reduction.file}
-        return {section: file for section, file in named.items() if file is not None}
+    @abstractmethod
+    def _bodies(self, content: dict[str, Any]) -> Iterable[tuple[OneBody, dict[str, Any]]]:
+        """Each body, and where `content` says what it is."""
+
+
+class Scene(OneBody, Whole):
+    """A body that slides, x along it and z up."""
+
+    slider: Slider = Field(description="The path of what slides")
+    gravity: Gravity | None = Field(default=None, description="The weight of everything")
+    accuracy: Accuracy | None = Field(default=None, description="An allowed error, in place of coordinates and step")
+    budget: Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
+    published: Published | None = Field(default=None, description="Figures from a publication")
+
+    def _bodies(self, content: dict[str, Any]) -> Iterable[tuple[OneBody, dict[str, Any]]]:
+        return [(self, content)]
 
     @property
     def ordered(self) -> Accuracy | Budget | None:
@@ -97,7 +119,7 @@ class Scene(Section):
     @property
     def path_bounds(self) -> tuple[float, float]:
         """Smallest and largest s(t) in m over the simulated time."""
-        return bounds(self.slider.path, 0.0, self.time.end)
+        return self.slider.path.bounds(0.0, self.time.end)
 
     @property
     def travel(self) -> tuple[float, float]:

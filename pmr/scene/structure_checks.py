@@ -18,18 +18,12 @@ MOST_ELEMENTS = 5000
 
 
 def check_structure(scene: Scene) -> None:
-    """Refuse a scene whose body can't carry what is on it.
-
-    Raises
-    ------
-    InputError
-        With source ``"scene"``.
-    """
+    """Refuse a scene whose body can't carry what is on it."""
     _body(scene)
-    _names("pads", (name for ring in scene.pads for name, _, _ in ring.places))
+    check_names("pads", (name for ring in scene.pads for name, _, _ in ring.places))
     for key in ("loads", "masses", "probes"):
-        _names(key, (part.name for part in getattr(scene, key)))
-    _names("supports", (support.row_name(d) for support in scene.supports for d in support.held))
+        check_names(key, (part.name for part in getattr(scene, key)))
+    check_names("supports", (support.row_name(d) for support in scene.supports for d in support.held))
     for i, ring in enumerate(scene.pads):
         if ring.clearance and not ring.unilateral:
             raise refusal(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
@@ -155,7 +149,8 @@ def _planar(scene: Scene) -> None:
         raise refusal("gravity.direction", list(scene.gravity.direction), "x and z are allowed for beam2d")
 
 
-def _names(key: str, names: Iterable[str]) -> None:
+def check_names(key: str, names: Iterable[str]) -> None:
+    """Refuse two that are called the same."""
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise refusal(key, twice[0], "names that differ are allowed")

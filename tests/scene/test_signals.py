@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from pmr.scene.signals import Chirp, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table, bounds
+from pmr.scene.signals import Chirp, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 
 signal = TypeAdapter(Signal)
 
@@ -118,7 +118,7 @@ def test_what_is_no_signal_is_refused(data: dict, says: str) -> None:
 @pytest.mark.parametrize("s", SMOOTH_BETWEEN_BREAKS, ids=lambda s: s.kind)
 @pytest.mark.parametrize(("start", "end"), [(0.0, 5.0), (1.2, 1.3), (2.0, 2.0), (3.9, 9.0)])
 def test_bounds_hold_everywhere_and_are_met(s: Signal, start: float, end: float) -> None:
-    low, high = bounds(s, start, end)
+    low, high = s.bounds(start, end)
     fine = s.value(np.linspace(start, end, 100_001))
     assert low <= fine.min() + 1e-6 and high >= fine.max() - 1e-6  # a sum is sampled, too
     breaks = [b for b in s.breaks if start <= b <= end]  # what comes before a break counts
@@ -130,20 +130,20 @@ def test_bounds_hold_everywhere_and_are_met(s: Signal, start: float, end: float)
 def test_bounds_see_what_no_grid_of_samples_does(frequency: float) -> None:
     """10 m at 100 kHz is nothing at any whole number of 10 microseconds."""
     fast = Sine(amplitude=10.0, frequency=frequency, offset=2.5)
-    assert bounds(fast, 0.0, 15.0) == (-7.5, 12.5)
+    assert fast.bounds(0.0, 15.0) == (-7.5, 12.5)
     chirp = Chirp(amplitude=10.0, times=(0.0, 15.0), frequencies=(0.0, frequency))
-    assert bounds(chirp, 0.0, 15.0) == (-10.0, 10.0)
-    low, high = bounds(Sum(terms=(fast, Ramp(times=(0.0, 15.0), values=(0.0, 1.0)))), 0.0, 15.0)
+    assert chirp.bounds(0.0, 15.0) == (-10.0, 10.0)
+    low, high = Sum(terms=(fast, Ramp(times=(0.0, 15.0), values=(0.0, 1.0)))).bounds(0.0, 15.0)
     assert low == pytest.approx(-7.5, abs=0.01) and high == pytest.approx(13.5, abs=0.01)
 
 
 def test_bounds_see_a_peak_between_the_samples() -> None:
     s = Ramp(times=(0.0, 1.0 / 3.0, 1.0), values=(0.0, 1.0, 0.0))
-    assert bounds(s, 0.0, 1.0) == (0.0, 1.0)
+    assert s.bounds(0.0, 1.0) == (0.0, 1.0)
     pulse = Sum(terms=(Step(time=0.5, after=3.0), Step(time=0.5 + 1e-9, after=-3.0)))
-    assert bounds(pulse, 0.0, 1.0) == (0.0, 3.0)
+    assert pulse.bounds(0.0, 1.0) == (0.0, 3.0)
     overshooting = Table(times=(0.0, 1.0, 1.5, 3.0), values=(0.0, 1.0, 1.0, 0.0))
-    assert bounds(overshooting, 0.0, 3.0)[1] > 1.01
+    assert overshooting.bounds(0.0, 3.0)[1] > 1.01
 
 
 def test_the_fastest_tone_within_a_time() -> None:

@@ -6,11 +6,10 @@ A signal is written in a scene as a table with a ``kind`` (or as a plain number,
     signal = { kind = "chirp", amplitude = 50.0, times = [0.0, 7.5, 15.0], frequencies = [1.0, 10.0, 1.0] }
 """
 
-from pmr.scene.signals.base import Constant, Real, SignalBase, Step
+from pmr.scene.signals.base import Chirp, Constant, SignalBase, Sine, Step
 from pmr.scene.signals.knots import Ramp, SmoothRamp, Table
-from pmr.scene.signals.sums import Signal, Sum, bounds
-from pmr.scene.signals.tones import Chirp, Sine
+from pmr.scene.signals.sums import Signal, Sum
 
 __all__ = [
-    "Chirp", "Constant", "Ramp", "Real", "Signal", "SignalBase", "Sine", "SmoothRamp", "Step", "Sum", "Table", "bounds",
+    "Chirp", "Constant", "Ramp", "Signal", "SignalBase", "Sine", "SmoothRamp", "Step", "Sum", "Table",
 ]  # fmt: skip

@@ -153,25 +153,28 @@ class Table(_Knots):
             raise ValueError(f"{path}: times must increase, by at least {CLOSEST:g} s")
         return {**given, "times": columns[:, 0].tolist(), "values": columns[:, 1].tolist()}
 
+    @property
+    def _is_straight(self) -> bool:
+        return self.interpolation == "linear" or len(self.times) == 2
+
     def _held(self, t: ArrayLike) -> Array:
         return np.clip(np.asarray(t, dtype=float), self.times[0], self.times[-1])
 
     def value(self, t: ArrayLike) -> Array:
-        if self.interpolation == "linear" or len(self.times) == 2:
+        if self._is_straight:
             return np.interp(np.asarray(t, dtype=float), *self._cached.arrays)
         return np.asarray(self._cached.akima(self._held(t)), dtype=float)
 
     def rate(self, t: ArrayLike) -> Array:
         _, _, duration, rise, inside = self._interval(t)
-        if self.interpolation == "linear" or len(self.times) == 2:
+        if self._is_straight:
             return np.where(inside, rise / duration, 0.0)
-        slope = self._cached.akima_rate(self._held(t))
-        return np.where(inside, slope, 0.0)
+        return np.where(inside, self._cached.akima_rate(self._held(t)), 0.0)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
         low, high = super().bounds(start, end)
-        if self.interpolation == "linear" or len(self.times) == 2:
+        if self._is_straight:
             return low, high
-        turns = Akima1DInterpolator(self.times, self.values).derivative().roots(extrapolate=False)
+        turns = self._cached.akima_rate.roots(extrapolate=False)
         values = self.value(turns[np.isfinite(turns) & (turns >= start) & (turns <= end)])
         return float(min(low, values.min(initial=low))), float(max(high, values.max(initial=high)))

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, Field
 
-from pmr.scene.signals.base import Array, Constant, Floats, SignalBase, Step
+from pmr.scene.signals.base import Array, Chirp, Constant, Floats, SignalBase, Sine, Step
 from pmr.scene.signals.knots import Ramp, SmoothRamp, Table
-from pmr.scene.signals.tones import Chirp, Sine
 
 #: Samples in which a sum of signals is searched for its extremes: a period of its fastest tone, at least, at most.
 SAMPLES_A_PERIOD, FEWEST_SAMPLES, MOST_SAMPLES = 64, 20_000, 1_000_000
@@ -73,8 +72,3 @@ Signal = Annotated[
     BeforeValidator(_number_is_constant),
 ]
 Sum.model_rebuild()
-
-
-def bounds(signal: SignalBase, start: float, end: float) -> tuple[float, float]:
-    """Smallest and largest value within [start, end], between all time steps too."""
-    return signal.bounds(start, end)
