@@ -36,6 +36,17 @@ def sliding_scene(seed: int) -> Scene:
     return scene
 
 
+def pushing_scene(seed: int) -> Scene:
+    """A boom on twelve pads that only push, those at the sides of some with play."""
+    rng = np.random.default_rng(seed)
+    changes = _boom(rng)
+    for ring in ("tail", "mouth"):
+        changes += [f"pads.{ring}.unilateral=true", f"pads.{ring}.stiffness={10.0 ** rng.uniform(7.5, 9.0):.4g}"]
+    if rng.random() < 0.4:
+        changes.append(f"pads.mouth.clearance={{left={rng.uniform(1e-4, 1e-3):.3g},right=1e-4}}")
+    return scenes.load(WORKFLOWS / "boom_beam.toml", changes)
+
+
 def random_signal(rng: np.random.Generator, amplitude: float, highest: float) -> dict:
     """Of a load, in N, up to some frequency in Hz."""
     match rng.integers(5):

@@ -19,6 +19,7 @@ from pmr.reduced.truncation import extended
 from pmr.scene.signals import SignalBase
 from pmr.simulate import TimeStepping
 from pmr.simulate.modal import modal_form
+from pmr.system.body import pushing_rows
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,11 @@ Array = NDArray[np.float64]
 NEVER = "stresses away from probes"
 #: Why there is no estimate of forces.
 BLOWS = "forces of sliders: at a kink of the path a rigid slider strikes the beam, as hard as the step is short"
+#: Why there is none of what richer models disagree on, by kind of output.
+UNSETTLED = {
+    kind: f"{what}: pads land and lift off, and an impact a moment earlier changes all that follows"
+    for kind, what in {"pad_force": "forces", "velocity": "velocities", "probe": "what probes measure"}.items()
+}
 #: Share of a load's changes, by RMS, that may lie above the enrichment modes.
 BEYOND = 0.05
 
@@ -40,7 +46,7 @@ def highest_known(model: ReducedModel, stepping: TimeStepping) -> float:
 def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
     """What the estimate of a model with enrichment modes leaves out, a clause each; signals with their names.
 
-    `BLOWS` joins it where an estimate has no `pad_force`.
+    `BLOWS` and `UNSETTLED` join it where an estimate lacks a kind of output.
     """
     top = highest_known(model, stepping)
     beyond = [what for name, signal in signals for what in _beyond(name, signal, stepping, top)]
@@ -50,13 +56,14 @@ def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], 
 
 def warnings(clauses: Sequence[str]) -> list[str]:
     """The clauses that make the estimate too small by an unknown factor, a line each."""
-    return [
-        f"the error may be larger than its estimate: {clause}" for clause in clauses if clause not in (NEVER, BLOWS)
-    ]
+    without = (NEVER, BLOWS, *UNSETTLED.values())
+    return [f"the error may be larger than its estimate: {clause}" for clause in clauses if clause not in without]
 
 
 def _classical(model: ReducedModel) -> bool:
-    """Whether damping couples no modes, so that the estimate has that of all which are left out."""
+    """Whether the estimate has the damping of all modes that are left out: it couples none, or is Rayleigh's."""
+    if pushing_rows(model):
+        return model.rayleigh is not None or not model.D.any()
     return modal_form(extended(model)).classically_damped
 
 

@@ -14,24 +14,25 @@ sliders and twelve pads (tests/compare/test_estimate_sweep.py).  It is no bound:
 r + c modes (docs/moving_residual_flexibility.md, section 12); `pmr.compare.coverage` says where it can be seen to fail.
 
 A model that keeps all of that inertia already has its enrichment modes only, and what these say is divided by kappa,
-their share of what is left out (`pmr.compare.indicators`).
+their share of what is left out (`pmr.compare.indicators`).  Where rows only push, the second run has attachment modes
+in place of the series (`pmr.compare.attached`), and a third one, without the enrichment modes, has to be near it.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.attached import lifting, settled, unsettled, with_loads_answered
 from pmr.compare.indicators import chi, kappa
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, lagging, outputs, probe_differences
-from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, is_modal, with_kept_inertia
-from pmr.simulate import Excitation, TimeStepping
+from pmr.simulate import Excitation
 from pmr.simulate.columns import called
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
@@ -41,11 +42,6 @@ Array = NDArray[np.float64]
 
 #: Margin of the estimate over what the enrichment modes say.
 MARGIN = 1.25
-#: Share of the first truncated mode's motion that is not quasi-static, above which more modes are called for.
-REACHED = 0.5
-#: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
-RESOLVED = 2.0
-_FIGURES = ("beam", "tip", "pad_force", "velocity", "probe", "probes", "kappa", "by", "chi", "largest", "seconds")
 
 
 @dataclass(frozen=True)
@@ -58,33 +54,38 @@ class Estimate:
         e_NRMS over all displacements and of the tip's, fractions; relative to the second run's motion.  Not
         capped: above 1 the error is larger than the motion.
     pad_force : float or None
-        The same of the forces of sliders and pads; None where these have no size (`pmr.compare.outputs.impulsive`).
-    velocity : float
-        The same of the displacements' rates.
+        The same of the forces of sliders and pads; None where these have no size (`pmr.compare.outputs.impulsive`) or
+        are `unsettled`.
+    velocity : float or None
+        The same of the displacements' rates; None where they are `unsettled`.
     probes : mapping of name to float
         The same of each output in another unit, stresses at probes for instance (`probe_differences`).
     kappa : float or None
         Share of the residual part's inertia that the enrichment modes carry.
     by : str
-        What told: ``inertia`` (d), ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d) or ``other model``.
+        What told: ``inertia`` (d), ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d), ``attachment`` (of
+        rows that only push) or ``other model``.
     chi : float or None
         Share of the first truncated mode's motion that is not quasi-static.
     error : (T, o) array, m
         What is missing in the outputs, as far as these runs know, without margin.
     seconds : float
         Wall time of the estimate, all runs included.
+    unsettled : tuple of str
+        Kinds of outputs without an estimate: pads land and lift off, and two richer models disagree on them.
     """
 
     beam: float
     tip: float
     pad_force: float | None
-    velocity: float
+    velocity: float | None
     probes: Mapping[str, float]
     kappa: float | None
     by: str
     chi: float | None
     error: Array
     seconds: float
+    unsettled: tuple[str, ...] = ()
 
     @property
     def probe(self) -> float | None:
@@ -104,19 +105,40 @@ def no_estimate(model: ReducedModel) -> str | None:
             "without residual flexibility the statics of what the basis leaves out are lost with it, and no table says "
             "how much that is"
         )
-    if pushing_rows(model):
-        return (
-            "pads only push: what the enrichment modes say of an error adds up for linear models; an impact a moment "
-            "earlier changes all that follows"
-        )
     if not is_modal(model):
         return (
             "the basis holds no eigenmodes: what it leaves out has a low mode of its own and is coupled to the "
             "coordinates by inertia, which no table says"
         )
-    if model.enrichment is None or model.flexibility.inertia is None:
+    known = model.carriers if pushing_rows(model) else model.flexibility
+    if model.enrichment is None or known is None or known.inertia is None:
         return "the model keeps no enrichment modes: they come with reduction.estimate = true, on a mesh that has more"
     return None
+
+
+@dataclass(frozen=True)
+class _Simulated:
+    """Outputs of a model, with the trajectory in its modal form that they are of."""
+
+    outputs: Outputs
+    form: ModalForm
+    run: Trajectory
+
+    @classmethod
+    def of(cls, model: ReducedModel, excitation: Excitation, tips: int) -> _Simulated:
+        form = modal_form(model)
+        run = march.simulate_modal(form, excitation)
+        return cls(outputs(form.body, run, excitation, tips), form, run)
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What richer models have beyond a model, by what they have in addition; one of them; kinds they disagree on."""
+
+    missing: Mapping[str, Outputs]
+    better: _Simulated
+    kappa: float | None = None
+    unsettled: Collection[str] = ()
 
 
 def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Estimate:
@@ -129,48 +151,69 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
     ValueError
         If there is no estimate (`no_estimate`).
     InputError, SimulationError
-        As for `pmr.simulate.Simulator`.
+        As for `pmr.simulate.Simulator`; SimulationError too if what two richer models say of an impact differs.
     """
     begin = time.perf_counter()
     if why := no_estimate(model):
         raise ValueError(f"no estimate: {why}")
-    assert model.flexibility is not None
-    f = excitation.forces(model.input_names)
-
-    def simulated(one: ReducedModel) -> tuple[Outputs, ModalForm, Trajectory]:
-        form = modal_form(one)
-        run = march.simulate_modal(form, excitation)
-        return outputs(form.body, run, excitation, tips), form, run
-
-    def with_lag(found: Outputs, form: ModalForm, run: Trajectory) -> Outputs:
-        return lagging(found, form.body, run, excitation)
-
-    own, _, run = simulated(model)
-    better, form, extended_run = simulated(extended(model))
-    share = kappa(model, run.s)
-    if model.flexibility.keeps_inertia or not form.classically_damped:  # damping that couples modes has no tables
-        late = with_lag(better, form, extended_run).minus(better)
-        missing = {"enrichment": better.minus(own).times(1.0 / share).plus(late)}
-    else:
-        complete = with_lag(*simulated(with_kept_inertia(extended(model))))
-        missing = {"inertia": complete.minus(own), "enrichment": better.minus(own)}
-    floors = Floors.of(model, excitation)
+    run, floors = _Simulated.of(model, excitation, tips), Floors.of(model, excitation)
+    own, told = run.outputs, (_pushed if pushing_rows(model) else _by_series)(model, run, excitation, floors)
+    missing, unknown = told.missing, told.unsettled
     found = {name: differences(own, own.plus(what), floors) for name, what in missing.items()}
     by = max(found, key=lambda name: found[name]["beam"])
     largest = {kind: MARGIN * max(one[kind] for one in found.values()) for kind in KINDS}
     of_probes = np.max([probe_differences(own, own.plus(what), floors) for what in missing.values()], axis=0)
+    forceless = "pad_force" in unknown or impulsive(model, excitation)
     return Estimate(
         beam=largest["beam"],
         tip=largest["tip"],
-        pad_force=None if impulsive(model, excitation) else largest["pad_force"],
-        velocity=largest["velocity"],
-        probes=_named(model, MARGIN * of_probes),
-        kappa=share,
+        pad_force=None if forceless else largest["pad_force"],
+        velocity=None if "velocity" in unknown else largest["velocity"],
+        probes={} if "probe" in unknown else _named(model, MARGIN * of_probes),
+        kappa=told.kappa,
         by=by,
-        chi=chi(form, extended_run, f, model.size),
+        chi=chi(told.better.form, told.better.run, excitation.forces(model.input_names), model.size),
         error=missing[by].displacement,
         seconds=time.perf_counter() - begin,
+        unsettled=tuple(unknown),
     )
+
+
+def _by_series(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Told:
+    """By the enrichment modes, and the next term of the series."""
+    assert model.flexibility is not None
+    tips = own.outputs.tips
+    better = _Simulated.of(extended(model), excitation, tips)
+    share, beyond = kappa(model, own.run.s), better.outputs.minus(own.outputs)
+    if (
+        model.flexibility.keeps_inertia or not better.form.classically_damped
+    ):  # damping that couples modes has no tables
+        late = _with_lag(better, excitation).minus(better.outputs)
+        missing = {"enrichment": beyond.times(1.0 / share).plus(late)}
+    else:
+        complete = _with_lag(_Simulated.of(with_kept_inertia(extended(model)), excitation, tips), excitation)
+        missing = {"inertia": complete.minus(own.outputs), "enrichment": beyond}
+    return _Told(missing, better, share)
+
+
+def _pushed(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Told:
+    """By the enrichment modes, and attachment modes for what the model bore."""
+    loads, tips = excitation.forces(model.input_names), own.outputs.tips
+    better = _Simulated.of(with_loads_answered(extended(model), own.run, loads), excitation, tips)
+    missing = {"attachment": better.outputs.minus(own.outputs)}
+    if not lifting(own.run.multipliers[:, pushing_rows(own.form.body)]):
+        return _Told(missing, better)
+    other = _Simulated.of(with_loads_answered(model, own.run, loads), excitation, tips)
+    told, apart = (differences(one.outputs, better.outputs, floors) for one in (own, other))
+    unknown = [kind for kind in KINDS if not settled(told[kind], apart[kind])]
+    for kind in unknown:
+        if kind in ("beam", "tip"):
+            raise unsettled(told[kind], apart[kind])
+    return _Told(missing, better, unsettled=unknown)
+
+
+def _with_lag(one: _Simulated, excitation: Excitation) -> Outputs:
+    return lagging(one.outputs, one.form.body, one.run, excitation)
 
 
 def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation, tips: int = 1) -> Estimate:
@@ -188,11 +231,7 @@ def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation, 
     begin = time.perf_counter()
     own_of_better = estimate(better, excitation, tips)
 
-    def simulated(one: ReducedModel) -> Outputs:
-        form = modal_form(one)
-        return outputs(form.body, march.simulate_modal(form, excitation), excitation, tips)
-
-    own, other = simulated(model), simulated(better)
+    own, other = (_Simulated.of(one, excitation, tips).outputs for one in (model, better))
     floors = Floors.of(better, excitation)
     found, of_probes = differences(own, other, floors), _named(model, probe_differences(own, other, floors))
     known = own.force.shape == other.force.shape and own_of_better.pad_force is not None
@@ -200,50 +239,16 @@ def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation, 
         beam=found["beam"] + own_of_better.beam,
         tip=found["tip"] + own_of_better.tip,
         pad_force=found["pad_force"] + (own_of_better.pad_force or 0.0) if known else None,
-        velocity=found["velocity"] + own_of_better.velocity,
-        probes={name: size + own_of_better.probes[name] for name, size in of_probes.items()},
+        velocity=None if own_of_better.velocity is None else found["velocity"] + own_of_better.velocity,
+        probes={name: of_probes[name] + size for name, size in own_of_better.probes.items()},
         kappa=None,
         by="other model",
         chi=None,
         error=other.displacement - own.displacement + own_of_better.error,
         seconds=time.perf_counter() - begin,
+        unsettled=own_of_better.unsettled,
     )
 
 
 def _named(model: ReducedModel, of_probes: Array) -> dict[str, float]:
     return dict(zip(called(model, ()).others, of_probes.tolist(), strict=True))
-
-
-def summary(
-    model: ReducedModel, estimated: Estimate | None, not_covered: Sequence[str] = (), failed: str | None = None
-) -> dict[str, float | str | list[str] | None]:
-    """What summary.json holds: ``beam``, ``tip``, ``pad_force``, ``velocity`` and ``probe`` (fractions), ``probes`` by
-    their names, ``kappa``, ``chi``, ``largest`` (m), ``seconds``.
-
-    ``not_covered`` lists in words what the estimate leaves out.  All are None where there is no estimate, and
-    ``reason`` says why: what `failed`, or `no_estimate`.
-    """
-    if estimated is None:
-        return dict.fromkeys((*_FIGURES, "not_covered")) | {"reason": failed or no_estimate(model)}
-    return {name: getattr(estimated, name) for name in _FIGURES} | {"not_covered": list(not_covered)}
-
-
-def warnings(model: ReducedModel, stepping: TimeStepping, estimated: Estimate | None) -> list[str]:
-    """What a user should know about a run, a line each."""
-    found = []
-    if estimated is not None and estimated.beam > 1.0:
-        found.append(
-            f"the estimated error is {rounded(estimated.beam)} times the motion: "
-            f"too few coordinates, or a motion that grows"
-        )
-    if estimated is not None and estimated.beam > 0.0 and (estimated.chi or 0.0) > REACHED:
-        found.append(
-            f"load or slide reach the first truncated mode (chi = {estimated.chi:.2f}): more coordinates are worth most"
-        )
-    fastest = stepping.step * float(np.sqrt(np.max(modal_form(model).omega2, initial=0.0)))
-    if stepping.rho_inf == 1.0 and fastest > RESOLVED and model.moving:
-        found.append(
-            f"the step does not resolve the highest mode (h omega = {rounded(fastest)}) and rho_inf = 1 damps nothing: "
-            f"with a moving slider this can grow; a smaller step, rho_inf < 1 or fewer coordinates help"
-        )
-    return found

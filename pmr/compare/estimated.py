@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,16 +14,22 @@ from pmr.compare import coverage, estimate, step_error
 from pmr.compare.summary import Part
 from pmr.environment import Clock
 from pmr.errors import InputError, SimulationError
+from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Reduction, Scene
 from pmr.scene.choice import transverse
-from pmr.simulate import Excitation
-from pmr.system.body import pushing_rows
+from pmr.simulate import Excitation, TimeStepping
+from pmr.simulate.modal import modal_form
 
 Array = NDArray[np.float64]
 
 #: Coordinates of the model that tells the error of another one.
 FEWEST = 6
+#: Share of the first truncated mode's motion that is not quasi-static, above which more modes are called for.
+REACHED = 0.5
+#: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
+RESOLVED = 2.0
+_FIGURES = ("beam", "tip", "pad_force", "velocity", "probe", "probes", "kappa", "by", "chi", "largest", "seconds")
 
 
 @dataclass(frozen=True)
@@ -35,7 +42,7 @@ class ReductionError:
 
 def asks_for_other(scene: Scene, reduced: ReducedModel) -> bool:
     """Whether it takes another model of the same body to tell the error (`pmr.compare.estimate.by_other`)."""
-    return scene.reduction.estimate and estimate.no_estimate(reduced) is not None and not pushing_rows(reduced)
+    return scene.reduction.estimate and estimate.no_estimate(reduced) is not None
 
 
 def other_of(scene: Scene, reduced: ReducedModel) -> Scene:
@@ -59,15 +66,51 @@ def reduction_error(
                 else:
                     found = estimate.by_other(reduced, other, excitation, tips)
                 left_out = coverage.not_covered(telling, excitation.signals, excitation.stepping)
-                left_out += [coverage.BLOWS] * (found.pad_force is None)
+                left_out += [coverage.UNSETTLED[kind] for kind in found.unsettled]
+                left_out += [coverage.BLOWS] * (found.pad_force is None and "pad_force" not in found.unsettled)
             except (SimulationError, InputError) as error:  # other simulators may do what march refuses
-                failed = str(error)
+                failed = str(error).removeprefix("estimate: ")  # the clock's stage
     figures: dict[str, Any] = {}
     if scene.reduction.estimate:
-        figures = {"estimate": estimate.summary(reduced, found, left_out, failed)}
-    said = estimate.warnings(reduced, excitation.stepping, found) + coverage.warnings(left_out)
+        figures = {"estimate": summary(reduced, found, left_out, failed)}
+    said = warnings(reduced, excitation.stepping, found) + coverage.warnings(left_out)
     band = None if found is None else envelope(estimate.MARGIN * found.error[:, -tips:])
     return ReductionError(Part(figures, said), band)
+
+
+def summary(
+    model: ReducedModel, estimated: estimate.Estimate | None, not_covered: Sequence[str] = (), failed: str | None = None
+) -> dict[str, float | str | list[str] | None]:
+    """What summary.json holds: ``beam``, ``tip``, ``pad_force``, ``velocity`` and ``probe`` (fractions), ``probes`` by
+    their names, ``kappa``, ``chi``, ``largest`` (m), ``seconds``.
+
+    ``not_covered`` lists in words what the estimate leaves out.  All are None where there is no estimate, and
+    ``reason`` says why: what `failed`, or `no_estimate`.
+    """
+    if estimated is None:
+        return dict.fromkeys((*_FIGURES, "not_covered")) | {"reason": failed or estimate.no_estimate(model)}
+    return {name: getattr(estimated, name) for name in _FIGURES} | {"not_covered": list(not_covered)}
+
+
+def warnings(model: ReducedModel, stepping: TimeStepping, estimated: estimate.Estimate | None) -> list[str]:
+    """What a user should know about a run, a line each."""
+    found = []
+    if estimated is not None and estimated.beam > 1.0:
+        found.append(
+            f"the estimated error is {rounded(estimated.beam)} times the motion: "
+            f"too few coordinates, or a motion that grows"
+        )
+    if estimated is not None and estimated.beam > 0.0 and (estimated.chi or 0.0) > REACHED:
+        found.append(
+            f"load or slide reach the first truncated mode (chi = {estimated.chi:.2f}): more coordinates are worth most"
+        )
+    fastest = stepping.step * float(np.sqrt(np.max(modal_form(model).omega2, initial=0.0)))
+    if stepping.rho_inf == 1.0 and fastest > RESOLVED and model.moving:
+        found.append(
+            f"the step does not resolve the highest mode (h omega = {rounded(fastest)}) and rho_inf = 1 damps nothing: "
+            f"with a moving slider this can grow; a smaller step, rho_inf < 1 or fewer coordinates help"
+        )
+    return found
 
 
 def envelope(error: Array) -> Array:

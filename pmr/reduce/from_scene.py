@@ -12,7 +12,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduce.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduce.galerkin import reduced_model, with_held_coordinates
 from pmr.reduce.given import given_basis, given_vectors
-from pmr.reduce.residual.model import flexible_model, modal_model, released
+from pmr.reduce.residual.model import flexible_model, modal_model, released, section_model
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene import Scene
@@ -100,12 +100,17 @@ def project(
 ) -> ReducedModel:
     """The reduced model, with tables of the flexibility that the basis leaves out where the scene asks for it.
 
+    An error is estimated by tables of what is left out of the inertia; where rows only push, by its carriers
+    (`pmr.compare.attached`).
+
     Raises
     ------
     InputError
         If rows depend on each other.
     """
     choice = scene.reduction
+    if choice.needs_inertia and not np.isnan(model.rows.clearance).all():
+        return section_model(model, basis, provenance, choice.coordinates, choice.solver, body)
     if choice.needs_inertia:
         found = modal_model(model, basis, provenance, choice.coordinates, choice.solver, body)
         return with_kept_inertia(found) if choice.residual_inertia else found

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare import boom_estimate
+from pmr.compare import attached, boom_estimate
 from pmr.fullmodel.sections import build_sections
 from pmr.reduce.sections import reduce_sections
 from pmr.reduced.attachment import with_attachment_modes
@@ -102,7 +102,7 @@ def test_where_there_is_none_the_reason_is_told(changes: tuple[str, ...], said: 
 
 
 def test_richer_models_that_disagree_on_an_impact_are_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(boom_estimate, "SETTLED", 1e-9)
+    monkeypatch.setattr(attached, "SETTLED", 1e-9)
     outcome = run_boom(load("compare.against=[]", "time.end=0.1"))
     assert outcome is not None
     assert "changes all that follows" in outcome.result.summary["estimate"]["reason"]

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from oracle import flexible, full_body, inertial, nrms_error, paper_basis, project, rich_body, with_curvature
 
 from pmr.compare import estimate as estimates
-from pmr.compare.estimate import MARGIN, Estimate, by_other, estimate, no_estimate, warnings
-from pmr.compare.estimated import envelope
+from pmr.compare import estimated
+from pmr.compare.estimate import MARGIN, Estimate, by_other, estimate, no_estimate
+from pmr.compare.estimated import envelope, warnings
 from pmr.compare.indicators import kappa
 from pmr.compare.outputs import Floors, Outputs, differences, outputs, probe_differences
 from pmr.reduced.model import ReducedModel
@@ -90,7 +91,7 @@ def test_what_probes_measure_has_estimates_by_name(r: int) -> None:
     assert own.displacement.shape[1] == 31  # the gauge is no place along the beam
     other = by_other(model, inertial(full, r + 4, enrichment=4), excitation).probes["gauge"]
     assert nrms_error(own.probe, truth_.probe) < other < 2.0 * found.probes["gauge"]
-    assert estimates.summary(model, found)["probes"] == found.probes
+    assert estimated.summary(model, found)["probes"] == found.probes
 
 
 def test_a_probe_that_sees_little_is_measured_by_a_hundredth_of_the_largest() -> None:
@@ -213,7 +214,7 @@ def test_of_any_basis_a_model_of_free_modes_tells_the_error(r: int) -> None:
         found, own = by_other(pod, better, excitation), estimate(better, excitation)
         assert beam <= found.beam <= 1.01 * beam + 2.0 * own.beam
         assert np.abs(found.error - error).max() < 0.5 * own.largest
-        assert found.by == "other model" and found.kappa is None and estimates.summary(pod, found)["chi"] is None
+        assert found.by == "other model" and found.kappa is None and estimated.summary(pod, found)["chi"] is None
 
 
 def test_an_envelope_holds_an_oscillation_without_its_zeros() -> None:
@@ -230,17 +231,17 @@ def test_where_there_is_no_estimate_it_says_why() -> None:
     pod = project(full, paper_basis(full, 3, 3, 5))
     assert no_estimate(model) is None
     assert "without residual flexibility" in str(no_estimate(pod))
-    assert "pads only push" in str(no_estimate(replace(model, clearance=np.zeros(1))))
     assert "no eigenmodes" in str(no_estimate(replace(pod, flexibility=model.flexibility)))
     for without in (
         flexible(full, 5),
         replace(model, enrichment=None),
         replace(flexible(full, 5), enrichment=model.enrichment),
+        replace(model, clearance=np.zeros(1)),  # without carriers
     ):
         assert "keeps no enrichment modes" in str(no_estimate(without))
     with pytest.raises(ValueError, match="no estimate: without residual flexibility"):
         estimate(pod, driven(PATH, LOADS[0], STEPPING))
-    nothing = estimates.summary(pod, None)
+    nothing = estimated.summary(pod, None)
     assert nothing["beam"] is None and nothing["reason"] == no_estimate(pod)
 
 

@@ -120,7 +120,8 @@ def section_model(
     solver: str = "auto",
     body: FreeBody | None = None,
 ) -> ReducedModel:
-    """The same with `carriers`: a body of a system, whose rows each have a path coordinate of their own.
+    """The same with `carriers`: of a body of a system, whose rows each have a path coordinate of their own, or of one
+    whose rows only push.
 
     Modes beyond `coordinates` come with the residual part's inertia on the carriers, by which errors are estimated.
 

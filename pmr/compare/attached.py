@@ -1,0 +1,75 @@
+"""Models that tell the error of another one where pads push: with attachment modes for what it bore in a run.
+
+A pad that lands and lifts off makes the motion depend on the forces in a way that no series of the residual part's
+inertia follows (`pmr.compare.estimate`).  Attachment modes for the loads of a run give that part its inertia and
+damping in their directions (`pmr.reduced.attachment`), which is nearly the full model.  Where an impact a moment
+earlier changes all that follows, no model tells another one's error: two of these have to agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.compare.errors import ROUND_OFF
+from pmr.constraints.rows import Row
+from pmr.errors import SimulationError
+from pmr.reduced.attachment import with_attachment_modes
+from pmr.reduced.carriers import CarriedRows
+from pmr.reduced.model import ReducedModel
+from pmr.system.body import Trajectory
+
+Array = NDArray[np.float64]
+
+#: Share of the error that two richer models may differ by where pads lift.
+SETTLED = 0.5
+#: Steps of a run whose loads are answered, at most, evenly taken from all.
+STEPS = 20_000
+
+
+def with_loads_answered(model: ReducedModel, run: Trajectory, loads: Array) -> ReducedModel:
+    """The model, with carriers, with attachment modes for what it bore in a run under `loads` (T, i) in N.
+
+    Raises
+    ------
+    ValueError
+        As `with_attachment_modes`.
+    """
+    assert model.carriers is not None
+    rows = [model.carriers.row(k, name) for k, name in enumerate(model.row_names)]
+    return with_attachment_modes(model, borne(model.carriers, rows, run, loads))
+
+
+def borne(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> Array:
+    """What rows press with on their carriers in a run, and its loads (T, i): (S, K + i) in N, at up to `STEPS` steps.
+
+    The path coordinates of the run are those of all rows (T,) m, or of each (T, m).
+    """
+    steps = np.linspace(0, len(run.t) - 1, min(len(run.t), STEPS)).astype(int)
+    s = np.broadcast_to(run.s.T, (len(rows), len(run.t)))[:, steps]
+    pressed = sp.csr_matrix((len(steps), len(carriers.values)))
+    for row, x, force in zip(rows, s, run.multipliers[steps].T, strict=True):
+        pressed -= row.weights(x).multiply(force[:, None])
+    return np.hstack([pressed.toarray(), loads[steps]])
+
+
+def lifting(forces: Array) -> bool:
+    """Whether a contact that only pushes does so now and then, by the forces (T, p) of these in N."""
+    pushed = forces > 0.0
+    return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))
+
+
+def settled(told: float, apart: float) -> bool:
+    """Whether two richer models that are so far `apart` may tell such an error; fractions."""
+    return apart <= SETTLED * told or told <= ROUND_OFF
+
+
+def unsettled(told: float, apart: float) -> SimulationError:
+    """What is said where they may not."""
+    return SimulationError(
+        "pads land and lift off, and an impact a moment earlier changes all that follows: two richer models "
+        f"differ by {100.0 * apart:.2g} % where they tell an error of {100.0 * told:.2g} %"
+    )
