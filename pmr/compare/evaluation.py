@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pmr.compare.errors import force_round_off, refuse_infinite, round_off
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
-from pmr.simulate.balance import blocks, energy, part_of
+from pmr.simulate.balance import blocks, energy
 from pmr.simulate.blocks import Block, Ended
 from pmr.simulate.columns import called
 from pmr.simulate.modal import support_forces
@@ -45,7 +45,7 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
     """
     evaluation = Evaluation(body, trajectory.t, path_rate, loads)
     for kept in blocks(len(trajectory.t)):
-        part, f = part_of(trajectory, kept), loads[kept]
+        part, f = trajectory.at(kept), loads[kept]
         with np.errstate(over="ignore", invalid="ignore"):
             energies = energy(body, part, f)
         evaluation(Block(kept.start, part, f, energies))

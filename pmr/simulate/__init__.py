@@ -71,7 +71,7 @@ class SystemSimulator(Protocol):
         excitation : Excitation
             The system's paths, by name, and a load for each ``body.input``.
         initial : mapping of str to InitialState, optional
-            Of each body; those that are missing start at rest, undeformed.
+            Of each body; those that are missing start at rest, undeformed.  `native.multibody.static_start` gives one.
         progress : callable, optional
 
         Raises

@@ -98,7 +98,7 @@ def checked(body: SlidingBody, trajectory: Trajectory, loads: Array, simulator: 
     """
     account = Account(body, len(trajectory.t) - 1)
     for steps in blocks(len(trajectory.t)):
-        account.add(steps.start, part_of(trajectory, steps), loads[steps])
+        account.add(steps.start, trajectory.at(steps), loads[steps])
     step, s = float(trajectory.t[1] - trajectory.t[0]), float(trajectory.s[0])
     return replace(trajectory, surplus=account.surplus(loads, step, s, simulator))
 
@@ -166,16 +166,6 @@ def blocks(size: int) -> Iterator[slice]:
     """Rows of a trajectory of `size` steps, some thousand at a time; each block begins where the one before ends."""
     for first in range(0, max(1, size - 1), BLOCK):
         yield slice(first, min(first + BLOCK + 1, size))
-
-
-def part_of(trajectory: Trajectory, steps: slice) -> Trajectory:
-    """Some steps of a trajectory."""
-    arrays = {name: getattr(trajectory, name)[steps] for name in ("t", "q", "v", "multipliers", "s")}
-    arrays |= {
-        name: None if getattr(trajectory, name) is None else getattr(trajectory, name)[steps]
-        for name in ("quasi_static", "peaks")
-    }
-    return Trajectory(**arrays, seconds=0.0)
 
 
 def _energy(body: SlidingBody, part: Trajectory, loads: Array, motion: Array) -> Energy:

@@ -59,10 +59,7 @@ class Recorder:
         low, high = np.searchsorted(self._steps, [block.first, block.first + size])
         # Numbers in a row are copied as they stand, in a fifth of the time.
         rows = slice(None) if high - low == size else self._steps[low:high] - block.first
-        for name in ("t", "q", "v", "multipliers", "s", "quasi_static", "peaks"):
-            array = getattr(block.part, name)
-            if array is None:
-                continue
+        for name, array in block.part.arrays.items():
             if name not in self._arrays:
                 self._arrays[name] = np.empty((len(self._steps), *array.shape[1:]))
             self._arrays[name][low:high] = array[rows]

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import accumulate
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,17 +31,6 @@ def cylinder(section: str) -> str:
     return f"cylinder of {section}"
 
 
-class Section(Body, Protocol):
-    """What contacts are made from, whether a section is reduced or full, on one process or on several."""
-
-    @property
-    def held(self) -> dict[int, int]: ...
-    @property
-    def row_compliance(self) -> Array: ...
-    @property
-    def row_clearance(self) -> Array: ...
-
-
 def system_of(boom: Boom, bodies: Mapping[str, SlidingBody]) -> System:
     """The sections, reduced or full, by their names, and what joins them.
 
@@ -54,7 +42,7 @@ def system_of(boom: Boom, bodies: Mapping[str, SlidingBody]) -> System:
     return System(bodies, contacts_of(boom, bodies))
 
 
-def contacts_of(boom: Boom, bodies: Mapping[str, Section]) -> tuple[Contact, ...]:
+def contacts_of(boom: Boom, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:
     """All contacts between the sections, and with the ground."""
     contacts = [contact for number in range(1, len(boom.sections)) for contact in _between(boom, number, bodies)]
     places = [place for one in contacts for place in (one.inner, one.outer) if place is not None]
@@ -63,7 +51,7 @@ def contacts_of(boom: Boom, bodies: Mapping[str, Section]) -> tuple[Contact, ...
     return (*contacts, *ground)
 
 
-def excitation_of(boom: Boom, system: Joined[Section]) -> Excitation:
+def excitation_of(boom: Boom, system: Joined[Body]) -> Excitation:
     """Extensions by the sections' names, and a load for each ``section.input``."""
     stepping = TimeStepping(boom.time.end, boom.time.step, boom.time.rho_inf)
     loads: dict[str, SignalBase] = {}
@@ -98,7 +86,7 @@ class Acceleration(SignalBase):
         return tuple(sorted({b for path in self.paths for b in path.breaks}))
 
 
-def _between(boom: Boom, number: int, bodies: Mapping[str, Section]) -> Iterator[Contact]:
+def _between(boom: Boom, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
     """Contacts of the joint in which a section slides, its cylinder last."""
     joint, inner, outer = boom.sections[number].joint, boom.names[number], boom.names[number - 1]
     assert joint is not None  # as the scene's checks say
@@ -140,7 +128,7 @@ def _pads(boom: Boom, ring: JointPads, called: str, rows: set[str]) -> Iterator[
             yield JointPad(called + row.removeprefix(name), row, ring.at, 1.0, compliance, clearance, ring.friction)
 
 
-def _on_ground(name: str, body: Section, joined: set[tuple[str, str]]) -> Iterator[Contact]:
+def _on_ground(name: str, body: Body, joined: set[tuple[str, str]]) -> Iterator[Contact]:
     """Pads between a section and the ground, and supports that hold more than one coordinate of a full one."""
     for number, row in enumerate(body.row_names):
         if (name, row) not in joined and number not in body.held:
@@ -155,7 +143,7 @@ def _on_ground(name: str, body: Section, joined: set[tuple[str, str]]) -> Iterat
             )
 
 
-def _somewhere(body: Section, row: str) -> float:
+def _somewhere(body: Body, row: str) -> float:
     """A place in m at which a row that stays is defined."""
     assert body.carriers is not None
     return float(body.carriers.row(body.row_names.index(row), row).breaks[0])

@@ -213,12 +213,15 @@ class Trajectory:
     peaks: Array | None = None
     surplus: float = np.nan
 
-    def at(self, steps: NDArray[np.int64]) -> Trajectory:
+    @property
+    def arrays(self) -> dict[str, Array]:
+        """All that it has of each step, by name."""
+        names = ("t", "q", "v", "multipliers", "s", "quasi_static", "peaks")
+        return {name: array for name in names if (array := getattr(self, name)) is not None}
+
+    def at(self, steps: NDArray[np.int64] | slice) -> Trajectory:
         """Some of its steps, by their numbers (S,)."""
-        chosen: dict[str, Any] = {
-            name: None if (array := getattr(self, name)) is None else array[steps]
-            for name in ("t", "q", "v", "multipliers", "s", "quasi_static", "peaks")
-        }
+        chosen: dict[str, Any] = {name: array[steps] for name, array in self.arrays.items()}
         return replace(self, **chosen)
 
     @property

@@ -52,7 +52,7 @@ def simulate_system(
     initial: Mapping[str, InitialState] | None = None,
     progress: Progress | None = None,
 ) -> SystemTrajectory:
-    """Simulate reduced bodies that contacts join; arguments and errors as `pmr.simulate.native.multibody.simulate`.
+    """Simulate reduced bodies that contacts join; arguments and errors as `pmr.simulate.SystemSimulator`.
 
     The option `newton` of the excitation holds Exudyn's settings of Newton's method by their own names.  A contact that
     only pushes lets go as Exudyn's generalized-alpha has it: what its force leaves in the next step is not taken back,

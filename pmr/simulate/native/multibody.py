@@ -29,24 +29,7 @@ def simulate(
     initial: Mapping[str, InitialState] | None = None,
     progress: Progress | None = None,
 ) -> SystemTrajectory:
-    """Simulate all bodies from t = 0 on.
-
-    Parameters
-    ----------
-    system : System
-    excitation : Excitation
-        The system's paths, by name, and a load for each ``body.input``.
-    initial : mapping of str to InitialState, optional
-        Of each body; those that are missing start at rest, undeformed.  `static_start` gives one.
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        If a path leaves a row, a load is missing, a start violates a rigid contact, or a rigid one only pushes.
-    SimulationError
-        If contacts depend on each other, a result is not finite, or the motion grows.
-    """
+    """Simulate all bodies from t = 0 on; arguments and errors as for `pmr.simulate.SystemSimulator`."""
     return MultibodyMarch(system, excitation, initial or {}).run(progress)
 
 

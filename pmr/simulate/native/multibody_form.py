@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from pmr.reduced.carriers import CarriedRows
 from pmr.simulate.modal import ModalForm, modal_form
@@ -45,18 +46,12 @@ class MultibodyForm:
 
     def along(self, part: str) -> Array:
         """Diagonal of ``K`` or ``D`` of all bodies, (r',)."""
-        found = np.zeros(self.modes[-1])
-        for columns, form in zip(self.columns, self.forms, strict=True):
-            found[columns] = np.diagonal(getattr(form.body, part))
-        return found
+        return np.concatenate([np.pad(np.diagonal(getattr(one.body, part)), _beside(one)) for one in self.forms])
 
     @property
     def damping(self) -> Array:
         """D of all bodies, (r', r')."""
-        found = np.zeros((self.modes[-1],) * 2)
-        for columns, form in zip(self.columns, self.forms, strict=True):
-            found[columns, columns] = form.body.D
-        return found
+        return np.asarray(block_diag(*(np.pad(form.body.D, _beside(form)) for form in self.forms)))
 
     @property
     def classically_damped(self) -> bool:
@@ -65,10 +60,12 @@ class MultibodyForm:
     @property
     def B(self) -> Array:
         """(r', i)."""
-        found = np.zeros((self.modes[-1], self.inputs[-1]))
-        for columns, at, form in zip(self.columns, self.inputs, self.forms, strict=False):
-            found[columns, at : at + form.body.B.shape[1]] = form.body.B
-        return found
+        return np.asarray(block_diag(*(np.pad(form.body.B, (_beside(form), (0, 0))) for form in self.forms)))
+
+
+def _beside(form: ModalForm) -> tuple[int, int]:
+    """Zeros before and behind the modes of a body."""
+    return 0, -form.body.size % LANES
 
 
 def multibody_form(system: System) -> MultibodyForm:
@@ -88,7 +85,7 @@ def multibody_form(system: System) -> MultibodyForm:
         system,
         forms,
         tuple(carried),
-        modes=starts([form.body.size + -form.body.size % LANES for form in forms]),
+        modes=starts([form.body.size + _beside(form)[1] for form in forms]),
         carriers=starts([len(rows.values) for rows in carried]),
         inputs=starts([form.body.B.shape[1] for form in forms]),
     )
