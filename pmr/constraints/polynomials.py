@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PPoly
+from scipy.interpolate import BSpline, PPoly
 
 Array = NDArray[np.float64]
 
@@ -134,3 +134,25 @@ def interval_around(fine: Array, coarse: Array) -> NDArray[np.int64]:
     """Number (k,) of the coarse interval around each of k finer ones."""
     middle = (fine[1:] + fine[:-1]) / 2.0
     return np.clip(np.searchsorted(coarse, middle, side="right") - 1, 0, len(coarse) - 2)
+
+
+def bump(degree: int, knot: float) -> PPoly:
+    r"""Centred cardinal B-spline b with knots `knot` apart, H, and as its integral; zero outside its knots.
+
+    That of degree 3 is C2, and for any s, after division by p,
+
+    .. math:: \sum_k b(x_k - s) = 1, \qquad \sum_k b(x_k - s)\, x_k = s, \qquad x_k = x_0 + k H / p,\; p = 1, 2, \dots
+
+    Sums of it over a lattice move as a rigid body does.  De Boor: A Practical Guide to Splines, rev. ed., 2001, chapter
+    IX (Marsden's identity).
+    """
+    knots = (np.arange(degree + 2) - (degree + 1) / 2.0) * knot
+    spline = PPoly.from_spline(BSpline.basis_element(knots, extrapolate=False).tck)
+    inside = slice(degree, 2 * degree + 1)  # `from_spline` pads with empty intervals
+    return PPoly(spline.c[:, inside], spline.x[degree : 2 * degree + 2])
+
+
+def value_or_zero(spline: PPoly, x: Array) -> Array:
+    """The spline at x of any shape; zero outside its knots."""
+    within = (x > spline.x[0]) & (x < spline.x[-1])
+    return np.where(within, spline(np.where(within, x, 0.0)), 0.0)

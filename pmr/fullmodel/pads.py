@@ -32,8 +32,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.bsplines import bump, value
-from pmr.constraints.polynomials import rebased
+from pmr.constraints.polynomials import bump, rebased, value_or_zero
 from pmr.constraints.rows import Row, fixed_row
 from pmr.constraints.straight import Straight
 from pmr.errors import InputError
@@ -248,7 +247,7 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
     """The row of a pad that stays: that of a moving one with a station at its centre."""
     step, reach = _lattice(pad)
     offsets = step * np.arange(1 - reach, reach)
-    weights = value(bump(3, STATIONS * step), offsets) / STATIONS
+    weights = value_or_zero(bump(3, STATIONS * step), offsets) / STATIONS
     mean = sp.csr_matrix(weights @ _stations(pad, model, pad.at + offsets) @ T)
     return replace(fixed_row(pad.name, mean, travel), compliance=1.0 / pad.stiffness, clearance=pad.free_way)
 
@@ -295,15 +294,15 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     )
     strip = model.strip(pad.on, window)
     _check_extent(pad, (places[0], places[-1]), strip.extent)
-    whole = step * float(value(bump(3, knot), np.zeros(()))) if strip.line else step * knot
-    beside = strip.weights * value(bump(3, knot), strip.across - pad.across)
+    whole = step * float(value_or_zero(bump(3, knot), np.zeros(()))) if strip.line else step * knot
+    beside = strip.weights * value_or_zero(bump(3, knot), strip.across - pad.across)
     order = np.argsort(strip.along, kind="stable")
     ends = np.searchsorted(strip.along[order], [places - step, places + step])
     near = [np.sort(order[low:high]) for low, high in ends.T]
     hat, weights = bump(1, step), []
     for q, x in zip(near, places, strict=True):
         offsets = np.stack([strip.along[q] - x, strip.across[q] - pad.across])
-        w = beside[q] * value(hat, offsets[0])
+        w = beside[q] * value_or_zero(hat, offsets[0])
         off = np.abs(offsets @ w) > MISSING * np.array([step, knot]) * w.sum()
         if w.sum() < (1.0 - MISSING) * whole or off.any():
             raise _off(pad, f"around {x:.4g} m", strip.extent)

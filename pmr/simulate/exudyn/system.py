@@ -33,12 +33,11 @@ from pmr.simulate import balance, contact_step
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.exudyn.items import add_coordinates, add_pre_step_function, matrix
 from pmr.simulate.exudyn.solver import change, solve, solver_settings, stored
-from pmr.simulate.exudyn.system_rows import Giving, Rows, Tables
+from pmr.simulate.exudyn.system_rows import Giving, Rows, SystemBalance, SystemMotion, Tables, balanced
 from pmr.simulate.native.multibody_march import contact_frequency, places
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.start import InitialState, check_position, checked
 from pmr.simulate.stepping import Progress
-from pmr.simulate.system_balance import SystemBalance, SystemMotion, balanced
 from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory
 from pmr.system.system import System, SystemTrajectory

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit, typeof
 from numpy.typing import NDArray
 
-from pmr.simulate.native import arguments as stored_arguments
+from pmr.simulate.native import bound_step
 
 Array = NDArray[np.float64]
 
@@ -20,13 +20,13 @@ class Arguments(NamedTuple):
 
 
 EXAMPLE = Arguments(np.zeros((1, 1)), 0.0, np.zeros(1, np.int64))
-WORDS = stored_arguments.words(typeof(EXAMPLE))
-read = stored_arguments.stored(typeof(EXAMPLE))
+WORDS = bound_step.words(typeof(EXAMPLE))
+read = bound_step.stored(typeof(EXAMPLE))
 
 
 @njit(_nrt=False)
 def store(address: int, arguments: Arguments) -> None:
-    stored_arguments.store(address, arguments)
+    bound_step.store_at(address, arguments)
 
 
 @njit(_nrt=False)
