@@ -121,7 +121,8 @@ class Beam2D(Beam):
         """As `point`, of several, (len(points), n)."""
         parts = [self.point(x, direction) for x, direction in points]
         ends = np.cumsum([0, *(len(dofs) for dofs, _ in parts)])
-        columns, weights = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        columns = np.concatenate([np.empty(0, np.int64), *(dofs for dofs, _ in parts)])
+        weights = np.concatenate([np.empty(0), *(values for _, values in parts)])
         return sp.csr_matrix((weights, columns, ends), shape=(len(parts), self.size))
 
     def strip(self, face: str, window: Window) -> Strip:
