@@ -32,34 +32,17 @@ class Row:
 
     On ``[breaks[j], breaks[j + 1]]``
     ``C(s) = sum_l sum_p coefficients[p, j, l] (s - breaks[j])**(degree - p) carriers[touched[j, l]]``.
-
-    Attributes
-    ----------
-    name : str
-        Shown wherever the row is spoken of.
-    breaks : (k + 1,) array, m
-    carriers : (K, n) sparse matrix
-        U.
-    touched : (k, d) integer array
-        Carriers that the row touches on each interval.
-    coefficients : (degree + 1, k, d) array
-        Highest power first, as in `scipy.interpolate.PPoly`.
-    compliance : float, m/N
-        1/k of a pad that gives way, C q = lambda / k; 0 for a rigid one.
-    clearance : float, m, or None
-        Of a row that only pushes: how far C q may go before it holds.  None where the row holds both ways.
-    unit : str
-        Of its multiplier: N, or N m where it measures a rotation.
     """
 
-    name: str
-    breaks: Array
-    carriers: sp.csr_matrix
-    touched: Indices
-    coefficients: Array
-    compliance: float = 0.0
+    name: str  # shown wherever the row is spoken of
+    breaks: Array  # (k + 1,) m
+    carriers: sp.csr_matrix  # U (K, n)
+    touched: Indices  # (k, d): carriers that the row touches on each interval
+    coefficients: Array  # (degree + 1, k, d): highest power first, as in `scipy.interpolate.PPoly`
+    compliance: float = 0.0  # m/N: 1/k of a pad that gives way, C q = lambda / k; 0 for a rigid one
+    # m, of a row that only pushes: how far C q may go before it holds; None where it holds both ways
     clearance: float | None = None
-    unit: str = "N"
+    unit: str = "N"  # of its multiplier: N, or N m where it measures a rotation
 
     @cached_property
     def _polynomial(self) -> PPoly:
@@ -214,18 +197,10 @@ class Rows:
 
 @dataclass(frozen=True)
 class SharedCarriers:
-    """Rows on common carriers.
+    """Rows on common carriers."""
 
-    Attributes
-    ----------
-    carriers : (K, n) sparse matrix
-        What the rows touch, each different carrier once.
-    rows : tuple of Row
-        Each on these carriers.
-    """
-
-    carriers: sp.csr_matrix
-    rows: tuple[Row, ...]
+    carriers: sp.csr_matrix  # (K, n): what the rows touch, each different carrier once
+    rows: tuple[Row, ...]  # each on these carriers
 
     def row(self, number: int, name: str) -> Row:
         """One of the rows, by a name."""

@@ -29,29 +29,15 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class CarrierFlexibility:
-    """Residual flexibility between K carriers, i inputs and o outputs.
-
-    Attributes
-    ----------
-    rows : (K, K) array, m/N
-        U R U^T.
-    inputs : (K, i) array, m/N
-        U R B.
-    outputs : (o, K) array, m/N
-        O R U^T.
-    direct : (o, i) array, m/N
-        O R B.
-    energy : (i, i) array, m/N
-        B^T R B.
-    """
+    """Residual flexibility between K carriers, i inputs and o outputs."""
 
     AXES: ClassVar = {"rows": "KK", "inputs": "Ki", "outputs": "oK", "direct": "oi", "energy": "ii"}
 
-    rows: Array
-    inputs: Array
-    outputs: Array
-    direct: Array
-    energy: Array
+    rows: Array  # U R U^T (K, K) m/N
+    inputs: Array  # U R B (K, i) m/N
+    outputs: Array  # O R U^T (o, K) m/N
+    direct: Array  # O R B (o, i) m/N
+    energy: Array  # B^T R B (i, i) m/N
 
     def joined(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
         """With that of modes which measure U (K, c) on the carriers, `share` (c,) of phi phi^T each."""
@@ -67,30 +53,18 @@ class CarrierFlexibility:
 
 @dataclass(frozen=True)
 class CarriedRows:
-    """m rows of a body of r coordinates on K carriers.
-
-    Attributes
-    ----------
-    values : (K, r) array
-        U V: what the coordinates measure on the carriers.
-    breaks, touched, coefficients : mappings of the rows' numbers, ``"0"`` and on, to arrays
-        b(x) of each row, as in `pmr.constraints.rows.Row`.
-    enrichment : (K, c) array
-        U phi of the model's enrichment modes.
-    flexibility : CarrierFlexibility, optional
-        What the coordinates leave out between the carriers.
-    inertia : CarrierFlexibility, optional
-        The same of R M R, in s^2 m/N: what the inertia of that part moves (`pmr.compare.boom_estimate`).
-    """
+    """m rows of a body of r coordinates on K carriers."""
 
     AXES: ClassVar = {"values": "Kr", "enrichment": "Kc"}
 
-    values: Array
+    values: Array  # U V (K, r): what the coordinates measure on the carriers
+    # b(x) of each row, by its number, "0" and on, as `pmr.constraints.rows.Row` has it
     breaks: Mapping[str, Array]
     touched: Mapping[str, Indices]
     coefficients: Mapping[str, Array]
-    enrichment: Array
-    flexibility: CarrierFlexibility | None = None
+    enrichment: Array  # U phi (K, c) of the model's enrichment modes
+    flexibility: CarrierFlexibility | None = None  # what the coordinates leave out between the carriers
+    # the same of R M R, in s^2 m/N: what the inertia of that part moves (`pmr.compare.boom_estimate`)
     inertia: CarrierFlexibility | None = None
 
     @classmethod

@@ -39,60 +39,37 @@ class Inertia:
 
     docs/moving_residual_flexibility.md, sections 6 and 11; for rows at rest A_0 is the mass term of Rubin: Improved
     component-mode representation for structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
-
-    Attributes
-    ----------
-    A0, A1, A2 : PPoly with values (m, m), m s^2/N, s^2/N, s^2/(m N)
-        C R M R C^T and, with the second C replaced by its first and second derivative, A1 and A2.
-    E0 : PPoly with values (m, i), m s^2/N
-        C R M R B.
-    D0, D1, F0 : PPoly
-        As A0, A1 and E0 with the damping D in place of M; s instead of s^2 in the units.
-    kept : bool
-        Whether the equations of motion keep this inertia (`pmr.simulate.native.residual_inertia`); else it only serves
-        error estimates.
     """
 
     AXES: ClassVar = {"A0": "mm", "A1": "mm", "A2": "mm", "E0": "mi", "D0": "mm", "D1": "mm", "F0": "mi"}
 
+    # (m, m) in m s^2/N, s^2/N and s^2/(m N): C R M R C^T and, with the second C replaced by its first and second
+    # derivative, A1 and A2
     A0: PPoly
     A1: PPoly
     A2: PPoly
-    E0: PPoly
+    E0: PPoly  # C R M R B (m, i) m s^2/N
+    # as A0, A1 and E0 with the damping D in place of M; s instead of s^2 in the units
     D0: PPoly
     D1: PPoly
     F0: PPoly
+    # whether the equations of motion keep this inertia (`pmr.simulate.native.residual_inertia`); else it only serves
+    # error estimates
     kept: bool = False
 
 
 @dataclass(frozen=True)
 class Flexibility:
-    """Tables of the residual flexibility of a body with m rows, i inputs and o outputs.
-
-    Attributes
-    ----------
-    rows : PPoly with values (m, m), m/N
-        G(s) = C R C^T: displacement at one row under a unit force at another.
-    inputs : PPoly with values (m, i), m/N
-        H(s) = C R B.
-    outputs : PPoly with values (o, m), m/N
-        X(s) = O R C^T.
-    direct : (o, i) array, m/N
-        W = O R B.
-    energy : (i, i) array, m/N
-        B^T R B: twice the residual strain energy under unit inputs.
-    inertia : Inertia, optional
-        What is neglected with the inertia of the residual part, or kept.
-    """
+    """Tables of the residual flexibility of a body with m rows, i inputs and o outputs."""
 
     AXES: ClassVar = {"rows": "mm", "inputs": "mi", "outputs": "om", "direct": "oi", "energy": "ii"}
 
-    rows: PPoly
-    inputs: PPoly
-    outputs: PPoly
-    direct: Array
-    energy: Array
-    inertia: Inertia | None = None
+    rows: PPoly  # G(s) = C R C^T (m, m) m/N: displacement at one row under a unit force at another
+    inputs: PPoly  # H(s) = C R B (m, i) m/N
+    outputs: PPoly  # X(s) = O R C^T (o, m) m/N
+    direct: Array  # W = O R B (o, i) m/N
+    energy: Array  # B^T R B (i, i) m/N: twice the residual strain energy under unit inputs
+    inertia: Inertia | None = None  # what is neglected with the inertia of the residual part, or kept
 
     @property
     def keeps_inertia(self) -> bool:
@@ -143,26 +120,15 @@ class EnrichmentModes:
 
     Their flexibility is part of the model's tables; as coordinates they serve to estimate its error, or to have more
     coordinates after all (`pmr.reduced.truncation`).
-
-    Attributes
-    ----------
-    stiffness : (c,) array, (rad/s)^2
-        omega^2.
-    damping : (c,) array, 1/s
-        phi^T D phi: 2 zeta omega.
-    B : (c, i) array
-    outputs : (o, c) array
-    rows : PPoly with values (m, c)
-        C(s) phi.
     """
 
     AXES: ClassVar = {"stiffness": "c", "damping": "c", "B": "ci", "outputs": "oc", "rows": "mc"}
 
-    stiffness: Array
-    damping: Array
-    B: Array
-    outputs: Array
-    rows: PPoly
+    stiffness: Array  # omega^2 (c,) in (rad/s)^2
+    damping: Array  # phi^T D phi = 2 zeta omega (c,) 1/s
+    B: Array  # (c, i)
+    outputs: Array  # (o, c)
+    rows: PPoly  # C(s) phi (m, c)
 
     @property
     def count(self) -> int:

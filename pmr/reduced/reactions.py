@@ -28,33 +28,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reactions:
-    """Work of a body's forces on the motions of its h rigid supports.
-
-    Attributes
-    ----------
-    names, units : tuples of str
-        Of the supports' rows; N, or N m of a rotation.
-    inertia, damping, stiffness : (h, n) arrays
-        Phi^T M V, Phi^T D V and Phi^T K V.  A reduced model's may have columns of enrichment modes after its own.
-    inputs : (h, i) array
-        Phi^T B.
-    rows : PPoly with values (h, m)
-        (C(s) Phi)^T of the rows that are no rigid supports, zero for these.
-    carried : (K, h) array, optional
-        U Phi on the carriers of a body of a system, whose rows each have a path coordinate of their own.
-    """
+    """Work of a body's forces on the motions of its h rigid supports."""
 
     AXES: ClassVar = {"names": "h", "units": "h", "inputs": "hi", "rows": "hm"} | dict.fromkeys(
         ("inertia", "damping", "stiffness"), "hn"
     )
 
+    # of the supports' rows; N, or N m of a rotation
     names: tuple[str, ...]
     units: tuple[str, ...]
+    # Phi^T M V, Phi^T D V and Phi^T K V (h, n); a reduced model's may have columns of enrichment modes after its own
     inertia: Array
     damping: Array
     stiffness: Array
-    inputs: Array
-    rows: PPoly
+    inputs: Array  # Phi^T B (h, i)
+    rows: PPoly  # (C(s) Phi)^T (h, m) of the rows that are no rigid supports, zero for these
+    # U Phi (K, h) on the carriers of a body of a system, whose rows each have a path coordinate of their own
     carried: Array | None = None
 
     def on(self, V: Array) -> Reactions:

@@ -17,21 +17,11 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Block:
-    """Some steps in a row; the first of them is the last of the block before, or the start.
+    """Some steps in a row; the first of them is the last of the block before, or the start."""
 
-    Attributes
-    ----------
-    first : int
-        Number of its first step.
-    part : Trajectory
-        Its arrays are valid until the next block: what is kept is to be copied.
-    loads : (T, i) array, N
-    energy : Energy
-    """
-
-    first: int
-    part: Trajectory
-    loads: Array
+    first: int  # number of its first step
+    part: Trajectory  # its arrays are valid until the next block: what is kept is to be copied
+    loads: Array  # (T, i) N
     energy: Energy
 
 

@@ -11,20 +11,11 @@ from pmr.system.body import Observed
 
 @dataclass(frozen=True)
 class Called:
-    """What the columns of a response are called.
+    """What the columns of a response are called."""
 
-    Attributes
-    ----------
-    moved : tuple of str
-        Of the outputs in m.
-    forces : tuple of str
-        Of those in N, then of rows, each by `force_of` what pushes.
-    others, other_units : tuples of str
-        Of all other outputs, and their units.
-    """
-
-    moved: tuple[str, ...]
-    forces: tuple[str, ...]
+    moved: tuple[str, ...]  # of the outputs in m
+    forces: tuple[str, ...]  # of those in N, then of rows, each by `force_of` what pushes
+    # of all other outputs, and their units
     others: tuple[str, ...]
     other_units: tuple[str, ...]
 

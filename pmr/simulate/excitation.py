@@ -23,22 +23,12 @@ SLIDER = "slider"
 
 @dataclass(frozen=True)
 class Excitation:
-    """Paths s(t), loads f(t) and a time grid t_k, k = 0 ... T - 1.
+    """Paths s(t), loads f(t) and a time grid t_k, k = 0 ... T - 1."""
 
-    Attributes
-    ----------
-    paths : mapping of str to signal, m
-        P paths by their names.
-    loads : mapping of str to signal, N (or N m)
-        By the names of the inputs that they drive.
-    stepping : TimeStepping
-    options : Simulation
-        Keys of a scene's section of that name, of which each simulator reads its own.
-    """
-
-    paths: Mapping[str, SignalBase]
-    loads: Mapping[str, SignalBase]
+    paths: Mapping[str, SignalBase]  # P paths by their names
+    loads: Mapping[str, SignalBase]  # N (or N m): by the names of the inputs that they drive
     stepping: TimeStepping
+    # keys of a scene's section of that name, of which each simulator reads its own
     options: Simulation = field(default_factory=Simulation)
 
     @classmethod

@@ -44,25 +44,14 @@ COUPLED, ERROR = 1e-9, 1e-10
 
 @dataclass(frozen=True)
 class ModalForm:
-    """A body in its own modes, its supports' coordinates held.
+    """A body in its own modes, its supports' coordinates held."""
 
-    Attributes
-    ----------
-    body : ReducedModel
-        M = I, K = diag(omega^2) in (rad/s)^2; D diagonal where damping is classical.  Its rows are those of the
-        original that do more than hold one coordinate.
-    X : (n, r) array
-        q = X z; zero in the coordinates that are held.
-    inverse : (r, n) array
-        X^T M: z = X^T M q.
-    rows : tuple of int
-        Numbers of the rows that `body` has, among the original's.
-    """
-
+    # M = I, K = diag(omega^2) in (rad/s)^2; D diagonal where damping is classical; its rows are those of the original
+    # that do more than hold one coordinate
     body: ReducedModel
-    X: Array
-    inverse: Array
-    rows: tuple[int, ...]
+    X: Array  # q = X z (n, r); zero in the coordinates that are held
+    inverse: Array  # X^T M (r, n): z = X^T M q
+    rows: tuple[int, ...]  # numbers of the rows that `body` has, among the original's
 
     @property
     def omega2(self) -> Array:

@@ -28,21 +28,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StateSpace:
-    """A(s), B(s), C(s), D(s) at S places, for 2 r states, i inputs and q outputs.
+    """A(s), B(s), C(s), D(s) at S places, for 2 r states, i inputs and q outputs."""
 
-    Attributes
-    ----------
-    s : (S,) array, m
-    A, B, C, D : (S, 2 r, 2 r), (S, 2 r, i), (S, q, 2 r), (S, q, i) arrays
-    inputs, outputs, units, states : tuples of str
-        Names; units are those of the outputs, displacements first, then the forces of the rows.
-    """
-
-    s: Array
+    s: Array  # (S,) m
+    # (S, 2 r, 2 r), (S, 2 r, i), (S, q, 2 r) and (S, q, i)
     A: Array
     B: Array
     C: Array
     D: Array
+    # names; units are those of the outputs, displacements first, then the forces of the rows
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]

@@ -18,23 +18,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ContactRows:
-    """The m contacts of a system at given places, with n coordinates, i inputs and o outputs of all bodies.
+    """The m contacts of a system at given places, with n coordinates, i inputs and o outputs of all bodies."""
 
-    Attributes
-    ----------
-    C : (m, n) sparse matrix
-    F : (m, m) array, m/N
-        Residual flexibility and compliance, G + 1/k.
-    H : (m, i) array, m/N
-        What inputs move by themselves.
-    X : (o, m) array, m/N
-        What forces of contacts take from the outputs by themselves.
-    """
-
-    C: sp.csr_matrix
-    F: Array
-    H: Array
-    X: Array
+    C: sp.csr_matrix  # (m, n)
+    F: Array  # (m, m) m/N: residual flexibility and compliance, G + 1/k
+    H: Array  # (m, i) m/N: what inputs move by themselves
+    X: Array  # (o, m) m/N: what forces of contacts take from the outputs by themselves
 
 
 @dataclass(frozen=True)

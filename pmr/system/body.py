@@ -181,36 +181,21 @@ SlidingBody: TypeAlias = ReducedModel | FullBody
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Coordinates of a simulated body over time.
+    """Coordinates of a simulated body over time."""
 
-    Attributes
-    ----------
-    t : (T,) array, s
-    q, v : (T, n) arrays
-        Coordinates and their rates; n = r for a reduced model.
-    multipliers : (T, m) array, N
-        lambda; the sliders push with -lambda on the body.
-    s : (T,) array, m
-        Path coordinate; (T, m) of a body of a system, whose places each have their own.
-    seconds : float
-        Wall time of the solver alone.
-    quasi_static : (T, m) array, N, or None
-        z, the part of the multipliers that deforms the residual part where its inertia is kept; None where all do.
-    peaks : (T, m) array, N, or None
-        Largest multiplier within the step that ends at t, of rows that only push, where a step is made in parts; of the
-        others that at t.
-    surplus : float
-        Share of the largest energy that neither loads nor moving rows put in (`pmr.simulate.balance`); NaN: unknown.
-    """
-
-    t: Array
+    t: Array  # (T,) s
+    # (T, n): coordinates and their rates; n = r for a reduced model
     q: Array
     v: Array
-    multipliers: Array
-    s: Array
-    seconds: float
+    multipliers: Array  # lambda (T, m) in N; the sliders push with -lambda on the body
+    s: Array  # (T,) m: path coordinate; (T, m) of a body of a system, whose places each have their own
+    seconds: float  # wall time of the solver alone
+    # z (T, m) in N, the part of the multipliers that deforms the residual part where its inertia is kept; else None
     quasi_static: Array | None = None
+    # (T, m) N: largest multiplier within the step that ends at t, of rows that only push, where a step is made in
+    # parts; of the others that at t
     peaks: Array | None = None
+    # share of the largest energy that neither loads nor moving rows put in (`pmr.simulate.balance`); NaN: unknown
     surplus: float = np.nan
 
     @property

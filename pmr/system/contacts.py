@@ -15,24 +15,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Place:
-    """Where a row of a body measures: at x(t) = at + rate s(t).
+    """Where a row of a body measures: at x(t) = at + rate s(t)."""
 
-    Attributes
-    ----------
-    body, row : str
-        A body of the system, and one of its rows.
-    at : float, m
-    path : str, optional
-        Name of the path s(t); None where the place does not travel.
-    rate : float
-        Negative where the place travels towards the body's tail while the path grows.
-    """
-
+    # a body of the system, and one of its rows
     body: str
     row: str
-    at: float = 0.0
-    path: str | None = None
-    rate: float = 1.0
+    at: float = 0.0  # m
+    path: str | None = None  # name of the path s(t); None where the place does not travel
+    rate: float = 1.0  # negative where the place travels towards the body's tail while the path grows
 
     def coordinate(self, s: Mapping[str, ArrayLike]) -> Array:
         """X in m from the path coordinates in m."""
@@ -42,30 +32,17 @@ class Place:
 
 @dataclass(frozen=True)
 class Contact:
-    """A pad or slider between two places; its force is positive where it pushes the inner body against its `direction`.
-
-    Attributes
-    ----------
-    name : str
-    inner : Place
-    outer : Place, optional
-        None: on the ground.
-    direction : float
-        1 or -1: the inner row's displacement, relative to the outer one's, closes the contact along it.
-    compliance : float, m/N
-        1/k; 0 for a rigid one.
-    clearance : float, m, or None
-        Of a contact that only pushes: how far the inner place may go before it closes.  None: it holds both ways.
-    friction : float
-        Coulomb's coefficient along the path.  Nothing is simulated with it: what drives a section has to overcome it.
-    """
+    """A pad or slider between two places; a positive force pushes the inner body against its `direction`."""
 
     name: str
     inner: Place
-    outer: Place | None = None
+    outer: Place | None = None  # None: on the ground
+    # 1 or -1: the inner row's displacement, relative to the outer one's, closes the contact along it
     direction: float = 1.0
-    compliance: float = 0.0
+    compliance: float = 0.0  # 1/k in m/N; 0 for a rigid one
+    # m, of a contact that only pushes: how far the inner place may go before it closes; None: it holds both ways
     clearance: float | None = None
+    # Coulomb's coefficient along the path; nothing is simulated with it, but what drives a section has to overcome it
     friction: float = 0.0
 
     def __post_init__(self) -> None:
@@ -86,20 +63,11 @@ def refused(contact: str, key: str, value: object, allowed: str) -> InputError:
 
 @dataclass(frozen=True)
 class JointPad:
-    """A pad of a joint; `direction`, `compliance`, `clearance` and `friction` as of a `Contact`.
-
-    Attributes
-    ----------
-    name : str
-    row : str
-        What it measures, on both sections.
-    from_end : float, m
-        Of the section's tail or mouth that it sits at.
-    """
+    """A pad of a joint; `direction`, `compliance`, `clearance` and `friction` as of a `Contact`."""
 
     name: str
-    row: str
-    from_end: float
+    row: str  # what it measures, on both sections
+    from_end: float  # m, of the section's tail or mouth that it sits at
     direction: float = 1.0
     compliance: float = 0.0
     clearance: float | None = None

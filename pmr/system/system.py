@@ -186,37 +186,19 @@ class System(Joined[SlidingBody]):
 
 @dataclass(frozen=True)
 class SystemTrajectory:
-    """A simulated system over time.
+    """A simulated system over time."""
 
-    Attributes
-    ----------
-    t : (T,) array, s
-    bodies : mapping of str to Trajectory
-        Of each body: its coordinates, and for each of its places, as `System.sides` has them, the path coordinate
-        ``s`` (T, sides) in m and the ``multipliers`` (T, sides) in N, with the sign of its side.
-    forces : (T, m) array, N
-        Of the contacts, positive where they push.
-    peaks : (T, m) array, N
-        Largest force within the step that ends at t of contacts that only push; of the others that at t.
-    loads : (T, i) array, N
-        As `System.input_names` names them.
-    energy, work : (T,) arrays, J
-        Kinetic and strain energy, and what loads and travelling contacts did since t = 0; damping only takes.
-    seconds : float
-        Wall time of the solver alone.
-    surplus : float
-        Share of the largest energy that nothing put in (`pmr.simulate.balance`).
-    parts : (T,) integer array, optional
-        Of how many parts each step was made (`pmr.simulate.contact_step`).
-    """
-
-    t: Array
+    t: Array  # (T,) s
+    # of each body: its coordinates, and for each of its places, as `System.sides` has them, the path coordinate ``s``
+    # (T, sides) in m and the ``multipliers`` (T, sides) in N, with the sign of its side
     bodies: Mapping[str, Trajectory]
-    forces: Array
+    forces: Array  # (T, m) N: of the contacts, positive where they push
+    # (T, m) N: largest force within the step that ends at t of contacts that only push; of the others that at t
     peaks: Array
-    loads: Array
+    loads: Array  # (T, i) N: as `System.input_names` names them
+    # (T,) J: kinetic and strain energy, and what loads and travelling contacts did since t = 0; damping only takes
     energy: Array
     work: Array
-    seconds: float
-    surplus: float
-    parts: NDArray[np.int64] | None = None
+    seconds: float  # wall time of the solver alone
+    surplus: float  # share of the largest energy that nothing put in (`pmr.simulate.balance`)
+    parts: NDArray[np.int64] | None = None  # (T,): of how many parts each step was made (`pmr.simulate.contact_step`)

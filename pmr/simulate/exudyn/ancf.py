@@ -32,39 +32,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CableMotion:
-    """Motion of a cable at chosen material points.
+    """Motion of a cable at chosen material points."""
 
-    Attributes
-    ----------
-    t : (T,) array, s
-    x : (o,) array, m
-        Material points: positions in the undeformed cable.
-    displacement : (T, o) array, m
-        Transverse.
-    velocity : (T, o, 2) array, m/s
-        Along x and y.
-    curvature : (T, o) array, 1/m
-        Where two elements meet, the mean of both sides.
-    loads, load_displacement : (T, i) arrays, N and m
-        Forces, and the transverse displacements where they act.
-    slider_force : (T,) array, N
-        Multiplier lambda of the joint: the slider pushes with -lambda on the cable, normal to it.
-    s : (T,) array, m
-        Position of the slider in space.
-    seconds : float
-        Wall time of the solver alone.
-    """
-
-    t: Array
-    x: Array
-    displacement: Array
-    velocity: Array
-    curvature: Array
+    t: Array  # (T,) s
+    x: Array  # (o,) m: material points, positions in the undeformed cable
+    displacement: Array  # (T, o) m: transverse
+    velocity: Array  # (T, o, 2) m/s: along x and y
+    curvature: Array  # (T, o) 1/m: where two elements meet, the mean of both sides
+    # (T, i) in N and m: forces, and the transverse displacements where they act
     loads: Array
     load_displacement: Array
+    # (T,) N: multiplier lambda of the joint; the slider pushes with -lambda on the cable, normal to it
     slider_force: Array
-    s: Array
-    seconds: float
+    s: Array  # (T,) m: position of the slider in space
+    seconds: float  # wall time of the solver alone
 
 
 def simulate(

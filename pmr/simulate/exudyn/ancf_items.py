@@ -32,24 +32,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CableItems:
-    """Numbers of the items.
+    """Numbers of the items; forces in N."""
 
-    Attributes
-    ----------
-    nNodes : list of NodeIndex
-        NodePoint2DSlope1, from x = 0 on.
-    oElements : list of ObjectIndex
-        ObjectANCFCable2D.
-    oHold : ObjectIndex
-        ObjectConnectorCoordinate that holds the slider along x; its offset is s(t) - s(0) in m.
-    oJoint : ObjectIndex
-        ObjectJointSliding2D; the second component of its Force is the multiplier normal to the cable, in N.
-    """
-
-    nNodes: list[Any]
-    oElements: list[Any]
-    oHold: Any
-    oJoint: Any
+    nNodes: list[Any]  # of NodePoint2DSlope1, from x = 0 on
+    oElements: list[Any]  # of ObjectANCFCable2D
+    oHold: Any  # an ObjectConnectorCoordinate that holds the slider along x; its offset is s(t) - s(0) in m
+    oJoint: Any  # an ObjectJointSliding2D; the second component of its Force is the multiplier normal to the cable
 
 
 def add_sliding_cable(mbs: Any, cable: Cable, s: float) -> CableItems:

@@ -28,26 +28,13 @@ _ON_NODE = 1e-9
 
 @dataclass(frozen=True)
 class Cable:
-    """A uniform cable along x from 0 to `length`, pinned at 0.
+    """A uniform cable along x from 0 to `length`, pinned at 0."""
 
-    Attributes
-    ----------
-    length : float, m
-    axial_stiffness : float
-        EA in N.
-    bending_stiffness : float
-        EI in N m^2.
-    mass_per_length : float
-        rho A in kg/m.
-    elements : int
-        All of the same length.
-    """
-
-    length: float
-    axial_stiffness: float
-    bending_stiffness: float
-    mass_per_length: float
-    elements: int
+    length: float  # m
+    axial_stiffness: float  # EA, N
+    bending_stiffness: float  # EI, N m^2
+    mass_per_length: float  # rho A, kg/m
+    elements: int  # all of the same length
 
     @property
     def element_length(self) -> float:

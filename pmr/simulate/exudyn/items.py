@@ -41,37 +41,21 @@ def _nothing(mbs: Any, t: float) -> bool:
 
 @dataclass(frozen=True)
 class SlidingBodyItems:
-    """Numbers of the items that make up one sliding body in an mbs.
+    """Numbers of the items that make up one sliding body in an mbs."""
 
-    Attributes
-    ----------
-    nBody : NodeIndex
-        NodeGenericODE2 with the n coordinates.
-    oBody : ObjectIndex
-        ObjectGenericODE2 with M, D and K.
-    mBody : MarkerIndex
-        All coordinates of the body; attach further connectors here.
-    nGround, mGround : NodeIndex, MarkerIndex
-    oSlider : ObjectIndex or None
-        ObjectConnectorCoordinateVector of `rows`; its output variable Force is their lambda in N.  None where there
-        are no such rows.
-    oSupports : tuple of ObjectIndex
-        ObjectConnectorCoordinate for each of the body's rows that hold one coordinate, in the order of ``body.held``:
-        a vector connector would carry its dense n columns for each of them.
-    rows : tuple of int
-        Numbers of the body's rows that oSlider holds, in its order.
-    update : callable ``(mbs, t) -> True``
-        Sets rows and loads to the time t in s; the system's pre-step function calls it.
-    """
-
-    nBody: Any
-    oBody: Any
-    mBody: Any
+    nBody: Any  # NodeGenericODE2 with the n coordinates
+    oBody: Any  # ObjectGenericODE2 with M, D and K
+    mBody: Any  # all coordinates of the body; attach further connectors here
     nGround: Any
     mGround: Any
+    # ObjectConnectorCoordinateVector of `rows`; its output variable Force is their lambda in N; None where there are
+    # no such rows
     oSlider: Any
+    # ObjectConnectorCoordinate for each of the body's rows that hold one coordinate, in the order of ``body.held``: a
+    # vector connector would carry its dense n columns for each of them
     oSupports: tuple[Any, ...]
-    rows: tuple[int, ...]
+    rows: tuple[int, ...]  # numbers of the body's rows that oSlider holds, in its order
+    # sets rows and loads to the time t in s; the system's pre-step function calls it
     update: PreStep = _nothing
 
 

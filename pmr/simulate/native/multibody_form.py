@@ -20,21 +20,12 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class MultibodyForm:
-    """A system whose bodies are in modal form.
-
-    Attributes
-    ----------
-    system : System
-    forms : tuple of ModalForm
-    carried : tuple of CarriedRows
-        The bodies' rows, of their modes.
-    modes, carriers, inputs : (bodies + 1,) integer arrays
-        Where each body's begin among all.
-    """
+    """A system whose bodies are in modal form."""
 
     system: System
     forms: tuple[ModalForm, ...]
-    carried: tuple[CarriedRows, ...]
+    carried: tuple[CarriedRows, ...]  # the bodies' rows, of their modes
+    # (bodies + 1,): where each body's begin among all
     modes: Indices
     carriers: Indices
     inputs: Indices

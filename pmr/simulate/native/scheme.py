@@ -23,15 +23,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GeneralizedAlpha:
-    """The parameters of Chung and Hulbert, Journal of Applied Mechanics 60, 1993, eq. 25.
+    """The parameters of Chung and Hulbert, Journal of Applied Mechanics 60, 1993, eq. 25."""
 
-    Attributes
-    ----------
-    step : float, s
-    rho_inf : float
-    """
-
-    step: float
+    step: float  # s
     rho_inf: float
 
     @property

@@ -34,21 +34,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Observation:
-    """Chosen outputs of a simulation, at every so many steps.
+    """Chosen outputs of a simulation, at every so many steps."""
 
-    Attributes
-    ----------
-    t : (T,) array, s
-    y : (T, o) array, m
-    multipliers : (T, m) array, N
-    seconds : float
-        Wall time of the solver alone.
-    """
-
-    t: Array
-    y: Array
-    multipliers: Array
-    seconds: float
+    t: Array  # (T,) s
+    y: Array  # (T, o) m
+    multipliers: Array  # (T, m) N
+    seconds: float  # wall time of the solver alone
 
 
 def simulate(
