@@ -9,7 +9,6 @@ Every other module takes MPI, PETSc and SLEPc from here, which also keeps the im
 elements           basix.ufl_wrapper, ufl        basix.ufl                      basix.ufl
 function space     FunctionSpace(mesh, element)  functionspace(mesh, element)   functionspace(mesh, element)
 create_mesh        comm, cells, x, domain        comm, cells, x, element        comm, cells, element, x
-geometry dofs      dofmap.links(cell)            dofmap (2D array)              dofmaps[0] (2D array)
 =================  ============================  =============================  ==========================
 """
 
@@ -76,8 +75,8 @@ from pmr.errors import InputError
 from pmr.files.built import stored
 
 __all__ = [
-    "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_coordinates", "cell_dofs", "cell_topology", "cellwise",
-    "check_fenicsx", "comm_of", "constant", "create_mesh", "hermite_space", "interval_mesh", "lagrange_rule",
+    "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_dofs", "cell_topology", "cellwise",
+    "check_fenicsx", "comm_of", "constant", "create_mesh", "hermite_space", "lagrange_rule",
     "lagrange_space", "original_cells", "rule_points", "shell_space", "tabulated", "tabulation_space",
     "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
@@ -96,12 +95,10 @@ logging.getLogger("FFCx").setLevel(logging.WARNING)
 logging.getLogger("UFL").setLevel(logging.WARNING)
 
 
-class _NoCompilerChatter(logging.Filter):
-    def filter(self, record: logging.LogRecord) -> bool:
-        return record.module not in {"dist", "build_ext", "ccompiler", "spawn", "_log", "cmd"}
-
-
-logging.getLogger().addFilter(_NoCompilerChatter())
+# So does setuptools of the compiler.
+logging.getLogger().addFilter(
+    lambda record: record.module not in {"dist", "build_ext", "ccompiler", "spawn", "_log", "cmd"}
+)
 
 
 def versions() -> dict[str, str]:
@@ -135,12 +132,6 @@ def check_fenicsx(model: str) -> None:
         raise InputError("scene", "body.model", model, allowed)
 
 
-def interval_mesh(comm: MPI.Comm, nodes: Array) -> Any:
-    """A dolfinx mesh of the x axis with the given increasing nodes (m), distributed over `comm`."""
-    start = np.arange(len(nodes) - 1)
-    return create_mesh(comm, "interval", np.asarray(nodes, float)[:, None], np.column_stack([start, start + 1]))
-
-
 def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int64]) -> Any:
     """A dolfinx mesh of linear cells, distributed over `comm`; rank 0 gives points and cells.
 
@@ -152,7 +143,15 @@ def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int6
     cells : (C, k) integer array
         Vertices in dolfinx' order (hexahedra: as a tensor product).
     """
-    mesh = _created_mesh(comm, cell, points, cells)
+    d, first = points.shape[1], comm.rank == 0
+    x = np.ascontiguousarray(points, float) if first else np.empty((0, d))
+    mine = np.ascontiguousarray(cells if first else cells[:0], np.int64)
+    if VERSION < (0, 7):
+        vertices = ufl.VectorElement("Lagrange", ufl.Cell(cell, geometric_dimension=d), 1)
+    else:
+        vertices = basix.ufl.element("Lagrange", cell, 1, shape=(d,))
+    described = (x, ufl.Mesh(vertices)) if VERSION < (0, 10) else (vertices, x)
+    mesh = dolfinx.mesh.create_mesh(comm, mine, *described)
     _comm_of[mesh] = comm
     return mesh
 
@@ -167,20 +166,6 @@ def comm_of(mesh: Any) -> MPI.Comm:
 
 
 _comm_of: WeakKeyDictionary[Any, MPI.Comm] = WeakKeyDictionary()
-
-
-def _created_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int64]) -> Any:
-    first = comm.rank == 0
-    d = points.shape[1]
-    x = np.ascontiguousarray(points, float) if first else np.empty((0, d))
-    mine = np.ascontiguousarray(cells if first else cells[:0], np.int64)
-    if VERSION < (0, 7):
-        shape = ufl.Cell(cell, geometric_dimension=d)
-        return dolfinx.mesh.create_mesh(comm, mine, x, ufl.Mesh(ufl.VectorElement("Lagrange", shape, 1)))
-    element = basix.ufl.element("Lagrange", cell, 1, shape=(d,))
-    if VERSION < (0, 10):
-        return dolfinx.mesh.create_mesh(comm, mine, x, ufl.Mesh(element))
-    return dolfinx.mesh.create_mesh(comm, mine, element, x)
 
 
 def cell_topology(cell: str) -> list[list[list[int]]]:
@@ -232,21 +217,12 @@ def _quadrature(kind: Any, degree: int) -> Any:
 
 def lagrange_space(mesh: Any, degree: int) -> Any:
     """Continuous vectors of the mesh's geometric dimension, polynomials of `degree` in each component."""
-    d = mesh.geometry.dim
-    if _WRAPPED:
-        return _space(mesh, ufl.VectorElement("Lagrange", mesh.ufl_cell(), degree, dim=d))
-    return _space(mesh, basix.ufl.element("Lagrange", mesh.topology.cell_name(), degree, shape=(d,)))
+    return _space(mesh, _element(mesh, "Lagrange", degree, mesh.geometry.dim))
 
 
 def shell_space(mesh: Any) -> Any:
     """Quadratic displacement and Crouzeix-Raviart rotation, three components each, on triangles in space."""
-    if _WRAPPED:
-        cell = mesh.ufl_cell()
-        u, theta = ufl.VectorElement("Lagrange", cell, 2, dim=3), ufl.VectorElement("CR", cell, 1, dim=3)
-        return _space(mesh, ufl.MixedElement(u, theta))
-    u = basix.ufl.element("Lagrange", "triangle", 2, shape=(3,))
-    theta = basix.ufl.element("CR", "triangle", 1, shape=(3,))
-    return _space(mesh, basix.ufl.mixed_element([u, theta]))
+    return _space(mesh, _mixed([_element(mesh, "Lagrange", 2, 3), _element(mesh, "CR", 1, 3)]))
 
 
 def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
@@ -260,11 +236,22 @@ def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
     # custom elements by little else.
     value = _vertex_element((lambda X: 1 - 3 * X**2 + 2 * X**3, lambda X: 3 * X**2 - 2 * X**3), 0, 0)
     slope = _vertex_element((lambda X: X - 2 * X**2 + X**3, lambda X: -(X**2) + X**3), 1, -1)
-    if _WRAPPED:
-        parts = [ufl.FiniteElement("Lagrange", "interval", 1)] * linear + [value, slope] * planes
-        return _space(mesh, ufl.MixedElement(*parts))
-    parts = [basix.ufl.element("Lagrange", "interval", 1)] * linear + [value, slope] * planes
-    return _space(mesh, basix.ufl.mixed_element(parts))
+    return _space(mesh, _mixed([_element(mesh, "Lagrange", 1)] * linear + [value, slope] * planes))
+
+
+def _element(mesh: Any, family: str, degree: int, components: int = 0) -> Any:
+    """Of a scalar, or of a vector with so many components."""
+    if not _WRAPPED:
+        shape = (components,) if components else None
+        return basix.ufl.element(family, mesh.topology.cell_name(), degree, shape=shape)
+    cell = mesh.ufl_cell()
+    if components:
+        return ufl.VectorElement(family, cell, degree, dim=components)
+    return ufl.FiniteElement(family, cell, degree)
+
+
+def _mixed(elements: list[Any]) -> Any:
+    return ufl.MixedElement(*elements) if _WRAPPED else basix.ufl.mixed_element(elements)
 
 
 def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> Any:
@@ -338,12 +325,15 @@ def _compiled(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any
     FFCx marks what it has begun by a file that nobody takes away if its process is killed: from then on each run that
     needs the same code waits for it and fails.  So it compiles in a folder that counts only once it is whole.
     """
-    keyword, options = _jit_options()
+    old = VERSION < (0, 6)
+    keyword = "jit_params" if old else "jit_options"
     if keyword not in inspect.signature(create).parameters:
         return create()  # from 0.8 on elements are not compiled
+    options = dict(dolfinx.jit.get_parameters() if old else dolfinx.jit.get_options())
+    of_forms = sorted((ffcx.get_parameters() if old else ffcx.get_options()).items(), key=str)
     place = Path(options.pop("cache_dir")) / "pmr"
     built_for = [np.dtype(PETSc.ScalarType).name, *(sysconfig.get_config_var(name) for name in ("SOABI", "CFLAGS"))]
-    decides = (signature, ffcx.codegeneration.get_signature(), _form_options(), options, built_for)
+    decides = (signature, ffcx.codegeneration.get_signature(), repr(of_forms), options, built_for)
     name = hashlib.sha256(repr(decides).encode()).hexdigest()[:32]
     try:
         return stored(place / name, _is_whole, lambda folder: create(**{keyword: {"cache_dir": folder}}), comm)
@@ -358,25 +348,9 @@ def _is_whole(folder: Path) -> bool:
     return bool(begun) and all(file.with_suffix(".c.cached").is_file() for file in begun)
 
 
-def _jit_options() -> tuple[str, dict[str, Any]]:
-    """The keyword for what decides how code is compiled, and its present values."""
-    if VERSION < (0, 6):
-        return "jit_params", dict(dolfinx.jit.get_parameters())
-    return "jit_options", dict(dolfinx.jit.get_options())
-
-
-def _form_options() -> str:
-    options = ffcx.get_parameters() if VERSION < (0, 6) else ffcx.get_options()
-    return repr(sorted(options.items(), key=str))
-
-
 def cellwise(mesh: Any, values: Array) -> Any:
     """A function that is constant in each cell, from one value for each cell that the mesh was created from."""
-    if _WRAPPED:
-        element = ufl.FiniteElement("DG", mesh.ufl_cell(), 0)
-    else:
-        element = basix.ufl.element("DG", mesh.topology.cell_name(), 0)
-    function = dolfinx.fem.Function(_space(mesh, element))
+    function = dolfinx.fem.Function(_space(mesh, _element(mesh, "DG", 0)))
     function.x.array[_table(function.function_space.dofmap).ravel()] = values[original_cells(mesh)]
     return function
 
@@ -384,16 +358,6 @@ def cellwise(mesh: Any, values: Array) -> Any:
 def original_cells(mesh: Any) -> NDArray[np.int64]:
     """Numbers, in the input of `create_mesh`, of the cells that this rank knows: its own, then ghosts."""
     return np.asarray(mesh.topology.original_cell_index, np.int64)
-
-
-def cell_coordinates(mesh: Any) -> Array:
-    """Vertex coordinates (cells, k, d) of the cells that this rank knows, in the order of the reference cell, in m."""
-    geometry = mesh.geometry
-    if VERSION < (0, 7):
-        at = np.asarray(geometry.dofmap.array).reshape(geometry.dofmap.num_nodes, -1)
-    else:
-        at = np.asarray(geometry.dofmap if VERSION < (0, 10) else geometry.dofmaps[0])
-    return np.asarray(geometry.x[at][..., : geometry.dim])
 
 
 def cell_dofs(space: Any) -> list[NDArray[np.int64]]:

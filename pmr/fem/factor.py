@@ -36,7 +36,34 @@ class NotDefiniteError(InputError):
         super().__init__("body", name, None, "a positive definite matrix is allowed")
 
 
-class Factor:
+class _PetscFactor:
+    """A factor that PETSc holds."""
+
+    _factor: PETSc.Mat
+
+    def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
+        """Answer to one right-hand side."""
+        self._factor.solve(right, answer)
+
+    def solve_columns(self, columns: Array) -> Array:
+        """Answers, this rank's rows (n_local, k), to a few right-hand sides given likewise.
+
+        Right-hand sides in Fortran's order are not copied; the result is in that order.
+        """
+        result = np.empty(columns.shape, order="F")
+        for k in range(0, columns.shape[1], BLOCK):
+            right = view(np.asfortranarray(columns[:, k : k + BLOCK]), self._factor)
+            answer = view(result[:, k : k + BLOCK], self._factor)
+            self._factor.matSolve(right, answer)
+            freed(right, answer)
+        return result
+
+    def destroy(self) -> None:
+        """Give the factor's memory back."""
+        self._factor.destroy()
+
+
+class Factor(_PetscFactor):
     """L L^T of a distributed matrix.
 
     What it will take is known before it is computed.  What does not fit into the memory that is free goes to files, in
@@ -79,21 +106,6 @@ class Factor:
         if self._factor.comm.rank == 0:
             _log.warning("%s: it is kept in files, which takes %d MB of it and time for reading", said, least)
 
-    def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
-        """Answer to one right-hand side."""
-        self._factor.solve(right, answer)
-
-    def solve_columns(self, columns: Array) -> Array:
-        """Answers, this rank's rows (n_local, k), to a few right-hand sides given likewise.
-
-        Right-hand sides in Fortran's order are not copied; the result is in that order.
-        """
-        return _solved(self._factor, columns)
-
-    def destroy(self) -> None:
-        """Give the factor's memory back."""
-        self._factor.destroy()
-
 
 def product(A: PETSc.Mat, x: Array) -> Array:
     """This rank's rows of A x, x (n_local,) given likewise."""
@@ -106,7 +118,7 @@ def product(A: PETSc.Mat, x: Array) -> Array:
     return found
 
 
-class SequentialFactor:
+class SequentialFactor(_PetscFactor):
     """The same on one rank, by CHOLMOD, whose solve with a single right-hand side takes half as long as MUMPS'.
 
     Raises
@@ -117,25 +129,13 @@ class SequentialFactor:
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
         A.setOption(PETSc.Mat.Option.SPD, True)
-        pc = _by_cholmod(A)
+        pc = cholesky(A, "cholmod")
         try:
             pc.setUp()
         except PETSc.Error:
             raise NotDefiniteError(name) from None
         self._factor = pc.getFactorMatrix()
         pc.destroy()
-
-    def solve(self, right: PETSc.Vec, answer: PETSc.Vec) -> None:
-        """Answer to one right-hand side."""
-        self._factor.solve(right, answer)
-
-    def solve_columns(self, columns: Array) -> Array:
-        """As `Factor.solve_columns`."""
-        return _solved(self._factor, columns)
-
-    def destroy(self) -> None:
-        """Give the factor's memory back."""
-        self._factor.destroy()
 
 
 class SparseFactor:
@@ -181,17 +181,17 @@ def factor_for_steps(A: PETSc.Mat, name: str) -> AnyFactor:
     """A factor for one right-hand side after another: CHOLMOD's on one rank, where PETSc has it."""
     if HAS_PETSC and A.comm.size == 1:
         with suppress(PETSc.Error):
-            freed(_by_cholmod(A))
+            freed(cholesky(A, "cholmod"))
             return SequentialFactor(A, name)
     return factor_of(A, name)
 
 
-def _by_cholmod(A: PETSc.Mat) -> PETSc.PC:
-    """Refused by PETSc where it was built without."""
+def cholesky(A: PETSc.Mat, package: str) -> PETSc.PC:
+    """What makes a factor of A by a package; refused by PETSc where it was built without."""
     pc = PETSc.PC().create(comm=A.comm)
     pc.setOperators(A)
     pc.setType("cholesky")
-    pc.setFactorSolverType("cholmod")
+    pc.setFactorSolverType(package)
     pc.setFactorSetUpSolverType()
     return pc
 
@@ -211,27 +211,12 @@ def refusal(name: str, code: int) -> InputError:
     return InputError("scene", "mesh", None, allowed)
 
 
-def _solved(factor: PETSc.Mat, columns: Array) -> Array:
-    """Answers to a few right-hand sides."""
-    result = np.empty(columns.shape, order="F")
-    for k in range(0, columns.shape[1], BLOCK):
-        right = view(np.asfortranarray(columns[:, k : k + BLOCK]), factor)
-        answer = view(result[:, k : k + BLOCK], factor)
-        factor.matSolve(right, answer)
-        freed(right, answer)
-    return result
-
-
 def factorised(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
     """The factor of A in at most `free` MB a rank; from its analysis MUMPS knows beforehand if that is too little.
 
     A itself is no longer held.
     """
-    pc = PETSc.PC().create(comm=A.comm)
-    pc.setOperators(A)
-    pc.setType("cholesky")
-    pc.setFactorSolverType("mumps")
-    pc.setFactorSetUpSolverType()
+    pc = cholesky(A, "mumps")
     factor = pc.getFactorMatrix()
     factor.setMumpsIcntl(22, int(in_files))
     factor.setMumpsIcntl(23, free)

@@ -21,32 +21,27 @@ class Comm:
     rank, size = 0, 1
 
     def tompi4py(self) -> Comm:
-        """Itself."""
         return self
 
     def bcast(self, one: Any, root: int = 0) -> Any:
-        """What rank 0 has."""
         return one
 
     def allreduce(self, one: Any, op: Any = None) -> Any:
-        """Sum, least or largest of what all have, as the next one."""
         return one
 
     reduce = allreduce
 
     def allgather(self, one: Any) -> list[Any]:
-        """What each rank has, as the next one."""
         return [one]
 
     def gather(self, one: Any, root: int = 0) -> list[Any]:
-        """The same on rank 0."""
         return [one]
 
     def barrier(self) -> None:
-        """Wait for nobody."""
+        """Nobody is waited for."""
 
     def Bcast(self, *arrays: Any) -> None:
-        """In place: the arrays are what they become, as in the next one."""
+        """In place: the arrays are what they become."""
 
     Allreduce = Bcast
 
@@ -63,15 +58,12 @@ class Vec:
         self._values = values
 
     def getArray(self) -> Array:
-        """The numbers themselves."""
         return self._values
 
     def duplicate(self) -> Vec:
-        """One of the same size."""
         return Vec(np.zeros_like(self._values))
 
     def max(self) -> tuple[int, float]:
-        """Place and value of the largest."""
         return int(self._values.argmax()), float(self._values.max())
 
     def destroy(self) -> None:
@@ -82,7 +74,6 @@ class IS:
     """Numbers of rows or columns."""
 
     def createGeneral(self, numbers: NDArray[Any], comm: Comm = WORLD) -> IS:
-        """From an array."""
         self.numbers = numbers
         return self
 
@@ -100,13 +91,11 @@ class Mat:
         self.values = values
 
     def createAIJ(self, sizes: Any, csr: tuple[NDArray[Any], ...], comm: Comm = WORLD) -> Mat:
-        """From rows' ends, columns and entries."""
         indptr, indices, entries = csr
         self.values = sp.csr_matrix((entries, indices, indptr), shape=tuple(size[1] for size in sizes))
         return self
 
     def createDense(self, sizes: Any, array: Array | None = None, comm: Comm = WORLD) -> Mat:
-        """Zeros, or a view of an array."""
         self.values = np.zeros(tuple(size[1] for size in sizes), order="F") if array is None else array
         return self
 
@@ -116,96 +105,74 @@ class Mat:
     assemble = destroy = setUp
 
     def copy(self) -> Mat:
-        """A matrix of its own."""
         return Mat(self.values.copy())
 
     def duplicate(self, copy: bool = False) -> Mat:
-        """The same."""
         return self.copy()
 
     def getSize(self) -> tuple[int, int]:
-        """Rows and columns."""
         rows, columns = self.values.shape
         return int(rows), int(columns)
 
     def getLocalSize(self) -> tuple[int, int]:
-        """The same."""
         return self.getSize()
 
     def getSizes(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Those of this rank and of all, of rows and of columns."""
         rows, columns = self.getSize()
         return (rows, rows), (columns, columns)
 
     def getOwnershipRange(self) -> tuple[int, int]:
-        """All rows."""
         return 0, self.getSize()[0]
 
     def getDenseArray(self) -> Array:
-        """The entries themselves."""
         return np.asarray(self.values)
 
     def getValuesCSR(self) -> tuple[NDArray[Any], NDArray[Any], Array]:
-        """Copies of rows' ends, columns and entries."""
         return self.values.indptr.copy(), self.values.indices.copy(), self.values.data.copy()
 
     def getRow(self, number: int) -> tuple[NDArray[Any], Array]:
-        """Columns and entries."""
         row = self.values[number]
         return row.indices, row.data
 
     def getDiagonal(self) -> Vec:
-        """As a vector."""
         return Vec(self.values.diagonal())
 
     def createVecs(self) -> tuple[Vec, Vec]:
-        """What the matrix may be applied to, and the product."""
         return self.createVecRight(), self.createVecLeft()
 
     def createVecRight(self) -> Vec:
-        """The former."""
         return Vec(np.zeros(self.getSize()[1]))
 
     def createVecLeft(self) -> Vec:
-        """The latter."""
         return Vec(np.zeros(self.getSize()[0]))
 
     def mult(self, x: Vec, y: Vec) -> None:
-        """A x becomes y."""
         y.getArray()[:] = self.values @ x.getArray()
 
     def multAdd(self, x: Vec, y: Vec, z: Vec) -> None:
-        """Y + A x becomes z."""
         z.getArray()[:] = y.getArray() + self.values @ x.getArray()
 
     def matMult(self, X: Mat, Y: Mat) -> None:
-        """A X becomes Y, both dense."""
         Y.values[:] = self.values @ X.values
 
     def PtAP(self, P: Mat) -> Mat:
-        """P^T A P."""
         return Mat(sp.csr_matrix(P.values.T @ self.values @ P.values))
 
     def createSubMatrix(self, rows: IS, columns: IS) -> Mat:
-        """Some rows and columns in their order."""
         return Mat(self.values[rows.numbers][:, columns.numbers])
 
     def scale(self, factor: float) -> None:
-        """A becomes a multiple of itself."""
         self.values *= factor
 
     def axpy(self, factor: float, X: Mat, structure: Any = None) -> None:
-        """A grows by a multiple of X."""
         self.values = sp.csr_matrix(self.values + factor * X.values)
 
     def zeroRowsColumns(self, numbers: NDArray[Any], diag: float) -> None:
-        """Nothing but a diagonal entry is left of these."""
         kept, put = np.ones(self.getSize()[0]), np.zeros(self.getSize()[0])
         kept[numbers], put[numbers] = 0.0, diag
         self.values = sp.csr_matrix(sp.diags(kept) @ self.values @ sp.diags(kept) + sp.diags(put))
 
     def norm(self, kind: Any) -> float:
-        """The infinity norm."""
         return float(np.abs(self.values).sum(axis=1).max())
 
 

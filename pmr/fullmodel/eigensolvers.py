@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.fem.compat import HAS_PETSC, PETSc
 from pmr.fem.distributed import freed, times
+from pmr.fem.factor import cholesky
 from pmr.fem.matrices import gather
 from pmr.fullmodel.elimination import eliminate
 from pmr.fullmodel.low_rank_eigensolver import OneFactorEigenSolver
@@ -153,11 +154,7 @@ def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
     shifted = K.copy()
     shifted.axpy(-below, M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    pc = PETSc.PC().create(comm=K.comm)
-    pc.setOperators(shifted)
-    pc.setType("cholesky")
-    pc.setFactorSolverType("mumps")
-    pc.setFactorSetUpSolverType()
+    pc = cholesky(shifted, "mumps")
     factor = pc.getFactorMatrix()
     factor.setMumpsIcntl(24, 1)  # null pivots are looked for: MUMPS counts no inertia without
     pc.setUp()

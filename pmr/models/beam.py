@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fem.compat import MPI, interval_mesh
+from pmr.fem.compat import MPI, create_mesh
 from pmr.fields.grid import Grid
 from pmr.models import DIRECTIONS, rigid_motions
 from pmr.scene.structures import Beam3DBody, Profile
@@ -46,7 +46,7 @@ class Beam(ABC):
         return len(self.directions) * len(self.node_stations)
 
     def domain(self, comm: MPI.Comm) -> Any:
-        return interval_mesh(comm, self.node_stations)
+        return create_mesh(comm, "interval", self.node_stations[:, None], self.grid.cells)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         nodes = cells[:, None] + np.arange(2)

@@ -8,12 +8,13 @@ import sys
 import numpy as np
 import ufl
 
-from pmr.fem.compat import MPI, assemble, interval_mesh, lagrange_space
+from pmr.fem.compat import MPI, assemble, create_mesh, lagrange_space
 
 
 def main() -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it, and so do theirs
-    mesh = interval_mesh(MPI.COMM_WORLD, np.linspace(0.0, 2.0, 9))
+    nodes, first = np.linspace(0.0, 2.0, 9)[:, None], np.arange(8)[:, None]
+    mesh = create_mesh(MPI.COMM_WORLD, "interval", nodes, first + np.arange(2))
     space = lagrange_space(mesh, 1)
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     M = assemble(3.0 * ufl.inner(u, v) * ufl.dx)
