@@ -26,6 +26,7 @@ from pmr.reduce.residual.model import section_model
 from pmr.reduced.model import ReducedModel
 from pmr.scene.structures import Profile
 from pmr.simulate.modal import modal_form
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.body import FullBody, SlidingBody
 from pmr.system.contacts import Joint, JointPad
@@ -180,5 +181,5 @@ def full_section(box: Box) -> FullBody:
 def reduced_section(box: Box, elastic: int) -> ReducedModel:
     """On its lowest modes."""
     model, count = section(box), elastic + (0 if box.clamped else 2)
-    found = section_model(model, modal_basis(free_modes(model, count)), {}, count)
+    found = section_model(FreeBody(model), modal_basis(free_modes(model, count)), {}, count)
     return replace(found, D=2.0 * DAMPING * np.diag(np.sqrt(np.maximum(np.diagonal(found.K), 0.0))))

@@ -24,6 +24,7 @@ from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduced.model import ReducedModel
+from pmr.snapshots.free_body import FreeBody
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
@@ -100,7 +101,7 @@ class Recovery:
         if reduced.flexibility is not None:
             self._rows = [model.rows.rows[model.rows.names.index(name)] for name in rows or reduced.row_names]
             self._inputs = local_csr(model.inputs)
-            self._residual = ResidualFlexibility.of(model, self._V, solver)
+            self._residual = ResidualFlexibility(FreeBody(model, solver), self._V)
 
     @property
     def comm(self) -> Any:

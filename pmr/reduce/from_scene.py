@@ -95,9 +95,7 @@ def summary(
     }
 
 
-def project(
-    scene: Scene, model: FullModel, basis: Basis, provenance: dict[str, Any], body: FreeBody | None = None
-) -> ReducedModel:
+def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
     """The reduced model, with tables of the flexibility that the basis leaves out where the scene asks for it.
 
     An error is estimated by tables of what is left out of the inertia; where rows only push, by its carriers
@@ -109,14 +107,14 @@ def project(
         If rows depend on each other.
     """
     choice = scene.reduction
-    if choice.needs_inertia and not np.isnan(model.rows.clearance).all():
-        return section_model(model, basis, provenance, choice.coordinates, choice.solver, body)
+    if choice.needs_inertia and not np.isnan(body.model.rows.clearance).all():
+        return section_model(body, basis, provenance, choice.coordinates)
     if choice.needs_inertia:
-        found = modal_model(model, basis, provenance, choice.coordinates, choice.solver, body)
+        found = modal_model(body, basis, provenance, choice.coordinates)
         return with_kept_inertia(found) if choice.residual_inertia else found
     if choice.flexibility:
-        return flexible_model(model, basis, provenance, choice.solver, body)
-    reduced = reduced_model(model, basis, provenance)
+        return flexible_model(body, basis, provenance)
+    reduced = reduced_model(body.model, basis, provenance)
     return with_held_coordinates(reduced) if choice.basis == "paper" else reduced
 
 

@@ -67,7 +67,7 @@ def _reduced(built: Built, choice: Reduction, beyond: int, cache: Cache | None) 
         snapshots = free_modes(built.model, choice.coordinates, choice.solver, enrichment, body)
         basis = modal_basis(snapshots)
         motions = support_motions(body)
-        model = section_model(built.model, basis, {}, choice.coordinates, choice.solver, body)
+        model = section_model(body, basis, {}, choice.coordinates)
         return Reduced(snapshots, basis, with_reactions(model, body, np.array(basis.V.getDenseArray()), motions))
 
     found = make() if cache is None else cache.reduced(choice.model_dump(mode="json") | {"section": enrichment}, make)

@@ -183,7 +183,7 @@ def reduce_with(
     with clock.stage("pod"):
         body = body or FreeBody(model, scene.reduction.solver)
         basis, motions = build_basis(scene, model, snapshots), support_motions(body)
-        reduced = project(scene, model, basis, provenance(scene, basis), body)
+        reduced = project(scene, body, basis, provenance(scene, basis))
         reduced = with_reactions(reduced, body, np.array(basis.V.getDenseArray()), motions)
     free_dropped(model.comm)
     return Reduction(model, snapshots, basis, reduced)

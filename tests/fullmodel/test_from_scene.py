@@ -28,6 +28,7 @@ from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate import petsc as fullorder
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.compliant_rows import CompliantRows
 
@@ -51,7 +52,7 @@ def beam() -> Beam3D:
 
 
 def reduced(full: FullModel, r: int) -> ReducedModel:
-    return flexible_model(full, modal_basis(free_modes(full, r)), {})
+    return flexible_model(FreeBody(full), modal_basis(free_modes(full, r)), {})
 
 
 def at_rest(body: ReducedModel, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

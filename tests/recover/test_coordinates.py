@@ -27,6 +27,7 @@ from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate import petsc as fullorder
 from pmr.simulate.native import simulator as march
 from pmr.simulate.petsc import Recording
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.body import Trajectory, displacement
 
@@ -72,12 +73,12 @@ def plain(full: FullModel, modes: Basis) -> ReducedModel:
 
 
 def flexible(full: FullModel, modes: Basis) -> ReducedModel:
-    return flexible_model(full, modes, {})
+    return flexible_model(FreeBody(full), modes, {})
 
 
 def inertial(full: FullModel, modes: Basis) -> ReducedModel:
     """Two of the modes are enrichment modes: they belong to what is left out."""
-    return with_kept_inertia(modal_model(full, modes, {}, modes.size - 2))
+    return with_kept_inertia(modal_model(FreeBody(full), modes, {}, modes.size - 2))
 
 
 def outputs(full: FullModel, q: np.ndarray) -> np.ndarray:

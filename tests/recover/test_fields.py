@@ -18,6 +18,7 @@ from pmr.reduce.residual.model import flexible_model
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, PointMass, Profile, ShellBody
 from pmr.simulate import petsc as fullorder
 from pmr.simulate.native import simulator as march
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 
 pytestmark = pytest.mark.mpi
@@ -106,7 +107,7 @@ def test_ten_coordinates_know_the_largest_stress() -> None:
     boom, steps = booms.boom(model, span=2.0), np.arange(0, 2001, 20)
     full, t = structural_model(boom.structure), boom.excitation.times[steps]
     basis = modal_basis(free_modes(full, 10))
-    body = flexible_model(full, basis, {})
+    body = flexible_model(FreeBody(full), basis, {})
     exact = fullorder.observe(full, boom.excitation, fullorder.Recording((0,), states=tuple(t)))
     whole = march.simulate(body, boom.excitation)
     view, recovery = View.of(boom.structure), Recovery(full, np.array(basis.V.getDenseArray()), body)

@@ -13,6 +13,7 @@ from pmr.models.shell import Shell
 from pmr.reduce.basis import modal_basis
 from pmr.reduce.residual.model import section_model
 from pmr.scene.structures import Plate, ShellBody
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
@@ -56,8 +57,8 @@ def test_two_shells_of_thousands_of_coordinates_with_twenty() -> None:
     full = System({"outer": outer.gather(), "inner": inner.gather()}, contacts())
     small = System(
         {
-            "outer": section_model(outer, modal_basis(free_modes(outer, 8)), {}, 8),
-            "inner": section_model(inner, modal_basis(free_modes(inner, 12)), {}, 12),
+            "outer": section_model(FreeBody(outer), modal_basis(free_modes(outer, 8)), {}, 8),
+            "inner": section_model(FreeBody(inner), modal_basis(free_modes(inner, 12)), {}, 12),
         },
         contacts(),
     )

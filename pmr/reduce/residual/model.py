@@ -41,26 +41,17 @@ ROUND_OFF = 100.0
 FLOOR = float(np.sqrt(np.finfo(float).eps))
 
 
-def flexible_model(
-    model: FullModel,
-    basis: Basis,
-    provenance: dict[str, Any],
-    solver: str = "auto",
-    body: FreeBody | None = None,
-) -> ReducedModel:
+def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
     """Galerkin projection on `basis` with tables of the flexibility that it leaves out; the same on every rank.
 
     Parameters
     ----------
-    model : FullModel
+    body : FreeBody
+        Of the full model, with the factor that the basis was made with; the factor is dropped at the end.
     basis : Basis
         Holds all rigid-body modes that the fixed rows leave free: `pmr.reduce.basis.modal_basis` of free modes, or
         `pmr.reduce.basis.with_rigid_modes`.
     provenance : dict
-    solver : ``"auto"``, ``"dense"`` or ``"slepc"``
-        LAPACK, or MUMPS on the distributed stiffness.
-    body : FreeBody, optional
-        Of this model, with the factor that the basis was made with; it is dropped at the end.
 
     Raises
     ------
@@ -75,22 +66,15 @@ def flexible_model(
     that coupling is neglected, at a price while it lacks low modes: the paper's basis, evolved case, is off by 87 % of
     the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
-    shared, residual = _on_path(model), _residual(body or FreeBody(model, solver), basis)
+    model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
     reduced = _projected(model, basis, provenance)
     flexibility = load_flexibility(residual, shared.carriers, meeting(shared, len(model.input_names)))
-    residual.drop()
+    body.drop()
     free_dropped(model.comm)
     return _completed(reduced, tables(flexibility, shared))
 
 
-def modal_model(
-    model: FullModel,
-    basis: Basis,
-    provenance: dict[str, Any],
-    coordinates: int,
-    solver: str = "auto",
-    body: FreeBody | None = None,
-) -> ReducedModel:
+def modal_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int) -> ReducedModel:
     """The same for eigenmodes, with tables of the residual part's inertia; modes beyond `coordinates` are enrichment
     modes.
 
@@ -99,11 +83,11 @@ def modal_model(
     InputError, ValueError
         As `flexible_model`, and if the basis holds anything but eigenmodes.
     """
-    shared, residual = _on_path(model), _residual(body or FreeBody(model, solver), basis)
+    model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
     reduced, pattern = _projected(model, basis, provenance), meeting(shared, len(model.input_names))
     products = PathProducts(model, shared, pattern)
     flexibility = load_flexibility(residual, shared.carriers, pattern, products)
-    residual.drop()
+    body.drop()
     found = products.result(model, flexibility)
     free_dropped(model.comm)
     flexible = _completed(reduced, tables(flexibility, shared))
@@ -112,14 +96,7 @@ def modal_model(
     return _with_coordinates(replace(flexible, flexibility=inertia), coordinates)
 
 
-def section_model(
-    model: FullModel,
-    basis: Basis,
-    provenance: dict[str, Any],
-    coordinates: int,
-    solver: str = "auto",
-    body: FreeBody | None = None,
-) -> ReducedModel:
+def section_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int) -> ReducedModel:
     """The same with `carriers`: of a body of a system, whose rows each have a path coordinate of their own, or of one
     whose rows only push.
 
@@ -130,11 +107,11 @@ def section_model(
     InputError, ValueError
         As `modal_model`.
     """
-    shared, residual = _on_path(model), _residual(body or FreeBody(model, solver), basis)
+    model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
     reduced, pattern = _projected(model, basis, provenance), any_two(shared, len(model.input_names))
     inertia = InertiaOnCarriers(residual, shared.carriers, pattern) if coordinates < basis.size else None
     flexibility = load_flexibility(residual, shared.carriers, pattern, inertia)
-    residual.drop()
+    body.drop()
     free_dropped(model.comm)
     values = model.comm.allreduce(shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray()))
     carriers = CarriedRows.of(released(model).shared.rows, values, flexibility.between_any_two())

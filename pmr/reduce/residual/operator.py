@@ -24,8 +24,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.distributed import freed, inner, sparse, subtract, times
-from pmr.fullmodel.model import FullModel
-from pmr.reduce.residual.mirrored import images_of
+from pmr.fullmodel.symmetry import images_of
 from pmr.snapshots.free_body import FreeBody, fixed_rows, rigid_bodies
 
 Array = NDArray[np.float64]
@@ -50,15 +49,6 @@ class ResidualFlexibility:
         W = _orthonormal(W, times(model.K, W), self._comm)
         self._basis = np.asfortranarray(np.hstack([Z, W]))
         self._dual = np.asfortranarray(np.hstack([MZ, times(model.K, W)]))
-
-    @classmethod
-    def of(cls, model: FullModel, V: Array, solver: str = "auto") -> ResidualFlexibility:
-        """With a factor of the model's own."""
-        return cls(FreeBody(model, solver), V)
-
-    def drop(self) -> None:
-        """Give the factor's memory back."""
-        self._body.drop()
 
     def keeps(self, P: sp.csr_matrix) -> bool:
         """Whether basis and fixed rows are their own images by P of the body, so that R P = P R; collective."""

@@ -14,7 +14,7 @@ from scipy.interpolate import PPoly
 from pmr.constraints.rows import SharedCarriers
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
-from pmr.reduce.residual.mirrored import Orbits, images_of
+from pmr.fullmodel.symmetry import Orbits, images_of
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.flexibility import Flexibility

@@ -15,6 +15,7 @@ from pmr.reduce.residual import tables
 from pmr.reduce.residual.inertia import PathProducts
 from pmr.reduce.residual.model import flexible_model, modal_model
 from pmr.reduced.model import ReducedModel
+from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 from pmr.system.body import FullBody
 
@@ -49,7 +50,7 @@ def test_tables_of_inertia_are_exact(load_scene, solver: str) -> None:
     full = full_model(load_scene("paper_simple", RICH))
     mass, damping, body = residual(full, 6)
     B = body.B
-    model = modal_model(full, modal_basis(free_modes(full, 6, solver)), {}, 6, solver)
+    model = modal_model(FreeBody(full, solver), modal_basis(free_modes(full, 6, solver)), {}, 6)
     assert model.flexibility and model.flexibility.inertia and model.enrichment is None
     found = model.flexibility.inertia
     low, high = model.domain
@@ -77,9 +78,9 @@ def test_answers_that_the_path_has_left_behind_are_forgotten(load_scene, monkeyp
         held.append(sum(len(others) for others, _ in self._held))
 
     monkeypatch.setattr(PathProducts, "take", counted)
-    expected = modal_model(full, basis, {}, 6).flexibility
+    expected = modal_model(FreeBody(full), basis, {}, 6).flexibility
     monkeypatch.setattr(tables, "BLOCK", 4)
-    found, loads = modal_model(full, basis, {}, 6).flexibility, len(full.input_names) + 48
+    found, loads = modal_model(FreeBody(full), basis, {}, 6).flexibility, len(full.input_names) + 48
     assert len(held) > loads // (4 * full.comm.size) and max(held[1:]) < loads / 2
     assert expected and found and expected.inertia and found.inertia
     for name in ("A0", "A1", "A2", "E0", "D0", "D1", "F0"):
@@ -89,7 +90,7 @@ def test_answers_that_the_path_has_left_behind_are_forgotten(load_scene, monkeyp
 
 def test_without_damping_its_tables_vanish(load_scene) -> None:
     full = full_model(load_scene("paper_simple", [change for change in RICH if "damping" not in change]))
-    model = modal_model(full, modal_basis(free_modes(full, 4)), {}, 4)
+    model = modal_model(FreeBody(full), modal_basis(free_modes(full, 4)), {}, 4)
     assert model.flexibility and model.flexibility.inertia
     assert not any(np.any(getattr(model.flexibility.inertia, name).c) for name in ("D0", "D1", "F0"))
 
@@ -97,7 +98,7 @@ def test_without_damping_its_tables_vanish(load_scene) -> None:
 def built(load_scene, *overrides: str) -> ReducedModel:
     scene = load_scene("simple_residual", ["compare.against=[]", "mesh.elements=20", *overrides])
     full = full_model(scene)
-    return project(scene, full, build_basis(scene, full, take_snapshots(scene, full)), {})
+    return project(scene, FreeBody(full), build_basis(scene, full, take_snapshots(scene, full)), {})
 
 
 @pytest.mark.parametrize("solver", ["dense", "slepc"])
@@ -131,6 +132,6 @@ def test_only_eigenmodes_have_this_inertia(load_scene) -> None:
     scene = load_scene("simple_residual", ["compare.against=[]", "mesh.elements=20", "reduction.basis=eigenmodes"])
     full = full_model(scene)
     basis = build_basis(scene, full, take_snapshots(scene, full))
-    assert flexible_model(full, basis, {}).flexibility
+    assert flexible_model(FreeBody(full), basis, {}).flexibility
     with pytest.raises(ValueError, match="must hold these"):
-        modal_model(full, basis, {}, basis.size)
+        modal_model(FreeBody(full), basis, {}, basis.size)

@@ -13,9 +13,8 @@ from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built, build
 from pmr.fullmodel.structure import couple
-from pmr.fullmodel.symmetry import mirror_images
+from pmr.fullmodel.symmetry import Orbits, images_of, mirror_images
 from pmr.reduce.basis import modal_basis
-from pmr.reduce.residual.mirrored import Orbits, images_of
 from pmr.reduce.residual.model import modal_model
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.snapshots.free_body import FreeBody
@@ -42,8 +41,8 @@ def test_one_pad_of_each_face_answers_for_all(built: Built, monkeypatch: pytest.
 
     monkeypatch.setattr(ResidualFlexibility, "apply", counted)
     basis = modal_basis(free_modes(model, 6))
-    found, with_images = modal_model(model, basis, {}, 6).flexibility, sum(solved)
-    expected = modal_model(replace(model, mirrors=()), basis, {}, 6).flexibility
+    found, with_images = modal_model(FreeBody(model), basis, {}, 6).flexibility, sum(solved)
+    expected = modal_model(FreeBody(replace(model, mirrors=())), basis, {}, 6).flexibility
     assert len(model.mirrors) == 2 and 3 * with_images < 1.1 * (sum(solved) - with_images)
     assert found and expected and found.inertia and expected.inertia
     tables = {name: (getattr(found, name), getattr(expected, name)) for name in ("rows", "inputs", "outputs")}

@@ -29,7 +29,7 @@ PAPERS_BASIS = ["reduction.basis=eigenmodes", "reduction.coordinates=20"]
 def reduced(load_scene, *overrides: str) -> ReducedModel:
     scene = load_scene("simple_residual", [NO_ANCF, *overrides])
     model = full_model(scene)
-    return project(scene, model, build_basis(scene, model, take_snapshots(scene, model)), {})
+    return project(scene, FreeBody(model), build_basis(scene, model, take_snapshots(scene, model)), {})
 
 
 def tip(model: ReducedModel, s: float, load: float = -50.0) -> float:
@@ -111,7 +111,7 @@ def test_free_modes_need_no_floor(load_scene) -> None:
     from pmr.reduce.residual.tables import load_flexibility, meeting, tables
 
     modes = free_modes(model, 60)
-    found = flexible_model(model, modal_basis(modes), {})
+    found = flexible_model(FreeBody(model), modal_basis(modes), {})
     V = np.array(modes.S.getDenseArray())
     shared = Rows(model.rows.rows[2:], model.size).shared.refined(found.rows.x)
     residual = ResidualFlexibility(FreeBody(model), V)
@@ -128,7 +128,7 @@ def with_pads(model: FullModel, *compliances: float) -> FullModel:
 def test_pads_come_along_and_a_support_that_gives_way_stays_a_row(load_scene) -> None:
     scene = load_scene("simple_residual", [NO_ANCF, "mesh.elements=40"])
     model = with_pads(full_model(scene), 0.0, 2e-6, 1e-6)
-    found = flexible_model(model, modal_basis(free_modes(model, 6)), {})
+    found = flexible_model(FreeBody(model), modal_basis(free_modes(model, 6)), {})
     assert found.row_names == ("support z at 0 m", "slider") and found.left_out == ("support x at 0 m",)
     assert found.row_compliance.tolist() == [2e-6, 1e-6]
     # free in y and in rotation: statics are those of the rigid pads, and a rigid motion on top of them
@@ -143,7 +143,7 @@ def test_clearances_come_along_and_a_rigid_support_that_only_pushes_stays_a_row(
     model = replace(full, rows=Rows((full.rows.rows[0], on_rest, full.rows.rows[2]), full.size))
     modes = free_modes(model, 6)
     assert np.sum(modes.omega == 0.0) == 2  # free in y and in rotation
-    found = flexible_model(model, modal_basis(modes), {})
+    found = flexible_model(FreeBody(model), modal_basis(modes), {})
     assert found.row_names == ("support z at 0 m", "slider")
     for smaller in (found, truncated(found, 4)):
         assert np.array_equal(smaller.row_clearance, [1e-3, np.nan], equal_nan=True)
@@ -159,7 +159,7 @@ def test_a_basis_that_violates_a_support_is_refused(load_scene) -> None:
     first, last = model.M.getOwnershipRange()
     V = np.random.default_rng(1).standard_normal((model.size, 4))[first:last]
     with pytest.raises(ValueError, match="violates support x at 0 m, support z at 0 m"):
-        flexible_model(model, Basis(tall(np.ascontiguousarray(V), model.M), np.ones(4), "euclidean"), {})
+        flexible_model(FreeBody(model), Basis(tall(np.ascontiguousarray(V), model.M), np.ones(4), "euclidean"), {})
 
 
 def test_too_few_coordinates_for_the_rigid_bodies(load_scene) -> None:
@@ -182,9 +182,9 @@ def test_a_section_has_its_rows_on_carriers(load_scene) -> None:
     """Multiplied out at one path coordinate they are the tables."""
     model = full_model(load_scene("evolved_residual", ["slider.offsets=[0.0,-0.33]", "compare.against=[]"]))
     basis = modal_basis(free_modes(model, 6, "auto", 3))
-    found = section_model(model, basis, {}, 6)
+    found = section_model(FreeBody(model), basis, {}, 6)
     assert found.carriers is not None and found.carriers.flexibility is not None and found.flexibility is not None
-    assert modal_model(model, basis, {}, 6).carriers is None
+    assert modal_model(FreeBody(model), basis, {}, 6).carriers is None
     rows = [found.carriers.row(k, name) for k, name in enumerate(found.row_names)]
     for s in (0.5, 1.7, 4.4):
         b = np.vstack([row.weights(s).toarray() for row in rows])
