@@ -40,7 +40,6 @@ class EigenSolver(Protocol):
         ConvergenceError
             If fewer than `count` modes exist or converge.
         """
-        ...
 
 
 def eigensolver(model: FullModel, choice: str) -> EigenSolver:

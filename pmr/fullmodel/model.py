@@ -21,63 +21,35 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RigidMotions:
-    """Rigid motions of a body, known from its geometry alone, and what of them is held by more than constraint rows.
+    """Rigid motions of a body, known from its geometry alone, and what of them is held by more than constraint rows."""
 
-    Attributes
-    ----------
-    coordinates : (n_local, k) array
-        This rank's rows of the coordinates under each of k motions: translations, then rotations (`directions` of the
-        model).  Coordinates that are clamped are missing.
-    held : (h, k) array
-        What clamps and springs measure of each motion, in m or rad: a motion is free of them where all of it is zero.
-    """
-
+    # (n_local, k): this rank's rows under each of k motions, translations first; clamped ones are missing
     coordinates: Array
-    held: Array
+    held: Array  # (h, k) m or rad: what clamps and springs measure of each; it is free of them where all is zero
 
 
 @dataclass(frozen=True)
 class FullModel(WithRows):
-    r"""M q'' + D q' + K q + C(s)^T lambda = B f,  C(s) q = 0,  y = O q, distributed over `comm`.
+    r"""M q'' + D q' + K q + C(s)^T lambda = B f,  C(s) q = 0,  y = O q, distributed over `comm`, in SI units.
 
-    Attributes
-    ----------
-    M, K : PETSc.Mat (n, n)
-        Free of boundary conditions; SI units.  All coordinates in the model's own order, so that serial and parallel
-        runs number them alike; each rank owns consecutive ones.  Where M has an entry K has a place.
-    damping : PETSc.Mat (n, n) or Rayleigh
-        D, or what it is made of when somebody asks for it.
-    inputs : PETSc.Mat (n, i)
-        One column a load.
-    outputs : PETSc.Mat (n, o)
-        O^T: one column an output, the transverse displacement at `output_positions` (o,) m.
-    rows : Rows
-        Supports first, then the sliders; the same on every rank.
-    reference_frequency : float, rad/s
-        Scale of the lowest frequencies; eigensolvers shift by it.
-    output_names, output_units : tuples of str
-        What each output is, and its unit.
-    rigid : RigidMotions, optional
-        In closed form.  A model without can be simulated, but not be reduced to free modes.
-    node_stations : (N,) array, m, optional
-        Places of a beam's nodes along its axis.
-    mirrors : tuple of (n, n) sparse matrices
-        Planes of symmetry (`pmr.fullmodel.symmetry`); the same on every rank.
+    All coordinates are in the model's own order, so that serial and parallel runs number them alike.
     """
 
-    M: PETSc.Mat
-    damping: PETSc.Mat | Rayleigh
-    K: PETSc.Mat
-    inputs: PETSc.Mat
-    outputs: PETSc.Mat
-    rows: Rows
+    M: PETSc.Mat  # (n, n) as K, free of boundary conditions; each rank owns consecutive rows
+    damping: PETSc.Mat | Rayleigh  # D (n, n), or what it is made of when somebody asks for it
+    K: PETSc.Mat  # where M has an entry K has a place
+    inputs: PETSc.Mat  # (n, i): one column a load
+    outputs: PETSc.Mat  # O^T (n, o): one column an output
+    rows: Rows  # supports first, then the sliders; the same on every rank
     input_names: tuple[str, ...]
-    output_positions: Array
-    reference_frequency: float
+    output_positions: Array  # (o,) m along the axis
+    reference_frequency: float  # rad/s: scale of the lowest frequencies, by which eigensolvers shift
     output_names: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
+    # in closed form; a model without can be simulated, but not be reduced to free modes
     rigid: RigidMotions | None = None
-    node_stations: Array | None = None
+    node_stations: Array | None = None  # (N,) m: places of a beam's nodes along its axis
+    # (n, n): planes of symmetry (`pmr.fullmodel.symmetry`), the same on every rank
     mirrors: tuple[sp.csr_matrix, ...] = ()
 
     @property

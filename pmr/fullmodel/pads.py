@@ -55,38 +55,18 @@ SLACK = 2e-3
 
 @dataclass(frozen=True)
 class Pad:
-    """A pad on a named face.
-
-    Attributes
-    ----------
-    name : str
-    on : str
-        A flat face of a mesh; on beams ``bottom``, ``top``, ``left`` (+y) or ``right``.
-    at : float
-        Its centre along the body's axis, m; of a moving pad the distance ahead of s.
-    across : float
-        Its centre across, m: y on bottom and top, z on the sides.
-    length, width : float, m
-    stiffness : float, N/m
-        Infinite for a rigid one.
-    unilateral : bool
-        Whether it only pushes.
-    clearance : float, m
-        How far the body at rest is from a unilateral one.
-    travel : tuple of float, m, optional
-        Smallest and largest s of this moving pad, where they are not those of all pads.
-    """
+    """A pad on a named face."""
 
     name: str
-    on: str
-    at: float = 0.0
-    across: float = 0.0
-    length: float = 0.3
+    on: str  # a flat face of a mesh; on beams ``bottom``, ``top``, ``left`` (+y) or ``right``
+    at: float = 0.0  # m: its centre along the body's axis; of a moving pad the distance ahead of s
+    across: float = 0.0  # m: its centre across, y on bottom and top, z on the sides
+    length: float = 0.3  # m, as its width
     width: float = 0.08
-    stiffness: float = 3e8
-    unilateral: bool = False
-    clearance: float = 0.0
-    travel: tuple[float, float] | None = None
+    stiffness: float = 3e8  # N/m; infinite for a rigid one
+    unilateral: bool = False  # whether it only pushes
+    clearance: float = 0.0  # m: how far the body at rest is from a unilateral one
+    travel: tuple[float, float] | None = None  # m: smallest and largest s of this moving pad, where not those of all
 
     def __post_init__(self) -> None:
         for key in ("length", "width", "stiffness"):
@@ -124,29 +104,16 @@ class Slider:
 
 @dataclass(frozen=True)
 class Pads:
-    """All that holds a sliding body.
-
-    Attributes
-    ----------
-    fixed, moving : tuples of Pad
-        Moving ones are centred at s + `at`.
-    supports : tuple of Support
-    sliders : tuple of Slider
-    travel : tuple of float, m
-        Smallest and largest s.
-    ends : tuple of Support
-        Places that another body holds, not the ground: rows whose stiffness is that body's matter.
-    straight : tuple of Straight
-        Stretches of a planar beam that another body keeps from bending.
-    """
+    """All that holds a sliding body."""
 
     fixed: tuple[Pad, ...] = ()
-    moving: tuple[Pad, ...] = ()
+    moving: tuple[Pad, ...] = ()  # centred at s + `at`
     supports: tuple[Support, ...] = ()
     sliders: tuple[Slider, ...] = ()
-    travel: tuple[float, float] = (0.0, 1.0)
+    travel: tuple[float, float] = (0.0, 1.0)  # m: smallest and largest s
+    # places that another body holds, not the ground: rows whose stiffness is that body's matter
     ends: tuple[Support, ...] = ()
-    straight: tuple[Straight, ...] = ()
+    straight: tuple[Straight, ...] = ()  # stretches of a planar beam that another body keeps from bending
 
     def __post_init__(self) -> None:
         low, high = self.travel
@@ -161,18 +128,10 @@ class Pads:
 
 @dataclass(frozen=True)
 class Restraints:
-    """What pads are to a structure.
+    """What pads are to a structure."""
 
-    Attributes
-    ----------
-    rows : tuple of Row
-        Of what moves, is rigid or only pushes.
-    springs : tuple of Row
-        Of all the others, on the coordinates they belong to: k c^T c is part of the stiffness.
-    """
-
-    rows: tuple[Row, ...]
-    springs: tuple[Row, ...]
+    rows: tuple[Row, ...]  # of what moves, is rigid or only pushes
+    springs: tuple[Row, ...]  # of all the others, on the coordinates they belong to: k c^T c is part of K
 
     def stiffness(self, size: int) -> sp.csr_matrix:
         """Sum of k c^T c over the springs, (n, n) in N/m."""

@@ -29,11 +29,9 @@ class StaticSolver(Protocol):
 
     def solve(self, g: Array) -> Array:
         """This rank's rows (n_local, k) of the answers to loads given likewise and maybe overwritten; collective."""
-        ...
 
     def destroy(self) -> None:
         """Give the factor's memory back; collective."""
-        ...
 
 
 def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -> StaticSolver:

@@ -151,28 +151,14 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, M: PETSc.Mat) -> 
 
 @dataclass(frozen=True)
 class Coupling:
-    """Coordinates z of a structure.
-
-    Attributes
-    ----------
-    T : (n, n') sparse matrix
-        The model's coordinates are T z: its free ones in their order, then the motions of rigidly coupled masses.
-    motions : tuple of (k, n') sparse matrices
-        Motion of each attached mass, k directions of the model.
-    inertias : tuple of (k,) arrays
-        Mass in kg and inertia in kg m^2 along those directions.
-    rigid : (n', k) array
-        z under each of the model's rigid motions.
-    clamped : (c, k) array
-        What the clamped coordinates would do under each of them.
-    """
+    """Coordinates z of a structure: the model's are T z."""
 
     model: StructuralModel
-    T: sp.csr_matrix
-    motions: tuple[sp.csr_matrix, ...]
-    inertias: tuple[Array, ...]
-    rigid: Array
-    clamped: Array
+    T: sp.csr_matrix  # (n, n'): the model's free coordinates in their order, then the motions of rigidly coupled masses
+    motions: tuple[sp.csr_matrix, ...]  # (k, n') each: of the attached masses, along k directions of the model
+    inertias: tuple[Array, ...]  # (k,) each: mass in kg and inertia in kg m^2 along those directions
+    rigid: Array  # (n', k): z under each of the model's rigid motions
+    clamped: Array  # (c, k): what the clamped coordinates would do under each of them
 
     def attached_mass(self) -> sp.csr_matrix:
         """Sum of G^T diag(m, J) G, (n', n')."""

@@ -77,17 +77,10 @@ def _unchanged(A: PETSc.Mat, P: sp.csr_matrix) -> bool:
 
 @dataclass(frozen=True)
 class Image:
-    """A mirror image P, or several after each other, and the carriers' images among them.
+    """A mirror image P, or several after each other, and the carriers' images among them."""
 
-    Attributes
-    ----------
-    P : (n, n) sparse matrix
-    partners : (K,) array
-        Number of the carrier that is the image of each; -1 where none is.
-    """
-
-    P: sp.csr_matrix
-    partners: Indices
+    P: sp.csr_matrix  # (n, n)
+    partners: Indices  # (K,): number of the carrier that is the image of each; -1 where none is
 
 
 @dataclass(frozen=True)

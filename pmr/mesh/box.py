@@ -25,33 +25,19 @@ WALLS = ("bottom", "left", "top", "right")  # as one walks around the section, s
 
 @dataclass(frozen=True)
 class BoxBoom:
-    """Dimensions in m: those of the mid-surface.
+    """Dimensions in m, those of the mid-surface; layers may be finer at a clamped tail, where stresses are singular."""
 
-    Attributes
-    ----------
-    length, width, height, wall : float
-        Along x, y, z; the wall's thickness.
-    size, size_along : float
-        Edge length of the cells around the section, and along x (0: the same).
-    tail_layer : float
-        Length of the first layer of cells at the tail, from which layers double up to the regular one (0: the same):
-        stresses at a clamped end are singular.
-    radius : float
-        Of the corners' mid-surface; 0 for sharp ones.
-    frames : tuple of float
-        Where along x a shell is stiffened by a transverse plate all around, `frame_depth` deep.
-    """
-
-    length: float = 6.0
-    width: float = 0.3
-    height: float = 0.4
-    wall: float = 0.008
-    size: float = 0.05
-    size_along: float = 0.0
+    length: float = 6.0  # along x
+    width: float = 0.3  # along y
+    height: float = 0.4  # along z
+    wall: float = 0.008  # the wall's thickness
+    size: float = 0.05  # edge length of the cells around the section
+    size_along: float = 0.0  # along x; 0: the same
+    # first layer of cells at the tail, from which layers double up to the regular one; 0: the same
     tail_layer: float = 0.0
-    radius: float = 0.0
-    frames: tuple[float, ...] = ()
-    frame_depth: float = 0.0
+    radius: float = 0.0  # of the corners' mid-surface; 0 for sharp ones
+    frames: tuple[float, ...] = ()  # where along x a shell is stiffened by a transverse plate all around
+    frame_depth: float = 0.0  # of these plates
 
     def __post_init__(self) -> None:
         side, thinnest = min(self.width, self.height), THINNEST * self.layer

@@ -43,27 +43,14 @@ class NamedMesh:
     """A mesh in space of one kind of linear cells, the same on every rank.
 
     Vertices are numbered along the longest extent, so that consecutive numbers are neighbours.
-
-    Attributes
-    ----------
-    cell : str
-        ``"triangle"``, ``"tetrahedron"`` or ``"hexahedron"``.
-    points : (N, 3) array, m
-    cells : (C, k) integer array
-        Vertices in dolfinx' order.
-    groups : mapping of name to `Group`
-    regions : mapping of name to (c,) integer array
-        Groups of cells, as numbers of cells.
-    source : str
-        Where the mesh is from, for messages.
     """
 
-    cell: str
-    points: Array
-    cells: Indices
+    cell: str  # ``"triangle"``, ``"tetrahedron"`` or ``"hexahedron"``
+    points: Array  # (N, 3) m
+    cells: Indices  # (C, k): vertices in dolfinx' order
     groups: Mapping[str, Group]
-    regions: Mapping[str, Indices]
-    source: str = "mesh"
+    regions: Mapping[str, Indices]  # groups of cells, as numbers (c,) of cells
+    source: str = "mesh"  # where the mesh is from, for messages
 
     @property
     def axis(self) -> int:

@@ -29,28 +29,14 @@ def codes(entities: Indices, points: int) -> Indices:
 
 @dataclass(frozen=True)
 class Nodes:
-    """Nodes of a space on a mesh.
+    """Nodes of a space on a mesh."""
 
-    Attributes
-    ----------
-    components : mapping of dimension to tuple of int
-        Which components the nodes on entities of each dimension carry.
-    codes, first : mappings of dimension to (e,) integer arrays
-        The entities of each dimension (ascending `codes`) and the first coordinate of their nodes.
-    in_cell : mapping of dimension to (C, k) integer arrays
-        The entities of each cell, in the order of the reference cell.
-    at : (n, 3) array, m
-        Place of each coordinate's node.
-    component : (n,) integer array
-        0, 1, 2 for displacements along x, y, z; 3, 4, 5 for rotations about them.
-    """
-
-    components: Mapping[int, tuple[int, ...]]
-    codes: Mapping[int, Indices]
-    first: Mapping[int, Indices]
-    in_cell: Mapping[int, Indices]
-    at: Array
-    component: NDArray[np.int64]
+    components: Mapping[int, tuple[int, ...]]  # which components the nodes on entities of each dimension carry
+    codes: Mapping[int, Indices]  # (e,): entities of each dimension, ascending `codes`
+    first: Mapping[int, Indices]  # (e,): first coordinate of their nodes
+    in_cell: Mapping[int, Indices]  # (C, k): the entities of each cell, in the order of the reference cell
+    at: Array  # (n, 3) m: place of each coordinate's node
+    component: NDArray[np.int64]  # (n,): 0, 1, 2 for displacements along x, y, z; 3, 4, 5 for rotations
 
     @property
     def size(self) -> int:

@@ -44,28 +44,14 @@ class Extent:
 
 @dataclass(frozen=True)
 class Strip:
-    """Points of a face within a window; none where the window lies beside the face.
+    """Points of a face within a window; none where the window lies beside the face."""
 
-    Attributes
-    ----------
-    along, across : (q,) arrays, m
-        Where they are: on the body's axis; and along y or z, whichever of them the face is tangential to.
-    weights : (q,) array
-        Of quadrature, m^2 (on a line m).
-    normal : (q, n) sparse matrix
-        Displacement along the outward normal.
-    extent : Extent
-        Of the whole face.
-    line : bool
-        Whether the points lie on the line that stands for the face of a beam.
-    """
-
-    along: Array
-    across: Array
-    weights: Array
-    normal: sp.csr_matrix
-    extent: Extent
-    line: bool = False
+    along: Array  # (q,) m on the body's axis
+    across: Array  # (q,) m along y or z, whichever of them the face is tangential to
+    weights: Array  # (q,) of quadrature, m^2 (on a line m)
+    normal: sp.csr_matrix  # (q, n): displacement along the outward normal
+    extent: Extent  # of the whole face
+    line: bool = False  # whether the points lie on the line that stands for the face of a beam
 
 
 def face_strip(mesh: NamedMesh, nodes: Nodes, face: str, window: Window) -> Strip:

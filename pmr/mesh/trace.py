@@ -35,23 +35,12 @@ QUADRATURE_DEGREE = 4
 
 @dataclass(frozen=True)
 class Trace:
-    """A field's values on a group.
+    """A field's values on a group."""
 
-    Attributes
-    ----------
-    name : str
-        The group.
-    points : (q, 3) array, m
-    weights : (q,) array
-        Quadrature weights in m^dim, Jacobian included: they add up to the group's measure (points: to their number).
-    values : three (q, n) sparse matrices
-        Displacement along x, y, z at the points.
-    """
-
-    name: str
-    points: Array
-    weights: Array
-    values: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]
+    name: str  # the group
+    points: Array  # (q, 3) m
+    weights: Array  # (q,) m^dim, Jacobian included: they add up to the group's measure (points: to their number)
+    values: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]  # (q, n) each: displacement along x, y, z
 
     @property
     def measure(self) -> float:

@@ -34,38 +34,27 @@ class StructuralModel(Protocol):
     """What the rooms further on ask of a beam, a shell, a solid or matrices that are given: places and rigid motions.
 
     A model numbers its coordinates by itself, from its mesh alone: rows, loads and results are the same on any number
-    of ranks and on every version of dolfinx.
+    of ranks and on every version of dolfinx.  Whoever asks for a place or face that there isn't gets an `InputError`.
     """
 
     @property
     def size(self) -> int:
         """Number of coordinates n, supports not yet held."""
-        ...
 
     @property
     def reference_frequency(self) -> float:
         """Scale of the lowest frequencies in rad/s; eigensolvers shift by it."""
-        ...
 
     @property
     def node_stations(self) -> Array | None:
         """Places of a beam's nodes along its axis (N,) m; None of bodies that are no lines."""
-        ...
 
     @property
     def directions(self) -> tuple[str, ...]:
         """What a place can do: some of `DIRECTIONS`, in their order."""
-        ...
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
-        """Rows that measure the mean displacement of a place: the first of `motion`, but of any place, points too.
-
-        Raises
-        ------
-        InputError
-            If there is no such place.
-        """
-        ...
+        """Rows that measure the mean displacement of a place: the first of `motion`, but of any place, points too."""
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         """Rows (len(directions), n) that measure displacement (m) and rotation (rad) of a place.
@@ -77,13 +66,11 @@ class StructuralModel(Protocol):
         Raises
         ------
         InputError
-            If there is no such place, or it is a point or straight line of a body without rotations there.
+            Also if the place is a point or straight line of a body without rotations there.
         """
-        ...
 
     def centroid(self, place: str | float) -> Array:
         """Where a place is, (3,) m."""
-        ...
 
     def strip(self, face: str, window: Window) -> Strip:
         """Points of a flat face, or of the line that stands for it on a beam, where pads may be.
@@ -91,23 +78,14 @@ class StructuralModel(Protocol):
         Raises
         ------
         InputError
-            If there is no such face, or it is not flat.
+            Also if the face is not flat.
         """
-        ...
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates along some of the `directions` on a named group.
-
-        Raises
-        ------
-        InputError
-            If there is no such place.
-        """
-        ...
+        """Numbers of all coordinates along some of the `directions` on a named group."""
 
     def rigid_motions(self) -> Array:
         """Coordinates (n, k) of the rigid motions, one for each of the `directions`; rotations about the origin."""
-        ...
 
 
 class FiniteElementModel(StructuralModel, Protocol):
@@ -115,15 +93,12 @@ class FiniteElementModel(StructuralModel, Protocol):
 
     def domain(self, comm: MPI.Comm) -> Any:
         """The mesh in dolfinx, spread over `comm`; collective."""
-        ...
 
     def space(self, domain: Any) -> Any:
         """Function space on `domain`."""
-        ...
 
     def forms(self, space: Any) -> Forms:
         """Mass and stiffness."""
-        ...
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         """Numbers (c, d), for each scalar component of the space, of its coordinates on the given cells.
@@ -131,25 +106,20 @@ class FiniteElementModel(StructuralModel, Protocol):
         Cells are counted as in the mesh that `domain` was created from.  They are the model's coordinates, or, where
         there is a `transformation`, those that it is applied to.
         """
-        ...
 
     @property
     def transformation(self) -> sp.csr_matrix | None:
         """T (n_e, n), where the space's coordinates are T q; None where they are q."""
-        ...
 
     @property
     def grid(self) -> Grid:
         """What the body looks like: its cells, those of results too."""
-        ...
 
     def point_displacements(self) -> sp.csr_matrix:
         """Rows (3 N, n) that measure the displacement along x, y, z of each of the grid's points."""
-        ...
 
     def stresses(self) -> StressRows | None:
         """Stresses of the grid's cells, from the strains of `forms`; None for a beam without a profile."""
-        ...
 
 
 def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:

@@ -135,15 +135,7 @@ class Shell(MeshedModel):
 
 
 class Strains:
-    """Strains of a displacement u and a rotation theta in a frame of three unit vectors, the last one the normal.
-
-    Attributes
-    ----------
-    membrane, curvature : (2, 2) UFL tensors, 1 and 1/m
-    shear : UFL vector of 2
-    drilling : UFL scalar
-        The surface's rotation about its normal, without theta's.
-    """
+    """Strains of a displacement u and a rotation theta in a frame of three unit vectors, the last one the normal."""
 
     def __init__(self, u: Any, theta: Any, frame: Sequence[Any]) -> None:
         in_plane = ufl.as_matrix([[e[i] for i in range(3)] for e in frame[:2]])
@@ -154,9 +146,10 @@ class Strains:
 
         H = ufl.dot(in_plane, surface_gradient(u))
         director = ufl.cross(normal, theta)
-        self.membrane = ufl.sym(H)
-        self.curvature = ufl.sym(ufl.dot(in_plane, surface_gradient(director)))
+        self.membrane = ufl.sym(H)  # (2, 2)
+        self.curvature = ufl.sym(ufl.dot(in_plane, surface_gradient(director)))  # (2, 2) 1/m
         self.shear = surface_gradient(ufl.dot(u, normal)) - ufl.dot(in_plane, director)
+        # the surface's rotation about its normal, without theta's
         self.drilling = (H[1, 0] - H[0, 1]) / 2 - ufl.dot(theta, normal)
 
 

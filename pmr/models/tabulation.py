@@ -18,18 +18,10 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class CellValues:
-    """A vector with v components at q points of each of C cells, linear in a model's coordinates.
+    """A vector with v components at q points of each of C cells, linear in a model's coordinates."""
 
-    Attributes
-    ----------
-    entries : (C, q, v, d) array
-        On the coordinates of each cell.
-    coordinates : (C, d) integer array
-        Their numbers, as `FiniteElementModel.element_coordinates` counts.
-    """
-
-    entries: Array
-    coordinates: Indices
+    entries: Array  # (C, q, v, d) on the coordinates of each cell
+    coordinates: Indices  # (C, d): their numbers, as `FiniteElementModel.element_coordinates` counts
 
 
 def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> CellValues:

@@ -30,21 +30,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Basis:
-    """A global basis.
+    """A global basis."""
 
-    Attributes
-    ----------
-    V : PETSc.Mat, dense (n, r)
-        Orthonormal in `product`; the entry of largest magnitude in each column is positive.
-    sigma : (k,) array
-        All singular values of the pool, descending.
-    product : str
-        ``"euclidean"`` or ``"mass"``.
-    """
-
-    V: PETSc.Mat
-    sigma: Array
-    product: str
+    V: PETSc.Mat  # dense (n, r), orthonormal in `product`; the largest entry of each column is positive
+    sigma: Array  # (k,): all singular values of the pool, descending
+    product: str  # ``"euclidean"`` or ``"mass"``
 
     @property
     def size(self) -> int:

@@ -45,19 +45,11 @@ class Reduced:
 
 @dataclass(frozen=True)
 class Cache:
-    """A folder of them, for one full model.
-
-    Attributes
-    ----------
-    folder : Path
-    model : FullModel
-    content : str
-        Digest of the model, see `content_of`.
-    """
+    """A folder of them, for one full model."""
 
     folder: Path
     model: FullModel
-    content: str
+    content: str  # digest of the model, see `content_of`
 
     def reduced(self, asked: Mapping[str, Any], make: Callable[[], Reduced]) -> Reduced:
         """What is kept for what is `asked`, or what `make` returns, which is kept then; collective."""

@@ -43,20 +43,11 @@ class Measured:
 
 @dataclass(frozen=True)
 class LoadFlexibility:
-    """R between loads, those on K carriers first and the inputs behind them, and outputs.
+    """R between loads, those on K carriers first and the inputs behind them, and outputs."""
 
-    Attributes
-    ----------
-    pairs : (L, L) sparse matrix, m/N
-        Between loads, for the pairs that were asked for.
-    outputs : (o, L) array, m/N
-    carriers : int
-        K.
-    """
-
-    pairs: sp.csr_matrix
-    outputs: Array
-    carriers: int
+    pairs: sp.csr_matrix  # (L, L) m/N, between loads, for the pairs that were asked for
+    outputs: Array  # (o, L) m/N
+    carriers: int  # K
 
     @property
     def inputs(self) -> Array:
@@ -138,11 +129,9 @@ class Consumer(Protocol):
     @property
     def order(self) -> Indices:
         """Numbers of the loads."""
-        ...
 
     def take(self, numbers: Indices, answers: Array) -> None:
         """This rank's rows (n_local, k) of R times the loads with these numbers."""
-        ...
 
 
 def load_flexibility(
