@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pmr.cli.console import ensure_writable, out, say
-from pmr.errors import InputError
+from pmr.cli.console import Model, ensure_file, ensure_writable, out, say
 from pmr.export.formats import FORMATS, Options, write
 from pmr.files.swap import finished
 
@@ -16,7 +15,7 @@ _SAYS = "; ".join(f"{name}: {one.says}" for name, one in FORMATS.items())
 
 
 def export(
-    model: Annotated[Path, typer.Argument(metavar="reduced.npz", help="A reduced model that `pmr run` wrote.")],
+    model: Model,
     to: Annotated[str, typer.Option("--to", metavar="FORMAT", help=f"{_SAYS}.")] = "exudyn",
     out_file: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="[default: a name of the format beside the model]")
@@ -39,8 +38,6 @@ def export(
 
         pmr export reports/boom_shell/reduced.npz --to matlab --at 1.5,2.5,4
     """
-    if out_file is not None and out_file.is_dir():
-        raise InputError("command line", "--out", str(out_file), "the name of a file is allowed")
-    ensure_writable((out_file or model).parent)
+    ensure_file(out_file) if out_file else ensure_writable(model.parent)
     finished(model.parent)
     say(out, str(write(to, model, out_file, Options(fmi, at))))

@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 
 from pmr import scene as scenes
-from pmr.cli.console import ensure_writable, out, say
-from pmr.cli.files import scene_file
-from pmr.errors import InputError
+from pmr.cli.console import Overrides, ensure_file, out, say, scene_file
+from pmr.errors import InputError, TooManyModesError
 from pmr.export.formats import BODY_FORMATS
 
 
@@ -25,9 +24,7 @@ def flexible(
     out_file: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="[default: a name of the format in this folder]")
     ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; repeatable.")
-    ] = None,
+    overrides: Overrides = None,
 ) -> None:
     """Write the body of a scene as a flexible body of another multibody program, with its sliders at one place.
 
@@ -44,9 +41,7 @@ def flexible(
         raise InputError("command line", "--modes", modes, "1 or more is allowed")
     chosen = BODY_FORMATS[to]
     target = out_file or Path(chosen.file_name)
-    if target.is_dir():
-        raise InputError("command line", "--out", str(target), "the name of a file is allowed")
-    ensure_writable(target.parent)
+    ensure_file(target)
     file = scene_file(scene)
     asked = scenes.load(file, overrides or ())
     from pmr.run import framed_body, held_body
@@ -55,6 +50,10 @@ def flexible(
         body = (framed_body if chosen.by == "frame" else held_body)(asked, at, modes)
     except InputError as error:
         raise error.found_in(str(file)) from None
+    except TooManyModesError as error:
+        raise InputError(
+            "command line", "--modes", modes, f"at most {error.most} are allowed, as many as there are free coordinates"
+        ) from None
     chosen.write(body, target)
     for k, (name, point) in enumerate(zip(body.places.names, body.places.points, strict=True), start=1):
         say(out, f"{chosen.by} {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")

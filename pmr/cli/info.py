@@ -12,8 +12,7 @@ from rich.table import Table
 
 from pmr import environment
 from pmr import scene as scenes
-from pmr.cli.console import out
-from pmr.cli.files import scene_file
+from pmr.cli.console import out, scene_file
 from pmr.errors.text import visible
 from pmr.files.swap import finished
 from pmr.reduced.model import ReducedModel

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pmr.cli.console import ensure_writable, out, say
+from pmr.cli.console import ensure_file, out, say
 from pmr.errors import InputError
 
 
@@ -50,9 +50,9 @@ def matrices(
     from pmr.files.foreign import foreign_files, read_foreign
 
     target = out_file or stiffness.with_name(f"{stiffness.stem}-matrices.npz")
-    if target.is_dir() or target.suffix != ".npz":
+    if target.suffix != ".npz":
         raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")
-    ensure_writable(target.parent)
+    ensure_file(target)
     found = read_foreign(foreign_files(stiffness, mass, dofs, nodes))
     say(out, f"{found.size} coordinates of {len(found.points)} nodes; groups: {', '.join(found.groups) or 'none'}")
     say(out, str(found.save(target)))

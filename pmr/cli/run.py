@@ -15,11 +15,11 @@ from rich.table import Table
 
 from pmr import environment
 from pmr import scene as scenes
-from pmr.cli.console import ensure_writable, err, leave, no_report, out, say
-from pmr.cli.files import scene_file
+from pmr.cli.console import Folder, Overrides, ensure_writable, err, leave, no_report, out, say, scene_file
 from pmr.errors import InputError
 from pmr.errors.text import visible
 from pmr.files.swap import fresh, removed
+from pmr.reduced.model import ReducedModel
 
 if TYPE_CHECKING:
     from pmr.environment import Progress as Report
@@ -33,12 +33,8 @@ def run(
         list[Path],
         typer.Argument(metavar="SCENE", help="Scene files, folders with a scene.toml, or workflows by their names."),
     ],
-    out_dir: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/SCENE]")
-    ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; repeatable.")
-    ] = None,
+    out_dir: Folder = None,
+    overrides: Overrides = None,
     simulators: Annotated[
         str | None,
         typer.Option(
@@ -97,7 +93,6 @@ def run(
         leave(f"FEniCSx is not installed ({error}); reduced models simulate without it, new ones need it", 1)
     from pmr.environment import Clock
     from pmr.report.document import REPORT_FILES, write_report
-    from pmr.run.booms import BoomOutcome
     from pmr.run.either import run_either
     from pmr.simulate.petsc import Checkpoint
 
@@ -117,12 +112,12 @@ def run(
         if outcome is not None:
             if where != folder:
                 removed(folder, REPORT_FILES)  # the one of all scenes, which no longer belongs to what is there
-            _save_boom(outcome, where) if isinstance(outcome, BoomOutcome) else _save(outcome, where)
+            _save(outcome, where)
             checkpoint.file.unlink(missing_ok=True)
             outcomes.append(outcome)
     if outcomes:
         for outcome in outcomes:
-            _print_boom(outcome) if isinstance(outcome, BoomOutcome) else _print_table(outcome)
+            _print(outcome)
         with _progress("report", shown=first) as progress:
             progress("write", 0.0)
             try:
@@ -133,38 +128,26 @@ def run(
         say(out, f"        {written.pdf}")
 
 
-def _save(outcome: Outcome, folder: Path) -> None:
+def _save(outcome: Outcome | BoomOutcome, folder: Path) -> None:
     """Everything but the report, which comes later: the one that is there belongs to the old results and goes."""
-    from pmr.export.paraview import write_series
+    from pmr.export.paraview import Travelling, write_bodies, write_series
     from pmr.report.document import REPORT_FILES
-    from pmr.results import RESULT_FILES
+    from pmr.results import RESULT_FILES, RunResult
     from pmr.results.pads import pads_over_time, place_of
     from pmr.results.tables import write as write_tables
 
-    result = outcome.result
+    result, models = outcome.result, outcome.reduced
     recovery = result.scene.recovery
     with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
         result.save(new)
         write_tables(result, new)
-        outcome.reduced.save(new / "reduced.npz")
-        if recovery is not None and recovery.series and result.fields is not None:
+        for name, model in ({"": models} if isinstance(models, ReducedModel) else models).items():
+            model.save(new / ("-".join(filter(None, ("reduced", name))) + ".npz"))
+        if recovery is None or not recovery.series or not result.fields:
+            return
+        if isinstance(result, RunResult):
             write_series(new, "fields", result.fields, place_of(result), pads_over_time(result))
-
-
-def _save_boom(outcome: BoomOutcome, folder: Path) -> None:
-    """The same of a boom, with the reduced model of every section."""
-    from pmr.export.paraview import Travelling, write_bodies
-    from pmr.report.document import REPORT_FILES
-    from pmr.results import RESULT_FILES
-    from pmr.results.tables import write as write_tables
-
-    result = outcome.result
-    with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
-        result.save(new)
-        write_tables(result, new)
-        for name, model in outcome.reduced.items():
-            model.save(new / f"reduced-{name}.npz")
-        if result.fields and result.scene.recovery is not None and result.scene.recovery.series:
+        else:
             write_bodies(new, "fields", {name: Travelling(*one) for name, one in result.travelling.items()})
 
 
@@ -172,11 +155,6 @@ def _to(tolerance: str, file: Path) -> list[str]:
     """The overrides that ``--tolerance 1%`` stands for: a reduction that holds all models among which is chosen.
 
     Sections of a boom have no other one.
-
-    Raises
-    ------
-    InputError
-        If it is no share.
     """
     text = tolerance.strip()
     try:
@@ -196,54 +174,33 @@ def _simulators(names: str) -> str:
     return f"simulation.simulators={json.dumps([name.strip() for name in names.split(',')])}"
 
 
-def _print_table(outcome: Outcome) -> None:
-    """Errors, beside published ones where there are any, and solver seconds."""
+def _print(outcome: Outcome | BoomOutcome) -> None:
+    """Errors, beside published ones where there are any, coordinates of each section and solver seconds."""
     from pmr.report import errors, sentences
+    from pmr.report.booms import chapter
+    from pmr.results import RunResult
 
-    summary, found = outcome.result.summary, errors.rows(outcome.result)
-    table = Table(title=visible(outcome.result.scene.title), title_justify="left", title_style="bold")
-    table.add_column("e_NRMS, or largest value")
-    table.add_column("")
-    table.add_column("here", justify="right")
-    if any(row.published for row in found):
-        table.add_column("published", justify="right")
-        table.add_column("")
+    result, summary = outcome.result, outcome.result.summary
+    if isinstance(result, RunResult):
+        found, sections, said = errors.rows(result), [], [sentences.estimate(result), sentences.step(result)]
+    else:
+        found, sections, said = chapter.rows(result), summary["sections"], [chapter.estimate(result)]
+    published = any(row.published for row in found)
+    table = Table(title=visible(result.scene.title), title_justify="left", title_style="bold")
+    for head in ("e_NRMS, or largest value", "", "here", *(("published", "") if published else ())):
+        table.add_column(head, justify="right" if head in ("here", "published") else "left")
     for row in found:
-        verdict = [row.published or "", _verdict(row)] if len(table.columns) > 3 else []
+        verdict = [row.published or "", _verdict(row)] if published else []
         table.add_row(*map(visible, (row.comparison, row.place, row.here, *verdict)))
     out.print(table)
+    each = ", ".join(f"{one['name']} {one['coordinates']['reduced']}" for one in sections)
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
-    coordinates = summary["coordinates"]
-    say(out, f"{coordinates['full']} -> {coordinates['reduced']} coordinates; simulated in: {seconds}")
-    for said in filter(None, (sentences.estimate(outcome.result), sentences.step(outcome.result))):
-        say(out, said)
-    for warning in summary["warnings"]:
-        say(out, f"warning: {warning}")
+    coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
+    say(out, f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
+    for line in (*filter(None, said), *(f"warning: {warning}" for warning in summary["warnings"])):
+        say(out, line)
     for pair, length in summary["agreement"].items():
         say(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
-    out.print()
-
-
-def _print_boom(outcome: BoomOutcome) -> None:
-    """Errors, coordinates of each section and solver seconds."""
-    from pmr.report.booms.chapter import estimate, rows
-
-    result = outcome.result
-    summary = result.summary
-    table = Table(title=visible(result.scene.title), title_justify="left", title_style="bold")
-    for head in ("e_NRMS, or largest value", "", "here"):
-        table.add_column(head, justify="right" if head == "here" else "left")
-    for row in rows(result):
-        table.add_row(*map(visible, (row.comparison, row.place, row.here)))
-    out.print(table)
-    each = ", ".join(f"{one['name']} {one['coordinates']['reduced']}" for one in summary["sections"])
-    seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
-    coordinates = summary["coordinates"]
-    say(out, f"{coordinates['full']} -> {coordinates['reduced']} coordinates ({each}); simulated in: {seconds}")
-    if said := estimate(result):
-        say(out, said)
-    for warning in summary["warnings"]:
-        say(out, f"warning: {warning}")
     out.print()
 
 

@@ -9,8 +9,7 @@ import typer
 from rich.table import Table
 
 from pmr import scene as scenes
-from pmr.cli.console import ensure_writable, out, say
-from pmr.cli.files import scene_file
+from pmr.cli.console import Folder, Model, Overrides, ensure_writable, out, say, scene_file
 from pmr.errors import InputError
 from pmr.errors.text import visible
 from pmr.files.swap import finished, fresh
@@ -18,16 +17,12 @@ from pmr.reduced.model import ReducedModel
 
 
 def simulate(
-    model: Annotated[Path, typer.Argument(metavar="reduced.npz", help="A reduced model that `pmr run` wrote.")],
+    model: Model,
     scene: Annotated[
         Path, typer.Option("--scene", metavar="SCENE", help="Whose path, loads and time stepping are taken.")
     ],
-    out_dir: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/SCENE]")
-    ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; repeatable.")
-    ] = None,
+    out_dir: Folder = None,
+    overrides: Overrides = None,
 ) -> None:
     """Simulate a saved model; FEniCSx is not needed.
 

@@ -13,8 +13,8 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bars
 
 from pmr import environment
-from pmr.cli import files as named
-from pmr.cli.console import ensure_writable, err, no_report, out, say
+from pmr.cli.console import Folder, Overrides, ensure_writable, err, no_report, out, say
+from pmr.cli.console import study_file as found_file
 from pmr.errors import InputError
 from pmr.studies import files
 from pmr.studies.call import Outcome, compute, save
@@ -32,15 +32,11 @@ def study(
             metavar="STUDY", help="The file of a study or of a collection of studies, or a workflow's name."
         ),
     ],
-    out_dir: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/STUDY]")
-    ] = None,
+    out_dir: Folder = None,
     jobs: Annotated[
         int | None, typer.Option("--jobs", metavar="N", min=1, help="Worker processes.  [default: one a core]")
     ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the study; repeatable.")
-    ] = None,
+    overrides: Overrides = None,
     only: Annotated[
         list[str] | None,
         typer.Option("--only", metavar="RUN", help="Compute this run alone, and no table yet; repeatable."),
@@ -66,7 +62,7 @@ def study(
 
         mpiexec -n 9 python -m mpi4py.futures -m pmr study workflows/studies/coordinates.toml    (8 workers)
     """
-    found = named.study_file(study_file)
+    found = found_file(study_file)
     if listed:
         for name in files.load(found, overrides or ()).runs:
             say(out, name)

@@ -71,6 +71,20 @@ class ConvergenceError(RuntimeError):
     """An iterative solver returned less than was asked for; the message says what to change."""
 
 
+class TooManyModesError(ConvergenceError):
+    """More modes were asked for than the `most` that a model has."""
+
+    def __init__(self, count: int, most: int) -> None:
+        super().__init__(
+            f"{count} modes asked for, but the model has {most} free coordinates; ask for fewer modes or refine the "
+            "mesh"
+        )
+        self.count, self.most = count, most
+
+    def __reduce__(self) -> tuple[type[TooManyModesError], tuple[int, int]]:
+        return TooManyModesError, (self.count, self.most)
+
+
 def on_first(comm: Any, make: Callable[[], Found]) -> Found | None:
     """What `make` gives on rank 0, None on the others; collective.  What is refused there is raised on all ranks.
 

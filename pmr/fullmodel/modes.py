@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.errors import ConvergenceError
+from pmr.errors import ConvergenceError, TooManyModesError
 from pmr.fem.compat import PETSc, SLEPc
 from pmr.fem.distributed import fix_signs, inner, times
 from pmr.fullmodel.model import FullModel
@@ -88,14 +88,11 @@ def check_count(count: int, dimension: int) -> None:
 
     Raises
     ------
-    ConvergenceError
+    TooManyModesError
         With both numbers.
     """
     if count > dimension:
-        raise ConvergenceError(
-            f"{count} modes asked for, but the model has {dimension} free coordinates; ask for fewer modes or refine "
-            "the mesh"
-        )
+        raise TooManyModesError(count, dimension)
 
 
 def clustered(a: float, b: float) -> bool:

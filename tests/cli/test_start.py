@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from pmr import __version__
 from pmr import scene as scenes
 from pmr.cli.app import app
-from pmr.cli.files import scene_file, study_file
+from pmr.cli.console import scene_file, study_file
 from pmr.cli.new import kinds
 from pmr.errors import InputError
 

@@ -167,6 +167,7 @@ REFUSED = [
     (["--at", "3"], "--at = 3.0: a place from 0.6 to 1.1 m"),
     (["--to", "adams"], "--to = 'adams': sid, ffrf, simscape is allowed"),
     (["--modes", "0"], "--modes = 0"),
+    (["--modes", "100000"], "--modes = 100000: at most "),
     (["--set", "masses=[{name='m',on='tip',mass=1.0}]"], "masses = 'm': none is allowed"),
     (["--set", "pads.mouth.unilateral=true"], "only pushes"),
 ]
