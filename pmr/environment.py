@@ -50,10 +50,7 @@ _NEEDED = {
 def needed(name: str) -> Any:
     """The package `name`, imported where it is needed.
 
-    Raises
-    ------
-    InputError
-        If it, or a library that it loads, is missing: what it is for, and the command that installs it.
+    Raises InputError if it, or a library that it loads, is missing: what it is for, and the command that installs it.
     """
     try:
         return importlib.import_module(name)
@@ -64,10 +61,7 @@ def needed(name: str) -> Any:
 def check_installed(name: str) -> None:
     """The same before long work, without the time that an import takes; a library may still be missing.
 
-    Raises
-    ------
-    InputError
-        If there is no such package.
+    Raises InputError if there is no such package.
     """
     if util.find_spec(name) is None:
         raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")

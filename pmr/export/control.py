@@ -66,10 +66,7 @@ if __name__ == "__main__":
 def write_matlab(npz_path: Path, target: Path, at: str | None) -> Path:
     """Write A, B, C, D as arrays (., ., S) over the places s, as MATLAB's ``ss`` takes them, with all names.
 
-    Raises
-    ------
-    InputError
-        As `pmr.simulate.state_space.state_space` and `pmr.export.places.places`.
+    Raises InputError as `pmr.simulate.state_space.state_space` and `pmr.export.places.places`.
     """
     return _written(_space(npz_path, at), target)
 
@@ -77,10 +74,7 @@ def write_matlab(npz_path: Path, target: Path, at: str | None) -> Path:
 def write_python_control(npz_path: Path, target: Path, at: str | None) -> Path:
     """Write a script for python-control, and beside it the file that it reads.
 
-    Raises
-    ------
-    InputError
-        As `write_matlab`, or if the script's name ends in ``.mat``.
+    Raises InputError as `write_matlab`, or if the script's name ends in ``.mat``.
     """
     data = target.with_suffix(".mat")
     if data == target or not target.stem.isidentifier():
@@ -96,10 +90,7 @@ def write_frequency_response(npz_path: Path, target: Path, at: str | None) -> Pa
 
     Of the outputs the last displacement is taken, that of the tip.
 
-    Raises
-    ------
-    InputError
-        As `write_matlab`.
+    Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
     space = _space(npz_path, at)

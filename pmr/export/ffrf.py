@@ -12,10 +12,7 @@ from pmr.files.whole import replaced
 def write_ffrf(body: NodalBody, target: Path) -> Path:
     """Write nodes, mass, stiffness and modes with Exudyn's own writer; `FEMinterface.LoadFromFile` reads them.
 
-    Raises
-    ------
-    InputError
-        If Exudyn is missing.
+    Raises InputError if Exudyn is missing.
     """
     environment.needed("exudyn")
     from exudyn.FEM import FEMinterface

@@ -107,10 +107,7 @@ BODY_FORMATS = {
 def write(to: str, model: Path, target: Path | None, options: Options) -> Path:
     """Write a saved reduced model in a format; beside the model where there is no target.
 
-    Raises
-    ------
-    InputError
-        If there is no such format, it does not take an option that was given, or its writer refuses.
+    Raises InputError if there is no such format, it does not take an option that was given, or its writer refuses.
     """
     if to not in FORMATS:
         raise InputError("command line", "--to", to, f"{hint(to, FORMATS)}one of {', '.join(FORMATS)} is allowed")

@@ -37,22 +37,13 @@ def write_dmig(npz_path: Path, target: Path, at: str | None) -> Path:
     A field holds ten digits or more; what it leaves of a matrix stands in a second one, so that their sum, as Nastran
     takes it (``K2GG = K1, KL1``), has all digits.
 
-    Raises
-    ------
-    InputError
-        As `pmr.simulate.state_space.state_space` and `pmr.export.places.places`.
+    Raises InputError as `pmr.simulate.state_space.state_space` and `pmr.export.places.places`.
     """
     return _written(npz_path, target, at, _deck)
 
 
 def write_output4(npz_path: Path, target: Path, at: str | None) -> Path:
-    """The same matrices, whole and with all digits, as text of OUTPUT4.
-
-    Raises
-    ------
-    InputError
-        As `write_dmig`.
-    """
+    """The same matrices, whole and with all digits, as text of OUTPUT4; raises InputError as `write_dmig`."""
     return _written(npz_path, target, at, _output4)
 
 

@@ -16,10 +16,7 @@ PLACES = 21
 def places(model: ReducedModel, asked: str | None) -> Array:
     """Path coordinates (S,) in m, ascending: those that are asked for, separated by commas, or a grid.
 
-    Raises
-    ------
-    InputError
-        If they are no numbers or lie off the model's path.
+    Raises InputError if they are no numbers or lie off the model's path.
     """
     low, high = model.domain
     if asked is None:

@@ -29,10 +29,8 @@ class Recorded:
 def recorded(model: ReducedModel, source: str) -> Recorded:
     """The scene in a model's provenance.
 
-    Raises
-    ------
-    InputError
-        If there is none, or it holds anything but numbers where numbers belong; it is said of the file `source`.
+    Raises InputError if there is none, or it holds anything but numbers where numbers belong; it is said of the file
+    `source`.
     """
     try:
         scene = model.provenance["scene"]

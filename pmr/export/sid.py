@@ -54,10 +54,8 @@ class Taylor:
 def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
     """What the module's equations say, by the names of the format.
 
-    Raises
-    ------
-    InputError
-        If a node's mass differs along x, y and z: then no field of displacements stands behind the mass matrix.
+    Raises InputError if a node's mass differs along x, y and z: then no field of displacements stands behind the mass
+    matrix.
     """
     scalar = sp.csr_matrix(body.M[::3][:, ::3])
     if abs(body.M - sp.kron(scalar, sp.eye(3))).max() > ALIKE * abs(scalar).max():
@@ -94,10 +92,7 @@ def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
 def write_sid(body: NodalBody, target: Path) -> Path:
     """Write a body with 17 digits a number; the nodes of the file are the places of its loads and outputs.
 
-    Raises
-    ------
-    InputError
-        As `inertia_integrals`.
+    Raises InputError as `inertia_integrals`.
     """
     lines = list(_lines(body))
     target.parent.mkdir(parents=True, exist_ok=True)

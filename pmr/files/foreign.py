@@ -79,10 +79,8 @@ class _Nodes:
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
     """Matrices and what is known of their coordinates.
 
-    Raises
-    ------
-    InputError
-        If a file is missing or of another kind, does not say what it should, or they do not fit each other.
+    Raises InputError if a file is missing or of another kind, does not say what it should, or they do not fit each
+    other.
     """
     K, M = _guarded(files.stiffness, _MATRICES | _nastran("K")), _guarded(files.mass, _MATRICES | _nastran("M"))
     pairs, nodes = _guarded(files.dofs, _DOFS), _guarded(files.nodes, _NODES)
@@ -130,10 +128,7 @@ def _guarded(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
 def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
     """A matrix of which only one triangle is stored, whole.
 
-    Raises
-    ------
-    ValueError
-        If it is not square, or so empty that its size is a mistake, and might not fit into memory.
+    Raises ValueError if it is not square, or so empty that its size is a mistake, and might not fit into memory.
     """
     n = A.shape[0]
     if A.shape != (n, n) or n > A.nnz:

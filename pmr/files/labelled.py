@@ -41,10 +41,7 @@ class Entries:
 def read_entries(path: Path) -> Entries:
     """Lines ``node, direction, node, direction, entry``: what Abaqus writes of ``*MATRIX OUTPUT``.
 
-    Raises
-    ------
-    ValueError
-        If a line says something else.
+    Raises ValueError if a line says something else.
     """
     if not path.read_bytes().endswith(b"\n"):
         raise ValueError("a last line that ends: this one is cut off")

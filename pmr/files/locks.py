@@ -18,10 +18,7 @@ def locked(path: Path, wait: bool = True) -> Iterator[bool]:
 
     False where the file system has none, and, with `wait` false, where another process holds it.
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is nothing of this name.
+    Raises FileNotFoundError if there is nothing of this name.
     """
     if _fcntl is None:
         yield False

@@ -47,12 +47,7 @@ class Bulk:
 def read_bulk(path: Path) -> Bulk:
     """All of a bulk data file that is asked for.
 
-    Raises
-    ------
-    InputError
-        If pyNastran is missing.
-    ValueError
-        If the file is not read.
+    Raises InputError if pyNastran is missing; ValueError if the file is not read.
     """
     deck = _pynastran("pyNastran.bdf.bdf").BDF(debug=None)
     try:
@@ -84,12 +79,7 @@ def read_bulk(path: Path) -> Bulk:
 def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
     """Matrices of an OUTPUT4 file by name.
 
-    Raises
-    ------
-    InputError
-        If pyNastran is missing.
-    ValueError
-        If the file is not read.
+    Raises InputError if pyNastran is missing; ValueError if the file is not read.
     """
     read = _pynastran("pyNastran.op4.op4").read_op4
     try:
@@ -107,10 +97,7 @@ def _told(error: BaseException) -> str:
 def named(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
     """The only matrix, or the only one whose name begins with a letter.
 
-    Raises
-    ------
-    ValueError
-        If there are none or several.
+    Raises ValueError if there are none or several.
     """
     found = [one for name, one in matrices.items() if len(matrices) == 1 or name.upper().startswith(letter)]
     if len(found) != 1:

@@ -73,10 +73,7 @@ def write(
 ) -> None:
     """Write an npz file, all of it or nothing, with a header in JSON if there is one; equal arrays give equal bytes.
 
-    Raises
-    ------
-    NotWrittenError
-        If there is no room for it.
+    Raises NotWrittenError if there is no room for it.
     """
     kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
     if header is not None:
@@ -90,13 +87,7 @@ def write(
 
 
 def without_header(arrays: dict[str, NDArray[Any]]) -> Any:
-    """The header of a file, taken out of its arrays.
-
-    Raises
-    ------
-    DamagedError
-        If there is none.
-    """
+    """The header of a file, taken out of its arrays; raises DamagedError if there is none."""
     try:
         header = arrays.pop(HEADER)
         return json.loads(header.tobytes() if header.dtype == np.uint8 else str(header))

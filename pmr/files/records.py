@@ -37,10 +37,7 @@ T = TypeVar("T")
 def arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
     """All that a dataclass holds, by name; `prefix` stands before each name.
 
-    Raises
-    ------
-    TypeError
-        If a table holds what JSON doesn't know.
+    Raises TypeError if a table holds what JSON doesn't know.
     """
     found: dict[str, NDArray[Any]] = {}
     cls: Any = type(record)
@@ -64,12 +61,7 @@ def arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 def record(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], prefix: str = "") -> T:
     """The dataclass that `arrays` gave, its numbers in the types that the fields name.
 
-    Raises
-    ------
-    KeyError
-        If something is missing that has no default.
-    TypeError, ValueError
-        If something is of another type.
+    Raises KeyError if something is missing that has no default; TypeError, ValueError if something is of another type.
     """
     values: dict[str, Any] = {}
     for field in fields(cls):  # type: ignore[arg-type]

@@ -99,10 +99,7 @@ def _finish(folder: Path) -> None:
 def _moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
     """What is to be moved and to be removed: files of the folder, whoever wrote the list.
 
-    Raises
-    ------
-    InputError
-        If it names anything outside of the folder: then no file is touched.
+    Raises InputError if it names anything outside of the folder: then no file is touched.
     """
     try:
         moves = json.loads(file.read_text())

@@ -33,10 +33,7 @@ class NotWrittenError(OSError):
 def replaced(path: Path) -> Iterator[Path]:
     """A name to write to, which takes the place of `path` in one step when the block ends without an error.
 
-    Raises
-    ------
-    NotWrittenError
-        If there is no room; nothing of the new file is left.
+    Raises NotWrittenError if there is no room; nothing of the new file is left.
     """
     part = path.with_name(f"{path.name}.{os.getpid()}{PART}")
     try:
@@ -52,10 +49,7 @@ def replaced(path: Path) -> Iterator[Path]:
 def said_in_a_line(path: Path) -> Iterator[None]:
     """Where the block finds no room on the disk, say so of `path`.
 
-    Raises
-    ------
-    NotWrittenError
-        Instead of the system's own error.
+    Raises NotWrittenError instead of the system's own error.
     """
     try:
         yield

@@ -13,10 +13,7 @@ SLACK = 1e-9
 def check_pads(scene: Scene) -> None:
     """Refuse a pad that lies beside its face or leaves it in part, at any time; faces that are read check themselves.
 
-    Raises
-    ------
-    InputError
-        With the pad, where it reaches to and what the face offers.
+    Raises InputError with the pad, where it reaches to and what the face offers.
     """
     length, box = scene.body.length, scene.body.box
     for i, ring in enumerate(scene.pads):

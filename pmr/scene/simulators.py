@@ -82,9 +82,7 @@ REFERENCE = Asked("scene", "compare.against", ["full"])
 def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
     """Refuse what the simulator of this name can't do, in one line that names the key that mends it.
 
-    Raises
-    ------
-    InputError
+    Raises InputError.
     """
     can, asked = SIMULATORS[name], by_scene(name) if asked is None else asked
     if len(needs.paths) > 1 and not can.several_paths:

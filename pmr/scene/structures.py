@@ -26,10 +26,7 @@ from pmr.scene.section import (
 def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, float]:
     """The direction alone; one of unit length, to round-off, stays as it is.
 
-    Raises
-    ------
-    ValueError
-        If it is zero or not finite.
+    Raises ValueError if it is zero or not finite.
     """
     largest = max(map(abs, direction))
     if not 0.0 < largest < math.inf:

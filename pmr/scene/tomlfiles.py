@@ -73,11 +73,8 @@ class TomlFile:
     def validated(self, model: type[Model]) -> Model:
         """The data as a pydantic model.
 
-        Raises
-        ------
-        InputError
-            For the first key that has moved, else the first value that the model refuses; unknown keys go first, with
-            the known ones.
+        Raises InputError for the first key that has moved, else the first value that the model refuses; unknown keys go
+        first, with the known ones.
         """
         for location, name, _, value in keys_of(self.data):
             if name in self.dialect.moved:

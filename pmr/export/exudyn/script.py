@@ -119,11 +119,8 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
 def exudyn_script(model: ReducedModel, file_name: str) -> str:
     """Text of a script that reads `model` from `file_name`.
 
-    Raises
-    ------
-    InputError
-        If the model's provenance has no usable scene, only some of its rows give way, it keeps residual inertia or has
-        rows that only push.
+    Raises InputError if the model's provenance has no usable scene, only some of its rows give way, it keeps residual
+    inertia or has rows that only push.
     """
     refuse("exudyn", needs_of(model, model.domain[0]), Asked(file_name, "", None))
     scene, compliant = scene_text(model, file_name), compliant_rows(model)

@@ -44,13 +44,7 @@ class SceneText:
 
 
 def scene_text(model: ReducedModel, source: str) -> SceneText:
-    """The scene in a model's provenance.
-
-    Raises
-    ------
-    InputError
-        As `pmr.export.recorded.recorded`.
-    """
+    """The scene in a model's provenance; raises InputError as `pmr.export.recorded.recorded`."""
     found = recorded(model, source)
     path, loads, stepping = found.excitation.path, found.excitation.loads, found.excitation.stepping
     names = _identifiers(tuple(loads))

@@ -34,10 +34,7 @@ _FLAGS = ("-shared", "-std=c99", "-O3", "-fvisibility=hidden", "-fno-sanitize=un
 def compiled(folder: Path, sources: Sequence[str], platform: Platform, target: Path) -> None:
     """Compile the files of a folder into a shared library.
 
-    Raises
-    ------
-    InputError
-        If the compiler fails; with its first line.
+    Raises InputError if the compiler fails; with its first line.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     windows = platform.suffix == ".dll"

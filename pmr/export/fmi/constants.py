@@ -50,10 +50,7 @@ class Constants:
 def constants(model: ReducedModel, source: str) -> Constants:
     """Modal form and tables of a model, on common breaks.
 
-    Raises
-    ------
-    InputError
-        If it keeps residual inertia; it is said of the file `source`.
+    Raises InputError if it keeps residual inertia; it is said of the file `source`.
     """
     if model.flexibility is not None and model.flexibility.keeps_inertia:
         raise InputError(source, "flexibility.inertia", None, "a model without residual inertia is allowed in an FMU")

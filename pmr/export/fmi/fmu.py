@@ -79,10 +79,7 @@ def write_fmu(
 def contents(model: ReducedModel, file_name: str, name: str, version: str) -> Contents:
     """Description, source and reference trajectory of a model whose binaries are called `name`.
 
-    Raises
-    ------
-    InputError
-        If the model has no scene, keeps residual inertia, or has rigid rows that only push.
+    Raises InputError if the model has no scene, keeps residual inertia, or has rigid rows that only push.
     """
     scene, found = recorded(model, file_name), constants(model, file_name)
     run = reference(model, scene.excitation)
