@@ -15,18 +15,10 @@ from pmr.errors.text import hint
 
 @dataclass(frozen=True)
 class Options:
-    """What a format may be told besides the files; None: nothing was said.
+    """What a format may be told besides the files; None: nothing was said."""
 
-    Attributes
-    ----------
-    fmi : str or None
-        Version of the Functional Mock-up Interface.
-    at : str or None
-        Places of the sliders in m, separated by commas.
-    """
-
-    fmi: str | None = None
-    at: str | None = None
+    fmi: str | None = None  #: Version of the Functional Mock-up Interface
+    at: str | None = None  #: Places of the sliders in m, separated by commas
 
 
 @dataclass(frozen=True)

@@ -34,25 +34,17 @@ DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
 
 @dataclass(frozen=True)
 class ForeignFiles:
-    """Where another program left its model.
+    """Where another program left its model."""
 
-    Attributes
-    ----------
-    stiffness, mass : Path
-        ``.sti`` and ``.mas``; ``.mtx`` (Matrix Market, or Abaqus's own), ``.npz`` (SciPy), ``.rb`` or ``.hb``
-        (Harwell-Boeing); of Nastran ``.bdf`` or ``.pch`` (DMIG) and ``.op4``, with names that begin with K and M where
-        there are several.
-    dofs : Path
-        Node and direction of each row: ``.dof``, lines ``node.direction`` with 1 to 6, or ``.csv``, ``node,direction``;
-        ``.bdf``, ``.pch`` and Abaqus's ``.mtx`` name them with each entry.
-    nodes : Path
-        ``.inp``: ``*NODE`` and ``*NSET``; ``.bdf``: GRID and SET1, as ``set7``; or ``.csv``, ``node,x,y,z`` and names
-        of groups behind them.
-    """
-
+    #: ``.sti``; ``.mtx`` (Matrix Market, or Abaqus's own), ``.npz`` (SciPy), ``.rb`` or ``.hb`` (Harwell-Boeing); of
+    #: Nastran ``.bdf`` or ``.pch`` (DMIG) and ``.op4``, with names that begin with K and M where there are several
     stiffness: Path
-    mass: Path
+    mass: Path  #: ``.mas``, otherwise as the stiffness
+    #: Node and direction of each row: ``.dof``, lines ``node.direction`` with 1 to 6, or ``.csv``, ``node,direction``;
+    #: ``.bdf``, ``.pch`` and Abaqus's ``.mtx`` name them with each entry
     dofs: Path
+    #: ``.inp``: ``*NODE`` and ``*NSET``; ``.bdf``: GRID and SET1, as ``set7``; or ``.csv``, ``node,x,y,z`` and names of
+    #: groups behind them
     nodes: Path
 
 

@@ -22,26 +22,13 @@ SQUARE, SYMMETRIC = 1, 6
 
 @dataclass(frozen=True)
 class Bulk:
-    """What a bulk data file holds.
+    """What a bulk data file holds."""
 
-    Attributes
-    ----------
-    matrices : dict of sparse (n, n)
-        Symmetric DMIG matrices by name.
-    pairs : (n, 2) array
-        Grid point and component (1 to 6) of each row, ascending.
-    numbers : (N,) array
-        Grid points.
-    points : (N, 3) array, m
-    groups : dict of (g,) arrays
-        Grid points of each SET1 entry, as ``set7``.
-    """
-
-    matrices: dict[str, sp.csr_matrix]
-    pairs: Indices
-    numbers: Indices
-    points: NDArray[np.float64]
-    groups: dict[str, Indices]
+    matrices: dict[str, sp.csr_matrix]  #: Symmetric DMIG matrices by name
+    pairs: Indices  #: (n, 2) array: grid point and component (1 to 6) of each row, ascending
+    numbers: Indices  #: (N,) array: grid points
+    points: NDArray[np.float64]  #: (N, 3) array, m
+    groups: dict[str, Indices]  #: Grid points of each SET1 entry, as ``set7``
 
 
 def read_bulk(path: Path) -> Bulk:

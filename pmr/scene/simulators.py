@@ -11,32 +11,16 @@ from pmr.errors import InputError
 
 @dataclass(frozen=True)
 class Needs:
-    """What a body on its way asks of a simulator; rows by their names.
+    """What a body on its way asks of a simulator; rows by their names."""
 
-    Attributes
-    ----------
-    pushing : tuple of str
-        Rows that only push.
-    rigid_pushing : tuple of str
-        Those of them that neither a pad's stiffness nor residual flexibility lets give way.
-    giving : tuple of str
-        Rows that give way.
-    rigid_moving : tuple of str
-        Rigid rows that travel along a path.
-    kept_inertia : bool
-        The inertia of the residual part is kept.
-    paths : tuple of str
-    rho_inf : float
-        Spectral radius at infinite frequency.
-    """
-
-    pushing: tuple[str, ...] = ()
+    pushing: tuple[str, ...] = ()  #: Rows that only push
+    #: Those of them that neither a pad's stiffness nor residual flexibility lets give way
     rigid_pushing: tuple[str, ...] = ()
-    giving: tuple[str, ...] = ()
-    rigid_moving: tuple[str, ...] = ()
-    kept_inertia: bool = False
+    giving: tuple[str, ...] = ()  #: Rows that give way
+    rigid_moving: tuple[str, ...] = ()  #: Rigid rows that travel along a path
+    kept_inertia: bool = False  #: The inertia of the residual part is kept
     paths: tuple[str, ...] = ()
-    rho_inf: float = 0.0
+    rho_inf: float = 0.0  #: Spectral radius at infinite frequency
 
 
 @dataclass(frozen=True)

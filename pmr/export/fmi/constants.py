@@ -23,23 +23,12 @@ _NUMBERS_A_LINE = 8
 
 @dataclass(frozen=True)
 class Constants:
-    """A body in modal form, and what the C source is told of it.
-
-    Attributes
-    ----------
-    form : ModalForm
-    gives_way : (m,) array
-        Rows whose flexibility or pad gives way; the others are rigid.
-    sizes : dict
-        Macros of model.h.
-    arrays : dict
-        Arrays of model.c by their declarations.
-    """
+    """A body in modal form, and what the C source is told of it."""
 
     form: ModalForm
-    gives_way: NDArray[np.bool_]
-    sizes: dict[str, int]
-    arrays: dict[str, Array]
+    gives_way: NDArray[np.bool_]  #: (m,) array: rows whose flexibility or pad gives way; the others are rigid
+    sizes: dict[str, int]  #: Macros of model.h
+    arrays: dict[str, Array]  #: Arrays of model.c by their declarations
 
     @property
     def model_exchange(self) -> bool:

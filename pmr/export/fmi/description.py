@@ -33,27 +33,15 @@ UNITS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Described:
-    """What is said of a model as a whole.
+    """What is said of a model as a whole."""
 
-    Attributes
-    ----------
-    identifier : str
-        An identifier of C: the name of the binaries.
-    title, token : str
-    model_exchange : bool
-        Whether there is an interface for Model Exchange, beside that for Co-Simulation.
-    sources : sequence of str
-    end, step : float, s
-        Of the reference trajectory.
-    """
-
-    identifier: str
+    identifier: str  #: Of C: the name of the binaries
     title: str
     token: str
-    model_exchange: bool
+    model_exchange: bool  #: Whether there is an interface for Model Exchange, beside that for Co-Simulation
     sources: Sequence[str]
-    end: float
-    step: float
+    end: float  #: s, of the reference trajectory
+    step: float  #: s, of the reference trajectory
 
 
 def description_2(model: Described, variables: Sequence[Variable]) -> str:

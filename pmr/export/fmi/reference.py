@@ -24,26 +24,14 @@ INSTANTS = 101
 
 @dataclass(frozen=True)
 class Reference:
-    """A simulation under the scene of a model.
+    """A simulation under the scene of a model."""
 
-    Attributes
-    ----------
-    stepping : TimeStepping
-        With the parts that rows that only push take.
-    inputs : (T, 3 + 2 i) array
-        Time, s, its rate, loads and their rates, at every step; rates lead to the next step.
-    t : (S,) array, s
-    outputs : (S, o + m) array
-        Displacements and forces.
-    nominal : (2 r,) array
-        Largest modal coordinates and rates.
-    """
-
-    stepping: TimeStepping
+    stepping: TimeStepping  #: With the parts that rows that only push take
+    #: (T, 3 + 2 i) array: time, s, its rate, loads and their rates, at every step; rates lead to the next step
     inputs: Array
-    t: Array
-    outputs: Array
-    nominal: Array
+    t: Array  #: (S,) array, s
+    outputs: Array  #: (S, o + m) array: displacements and forces
+    nominal: Array  #: (2 r,) array: largest modal coordinates and rates
 
     @property
     def start_values(self) -> Array:

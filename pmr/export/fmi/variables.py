@@ -20,32 +20,18 @@ STARTS = {"at rest": 0, "static": 1, "as given": 2}
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable: its value reference, and what a model description says of it.
-
-    Attributes
-    ----------
-    name, description : str
-    reference : int
-    causality, variability : str
-    initial : str
-        Empty where the causality says it.
-    unit : str
-        Empty for a number.
-    start, nominal : float or None
-    derivative_of : int or None
-        Value reference of the state whose derivative this is.
-    """
+    """One variable: its value reference, and what a model description says of it."""
 
     name: str
     reference: int
     description: str
     causality: str = "output"
     variability: str = "continuous"
-    initial: str = "calculated"
-    unit: str = ""
+    initial: str = "calculated"  #: Empty where the causality says it
+    unit: str = ""  #: Empty for a number
     start: float | None = None
     nominal: float | None = None
-    derivative_of: int | None = None
+    derivative_of: int | None = None  #: Value reference of the state whose derivative this is
 
     @property
     def is_choice(self) -> bool:
