@@ -54,7 +54,7 @@ _PLACES = {
 #: Rooms that are called by what one does there: `pmr.reduce(scene)`, and `pmr.reduce.basis` as of any package.
 _VERBS = {
     "reduce": "pmr.run:reduce",
-    "run": "pmr.run.either:run_either",
+    "run": "pmr.run.booms:run_either",
     "simulate": "pmr.compare.responses:simulate_reduced",
 }
 

@@ -93,7 +93,7 @@ def run(
         leave(f"FEniCSx is not installed ({error}); reduced models simulate without it, new ones need it", 1)
     from pmr.environment import Clock
     from pmr.report.document import REPORT_FILES, write_report
-    from pmr.run.either import run_either
+    from pmr.run.booms import run_either
     from pmr.simulate.petsc import Checkpoint
 
     first = MPI.COMM_WORLD.rank == 0

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from pmr.compare import coverage, errors
 from pmr.compare.attached import borne, lifting, settled, unsettled
-from pmr.compare.boom_friction import with_friction
-from pmr.compare.booms import columns_of, quantities, respond
+from pmr.compare.booms import columns_of, quantities, respond, with_friction
 from pmr.compare.estimate import MARGIN
 from pmr.compare.summary import Part
 from pmr.environment import Clock

@@ -13,7 +13,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from pmr.compare.booms import CURVES, Said, frequencies, respond, response_of
+from pmr.compare.boom_figures import CURVES, frequencies
+from pmr.compare.booms import Said, respond, response_of
 from pmr.compare.trust import distrust
 from pmr.environment import Clock
 from pmr.errors import SimulationError

@@ -4,33 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import combinations
-
-import numpy as np
 
 from pmr.compare.booms import respond
+from pmr.compare.responses import agreement
 from pmr.environment import Clock
 from pmr.results import Response
 from pmr.scene import Boom
-from pmr.simulate import Excitation, InitialState, Progress, SystemSimulator, exudyn
+from pmr.simulate import Excitation, Progress, SystemSimulator, exudyn
 from pmr.simulate.native import multibody
 from pmr.system.system import System, SystemTrajectory
 
 #: s: what takes no longer is simulated several times.
 SHORT = 2.0
-
-
-def _in_exudyn(
-    system: System,
-    excitation: Excitation,
-    initial: Mapping[str, InitialState] | None = None,
-    progress: Progress | None = None,
-) -> SystemTrajectory:
-    """Exudyn is loaded when it is first asked for."""
-    return exudyn.simulate_system(system, excitation, initial, progress)
-
-
-_SIMULATE: dict[str, SystemSimulator] = {"march": multibody.simulate, "exudyn": _in_exudyn}
 
 
 @dataclass(frozen=True)
@@ -48,16 +33,14 @@ def simulate(boom: Boom, system: System, excitation: Excitation, clock: Clock) -
     names, motions = boom.simulation.simulators, dict[str, SystemTrajectory]()
     for name in names:
         with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done:
-            motions[name] = _repeated(boom, system, excitation, _SIMULATE[name], done)
+            simulator = exudyn.simulate_system if name == "exudyn" else multibody.simulate
+            motions[name] = _repeated(boom, system, excitation, simulator, done)
     found = {name: respond(system, motion) for name, motion in motions.items()}
     return BoomSimulations(
         motions[names[0]],
         found[names[0]],
         {name: motion.seconds for name, motion in motions.items()},
-        {
-            f"{a}_vs_{b}": float(np.abs(found[a].displacement - found[b].displacement).max())
-            for a, b in combinations(found, 2)
-        },
+        agreement(found),
     )
 
 

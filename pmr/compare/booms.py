@@ -1,4 +1,4 @@
-"""What simulators say of a boom of several sections, in the quantities of any run, and what its joints bear."""
+"""What simulators say of a boom of several sections, in the quantities of any run, and the friction along it."""
 
 from __future__ import annotations
 
@@ -9,32 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.boom_friction import friction
-from pmr.compare.errors import Quantity, nrms, with_common_forces
-from pmr.compare.pad_forces import PULLED, newton
-from pmr.compare.summary import Part
+from pmr.compare.errors import Quantity
 from pmr.reduced.model import ReducedModel
-from pmr.results import BoomFrequencies, Energy, Response
-from pmr.results.extremes import Extremes
+from pmr.results import Energy, Response
 from pmr.scene import Boom
-from pmr.scene.boom import Joint
 from pmr.scene.boom_parts import STRAIGHT
 from pmr.scene.built import force_of, reaction_of
 from pmr.simulate.booms import cylinder
 from pmr.simulate.columns import called
 from pmr.simulate.modal import inertia_share, unpressed
 from pmr.simulate.native import multibody
-from pmr.system.assembly import Assembly
 from pmr.system.body import force_outputs, length_outputs
 from pmr.system.contacts import Contact
 from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
-
-#: Frequencies that are compared, and places on the way at which: fewer where matrices are large.
-CURVES, PLACES, FEWER_PLACES = 4, 13, 4
-#: Share of the reach by which a published one may lie beyond it: it is rounded.
-BESIDE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -123,6 +112,41 @@ def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
     )
 
 
+def friction(boom: Boom, contacts: Sequence[Contact], response: Response) -> dict[str, Array]:
+    r"""What a section's pads resist sliding with, (T,) N by section, positive while it slides out.
+
+    .. math:: \tanh(\dot s / v) \sum_k \mu_k |N_k|
+
+    Coulomb's law with the forces N of the pads themselves; v is the joint's `friction_speed`.  The pads' friction also
+    has a moment about the axis, half the section's height times that sum's parts on its two faces: neglected.
+    """
+    found = {}
+    for part in boom.sections[1:]:
+        assert part.joint is not None  # as the checks say
+        own = [one for one in contacts if one.inner.body == part.name and one.friction]
+        if own:
+            columns = [response.force_names.index(force_of(one.name)) for one in own]
+            resisting = np.abs(response.slider_force[:, columns]) @ [one.friction for one in own]
+            found[part.name] = np.tanh(boom.paths[part.name].rate(response.t) / part.joint.friction_speed) * resisting
+    return found
+
+
+def with_friction(boom: Boom, contacts: Sequence[Contact], response: Response) -> Response:
+    """With the forces of cylinders that overcome the friction of the pads, too.
+
+    Sections hardly give way along the boom, and a joint's friction acts between the two sections that its cylinder
+    joins: it adds to that cylinder's force, and to no other one's.
+    """
+    forces, peaks = response.slider_force.copy(), response.force_peaks
+    peaks = None if peaks is None else peaks.copy()
+    for name, resisting in friction(boom, contacts, response).items():
+        column = response.force_names.index(force_of(cylinder(name)))
+        forces[:, column] += resisting
+        if peaks is not None:
+            peaks[:, column] += resisting
+    return replace(response, slider_force=forces, force_peaks=peaks)
+
+
 def quantities(boom: Boom, response: Response) -> Mapping[str, Quantity]:
     """What is compared: the last section's tip, all lines, all forces."""
     tips = tip_columns(boom, response)
@@ -143,117 +167,3 @@ def tip_columns(boom: Boom, response: Response) -> list[int]:
 def columns_of(section: str, response: Response) -> list[int]:
     """Columns of the displacements of a section."""
     return [k for k, name in enumerate(response.output_names) if name.startswith(f"{section}: ")]
-
-
-def sections(
-    boom: Boom,
-    responses: Mapping[str, Response],
-    sizes: Mapping[str, Mapping[str, int]],
-    more: Mapping[str, Mapping[str, Any]],
-) -> Part:
-    """``sections`` of summary.json: name, coordinates, the error along each against the full model, what else is known.
-
-    Of `more`, a table for each section, ``max_von_mises`` and ``stress_peak`` are gathered of all.
-    """
-    reduced, full, found = responses["reduced"], responses.get("full"), []
-    for name in boom.names:
-        columns, said = columns_of(name, reduced), {"name": name, "coordinates": dict(sizes[name])}
-        if full is not None:
-            error = nrms(reduced.displacement[:, columns], full.displacement[:, columns])
-            said |= {"errors": {"reduced_vs_full": {"beam": error}}}
-        found.append(said | dict(more.get(name, {})))
-    peaks = [(one["name"], one["stress_peak"]) for one in found if "stress_peak" in one]
-    if not peaks:
-        return Part({"sections": found})
-    highest = {
-        model: max(({"section": name, **peak[model]} for name, peak in peaks), key=lambda one: float(one["value"]))
-        for model in peaks[0][1]
-    }
-    most = {model: peak["value"] for model, peak in highest.items()}
-    return Part({"sections": found, "max_von_mises": most, "stress_peak": highest})
-
-
-def joints(boom: Boom, response: Response, contacts: Sequence[Contact]) -> Part:
-    """``pads`` and ``cylinders`` of summary.json, smallest and largest force with their times; pads that are pulled.
-
-    Of cylinders also the largest ``friction`` that they overcome, where there is any.
-    """
-    driven = {force_of(cylinder(name)) for name in boom.names[1:]} & set(response.force_names)
-    reach = boom.reach(response.t)
-    loads: list[dict[str, Any]] = [
-        {"name": name.removeprefix(force_of("")), **Extremes.of(response.force(name, 0), response.t, reach).summary()}
-        for name in response.force_names
-    ]
-    pads = [load for name, load in zip(response.force_names, loads, strict=True) if name not in driven]
-    resisting = {cylinder(name): values for name, values in friction(boom, contacts, response).items()}
-    cylinders = [
-        load | ({"friction": float(np.abs(resisting[load["name"]]).max())} if load["name"] in resisting else {})
-        for name, load in zip(response.force_names, loads, strict=True)
-        if name in driven
-    ]
-    return Part({"pads": pads, "cylinders": cylinders}, _pulled(boom, pads))
-
-
-def beside_published(boom: Boom, found: BoomFrequencies) -> Part:
-    """``published_frequencies``: the first one where it is published, and what each model has there.
-
-    What is published beyond this boom's reach is left out, with a line.
-    """
-    published = boom.published.frequencies if boom.published else ()
-    low, high, slack = found.reach[0], found.reach[-1], BESIDE * found.reach[-1]
-    within = [one for one in published if low - slack <= one.reach <= high + slack]
-    rows = [
-        {"reach": one.reach, "published": one.first}
-        | {model: float(np.interp(one.reach, found.reach, f[:, 0])) for model, f in found.models.items()}
-        for one in within
-    ]
-    beyond = ", ".join(f"{one.reach:g}" for one in published if one not in within)
-    said = f"published frequencies at a reach of {beyond} m are left out: this boom reaches {low:.6g} to {high:.6g} m"
-    return Part({"published_frequencies": rows} if rows else {}, [said] if beyond else [])
-
-
-def frequencies(system: System, x: Array) -> Array:
-    """The lowest natural frequencies (S, f) in Hz of a small system at places x (S, sides) m, every contact closed."""
-    assembly = Assembly(system)
-    return np.array([assembly.frequencies(at, CURVES) for at in x])
-
-
-def on_the_way(boom: Boom, t: Array, count: int) -> NDArray[np.int64]:
-    """Steps (S,) at which the boom first reaches so far, evenly from its shortest to its longest."""
-    reach = boom.reach(t)
-    goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
-    return np.array(list(dict.fromkeys(int(np.argmin(np.abs(reach - goal))) for goal in goals)))
-
-
-def _pulled(boom: Boom, pads: list[dict[str, Any]]) -> list[str]:
-    """Joints with pads that hold both ways and are pulled, a line each: the one that is pulled most, how many more."""
-    largest, said = max((max(pad["max"], -pad["min"]) for pad in pads), default=0.0), []
-    for part in boom.sections[1:]:
-        assert part.joint is not None
-        ends, found = list[str](), list[dict[str, Any]]()
-        for end in ("tail", "mouth"):
-            own = [pad for pad in pads if pad["name"].startswith(f"{part.name} {end}") and _both_ways(part.joint, end)]
-            pulled = [pad for pad in own if -pad["min"] > PULLED * max(pad["max"], 0.1 * largest)]
-            found += pulled
-            ends += [f"sections.{part.name}.joint.{end}"] * bool(pulled)
-        if found:
-            most = min(found, key=lambda pad: float(pad["min"]))
-            more = f", and {len(found) - 1} more" if len(found) > 1 else ""
-            said.append(
-                f"pads of the joint of {part.name} hold both ways and pull: {most['name']} with up to "
-                f"{newton(-most['min'])} at {most['t_min']:g} s{more}; if they can only push, set unilateral = true "
-                f"in {' and '.join(ends)}"
-            )
-    return said
-
-
-def _both_ways(joint: Joint, end: str) -> bool:
-    return any(not ring.unilateral for ring in getattr(joint, end))
-
-
-def with_forces_of_both(responses: Mapping[str, Response]) -> Mapping[str, Response]:
-    """The responses with the forces that all of them know, as in the reduced model's order."""
-    found, reduced = dict(responses), responses["reduced"]
-    if "full" in found:
-        found["reduced"], found["full"] = with_common_forces(reduced, found["full"])
-    return found

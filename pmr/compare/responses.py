@@ -96,15 +96,19 @@ def simulate(
         label = "reduced" if len(scene.simulation.simulators) == 1 else f"reduced, {name}"
         with clock.stage(label), refused_growth(scene):
             simulated[name] = _repeated(scene, reduced, name, steps=steps)
-    found = {name: one.response for name, one in simulated.items()}
+    found: dict[str, Response] = {name: one.response for name, one in simulated.items()}
     first = scene.simulation.simulators[0]
     responses = {"reduced": found[first], **references}
-    seconds = {str(name): response.seconds for name, response in (*found.items(), *references.items())}
-    agreement = {
+    seconds = {name: response.seconds for name, response in (*found.items(), *references.items())}
+    return Simulations(responses, seconds, agreement(found), first, simulated[first].states)
+
+
+def agreement(found: Mapping[str, Response]) -> dict[str, float]:
+    """``<a>_vs_<b>``: largest difference of displacements in m between two simulators."""
+    return {
         f"{a}_vs_{b}": float(np.abs(found[a].displacement - found[b].displacement).max())
         for a, b in combinations(found, 2)
     }
-    return Simulations(responses, seconds, agreement, first, simulated[first].states)
 
 
 @contextmanager

@@ -55,7 +55,7 @@ def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
     parts = [
         made_with(scene),
         Part(figures),
-        simulated(simulations, {}),
+        simulated(simulations.seconds, simulations.agreement, {}),
         driven(excitation),
         estimated.part,
         step_part(scene, reduced, found, clock),

@@ -11,7 +11,6 @@ import numpy as np
 from pmr import environment
 from pmr.compare import errors, pad_forces, trust
 from pmr.compare.outputs import impulsive
-from pmr.compare.responses import Simulations, full_simulator, quantities
 from pmr.compare.spectrum import band, error_below
 from pmr.files import jsonfile
 from pmr.reduced.model import ReducedModel
@@ -60,29 +59,24 @@ def made_with(scene: Scene | Boom, libraries: Mapping[str, str] | None = None) -
     )
 
 
-def simulated(simulations: Simulations, stages: Mapping[str, float]) -> Part:
+def simulated(seconds: Mapping[str, float], agreement: Mapping[str, float], stages: Mapping[str, float]) -> Part:
     """Seconds of the `stages` and of the simulators, and how far those agree."""
-    return Part(
-        {
-            "seconds": {**stages, "simulate": dict(simulations.seconds)},
-            "agreement": dict(simulations.agreement),
-        }
-    )
+    return Part({"seconds": {**stages, "simulate": dict(seconds)}, "agreement": dict(agreement)})
 
 
-def compared(scene: Scene, simulations: Simulations, size: int) -> Part:
-    """Errors beside the references; `size` is that of the full model."""
-    responses, measured = simulations.responses, quantities(scene)
-    reduced = responses["reduced"].displacement
-    reference = responses["full"].displacement if "full" in responses else reduced
-    full = {"full": full_simulator(scene, size)} if "full" in responses else {}
+def compared(
+    responses: Mapping[str, Response], measured: Mapping[str, errors.Quantity], simulators: Mapping[str, str]
+) -> Part:
+    """Errors beside the references, of what is `measured`; who simulated ``reduced`` and ``full``."""
+    reduced, full = responses["reduced"].displacement, responses.get("full")
+    reference = reduced if full is None else full.displacement
     return Part(
         {
             "errors": errors.errors(responses, quantities=measured),
             "absolute_errors": errors.errors(responses, errors.absolute_error, quantities=measured),
             "max_displacement": float(np.abs(reference).max()),
-            "max_error": float(np.abs(reduced - reference).max()) if full else None,
-            "simulators": {"reduced": simulations.first} | full,
+            "max_error": None if full is None else float(np.abs(reduced - reference).max()),
+            "simulators": {name: simulator for name, simulator in simulators.items() if name in responses},
         }
     )
 

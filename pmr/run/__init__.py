@@ -18,7 +18,7 @@ from pmr.compare.frequencies import CURVES, frequency_curves, visited_positions
 from pmr.compare.frequency_response import frequency_response
 from pmr.compare.frequency_response import part as frequency_part
 from pmr.compare.references import references
-from pmr.compare.responses import check_installed, simulate
+from pmr.compare.responses import check_installed, full_simulator, quantities, simulate
 from pmr.compare.summary import (
     Part,
     compared,
@@ -131,12 +131,13 @@ def run(
     excitation, reduced = Excitation.of(scene), reduction.reduced
     estimated = reduction_error(scene, reduced, clock, other)
     in_frequency = frequency_response(scene, reduced)
+    stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     parts = [
         made_with(scene, fenicsx_versions()),
         Part({"coordinates": {"full": size, "reduced": reduced.size}}),
         Part(describe_basis(scene, reduction.model, reduction.snapshots, reduction.basis, reduced)),
-        compared(scene, simulations, size),
-        simulated(simulations, {name: clock.seconds[name] for name in STAGES if name in clock.seconds}),
+        compared(responses, quantities(scene), {"reduced": simulations.first, "full": full_simulator(scene, size)}),
+        simulated(simulations.seconds, simulations.agreement, stages),
         struck(reduced, excitation, responses),
         driven(excitation),
         estimated.part,

@@ -5,21 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.accuracy import booms as order
-from pmr.compare import booms as compared
-from pmr.compare import errors, pad_forces
+from pmr.compare import boom_figures as figures
+from pmr.compare import pad_forces
 from pmr.compare.boom_estimate import BoomError, boom_error
-from pmr.compare.boom_friction import with_friction
-from pmr.compare.boom_map import frequency_map
 from pmr.compare.boom_references import FullBoom, FullRun
 from pmr.compare.boom_simulations import BoomSimulations, simulate
+from pmr.compare.booms import quantities, with_friction
 from pmr.compare.responses import check_installed
-from pmr.compare.summary import Part, driven, gathered, made_with, trusted
+from pmr.compare.summary import Part, compared, driven, gathered, made_with, simulated, trusted
 from pmr.compare.trust import large_motion
 from pmr.environment import Clock
 from pmr.errors import on_first
@@ -30,17 +28,21 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.sections import build_sections
 from pmr.recover.from_scene import Recovered, recovered_steps
 from pmr.recover.sections import recover_sections, states_of
-from pmr.reduce.cache import Cache, cache_in
+from pmr.reduce.cache import cache_in
 from pmr.reduce.sections import ReducedSection, reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.results import BoomFrequencies, BoomResult, Response
-from pmr.scene import Boom
+from pmr.run import Outcome, run
+from pmr.scene import Boom, Scene
 from pmr.simulate import contact_step
 from pmr.simulate.booms import excitation_of, system_of
 from pmr.simulate.native.multibody_march import contact_frequency, places
 from pmr.simulate.petsc import Checkpoint
 
 Array = NDArray[np.float64]
+
+#: Stages whose seconds stand in summary.json, beside those of the simulators.
+STAGES = ("assemble", "reduce", "recover", "estimate")
 
 
 @dataclass(frozen=True)
@@ -71,95 +73,120 @@ def run_boom(
         If a solver fails.
     """
     check_installed(boom)
-    clock = clock or Clock()
-    with clock.stage("assemble"):
-        built = build_sections(boom, comm)
-    with clock.stage("reduce"):
-        caches = {} if cache is None else {name: cache_in(cache, one.model) for name, one in built.items()}
-        sections = reduce_sections(boom, built, caches)
-    choice = _chosen(boom, sections, comm, clock)
-    if choice is not None:
-        sections = {name: replace(one, model=choice.models[name]) for name, one in sections.items()}
-    reduced = {name: one.model for name, one in sections.items()}
-    system = system_of(boom, reduced)
-    excitation = excitation_of(boom, system)
-    x, omega = places(system, excitation), contact_frequency(system, excitation)
-    full = FullBoom.of(boom, built) if "full" in boom.compare.against else None
-    with clock.stage("frequencies"):
-        large = full is not None and full.simulator == "petsc"
-        steps = compared.on_the_way(boom, excitation.times, compared.FEWER_PLACES if large else compared.PLACES)
-        curves = {} if full is None else {"full": _full_frequencies(boom, full, excitation.s[steps], steps, caches)}
-    whole, recovered = FullRun(None, "", {}), recovered_steps(boom)
-    states, made = None, excitation.stepping
-    simulations = on_first(comm, lambda: simulate(boom, system, excitation, clock))
-    if simulations is not None:
-        states = states_of(system, simulations.first, recovered)
-        made = contact_step.as_made(made, simulations.first.parts, omega)
-    made = comm.bcast(made)
-    if full is not None:
-        whole = full.simulate(boom, made, recovered, clock, checkpoint)
-    responses: dict[str, Response] = {} if whole.response is None else {"full": whole.response}
-    if simulations is not None:
-        responses |= {"reduced": simulations.response}
-    seen = dict[str, Recovered]()
-    if boom.recovery is not None:
-        with clock.stage("recover"):
-            states = comm.bcast(states)
-            assert states is not None
-            seen = recover_sections(boom, built, sections, states, {} if whole.missing else whole.states)
-    if simulations is None:
-        return None
-    responses = {name: with_friction(boom, system.contacts, one) for name, one in responses.items()}
-    curves |= {"reduced": compared.frequencies(system, x[steps])}
-    error = boom_error(boom, system, excitation.with_stepping(made), simulations.first, clock)
-    at, over_joints = boom.reach(excitation.times[steps]), frequency_map(boom, system)
-    frequencies = BoomFrequencies(at, excitation.s[steps], curves, over_joints)
-    sizes = {name: {"full": built[name].model.size, "reduced": body.size} for name, body in reduced.items()}
-    common = compared.with_forces_of_both(responses)
-    measured = compared.quantities(boom, responses["reduced"])
-    reference = responses.get("full", responses["reduced"]).displacement
-    off = np.abs(responses["reduced"].displacement - reference).max() if "full" in responses else None
-    parts = [
-        made_with(boom, fenicsx_versions()),
-        Part({"coordinates": {kind: sum(size[kind] for size in sizes.values()) for kind in ("full", "reduced")}}),
-        Part({"basis": {"kind": "free modes of every section, with residual flexibility"}}),
-        Part(
-            {
-                "errors": errors.errors(common, quantities=measured),
-                "absolute_errors": errors.errors(common, errors.absolute_error, quantities=measured),
-                "max_displacement": float(np.abs(reference).max()),
-                "max_error": None if off is None else float(off),
-                "simulators": {"reduced": boom.simulation.simulators[0]}
-                | ({"full": full.simulator} if full and "full" in responses else {}),
-                "agreement": dict(simulations.agreement),
-            }
-        ),
-        _seconds(clock, simulations, responses),
-        error.part,
-        Part() if choice is None else Part(order.summary(boom, choice), order.warnings(boom, choice)),
-        compared.sections(boom, responses, sizes, _more(seen, error)),
-        compared.joints(boom, responses["reduced"], system.contacts),
-        Part(pad_forces.reactions(responses["reduced"], boom.reach(excitation.times))),
-        compared.beside_published(boom, frequencies),
-        Part(probes.places({name: one.structure.outputs for name, one in built.items()})),
-        driven(excitation),
-        Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
-        trusted({"full": whole.missing} if whole.missing else {}, responses),
-        *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
-        Part(warnings=large_motion(float(boom.reach(excitation.times).max()), responses.values())),
-    ]
-    loads = excitation.forces(system.input_names)
-    result = BoomResult(
-        boom,
-        gathered(parts),
-        responses,
-        excitation.s,
-        boom.reach(excitation.times),
-        loads,
-        frequencies,
-        {name: one.reduced.fields for name, one in seen.items()},
-    )
-    return BoomOutcome(result, reduced)
+    return _Run(boom, comm, clock or Clock(), cache).outcome(checkpoint)
+
+
+class _Run:
+    """A boom's sections, built and reduced, what is simulated of them, and what that says."""
+
+    def __init__(self, boom: Boom, comm: MPI.Comm, clock: Clock, cache: Path | None) -> None:
+        self.boom, self.comm, self.clock = boom, comm, clock
+        with clock.stage("assemble"):
+            self.built = build_sections(boom, comm)
+        with clock.stage("reduce"):
+            self.caches = (
+                {} if cache is None else {name: cache_in(cache, one.model) for name, one in self.built.items()}
+            )
+            self.sections = reduce_sections(boom, self.built, self.caches)
+        self.choice = _chosen(boom, self.sections, comm, clock)
+        if self.choice is not None:
+            models = self.choice.models
+            self.sections = {name: replace(one, model=models[name]) for name, one in self.sections.items()}
+        self.reduced = {name: one.model for name, one in self.sections.items()}
+        self.system = system_of(boom, self.reduced)
+        self.excitation = excitation_of(boom, self.system)
+        self.full = FullBoom.of(boom, self.built) if "full" in boom.compare.against else None
+
+    def outcome(self, checkpoint: Checkpoint | None) -> BoomOutcome | None:
+        """All the rest; None beside rank 0."""
+        boom, system, excitation, clock = self.boom, self.system, self.excitation, self.clock
+        x, omega = places(system, excitation), contact_frequency(system, excitation)
+        with clock.stage("frequencies"):
+            large = self.full is not None and self.full.simulator == "petsc"
+            steps = figures.on_the_way(boom, excitation.times, figures.FEWER_PLACES if large else figures.PLACES)
+            curves = {} if self.full is None else {"full": self._full_frequencies(self.full, steps)}
+        simulations = on_first(self.comm, lambda: simulate(boom, system, excitation, clock))
+        made = excitation.stepping
+        if simulations is not None:
+            made = contact_step.as_made(made, simulations.first.parts, omega)
+        made, whole = self.comm.bcast(made), FullRun(None, "", {})
+        if self.full is not None:
+            whole = self.full.simulate(boom, made, recovered_steps(boom), clock, checkpoint)
+        seen = self._recovered(simulations, whole)
+        if simulations is None:
+            return None
+        found = {} if whole.response is None else {"full": whole.response}
+        found |= {"reduced": simulations.response}
+        responses = {name: with_friction(boom, system.contacts, one) for name, one in found.items()}
+        curves |= {"reduced": figures.frequencies(system, x[steps])}
+        error = boom_error(boom, system, excitation.with_stepping(made), simulations.first, clock)
+        reach, over_joints = boom.reach(excitation.times), figures.frequency_map(boom, system)
+        frequencies = BoomFrequencies(reach[steps], excitation.s[steps], curves, over_joints)
+        structures = {id(one): one.structure for one in self.built.values()}
+        parts = [
+            *self._parts(simulations, responses, error, seen),
+            figures.beside_published(boom, frequencies),
+            Part(probes.places({name: one.structure.outputs for name, one in self.built.items()})),
+            driven(excitation),
+            Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
+            trusted({"full": whole.missing} if whole.missing else {}, responses),
+            *(Part(warnings=build_warnings(structure)) for structure in structures.values()),
+            Part(warnings=large_motion(float(reach.max()), responses.values())),
+        ]
+        loads, fields = excitation.forces(system.input_names), {name: one.reduced.fields for name, one in seen.items()}
+        result = BoomResult(boom, gathered(parts), responses, excitation.s, reach, loads, frequencies, fields)
+        return BoomOutcome(result, self.reduced)
+
+    def _full_frequencies(self, full: FullBoom, steps: NDArray[np.int64]) -> Array:
+        """At some steps."""
+        if not self.caches:
+            return full.frequencies(self.boom, steps)
+        content = [one.content for one in self.caches.values()]
+        asked = {"sections": content, "contacts": repr(full.whole.contacts)}
+        asked["extensions"] = self.excitation.s[steps].tolist()
+        cache = self.caches[self.boom.names[0]]
+        return cache.arrays("frequencies", asked, lambda: full.frequencies(self.boom, steps))
+
+    def _recovered(self, simulations: BoomSimulations | None, whole: FullRun) -> Mapping[str, Recovered]:
+        """What the boom's recovery asks for of each section; collective."""
+        if self.boom.recovery is None:
+            return {}
+        with self.clock.stage("recover"):
+            steps = recovered_steps(self.boom)
+            states = None if simulations is None else states_of(self.system, simulations.first, steps)
+            full = {} if whole.missing else whole.states
+            return recover_sections(self.boom, self.built, self.sections, self.comm.bcast(states), full)
+
+    def _parts(
+        self,
+        simulations: BoomSimulations,
+        responses: Mapping[str, Response],
+        error: BoomError,
+        seen: Mapping[str, Recovered],
+    ) -> list[Part]:
+        """What the models are, and how their motions compare."""
+        boom, choice, reduced = self.boom, self.choice, responses["reduced"]
+        sizes = {name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in self.reduced.items()}
+        simulators = {"reduced": boom.simulation.simulators[0], "full": self.full.simulator if self.full else ""}
+        stages = {name: self.clock.seconds[name] for name in STAGES if name in self.clock.seconds}
+        seconds = {**simulations.seconds, **({"full": responses["full"].seconds} if "full" in responses else {})}
+        more = {
+            name: ({"estimate": error.sections[name]} if name in error.sections else {})
+            | (seen[name].summary() if name in seen else {})
+            for name in boom.names
+        }
+        return [
+            made_with(boom, fenicsx_versions()),
+            Part({"coordinates": {kind: sum(size[kind] for size in sizes.values()) for kind in ("full", "reduced")}}),
+            Part({"basis": {"kind": "free modes of every section, with residual flexibility"}}),
+            compared(responses, quantities(boom, reduced), simulators),
+            simulated(seconds, simulations.agreement, stages),
+            error.part,
+            Part() if choice is None else Part(order.summary(boom, choice), order.warnings(boom, choice)),
+            figures.sections(boom, responses, sizes, more),
+            figures.joints(boom, reduced, self.system.contacts),
+            Part(pad_forces.reactions(reduced, boom.reach(self.excitation.times))),
+        ]
 
 
 def _chosen(
@@ -175,30 +202,14 @@ def _chosen(
     return choice
 
 
-def _full_frequencies(
-    boom: Boom, full: FullBoom, extensions: Array, steps: NDArray[np.int64], caches: Mapping[str, Cache]
-) -> Array:
-    """At some steps, which have these extensions (S, P) in m."""
-    if not caches:
-        return full.frequencies(boom, steps)
-    content = [one.content for one in caches.values()]
-    asked = {"sections": content, "contacts": repr(full.whole.contacts), "extensions": extensions.tolist()}
-    return caches[boom.names[0]].arrays("frequencies", asked, lambda: full.frequencies(boom, steps))
-
-
-def _more(seen: Mapping[str, Recovered], error: BoomError) -> dict[str, dict[str, Any]]:
-    """What else is known of sections: the estimate along each, and its stresses."""
-    estimated: dict[str, dict[str, Any]] = {name: {"estimate": size} for name, size in error.sections.items()}
-    return {
-        name: estimated.get(name, {}) | (seen[name].summary() if name in seen else {}) for name in {**estimated, **seen}
-    }
-
-
-def _seconds(clock: Clock, simulations: BoomSimulations, responses: Mapping[str, Response]) -> Part:
-    stages = {
-        name: clock.seconds[name] for name in ("assemble", "reduce", "recover", "estimate") if name in clock.seconds
-    }
-    simulated = dict(simulations.seconds)
-    if "full" in responses:
-        simulated["full"] = responses["full"].seconds
-    return Part({"seconds": {**stages, "simulate": simulated}})
+def run_either(
+    scene: Scene | Boom,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    clock: Clock | None = None,
+    checkpoint: Checkpoint | None = None,
+    cache: Path | None = None,
+) -> Outcome | BoomOutcome | None:
+    """Run a scene the whole way, as `pmr.run.run`, or a boom, as `run_boom`."""
+    if isinstance(scene, Boom):
+        return run_boom(scene, comm, clock, checkpoint, cache)
+    return run(scene, comm, clock, checkpoint, cache)

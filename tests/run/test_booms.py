@@ -13,9 +13,8 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.compare import boom_references
-from pmr.compare.boom_friction import with_friction
-from pmr.compare.boom_map import frequency_map
-from pmr.compare.booms import joints, respond
+from pmr.compare.boom_figures import frequency_map, joints
+from pmr.compare.booms import respond, with_friction
 from pmr.export.paraview import Travelling, write_bodies
 from pmr.fem.compat import MPI
 from pmr.fullmodel.sections import build_sections
@@ -175,6 +174,14 @@ def test_pads_that_hold_both_ways_and_pull_are_told_with_what_to_set(outcome: Bo
     assert said and all("unilateral = true in sections." in line for line in said)
     pulled = {pad["name"] for pad in outcome.result.summary["pads"] if pad["min"] < 0.0}
     assert any(name in line for name in pulled for line in said)
+
+
+def test_a_section_whose_name_begins_as_pads_of_another_one_do_has_pads_of_its_own() -> None:
+    found = run_boom(load(*QUICK, "compare.against=[]", "time.end=0.02", "sections.middle.name='fly tail'"))
+    assert found is not None
+    said = [line.partition(" with up to ")[0] for line in found.result.summary["warnings"] if "pull" in line]
+    held = "pads of the joint of {0} hold both ways and pull: {0} mouth top"
+    assert said == [held.format(name) for name in ("fly tail", "fly")]
 
 
 def test_frequencies_are_those_of_the_full_model_from_the_shortest_to_the_longest(outcome: BoomOutcome) -> None:

@@ -1,0 +1,159 @@
+"""What a run of a boom says: natural frequencies on its way, errors of its sections, what its joints bear."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.booms import columns_of, friction
+from pmr.compare.errors import nrms
+from pmr.compare.pad_forces import PULLED, newton
+from pmr.compare.summary import Part
+from pmr.results import BoomFrequencies, FrequencyMap, Response
+from pmr.results.extremes import Extremes
+from pmr.scene import Boom
+from pmr.scene.built import force_of
+from pmr.simulate.booms import cylinder
+from pmr.system.assembly import Assembly
+from pmr.system.contacts import Contact
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+#: Frequencies that are compared, and places on the way at which: fewer where matrices are large.
+CURVES, PLACES, FEWER_PLACES = 4, 13, 4
+#: Extensions of each joint at which the first frequency is mapped.
+MAPPED = 9
+#: Share of the reach by which a published one may lie beyond it: it is rounded.
+BESIDE = 1e-4
+
+
+def frequencies(system: System, x: Array) -> Array:
+    """The lowest natural frequencies (S, f) in Hz of a small system at places x (S, sides) m, every contact closed."""
+    assembly = Assembly(system)
+    return np.array([assembly.frequencies(at, CURVES) for at in x])
+
+
+def on_the_way(boom: Boom, t: Array, count: int) -> NDArray[np.int64]:
+    """Steps (S,) at which the boom first reaches so far, evenly from its shortest to its longest."""
+    reach = boom.reach(t)
+    goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
+    return np.array(list(dict.fromkeys(int(np.argmin(np.abs(reach - goal))) for goal in goals)))
+
+
+def frequency_map(boom: Boom, system: System) -> FrequencyMap | None:
+    """Of the first two joints that have a path of their own and move, within its bounds, every contact closed.
+
+    All other such joints are where they start; None where fewer than two move.
+    """
+    ends = {name: path.bounds(0.0, boom.time.end) for name, path in boom.paths.items() if not _follows(boom, name)}
+    moving = [name for name, (low, high) in ends.items() if high - low > 1e-9 * high]
+    if len(moving) < 2:
+        return None
+    first, second = moving[:2]
+    a, b = (np.linspace(*ends[name], MAPPED) for name in (first, second))
+    extensions = {name: np.full((MAPPED, MAPPED), boom.paths[name].value(0.0)) for name in ends}
+    extensions[first], extensions[second] = np.meshgrid(a, b, indexing="ij")
+    while missing := [name for name in boom.paths if name not in extensions]:
+        for name in missing:
+            joint = boom.sections[boom.names.index(name)].joint
+            if joint is not None and joint.follows in extensions:
+                extensions[name] = joint.offset + joint.ratio * extensions[joint.follows]
+    x = system.coordinates(extensions)
+    found = frequencies(system, x.reshape(-1, x.shape[-1]))[:, 0]
+    return FrequencyMap((first, second), a, b, found.reshape(MAPPED, MAPPED))
+
+
+def _follows(boom: Boom, name: str) -> bool:
+    joint = boom.sections[boom.names.index(name)].joint
+    return joint is not None and joint.follows is not None
+
+
+def beside_published(boom: Boom, found: BoomFrequencies) -> Part:
+    """``published_frequencies``: the first one where it is published, and what each model has there.
+
+    What is published beyond this boom's reach is left out, with a line.
+    """
+    published = boom.published.frequencies if boom.published else ()
+    low, high, slack = found.reach[0], found.reach[-1], BESIDE * found.reach[-1]
+    within = [one for one in published if low - slack <= one.reach <= high + slack]
+    rows = [
+        {"reach": one.reach, "published": one.first}
+        | {model: float(np.interp(one.reach, found.reach, f[:, 0])) for model, f in found.models.items()}
+        for one in within
+    ]
+    beyond = ", ".join(f"{one.reach:g}" for one in published if one not in within)
+    said = f"published frequencies at a reach of {beyond} m are left out: this boom reaches {low:.6g} to {high:.6g} m"
+    return Part({"published_frequencies": rows} if rows else {}, [said] if beyond else [])
+
+
+def sections(
+    boom: Boom,
+    responses: Mapping[str, Response],
+    sizes: Mapping[str, Mapping[str, int]],
+    more: Mapping[str, Mapping[str, Any]],
+) -> Part:
+    """``sections`` of summary.json: name, coordinates, the error along each against the full model, what else is known.
+
+    Of `more`, a table for each section, ``max_von_mises`` and ``stress_peak`` are gathered of all.
+    """
+    reduced, full, found = responses["reduced"], responses.get("full"), []
+    for name in boom.names:
+        columns, said = columns_of(name, reduced), {"name": name, "coordinates": dict(sizes[name])}
+        if full is not None:
+            error = nrms(reduced.displacement[:, columns], full.displacement[:, columns])
+            said |= {"errors": {"reduced_vs_full": {"beam": error}}}
+        found.append(said | dict(more.get(name, {})))
+    peaks = [(one["name"], one["stress_peak"]) for one in found if "stress_peak" in one]
+    if not peaks:
+        return Part({"sections": found})
+    highest = {
+        model: max(({"section": name, **peak[model]} for name, peak in peaks), key=lambda one: float(one["value"]))
+        for model in peaks[0][1]
+    }
+    most = {model: peak["value"] for model, peak in highest.items()}
+    return Part({"sections": found, "max_von_mises": most, "stress_peak": highest})
+
+
+def joints(boom: Boom, response: Response, contacts: Sequence[Contact]) -> Part:
+    """``pads`` and ``cylinders`` of summary.json, smallest and largest force with their times; pads that are pulled.
+
+    Of cylinders also the largest ``friction`` that they overcome, where there is any.
+    """
+    driven = {force_of(cylinder(name)) for name in boom.names[1:]} & set(response.force_names)
+    reach = boom.reach(response.t)
+    loads: list[dict[str, Any]] = [
+        {"name": name.removeprefix(force_of("")), **Extremes.of(response.force(name, 0), response.t, reach).summary()}
+        for name in response.force_names
+    ]
+    pads = [load for name, load in zip(response.force_names, loads, strict=True) if name not in driven]
+    resisting = {cylinder(name): values for name, values in friction(boom, contacts, response).items()}
+    cylinders = [
+        load | ({"friction": float(np.abs(resisting[load["name"]]).max())} if load["name"] in resisting else {})
+        for name, load in zip(response.force_names, loads, strict=True)
+        if name in driven
+    ]
+    return Part({"pads": pads, "cylinders": cylinders}, _pulled(boom, contacts, pads))
+
+
+def _pulled(boom: Boom, contacts: Sequence[Contact], pads: list[dict[str, Any]]) -> list[str]:
+    """Joints with pads that hold both ways and are pulled, a line each: the one that is pulled most, how many more."""
+    largest, said = max((max(pad["max"], -pad["min"]) for pad in pads), default=0.0), []
+    pulled = {pad["name"]: pad for pad in pads if -pad["min"] > PULLED * max(pad["max"], 0.1 * largest)}
+    for name in boom.names[1:]:
+        own = [one for one in contacts if one.inner.body == name and one.clearance is None and one.name in pulled]
+        if own:
+            found = [pulled[one.name] for one in own]
+            most = min(found, key=lambda pad: float(pad["min"]))
+            more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+            travelling = {one.inner.path is None for one in own}  # with the inner section's tail
+            ends = [end for end, at_tail in (("tail", True), ("mouth", False)) if at_tail in travelling]
+            said.append(
+                f"pads of the joint of {name} hold both ways and pull: {most['name']} with up to "
+                f"{newton(-most['min'])} at {most['t_min']:g} s{more}; if they can only push, set unilateral = true "
+                f"in {' and '.join(f'sections.{name}.joint.{end}' for end in ends)}"
+            )
+    return said
