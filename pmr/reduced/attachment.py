@@ -33,7 +33,8 @@ LEFT_OUT, MOST = 1e-5, 64
 def with_attachment_modes(model: ReducedModel, loads: Array) -> ReducedModel:
     """The model with the principal answers to loads (T, K + i) in N, on its carriers and inputs, as coordinates.
 
-    They are those with the most inertia: at rest nothing is missing.  Without loads the model stays as it is.
+    They are those with the most inertia: at rest nothing is missing.  Without loads, and where none moves what is left
+    out, the model stays as it is.
 
     Raises
     ------
@@ -43,10 +44,10 @@ def with_attachment_modes(model: ReducedModel, loads: Array) -> ReducedModel:
     carriers = model.carriers
     if carriers is None or carriers.flexibility is None or carriers.inertia is None:
         raise ValueError("attachment modes need flexibility and inertia on carriers, as section_model gives them")
-    if not loads.any():
-        return model
     R, K = _on_loads(carriers.flexibility), len(carriers.values)
     G = _principal(_on_loads(carriers.inertia), loads)
+    if not G.shape[1]:
+        return model
     stiffness, turned = np.linalg.eigh(G.T @ R @ G)
     G = G @ turned
     measured = R @ G
@@ -76,5 +77,6 @@ def _principal(S: Array, loads: Array) -> Array:
     energy, V = np.linalg.eigh(half.T @ gathered)
     energy, V = energy[::-1], V[:, ::-1]
     known = np.cumsum(np.maximum(energy, 0.0))
-    chosen = slice(min(MOST, 1 + int(np.searchsorted(known, (1.0 - LEFT_OUT) * known[-1]))))
+    enough = 1 + int(np.searchsorted(known, (1.0 - LEFT_OUT) * known[-1]))
+    chosen = slice(min(MOST, enough, int(np.count_nonzero(energy > 0.0))))
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])

@@ -90,6 +90,8 @@ class Scene(OneBody, Whole):
     budget: Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
     published: Published | None = Field(default=None, description="Figures from a publication")
 
+    __hash__ = Whole.__hash__  # pydantic would take the one it has made for `OneBody`, of its fields
+
     def _bodies(self, content: dict[str, Any]) -> Iterable[tuple[OneBody, dict[str, Any]]]:
         return [(self, content)]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from pmr.compare import attached, boom_estimate
 from pmr.fullmodel.sections import build_sections
 from pmr.reduce.sections import reduce_sections
 from pmr.reduced.attachment import with_attachment_modes
+from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
 from pmr.run.booms import run_boom
 from pmr.scene import Boom
@@ -79,6 +81,17 @@ def test_attachment_modes_are_orthogonal_answers_that_leave_no_less_than_nothing
     assert np.abs(answers).max() < 1e-6 * np.abs(before.rows @ loads[:, :K].T).max()
     assert np.linalg.eigvalsh(found.flexibility.rows)[0] > -1e-9 * size
     assert richer.C(2.0) == pytest.approx(_rows(richer, 2.0), abs=1e-9)
+
+
+def test_a_load_that_moves_nothing_is_answered_by_no_mode(fly: ReducedModel) -> None:
+    """As one on a support that holds it: what is left out has neither flexibility nor inertia there."""
+    carriers = fly.carriers
+    assert carriers is not None and carriers.flexibility is not None and carriers.inertia is not None
+    loads = np.ones((3, len(carriers.values) + len(fly.input_names)))
+    nothing = CarrierFlexibility(**{name: 0.0 * part for name, part in vars(carriers.flexibility).items()})
+    stiff = replace(fly, carriers=replace(carriers, flexibility=nothing, inertia=nothing))
+    assert with_attachment_modes(stiff, loads) is stiff and with_attachment_modes(fly, 0.0 * loads) is fly
+    assert with_attachment_modes(fly, loads).size > fly.size
 
 
 def _rows(model: ReducedModel, s: float) -> np.ndarray:

@@ -174,6 +174,13 @@ def test_the_hash_changes_with_what_decides_the_result_only(tmp_path: Path) -> N
     assert digests[0] != digests[1]
 
 
+def test_equal_scenes_are_equal_keys_of_a_table() -> None:
+    """Though sections as `simulation` hold tables, which have no hash."""
+    assert len({scene.load(SIMPLE), scene.load(SIMPLE), scene.load(SIMPLE, ["simulation.newton.maxIterations=9"])}) == 2
+    booms = [scene.load_any(WORKFLOWS / "boom_two.toml") for _ in range(2)]
+    assert len(set(booms)) == 1
+
+
 def test_published_figures_stand_beside_their_own_scene_only(tmp_path: Path) -> None:
     assert scene.load(SIMPLE).published is not None
     assert scene.load(SIMPLE, ["title=mine"]).published is not None
