@@ -51,10 +51,7 @@ class Row:
     def weights(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
         """b(s), or its derivative with respect to s, at each of the s (T,) m as a sparse matrix (T, K).
 
-        Raises
-        ------
-        ValueError
-            If s lies outside the path.
+        A ValueError is raised where s lies outside the path.
         """
         touched, entries = self._on_carriers(s, derivative)
         ends = touched.shape[1] * np.arange(len(touched) + 1)
@@ -69,10 +66,7 @@ class Row:
     def at(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
         """C(s), or its derivative with respect to s, at each of the s (T,) m as a sparse matrix (T, n).
 
-        Raises
-        ------
-        ValueError
-            If s lies outside the path.
+        A ValueError is raised where s lies outside the path.
         """
         return self.weights(s, derivative) @ self.carriers
 

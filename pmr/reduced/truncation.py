@@ -88,10 +88,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
 def with_kept_inertia(model: ReducedModel) -> ReducedModel:
     """The model whose equations of motion keep the residual part's inertia (`pmr.simulate.native.residual_inertia`).
 
-    Raises
-    ------
-    ValueError
-        If the model has no tables of it.
+    A ValueError is raised where it has no tables of it.
     """
     if model.flexibility is None or model.flexibility.inertia is None:
         raise ValueError("the model has no tables of the residual part's inertia")

@@ -89,13 +89,7 @@ class Account:
 
 
 def checked(body: SlidingBody, trajectory: Trajectory, loads: Array, simulator: str) -> Trajectory:
-    """The trajectory with its `surplus`, under loads (T, i) in N.
-
-    Raises
-    ------
-    GrowthError
-        If more than `GROWN` of the largest energy comes from nowhere.
-    """
+    """The trajectory with its `surplus`, under loads (T, i) in N; a GrowthError as for `Account.surplus`."""
     account = Account(body, len(trajectory.t) - 1)
     for steps in blocks(len(trajectory.t)):
         account.add(steps.start, trajectory.at(steps), loads[steps])
@@ -133,12 +127,7 @@ def round_off(mobility: Array, loads: Array, step: float) -> float:
 
 
 def refuse_growth(found: float, simulator: str, moving: list[str]) -> None:
-    """Refuse a motion of so much surplus; `moving` names the rigid rows that move.
-
-    Raises
-    ------
-    GrowthError
-    """
+    """Refuse with a GrowthError a motion of so much surplus; `moving` names the rigid rows that move."""
     if found > GROWN:
         told = f"{simulator}: the motion grows without bound, {described(found)}{remedy(moving)}"
         raise GrowthError(told, tuple(moving))

@@ -32,13 +32,7 @@ def cylinder(section: str) -> str:
 
 
 def system_of(boom: Boom, bodies: Mapping[str, SlidingBody]) -> System:
-    """The sections, reduced or full, by their names, and what joins them.
-
-    Raises
-    ------
-    InputError
-        As `System`.
-    """
+    """The sections, reduced or full, by their names, and what joins them; errors as for `System`."""
     return System(bodies, contacts_of(boom, bodies))
 
 

@@ -68,13 +68,7 @@ class Excitation:
 
     @cached_property
     def path_rate(self) -> Array:
-        """Rate (T,) in m/s of the only path.
-
-        Raises
-        ------
-        InputError
-            If there are several.
-        """
+        """Rate (T,) in m/s of the only path; an InputError as for `path`."""
         return np.asarray(self.path.rate(self.times))
 
     def along(self, domain: tuple[float, float]) -> Array:
@@ -93,13 +87,7 @@ class Excitation:
         return self._columns([load.value(self.times) for load in self.loads.values()])
 
     def forces(self, names: Sequence[str]) -> Array:
-        """Loads (T, i) in N at the steps, one column for each input of a body, by its `names`.
-
-        Raises
-        ------
-        InputError
-            If an input has no load, or a load no input.
-        """
+        """Loads (T, i) in N at the steps, one column an input, by a body's `names`; errors as for `in_order`."""
         chosen = in_order(self.loads, names)
         return self.f if tuple(names) == tuple(self.loads) else self._columns([one.value(self.times) for one in chosen])
 

@@ -48,14 +48,9 @@ class InitialState:
 
 
 def consistent_start(body: SlidingBody, s: float, s_rate: float, initial: InitialState | None) -> InitialState:
-    """The start that `initial` (None: at rest) means, its velocity corrected where it violates the rows.
+    """The start that `initial` (None: at rest) means with the slider at s m and its rate in m/s at t = 0.
 
-    Parameters
-    ----------
-    body : SlidingBody
-    s, s_rate : float
-        Path coordinate in m and its rate in m/s at t = 0.
-    initial : InitialState or None
+    Its velocity is corrected where it violates the rows.
 
     Raises
     ------
@@ -74,13 +69,7 @@ def consistent_start(body: SlidingBody, s: float, s_rate: float, initial: Initia
 
 
 def checked(initial: InitialState, size: int) -> InitialState:
-    """The state as arrays.
-
-    Raises
-    ------
-    InputError
-        If q or v are not `size` finite values.
-    """
+    """The state as arrays; an InputError if q or v are not `size` finite values."""
     return InitialState(*(_vector(name, getattr(initial, name), size) for name in ("q", "v")))
 
 
@@ -100,13 +89,7 @@ def row_flexibility(body: SlidingBody, s: float) -> tuple[Array, NDArray[np.bool
 
 
 def check_position(C: Array, q: Array, names: tuple[str, ...]) -> None:
-    """Refuse a position that violates the rows C (m, n).
-
-    Raises
-    ------
-    InputError
-        With the first such row.
-    """
+    """Refuse with an InputError a position that violates a row of C (m, n), by the first such row."""
     for name, excess, scale in zip(names, np.abs(C @ q), _magnitude(C, q), strict=True):
         if excess > ROW_TOLERANCE * scale:
             allowed = f"row {name!r} is violated by {excess:.3g}; C(s(0)) q = 0 is allowed"
@@ -130,13 +113,7 @@ def _impulse(body: SlidingBody, C: Array, drift: Array, names: tuple[str, ...]) 
 
 
 def check_impulse(achieved: Array, drift: Array, names: tuple[str, ...]) -> None:
-    """Refuse rows that no change of velocity can satisfy.
-
-    Raises
-    ------
-    InputError
-        If the row values `achieved` (m,) are not the `drift` that was asked for.
-    """
+    """Refuse with an InputError rows whose values `achieved` (m,) are not the `drift` that was asked for."""
     if not np.allclose(achieved, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
         raise InputError("initial state", "v", None, f"the rows {', '.join(names)} depend on each other")
 

@@ -79,10 +79,7 @@ class CompliantRows:
     def system(self, s: Array) -> Array:
         """Stiffness K + C^T F^-1 C and inputs B - C^T F^-1 H side by side, (T, n, n + i), of a dense body.
 
-        Raises
-        ------
-        SimulationError
-            If F is singular at one of the s (T,) m.
+        Errors as for `flexibility`.
         """
         C = self._body.dense_rows(s)[:, self.numbers]
         answers = np.linalg.solve(self.flexibility(s), np.concatenate([C, -self.inputs(s)], axis=2))
@@ -91,10 +88,7 @@ class CompliantRows:
     def multipliers(self, s: Array, q: Array, loads: Array) -> Array:
         """F^-1 (C q + H f), (T, m') in N, along a trajectory: s (T,) m, q (T, n), loads (T, i).
 
-        Raises
-        ------
-        SimulationError
-            If F is singular at one of the s.
+        Errors as for `flexibility`.
         """
         motion = self._body.apply_rows(s, q)[:, self.numbers] + np.einsum("tmi,ti->tm", self.inputs(s), loads)
         return np.asarray(np.linalg.solve(self.flexibility(s), motion[:, :, None])[:, :, 0])

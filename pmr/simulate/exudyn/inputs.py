@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,22 +25,6 @@ ENTRIES_AHEAD = 1_000_000
 OfPath = Callable[[Array], Array]
 
 
-class Inputs(Protocol):
-    """Path and loads over time, and whatever else depends on the path coordinate."""
-
-    def position(self, t: float) -> float:
-        """Path coordinate s(t) in m."""
-        ...
-
-    def loads(self, t: float) -> tuple[float, ...]:
-        """One value an input, in N (or N m)."""
-        ...
-
-    def along(self, evaluate: OfPath, entries: int) -> Callable[[float], Array]:
-        """`evaluate` at s(t) as a function of t; `entries` is how many numbers it gives for each s."""
-        ...
-
-
 def moving_rows(body: SlidingBody) -> list[int]:
     """Numbers of the rows that do more than hold one coordinate."""
     return [i for i in range(len(body.row_names)) if i not in body.held]
@@ -49,22 +33,22 @@ def moving_rows(body: SlidingBody) -> list[int]:
 class SignalInputs:
     """Evaluates the signals whenever asked; what depends on s only where s has changed since the last time.
 
-    Raises
-    ------
-    InputError
-        If an input has no load, or a load no input.
+    Errors as for `pmr.simulate.excitation.in_order`.
     """
 
     def __init__(self, body: SlidingBody, path: SignalBase, loads: Mapping[str, SignalBase]) -> None:
         self._path, self._loads = path, in_order(loads, body.input_names)
 
     def position(self, t: float) -> float:
+        """Path coordinate s(t) in m."""
         return float(self._path.value(t))
 
     def loads(self, t: float) -> tuple[float, ...]:
+        """One value an input, in N (or N m)."""
         return tuple(float(load.value(t)) for load in self._loads)
 
     def along(self, evaluate: OfPath, entries: int) -> Callable[[float], Array]:
+        """`evaluate` at s(t) as a function of t; `entries` is how many numbers it gives for each s."""
         last: tuple[float, Array] | None = None
 
         def value(t: float) -> Array:
@@ -80,10 +64,7 @@ class SignalInputs:
 class TabulatedInputs:
     """Path and loads at all steps, what depends on s a block of steps ahead: where the time grid is known.
 
-    Raises
-    ------
-    InputError
-        If the path leaves the body's domain an input has no load, or a load no input.
+    Errors as for `Excitation.along` and `Excitation.forces`.
     """
 
     def __init__(self, body: SlidingBody, excitation: Excitation) -> None:
@@ -112,3 +93,6 @@ class TabulatedInputs:
             return np.asarray(values[index[k - first]])
 
         return value
+
+
+Inputs: TypeAlias = SignalInputs | TabulatedInputs

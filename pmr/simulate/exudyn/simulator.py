@@ -37,19 +37,13 @@ __all__ = ["Formulation", "SlidingBodyItems", "add_pre_step_function", "add_slid
 #: ``callbacks``: the paper's way, Python is called in every iteration.  ``callbacks-modified-newton``: the same, but a
 #: Jacobian is kept as long as Newton's method converges with it.
 Formulation = Literal["springs", "multipliers", "callbacks", "callbacks-modified-newton"]
-#: Their names as simulators of a scene.
-_NAMES: dict[Formulation, str] = {
-    "springs": "exudyn",
-    "multipliers": "exudyn-multiplier",
-    "callbacks": "exudyn-callback",
-    "callbacks-modified-newton": "exudyn-callback",
-}
 AddItems = Callable[[Any, SlidingBody, Inputs, InitialState], SlidingBodyItems]
-_ADD: dict[Formulation, AddItems] = {
-    "springs": add_updated_body,
-    "multipliers": add_body_with_multipliers,
-    "callbacks": add_called_body,
-    "callbacks-modified-newton": add_called_body,
+#: Its name as a simulator of a scene, and what adds its items.
+_FORMULATIONS: dict[Formulation, tuple[str, AddItems]] = {
+    "springs": ("exudyn", add_updated_body),
+    "multipliers": ("exudyn-multiplier", add_body_with_multipliers),
+    "callbacks": ("exudyn-callback", add_called_body),
+    "callbacks-modified-newton": ("exudyn-callback", add_called_body),
 }
 
 
@@ -92,9 +86,10 @@ def add_sliding_body(
         If a load is missing, a size is wrong, the path begins off the body or the initial position violates the rows.
     """
     s = float(path_at(path, body.domain, np.zeros(1))[0])
-    refuse(_NAMES[formulation], needs_of(body, s))
+    name, add = _FORMULATIONS[formulation]
+    refuse(name, needs_of(body, s))
     start = consistent_start(body, s, float(path.rate(0.0)), initial)
-    return _ADD[formulation](mbs, body, SignalInputs(body, path, loads), start)
+    return add(mbs, body, SignalInputs(body, path, loads), start)
 
 
 def simulate(
@@ -115,12 +110,13 @@ def simulate(
     out what moving rows add to them (2 s' C' v and more): exact where the slider starts at rest, or the body
     undeformed and still; the method stays of second order elsewhere.
     """
-    refuse(_NAMES[formulation], needs_on(body, excitation))
+    name, add = _FORMULATIONS[formulation]
+    refuse(name, needs_on(body, excitation))
     inputs, stepping = TabulatedInputs(body, excitation), excitation.stepping
     start = consistent_start(body, inputs.position(0.0), float(excitation.path_rate[0]), initial)
     container = exu.SystemContainer()  # owns the mbs: must stay alive
     mbs = container.AddSystem()
-    items = _ADD[formulation](mbs, body, inputs, start)
+    items = add(mbs, body, inputs, start)
     kind = exu.OutputVariableType
     of_coordinates = [
         SensorNode(nodeNumber=items.nBody, outputVariableType=kind, storeInternal=True)

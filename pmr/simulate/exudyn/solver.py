@@ -46,10 +46,7 @@ def solver_settings(stepping: TimeStepping, linear_solver: Any) -> Any:
 def change(newton: Any, settings: Mapping[str, bool | float]) -> None:
     """Lay settings over Exudyn's own of Newton's method, by their names.
 
-    Raises
-    ------
-    InputError
-        If Exudyn knows no such setting, or refuses the value.
+    An InputError is raised where Exudyn knows no such setting, or refuses the value.
     """
     known = [name for name, value in newton.GetDictionary().items() if not isinstance(value, Mapping)]
     for name, value in settings.items():
@@ -64,14 +61,7 @@ def change(newton: Any, settings: Mapping[str, bool | float]) -> None:
 def solve(mbs: Any, chosen: Any, place: Callable[[float], str], progress: Progress | None = None) -> float:
     """Assemble and integrate; returns the solver's wall time in s.
 
-    Parameters
-    ----------
-    mbs : exudyn.MainSystem
-    chosen : exudyn.SimulationSettings
-    place : callable
-        Where paths lead at a time in s, in words, for the message.
-    progress : callable, optional
-        Told the share of the time span that is done, about a hundred times.
+    `place` says where paths lead at a time in s; `progress` is told the share that is done about a hundred times.
 
     Raises
     ------
@@ -114,10 +104,7 @@ def _report(mbs: Any, integration: Any, progress: Progress) -> None:
 def stored(mbs: Any, sensor: Any, stepping: TimeStepping, place: Callable[[float], str]) -> Array:
     """Values (T, c) that a sensor stored, one row a step, t = 0 included.
 
-    Raises
-    ------
-    SimulationError
-        If steps are missing or a value is not finite.
+    A SimulationError is raised where steps are missing or a value is not finite.
     """
     values = mbs.GetSensorStoredData(sensor)[:, 1:]
     if len(values) != stepping.steps + 1:

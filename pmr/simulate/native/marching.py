@@ -93,15 +93,8 @@ class March:
 class Room:
     """Room for some thousand steps: whenever it is full, and at the end, they are taken from it.
 
-    Where steps are made in parts, the state at their ends is recorded, and the largest force of rows that only push.
-
-    Parameters
-    ----------
-    march : March
-    t : (T,) array, s
-        Of the steps, their parts left out.
-    take : callable
-        Told the number of the first step, a trajectory and its loads, as `pmr.simulate.blocks.Block` has them.
+    Where steps are made in parts, the state at their ends, at t (T,) s, is recorded, and the largest force of rows that
+    only push.  `take` is told the number of the first step, a trajectory and its loads, as `pmr.simulate.blocks.Block`.
     """
 
     def __init__(self, march: March, t: Array, take: Callable[[int, Trajectory, Array], None]) -> None:

@@ -60,13 +60,7 @@ def _beside(form: ModalForm) -> tuple[int, int]:
 
 
 def multibody_form(system: System) -> MultibodyForm:
-    """Diagonalise every body.
-
-    Raises
-    ------
-    InputError
-        If one is too large, or has no mass.
-    """
+    """Diagonalise every body; errors as for `modal_form`."""
     forms = tuple(modal_form(body) for body in system.bodies.values())
     carried = []
     for body, form in zip(system.bodies.values(), forms, strict=True):

@@ -84,11 +84,7 @@ def follow(
 
     A body that keeps the inertia of its residual part goes to `pmr.simulate.native.residual_inertia`.  Where rows only
     push, a step is made in parts (`pmr.simulate.contact_step`), of which the last one is told.
-
-    Raises
-    ------
-    InputError, SimulationError
-        As for `pmr.simulate.Simulator`; that of a motion that grows at the end.
+    Errors as for `pmr.simulate.Simulator`; that of a motion that grows comes at the end.
     """
     if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
         return inertial.follow(form, excitation, take, initial, progress)
@@ -113,12 +109,7 @@ def observe(
 
     Memory is of the order of what is recorded: a long simulation of a large body needs little.  So the energy balance
     that `simulate` checks is not: rigid rows that move may grow unnoticed with rho_inf near 1
-    (docs/time_integration.md).
-
-    Raises
-    ------
-    InputError, SimulationError
-        As for `pmr.simulate.Simulator`.
+    (docs/time_integration.md).  Errors as for `pmr.simulate.Simulator`.
     """
     march, stepping = March(form, excitation, None), excitation.stepping
     parts_ = every * march.parts

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.constraints.dependence import of_rows
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.scene.simulators import refuse
@@ -82,11 +83,7 @@ def multipliers_of(C: Array, F: Array, free: Array, motion: Array, contact: Cont
 
     Those of rows that give way follow from their `motion` C z + H f (m,) m, which closes those that push; those of
     rigid ones from the accelerations `free` (r,) that the modes would have without any.
-
-    Raises
-    ------
-    NotSettledError
-        If rows that give way depend on each other, and some of them only push.
+    A NotSettledError is raised where rows that give way depend on each other, and some of them only push.
     """
     rigid = np.all(F == 0.0, axis=1)
     A, right = np.where(rigid[:, None], C @ C.T, F), np.where(rigid, C @ free, motion)
@@ -116,20 +113,12 @@ def reason(body: SlidingBody, s: float, failed: int) -> str:
     if failed == contact_rows.UNSETTLED:
         names = ", ".join(body.row_names[k] for k in pushing_rows(body))
         return f"which of the rows {names} are closed was not settled in {contact_rows.LIMIT} solves"
-    return dependent_rows(body, s, failed)
-
-
-def dependent_rows(body: SlidingBody, s: float, failed: int) -> str:
-    """Which rows depend on each other at s, in words; row number `failed` (from 1) depends on those before it."""
     return dependence(np.asarray(body.C(s))[:failed], body.row_names)
 
 
 def dependence(C: Array, names: Sequence[str]) -> str:
-    """On which of the rows before it the last row of C (m, n) depends, in words."""
-    size = np.linalg.norm(C, axis=1)
-    if size[-1] <= 1e-12 * size.max():
-        return f"the row {names[len(C) - 1]} vanishes"
-    unit = C / np.where(size > 0.0, size, 1.0)[:, None]
-    share = np.linalg.lstsq(unit[:-1].T, unit[-1], rcond=None)[0]
-    involved = [name for name, x in zip(names, share, strict=False) if abs(x) > 1e-3]
-    return f"the rows {', '.join([*involved, names[len(C) - 1]])} depend on each other"
+    """Which of the rows C (m, n) depend on each other, in words; `names` begin with theirs."""
+    involved = of_rows(C, names[: len(C)]).names
+    if len(involved) == 1:
+        return f"the row {involved[0]} vanishes"
+    return f"the rows {', '.join(involved)} depend on each other"
