@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import cached_property
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -52,10 +53,16 @@ class NamedMesh:
     regions: Mapping[str, Indices]  # groups of cells, as numbers (c,) of cells
     source: str = "mesh"  # where the mesh is from, for messages
 
-    @property
+    @cached_property
     def axis(self) -> int:
         """0, 1 or 2 for x, y or z: along the longest extent."""
         return int(np.ptp(self.points, axis=0).argmax())
+
+    @cached_property
+    def spans(self) -> tuple[Array, Array]:
+        """Where each cell begins and where it ends along the axis, (C,) m each."""
+        x = self.points[:, self.axis][self.cells]
+        return x.min(axis=1), x.max(axis=1)
 
     def distribute(self, comm: MPI.Comm) -> Any:
         """The mesh in dolfinx, spread over `comm`; collective."""

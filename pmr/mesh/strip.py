@@ -54,44 +54,69 @@ class Strip:
     line: bool = False  # whether the points lie on the line that stands for the face of a beam
 
 
-def face_strip(mesh: NamedMesh, nodes: Nodes, face: str, window: Window) -> Strip:
-    """The strip of a named face; displacements are quadratic.
+@dataclass(frozen=True)
+class FlatFace:
+    """A flat face along the axis of a mesh."""
+
+    mesh: NamedMesh
+    name: str
+    normal: Array  # (3,): unit vector out of the mesh
+    axes: tuple[int, int]  # the body's axis, and the one of the others that the face is tangential to
+    least: Array  # (e, 2) m: where each of its cells begins along these axes
+    most: Array  # (e, 2) m: where it ends
+
+    @property
+    def extent(self) -> Extent:
+        low, high = self.least.min(axis=0).tolist(), self.most.max(axis=0).tolist()
+        return Extent((low[0], high[0]), (low[1], high[1]))
+
+
+def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
+    """A named face, ready for strips.
 
     Raises
     ------
     InputError
         If there is no such face, it is not flat, or it lies across the axis.
     """
-    mesh.require([face])
-    group = mesh.groups[face]
+    mesh.require([name])
+    group, axis = mesh.groups[name], mesh.axis
     if group.dim != 2:
-        raise InputError(mesh.source, "", None, f"group {face} is no face, pads slide on faces only")
-    axis = mesh.axis
-    normal = _normal(mesh, group, face)
-    beside = int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
-    corners = mesh.points[group.entities]
-    least, most = corners.min(axis=1), corners.max(axis=1)
+        raise InputError(mesh.source, "", None, f"group {name} is no face, pads slide on faces only")
+    normal = _normal(mesh, group, name)
     if abs(normal[axis]) > np.sqrt(1.0 - FLAT**2):
-        raise InputError("scene", "pads.on", face, "this face lies across the body's axis; faces along it are allowed")
-    extent = Extent(*((float(least[:, i].min()), float(most[:, i].max())) for i in (axis, beside)))
-    inside = np.ones(len(corners), bool)
-    for i, (start, end) in ((axis, window.along), (beside, window.across)):
-        inside &= (most[:, i] > start) & (least[:, i] < end)
-    if not inside.any():
-        nothing = np.empty(0)
-        return Strip(nothing, nothing, nothing, sp.csr_matrix((0, nodes.size)), extent)
-    cut = replace(mesh, groups={face: Group(2, group.entities[inside])})
-    sizes = (most - least)[inside][:, [axis, beside]].max(axis=0)
-    parts = int(np.ceil(np.max(sizes / window.spacing)))
-    if parts**2 * int(inside.sum()) > MOST_PIECES:
-        allowed = f"cells of this face are up to {parts} times as large as a pad resolves; finer cells or larger pads"
-        raise InputError("scene", "pads.on", face, f"{allowed} are allowed")
-    points = trace(cut, nodes, face, degree=2, parts=max(1, parts))
-    place = points.points[:, [axis, beside]]
+        raise InputError("scene", "pads.on", name, "this face lies across the body's axis; faces along it are allowed")
+    axes = axis, int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
+    corners = mesh.points[:, axes][group.entities]
+    return FlatFace(mesh, name, normal, axes, corners.min(axis=1), corners.max(axis=1))
+
+
+def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
+    """The strip of a face; displacements are quadratic.
+
+    Raises
+    ------
+    InputError
+        If its cells are so large that a pad would be resolved by too many pieces of them.
+    """
+    mesh, name = face.mesh, face.name
     low, high = np.array([window.along, window.across]).T
+    inside = np.flatnonzero(((face.most > low) & (face.least < high)).all(axis=1))
+    if not len(inside):
+        nothing = np.empty(0)
+        return Strip(nothing, nothing, nothing, sp.csr_matrix((0, nodes.size)), face.extent)
+    sizes = (face.most[inside] - face.least[inside]).max(axis=0)
+    parts = int(np.ceil(np.max(sizes / window.spacing)))
+    if parts**2 * len(inside) > MOST_PIECES:
+        allowed = f"cells of this face are up to {parts} times as large as a pad resolves; finer cells or larger pads"
+        raise InputError("scene", "pads.on", name, f"{allowed} are allowed")
+    cut = replace(mesh, groups={name: Group(2, mesh.groups[name].entities[inside])})
+    points = trace(cut, nodes, name, degree=2, parts=max(1, parts))
+    place = points.points[:, face.axes]
     within = np.flatnonzero(((place > low) & (place < high)).all(axis=1))
-    displacement = sum(c * component[within] for c, component in zip(normal, points.values, strict=True))
-    return Strip(place[within, 0], place[within, 1], points.weights[within], sp.csr_matrix(displacement), extent)
+    displacement = sum(c * component[within] for c, component in zip(face.normal, points.values, strict=True) if c)
+    displacement.eliminate_zeros()
+    return Strip(place[within, 0], place[within, 1], points.weights[within], displacement, face.extent)
 
 
 def line_points(window: Window, stations: Array) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -52,10 +53,10 @@ class Trace:
         """(3,) m."""
         return np.asarray(self.weights @ self.points / self.measure)
 
-    def mean(self, weights: Array | None = None) -> sp.csr_matrix:
-        """Mean displacement as rows (3, n); with a weight for each point (q,), the weighted mean."""
-        w = self.weights if weights is None else self.weights * weights
-        mean = sp.csr_matrix(w / w.sum())
+    @cached_property
+    def mean(self) -> sp.csr_matrix:
+        """Mean displacement as rows (3, n)."""
+        mean = sp.csr_matrix(self.weights / self.weights.sum())
         return sp.vstack([mean @ component for component in self.values], format="csr")
 
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
@@ -76,7 +77,7 @@ class Trace:
         moments = sp.csr_matrix(np.stack([uz.T @ y - uy.T @ z, ux.T @ z - uz.T @ x, uy.T @ x - ux.T @ y]))
         rotation = sp.csr_matrix(np.linalg.inv(J)) @ moments
         arm = np.zeros(3) if about is None else np.asarray(about, float) - self.centroid
-        return sp.vstack([self.mean() + sp.csr_matrix(-_cross(arm)) @ rotation, rotation], format="csr")
+        return sp.vstack([self.mean + sp.csr_matrix(-_cross(arm)) @ rotation, rotation], format="csr")
 
 
 def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1) -> Trace:
@@ -121,9 +122,7 @@ def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
     InputError
         If the mesh does not reach there.
     """
-    axis = mesh.axis
-    x = mesh.points[mesh.cells][:, :, axis]
-    low, high = x.min(axis=1), x.max(axis=1)
+    axis, (low, high) = mesh.axis, mesh.spans
     slack = 1e-9 * (high.max() - low.min())  # round-off of a caller's arithmetic
     if low.min() - slack <= at <= high.max() + slack:
         at = float(np.clip(at, low.min(), high.max()))

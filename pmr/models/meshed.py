@@ -16,7 +16,7 @@ from pmr.fem.compat import MPI
 from pmr.fields.grid import Grid
 from pmr.mesh.named import KINDS, NamedMesh
 from pmr.mesh.nodes import Nodes, number_nodes
-from pmr.mesh.strip import Strip, Window, face_strip
+from pmr.mesh.strip import FlatFace, Strip, Window, face_strip, flat_face
 from pmr.mesh.trace import Trace, coordinates_on, section, trace
 from pmr.models import DIRECTIONS, rigid_motions
 from pmr.scene.structures import Material
@@ -41,7 +41,7 @@ class Traced(ABC):
     def trace(self, place: str | float) -> Trace: ...
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
-        return self.trace(place).mean()
+        return self.trace(place).mean
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
         return self.trace(place).motion(about)
@@ -89,7 +89,13 @@ class MeshedModel(Traced):
         return {}
 
     def strip(self, face: str, window: Window) -> Strip:
-        return face_strip(self.mesh, self.nodes, face, window)
+        if face not in self._faces:
+            self._faces[face] = flat_face(self.mesh, face)
+        return face_strip(self._faces[face], self.nodes, window)
+
+    @cached_property
+    def _faces(self) -> dict[str, FlatFace]:
+        return {}
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
         return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
