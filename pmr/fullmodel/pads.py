@@ -256,18 +256,18 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     whole = step * float(value_or_zero(bump(3, knot), np.zeros(()))) if strip.line else step * knot
     beside = strip.weights * value_or_zero(bump(3, knot), strip.across - pad.across)
     order = np.argsort(strip.along, kind="stable")
-    ends = np.searchsorted(strip.along[order], [places - step, places + step])
-    near = [np.sort(order[low:high]) for low, high in ends.T]
-    hat, weights = bump(1, step), []
-    for q, x in zip(near, places, strict=True):
-        offsets = np.stack([strip.along[q] - x, strip.across[q] - pad.across])
-        w = beside[q] * value_or_zero(hat, offsets[0])
-        off = np.abs(offsets @ w) > MISSING * np.array([step, knot]) * w.sum()
-        if w.sum() < (1.0 - MISSING) * whole or off.any():
+    first, last = np.searchsorted(strip.along[order], [places - step, places + step])
+    near = np.concatenate([np.sort(order[a:b]) for a, b in zip(first, last, strict=True)])
+    offsets = np.stack([strip.along[near] - np.repeat(places, last - first), strip.across[near] - pad.across])
+    weights = beside[near] * value_or_zero(bump(1, step), offsets[0])
+    ends = np.cumsum([0, *(last - first)])
+    for x, a, b in zip(places, ends[:-1], ends[1:], strict=True):
+        w, off = weights[a:b], offsets[:, a:b]
+        aside = np.abs(off @ w) > MISSING * np.array([step, knot]) * w.sum()
+        if w.sum() < (1.0 - MISSING) * whole or aside.any():
             raise _off(pad, f"around {x:.4g} m", strip.extent)
-        weights.append(_corrected(w, offsets, step))
-    ends = np.cumsum([0, *map(len, near)])
-    means = sp.csr_matrix((np.concatenate(weights), np.concatenate(near), ends), (len(places), len(strip.along)))
+        weights[a:b] = _corrected(w, off, step)
+    means = sp.csr_matrix((weights, near, ends), (len(places), len(strip.along)))
     return sp.csr_matrix(means @ strip.normal)
 
 

@@ -31,6 +31,8 @@ Indices = NDArray[np.int64]
 
 ENTITY_KINDS = {(0, 1): "point", (1, 2): "interval", (2, 3): "triangle", (2, 4): "quadrilateral",
                 (3, 4): "tetrahedron", (3, 8): "hexahedron"}  # fmt: skip
+#: Whose Jacobian is the same everywhere.
+SIMPLICES = ("interval", "triangle", "tetrahedron")
 QUADRATURE_DEGREE = 4
 
 
@@ -95,14 +97,17 @@ def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1)
     weights, shape, _ = lagrange_rule(kind, degree, QUADRATURE_DEGREE, parts)
     _, linear, slopes = lagrange_rule(kind, 1, QUADRATURE_DEGREE, parts)
     corners = mesh.points[group.entities]
+    if kind in SIMPLICES:
+        slopes = slopes[:, :1]
     jacobian = np.einsum("dqk,eki->eqid", slopes, corners, optimize=True)
-    measure = np.sqrt(np.linalg.det(jacobian.swapaxes(2, 3) @ jacobian)) if group.dim else np.ones((1, 1))
+    metric = np.einsum("eqic,eqid->eqcd", jacobian, jacobian)
+    measure = np.sqrt(np.linalg.det(metric)) if group.dim else np.ones((1, 1))
     first = _nodes_of(mesh, nodes, name, kind)
-    columns = np.repeat(first[:, None, :], len(weights), axis=1)
+    order = np.argsort(first, axis=1)
+    columns = np.repeat(np.take_along_axis(first, order, axis=1)[:, None, :], len(weights), axis=1)
     ends = np.arange(0, columns.size + 1, first.shape[1])
     size = (len(first) * len(weights), nodes.size)
-    along_x = sp.csr_matrix((np.tile(shape.ravel(), len(first)), columns.ravel(), ends), shape=size)
-    along_x.sort_indices()
+    along_x = sp.csr_matrix((shape[:, order].swapaxes(0, 1).ravel(), columns.ravel(), ends), shape=size)
     return Trace(
         name,
         points=(linear @ corners).reshape(-1, 3),
