@@ -42,37 +42,48 @@ def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PET
     nodes = getattr(model, "nodes", None)
     if not isinstance(nodes, Nodes) or T.nnz != T.shape[1]:  # with rigid couplings coordinates are not those of nodes
         return ()
-    images = (_image(nodes, axis) for axis in (1, 2))
-    on_free = (sp.csr_matrix(T.T @ P @ T) for P in images if P is not None)
-    return tuple(P for P in on_free if P.nnz == len(P.indptr) - 1 and all(_unchanged(A, P) for A in (M, K)))
+    left = T.T.tocsr()
+    on_free = [sp.csr_matrix(left @ P @ T) for P in _images(nodes)]
+    found = [P for P in on_free if P.nnz == len(P.indptr) - 1]
+    for A in (M, K):
+        found = _unchanging(found, A)
+    return tuple(found)
 
 
-def _image(nodes: Nodes, axis: int) -> sp.csr_matrix | None:
-    """P for the plane across an axis in the middle of the nodes; None where a node has no image."""
+def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
+    """P for each of the planes across y and z in the middle of the nodes in which all nodes have images."""
     first = np.flatnonzero(nodes.component == 0)  # of each node; its other coordinates follow
-    node, places = np.cumsum(nodes.component == 0) - 1, nodes.at[first]
+    node, places, number = np.cumsum(nodes.component == 0) - 1, nodes.at[first], np.arange(nodes.size)
     low, high = places.min(axis=0), places.max(axis=0)
-    mirrored = places.copy()
-    mirrored[:, axis] = low[axis] + high[axis] - places[:, axis]
-    apart, image = cKDTree(places).query(mirrored)
-    counts = np.bincount(node)
-    if apart.max() > NODES * (high - low).max() or not np.array_equal(counts[image], counts):
-        return None
-    number = np.arange(nodes.size)
-    columns = first[image[node]] + number - first[node]
-    if not np.array_equal(np.sort(columns), number) or not np.array_equal(nodes.component[columns], nodes.component):
-        return None
-    sign = np.ones(6)  # rotations are axial vectors: those about the axis stay
-    sign[[axis, *(3 + other for other in range(3) if other != axis)]] = -1.0
-    return sp.csr_matrix((sign[nodes.component], columns, np.arange(nodes.size + 1)), (nodes.size, nodes.size))
+    tree, counts = cKDTree(places, compact_nodes=False, balanced_tree=False), np.bincount(node)
+    for axis in (1, 2):
+        mirrored = places.copy()
+        mirrored[:, axis] = low[axis] + high[axis] - places[:, axis]
+        apart, image = tree.query(mirrored, distance_upper_bound=NODES * (high - low).max())
+        if np.isinf(apart).any() or not np.array_equal(counts[image], counts):
+            continue
+        columns = first[image[node]] + number - first[node]
+        once = np.all(np.bincount(columns) == 1)
+        if once and np.array_equal(nodes.component[columns], nodes.component):
+            sign = np.ones(6)  # rotations are axial vectors: those about the axis stay
+            sign[[axis, *(3 + other for other in range(3) if other != axis)]] = -1.0
+            ends = np.arange(nodes.size + 1)
+            yield sp.csr_matrix((sign[nodes.component], columns, ends), (nodes.size, nodes.size))
 
 
-def _unchanged(A: PETSc.Mat, P: sp.csr_matrix) -> bool:
-    """Whether A P x = P A x; collective."""
+def _unchanging(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp.csr_matrix]:
+    """Those of the images P for which A P x = P A x; collective."""
+    if not mirrors:
+        return []
     comm, share = A.comm.tompi4py(), slice(*A.getOwnershipRange())
-    x = np.random.default_rng(5).uniform(-1.0, 1.0, (P.shape[0], 2))
-    of_image, image_of = (np.concatenate(comm.allgather(times(A, np.asfortranarray(y[share])))) for y in (P @ x, x))
-    return bool(np.abs(of_image - P @ image_of).max() <= OPERATORS * np.abs(image_of).max())
+    x = np.random.default_rng(5).uniform(-1.0, 1.0, (A.getSize()[0], 2))
+    products = times(A, np.asfortranarray(np.hstack([x, *(P @ x for P in mirrors)])[share]))
+    image_of = np.concatenate(comm.allgather(products[:, :2]))
+    apart = [
+        np.abs(products[:, 2 * k + 2 : 2 * k + 4] - P[share] @ image_of).max(initial=0.0) for k, P in enumerate(mirrors)
+    ]
+    largest = np.max(comm.allgather(apart), axis=0)
+    return [P for P, off in zip(mirrors, largest, strict=True) if off <= OPERATORS * np.abs(image_of).max()]
 
 
 @dataclass(frozen=True)
