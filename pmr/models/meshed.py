@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,7 +25,6 @@ from pmr.scene.structures import Material
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-T = TypeVar("T")
 
 #: Where stresses are told of.
 FACES = ("outer", "middle", "inner")
@@ -116,17 +117,28 @@ class MeshedModel(Traced):
         return sp.csr_matrix((np.ones(len(columns)), columns, np.arange(len(columns) + 1)), (len(columns), self.size))
 
 
-def by_region(mesh: NamedMesh, default: T, regions: Mapping[str, T]) -> list[T]:
-    """One entry for each cell: its region's, or the default.
+@dataclass(frozen=True)
+class OfCells:
+    """What each cell of a mesh is made of."""
+
+    kinds: tuple[object, ...]
+    number: Indices  # (C,): which of the kinds
+
+    def values(self, name: str) -> Array:
+        """An attribute of each cell's kind, (C,); ``material.young`` is that of an attribute."""
+        return np.array([attrgetter(name)(kind) for kind in self.kinds])[self.number]
+
+
+def by_region(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -> OfCells:
+    """What a cell's region is made of, or the default.
 
     Raises
     ------
     InputError
         If the mesh has no such group of cells, or two of them share cells.
     """
-    chosen = [default] * len(mesh.cells)
     owner = np.full(len(mesh.cells), -1)
-    for number, (name, entry) in enumerate(regions.items()):
+    for number, name in enumerate(regions):
         if name not in mesh.regions:
             found = ", ".join(sorted(mesh.regions)) or "none"
             raise InputError("scene", f"body.regions.{name}", None, f"{mesh.source} has these regions: {found}")
@@ -135,9 +147,7 @@ def by_region(mesh: NamedMesh, default: T, regions: Mapping[str, T]) -> list[T]:
         if shared >= 0:
             raise InputError("scene", f"body.regions.{name}", None, f"shares cells with {list(regions)[shared]}")
         owner[cells] = number
-        for cell in cells:
-            chosen[cell] = entry
-    return chosen
+    return OfCells((*regions.values(), default), owner)  # -1: the last one
 
 
 def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -> float:

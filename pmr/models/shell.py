@@ -47,7 +47,7 @@ from pmr.fields.stress import PLANE, StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.strip import FLAT
 from pmr.models import Forms
-from pmr.models.meshed import FACES, MeshedModel, away, by_region, frequency_scale
+from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
 from pmr.models.tabulation import as_rows, cell_values
 from pmr.scene import Body
 from pmr.scene.structures import Plate, ShellBody
@@ -72,8 +72,7 @@ class Shell(MeshedModel):
         return {0: (0, 1, 2), 1: (0, 1, 2, 3, 4, 5)}
 
     @cached_property
-    def plates(self) -> list[Plate]:
-        """Of each cell."""
+    def plates(self) -> OfCells:
         return by_region(self.mesh, self.body.plate, self.body.regions)
 
     @property
@@ -103,8 +102,8 @@ class Shell(MeshedModel):
 
     def _cellwise(self, mesh: Any) -> list[Any]:
         """Young's modulus, Poisson's ratio, density and thickness."""
-        plates = ((p.material.young, p.material.poisson, p.material.density, p.thickness) for p in self.plates)
-        return [cellwise(mesh, np.array(values)) for values in zip(*plates, strict=True)]
+        names = "material.young", "material.poisson", "material.density", "thickness"
+        return [cellwise(mesh, self.plates.values(name)) for name in names]
 
     def plane_stresses(self, space: Any) -> Any:
         """A : epsilon in Pa and A : kappa in Pa/m of a trial function: along, across and shear of `frames`."""
@@ -118,7 +117,7 @@ class Shell(MeshedModel):
 
     def stresses(self) -> StressRows:
         """Plane stress at each triangle's centroid: on the outer face, in the middle (membrane), on the inner face."""
-        mesh, half = self.mesh, np.array([plate.thickness for plate in self.plates]) / 2.0
+        mesh, half = self.mesh, self.plates.values("thickness") / 2.0
         found = cell_values(self, self.plane_stresses, rule_points("triangle", 1))
         membrane, bent = found.entries[:, 0, :3], half[:, None, None] * found.entries[:, 0, 3:]
         entries = np.concatenate([membrane - bent, membrane, membrane + bent])

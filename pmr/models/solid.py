@@ -34,10 +34,10 @@ from pmr.fields.stress import SPATIAL, StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.nodes import codes
 from pmr.models import Forms
-from pmr.models.meshed import FACES, MeshedModel, away, by_region, frequency_scale
+from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
 from pmr.models.tabulation import as_rows, cell_values
 from pmr.scene import Body
-from pmr.scene.structures import Material, SolidBody
+from pmr.scene.structures import SolidBody
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -60,8 +60,7 @@ class Solid(MeshedModel):
         return dict.fromkeys(range(4 if self.mesh.cell == "hexahedron" else 2), (0, 1, 2))
 
     @cached_property
-    def materials(self) -> list[Material]:
-        """Of each cell."""
+    def materials(self) -> OfCells:
         return by_region(self.mesh, self.body.material, self.body.regions)
 
     @property
@@ -72,7 +71,7 @@ class Solid(MeshedModel):
         return lagrange_space(domain, 2)
 
     def forms(self, space: Any) -> Forms:
-        mesh, rho = space.mesh, cellwise(space.mesh, np.array([m.density for m in self.materials]))
+        mesh, rho = space.mesh, cellwise(space.mesh, self.materials.values("density"))
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         # Tetrahedra: exact.  Hexahedra: exact for boxes, three Gauss points in each direction.
         k, m = (4, 4) if self.mesh.cell == "hexahedron" else (2, 4)
@@ -81,10 +80,7 @@ class Solid(MeshedModel):
 
     def _stress(self, mesh: Any, u: Any) -> Any:
         """The stress tensor in Pa of a displacement."""
-        E, nu = (
-            cellwise(mesh, np.array(values))
-            for values in zip(*((m.young, m.poisson) for m in self.materials), strict=True)
-        )
+        E, nu = (cellwise(mesh, self.materials.values(name)) for name in ("young", "poisson"))
         lame, mu, epsilon = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)), ufl.sym(ufl.grad(u))
         return lame * ufl.tr(epsilon) * ufl.Identity(3) + 2 * mu * epsilon
 
