@@ -43,10 +43,15 @@ def test_the_first_boom(tmp_path: Path) -> None:
     found = {"tip": errors["tip"], "beam": errors["beam"], "pad forces": errors["pad_force"]}
     assert shown == {name: pytest.approx(100.0 * value, rel=5e-3) for name, value in found.items()}
     assert f"{1e3 * said['max_displacement']:.3f} mm" in page
+    assert f"{100.0 * said['estimate']['tip']:.3g} % at the tip" in page and not said["warnings"]
+    both = json.loads((tmp_path / "reports" / "both_ways" / "summary.json").read_text())
+    for summary, pulling in ((said, 0), (both, 2)):
+        assert f"up to {1e-3 * max(pad['max'] for pad in summary['pads']):.2f} kN" in page
+        assert sum(" pull " in line for line in summary["warnings"]) == pulling
     assert said["coordinates"] == {"full": 366, "reduced": 8}
     stress = json.loads((tmp_path / "reports" / "stress" / "summary.json").read_text())
     assert f"{stress['coordinates']['full']:,}" in page
-    assert stress["max_von_mises"]["reduced"] == pytest.approx(54.3e6, rel=0.01)
+    assert stress["max_von_mises"]["reduced"] == pytest.approx(97.4e6, rel=0.01)
     assert (tmp_path / "reports" / "payloads" / "runs.csv").read_text().count("\n") == 4
 
 

@@ -2,8 +2,8 @@
 Pads that only push
 ===================
 
-Real pads can't pull.  A scene starts with pads that hold both ways, which keeps the model linear; with
-`unilateral = true` they lift off where they would pull, and others carry more.
+Real pads can't pull.  With `unilateral = true` they lift off where they would, and others carry more; those of the
+reference boom hold both ways, which keeps its model linear.
 """
 
 import matplotlib.pyplot as plt
