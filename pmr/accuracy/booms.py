@@ -32,21 +32,12 @@ Sizes = Mapping[str, int]
 
 @dataclass(frozen=True)
 class BoomChoice:
-    """Coordinates of each section, their errors by kind of output (fractions, with margin), whether these are held.
-
-    Attributes
-    ----------
-    models : mapping of str to ReducedModel
-    errors : mapping of str to float
-    holds : bool
-    seconds : float
-        Of the search.
-    """
+    """The model of each section, and what they are off by together."""
 
     models: Mapping[str, ReducedModel]
-    errors: Mapping[str, float]
-    holds: bool
-    seconds: float
+    errors: Mapping[str, float]  # by kind of output: fractions, with margin
+    holds: bool  # whether these are within the tolerance
+    seconds: float  # of the search
 
 
 class _Search:

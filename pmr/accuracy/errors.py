@@ -30,21 +30,11 @@ LESS = 4
 
 @dataclass(frozen=True)
 class Demand:
-    """What is asked for.
+    """What is asked for."""
 
-    Attributes
-    ----------
-    tolerance : float
-        Largest error in each of the `kinds`, a fraction.
-    kinds : sequence of str
-        Of `pmr.compare.outputs.KINDS`.
-    inertia : bool
-        Whether the residual inertia may be kept, which only ``march`` simulates.
-    """
-
-    tolerance: float
-    kinds: Sequence[str]
-    inertia: bool
+    tolerance: float  # largest error in each of the `kinds`, a fraction
+    kinds: Sequence[str]  # of `pmr.compare.outputs.KINDS`
+    inertia: bool  # whether the residual inertia may be kept, which only ``march`` simulates
 
 
 class Errors:
@@ -121,23 +111,12 @@ FEWEST = 20
 
 @dataclass(frozen=True)
 class Rung:
-    """A number of steps, and what they make of the motion.
+    """A number of steps, and what they make of the motion."""
 
-    Attributes
-    ----------
-    member : Member
-        Whose motion it is.
-    steps : int
-    missing : Outputs
-        What the exact motion has beyond that of these steps, at the times of the coarsest rung.
-    settled : bool
-        Whether runs with shorter steps approach each other; else it is only a part of the error.
-    """
-
-    member: Member
+    member: Member  # whose motion it is
     steps: int
-    missing: Outputs
-    settled: bool
+    missing: Outputs  # what the exact motion has beyond that of these steps, at the times of the coarsest rung
+    settled: bool  # whether runs with shorter steps approach each other; else it is only a part of the error
 
 
 def coarsest(family: Family, every: float | None = None) -> int:

@@ -31,25 +31,13 @@ COORDINATES = 6
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen.
+    """What was chosen."""
 
-    Attributes
-    ----------
-    scene : Scene
-        With the step and the coordinates that were chosen.
-    reduced : ReducedModel
-    found : Found
-    mesh : mapping of kind to fraction, or None
-        What the mesh is off by (`with_mesh`).
-    mesh_reason : str or None
-        Why that isn't known.
-    """
-
-    scene: Scene
+    scene: Scene  # with the step and the coordinates that were chosen
     reduced: ReducedModel
     found: Found
-    mesh: Mapping[str, float] | None = None
-    mesh_reason: str | None = "the scene leaves it out"
+    mesh: Mapping[str, float] | None = None  # by kind what the mesh is off by, a fraction (`with_mesh`)
+    mesh_reason: str | None = "the scene leaves it out"  # why that isn't known
 
 
 def prepared(scene: Scene) -> Scene:

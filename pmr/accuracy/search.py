@@ -33,30 +33,16 @@ COMPARED = 16_000
 
 @dataclass(frozen=True)
 class Found:
-    """What the search found.
-
-    Attributes
-    ----------
-    member : Member
-    steps : int
-    reduction, step, total : mappings of kind to fraction
-        Errors with margin; each by itself, and both together.
-    holds : bool
-        Whether the total is within the tolerance in every kind.
-    reasons : tuple of str
-        Why this model and this step, a clause each.
-    seconds : float
-        Wall time of the search; what is compiled or loaded for the first time is not in it.
-    """
+    """What the search found; errors are fractions by kind, with margin."""
 
     member: Member
     steps: int
     reduction: dict[str, float]
     step: dict[str, float]
-    total: dict[str, float]
-    holds: bool
-    reasons: tuple[str, ...]
-    seconds: float
+    total: dict[str, float]  # of both together
+    holds: bool  # whether the total is within the tolerance in every kind
+    reasons: tuple[str, ...]  # why this model and this step, a clause each
+    seconds: float  # wall time of the search; what is compiled or loaded for the first time is not in it
 
 
 def search(family: Family, demand: Demand, coarse: int) -> Found:

@@ -40,20 +40,11 @@ SHIFT = -1.0
 
 @dataclass(frozen=True)
 class FullRun:
-    """A simulation of all sections in full order.
+    """A simulation of all sections in full order."""
 
-    Attributes
-    ----------
-    response : Response or None
-        On rank 0; None where it failed or can't be trusted, why `missing` says.
-    missing : str
-    states : mapping of str to (S, n_local) array
-        This rank's rows of the coordinates of every section at the steps that were asked for.
-    """
-
-    response: Response | None
-    missing: str
-    states: Mapping[str, Array]
+    response: Response | None  # on rank 0; None where it failed or can't be trusted
+    missing: str  # why
+    states: Mapping[str, Array]  # of every section (S, n_local): this rank's rows, at the steps that were asked for
 
 
 @dataclass(frozen=True)

@@ -38,25 +38,14 @@ LITTLE = 0.01
 
 @dataclass(frozen=True)
 class Outputs:
-    """What a simulation says, by kind.
+    """What a simulation says, by kind."""
 
-    Attributes
-    ----------
-    displacement, velocity : (T, o) arrays, m and m/s
-        The last `tips` columns are the tip's; velocities have no columns where they are not wanted.
-    force : (T, p) array, N
-    probe : (T, k) array
-    units : tuple of str
-        Of the probes.
-    tips : int
-    """
-
-    displacement: Array
-    velocity: Array
-    force: Array
-    probe: Array
-    units: tuple[str, ...]
-    tips: int
+    displacement: Array  # (T, o) m
+    velocity: Array  # (T, o) m/s; no columns where they are not wanted
+    force: Array  # (T, p) N
+    probe: Array  # (T, k)
+    units: tuple[str, ...]  # of the probes
+    tips: int  # so many of the last displacements are the tip's
 
     def of(self, kind: str) -> Array:
         """One of `KINDS`, (T, k)."""

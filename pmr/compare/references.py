@@ -29,21 +29,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class References:
-    """Responses by name, on rank 0, and states of the full model.
+    """Responses by name, on rank 0, and states of the full model."""
 
-    Attributes
-    ----------
-    responses : dict
-        ``full`` and ``ancf`` as the scene asks for them; other ranks may have none.
-    states : (S, n_local) array or None
-        This rank's rows of the full model's coordinates at the chosen steps, where it was simulated.
-    missing : dict
-        Why a reference that was asked for is none, by name; ``ancf`` on rank 0 alone.
-    """
-
-    responses: dict[str, Response]
-    states: Array | None = None
-    missing: dict[str, str] = field(default_factory=dict)
+    responses: dict[str, Response]  # ``full`` and ``ancf`` as the scene asks for them; other ranks may have none
+    states: Array | None = None  # (S, n_local) of the full model at the chosen steps: this rank's rows
+    missing: dict[str, str] = field(default_factory=dict)  # why one is none, by name; ``ancf`` on rank 0 alone
 
 
 def references(

@@ -56,27 +56,13 @@ class Simulated:
 
 @dataclass(frozen=True)
 class Simulations:
-    """What the simulators say.
+    """What the simulators say."""
 
-    Attributes
-    ----------
-    responses : mapping
-        ``reduced`` (by the first simulator that the scene names) and, as asked, ``full`` and ``ancf``.
-    seconds : mapping
-        Solver seconds: of each simulator of the reduced model, the least of its repeats; of ``full`` and ``ancf``.
-    agreement : mapping
-        ``<a>_vs_<b>``: largest difference of displacements in m between two simulators of the reduced model.
-    first : str
-        Which one simulated ``reduced``.
-    states : Trajectory, optional
-        What it says at the steps whose states were asked for.
-    """
-
-    responses: Mapping[str, Response]
-    seconds: Mapping[str, float]
-    agreement: Mapping[str, float]
-    first: str
-    states: Trajectory | None = None
+    responses: Mapping[str, Response]  # ``reduced``, by the `first` simulator, and as asked ``full`` and ``ancf``
+    seconds: Mapping[str, float]  # of each simulator's solver, the least of its repeats; of ``full`` and ``ancf``
+    agreement: Mapping[str, float]  # of the simulators of the reduced model, m
+    first: str  # that the scene names
+    states: Trajectory | None = None  # what it says at the steps whose states were asked for
 
 
 def simulate(

@@ -41,37 +41,17 @@ LIMIT = 0.02
 
 @dataclass(frozen=True)
 class StepError:
-    """Error that the time step leaves in a model's displacements.
-
-    Attributes
-    ----------
-    beam, tip : float
-        Along the beam and at the tip, fractions of the finest run's motion; not capped.
-    largest : float or None, m
-        Largest difference of any output at any time; None by `mean`.
-    finest : float, s
-        Smallest step that was taken.
-    settled : bool
-        Whether the runs approach each other; if not, the error is at least of this size.
-    by : str
-        ``motion``; or ``mean``, where rows only push and the runs part after an impact: error of the RMS values then.
-    enough : float or None, s
-        Largest of the steps taken with an error below `LIMIT`.
-    band : float, Hz
-        Frequency above which 1 % of the tip's motion lies, as the finest run has it.
-    seconds : float
-        Wall time of all runs.
-    """
+    """Error that the time step leaves in a model's displacements; fractions of the finest run's motion, not capped."""
 
     beam: float
     tip: float
-    largest: float | None
-    finest: float
-    settled: bool
-    by: str
-    enough: float | None
-    band: float
-    seconds: float
+    largest: float | None  # m: largest difference of any output at any time; None by ``mean``
+    finest: float  # s: smallest step that was taken
+    settled: bool  # whether the runs approach each other; if not, the error is at least of this size
+    by: str  # ``motion``; or ``mean``, of RMS values: rows only push, and the runs part after an impact
+    enough: float | None  # s: largest of the steps taken with an error below `LIMIT`
+    band: float  # Hz, above which 1 % of the tip's motion lies, as the finest run has it
+    seconds: float  # wall time of all runs
 
 
 def step_error(model: ReducedModel, excitation: Excitation, tips: int = 1) -> StepError:
@@ -121,15 +101,12 @@ def _rms(y: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(y**2, axis=0, keepdims=True)))
 
 
-_FIGURES = ("beam", "tip", "largest", "finest", "settled", "by", "enough", "band", "seconds")
-
-
 def summary(found: StepError | None, reason: str | None = None) -> dict[str, float | str | bool | None]:
-    """What summary.json holds under ``step``: the attributes of `StepError`, ``limit`` and ``reason``.
+    """What summary.json holds under ``step``: the fields of `StepError`, ``limit`` and ``reason``.
 
     Without a figure all are None, and ``reason`` says why.
     """
-    figures = dict.fromkeys(_FIGURES) if found is None else {name: getattr(found, name) for name in _FIGURES}
+    figures = dict.fromkeys(StepError.__annotations__) if found is None else dict(vars(found))
     return figures | {"limit": LIMIT, "reason": reason}
 
 

@@ -18,24 +18,15 @@ Array = NDArray[np.float64]
 class Snapshots:
     """The pool that a basis is made from.
 
-    Attributes
-    ----------
-    S : PETSc.Mat, dense (n, k)
-        One column a snapshot; eigenmodes are mass-normalised, phi^T M phi = 1, and carry 1/sqrt(kg).
-    omega : (k,) array, rad/s
-    s : (k,) array, m
-        Path coordinate at which each column was taken.
-    residuals : (k,) array
-        Normwise backward error ||K phi - omega^2 M phi|| / ((||K|| + omega^2 ||M||) ||phi||), infinity norms.
-    source : str
-        How the columns were made.
+    `residuals` are normwise backward errors ||K phi - omega^2 M phi|| / ((||K|| + omega^2 ||M||) ||phi||) in infinity
+    norms.
     """
 
-    S: PETSc.Mat
-    omega: Array
-    s: Array
-    residuals: Array
-    source: str
+    S: PETSc.Mat  # dense (n, k), a column each; eigenmodes are mass-normalised, phi^T M phi = 1, and carry 1/sqrt(kg)
+    omega: Array  # (k,) rad/s
+    s: Array  # (k,) m: path coordinate at which each column was taken
+    residuals: Array  # (k,)
+    source: str  # how the columns were made
 
     @classmethod
     def of(cls, local: Array, model: FullModel, omega: Array, s: Array, residuals: Array, source: str) -> Snapshots:

@@ -50,21 +50,11 @@ class LocalMotion:
 
 @dataclass(frozen=True)
 class LocalModel:
-    """Tables along the path of one model with local bases.
+    """Tables along the path of one model with local bases."""
 
-    Attributes
-    ----------
-    vectors : CubicSpline with values (n, r)
-        V(s) in the modal coordinates of the full model.
-    tables : (g, 4, w) array
-        Polynomials of M, D + ..., flattened, between equally spaced places, see `_march`.
-    body : ReducedModel
-        The full model in modal coordinates.
-    """
-
-    vectors: CubicSpline
-    tables: Array
-    body: ReducedModel
+    vectors: CubicSpline  # V(s) (n, r) in the modal coordinates of the full model
+    tables: Array  # (g, 4, w): polynomials of M, D + ..., flattened, between equally spaced places, see `_march`
+    body: ReducedModel  # the full model in modal coordinates
 
     def simulate(self, excitation: Excitation, every: int = 1) -> LocalMotion:
         """From rest, each `every`-th step of it.

@@ -45,18 +45,10 @@ TREATMENTS = ("round_off", "last", "dropped")
 
 @dataclass(frozen=True)
 class NestedModels:
-    """The reduced models of one basis, by number of coordinates.
+    """The reduced models of one basis, by number of coordinates."""
 
-    Attributes
-    ----------
-    longest : ReducedModel
-        On all vectors of the basis.
-    spent : int
-        Coordinates that supports take and that therefore never move.
-    """
-
-    longest: ReducedModel
-    spent: int = 0
+    longest: ReducedModel  # on all vectors of the basis
+    spent: int = 0  # coordinates that supports take and that therefore never move
 
     def of(self, coordinates: int) -> ReducedModel | None:
         """The model of so many coordinates; None where all of them are spent, so that nothing moves.
@@ -70,21 +62,11 @@ class NestedModels:
 
 @dataclass(frozen=True)
 class GlobalBasis:
-    """One combination of snapshots and modes.
+    """One combination of snapshots and modes."""
 
-    Attributes
-    ----------
-    models : mapping of str to NestedModels
-        By treatment of the supports' rows.
-    sigma : (k,) array
-        Singular values of the pool.
-    rank : int
-        Its numerical rank.
-    """
-
-    models: Mapping[str, NestedModels]
-    sigma: Array
-    rank: int
+    models: Mapping[str, NestedModels]  # by treatment of the supports' rows
+    sigma: Array  # (k,) singular values of the pool
+    rank: int  # its numerical rank
 
 
 def check(scene: Scene, snapshots: Sequence[int], modes: Sequence[int], key: str) -> None:

@@ -17,25 +17,7 @@ Count = Annotated[int, Field(ge=1, strict=True)]
 
 
 class Statement(BaseModel):
-    """What a publication says of something that the study finds out too.
-
-    Attributes
-    ----------
-    figure : str
-        Name of the study's own figure.
-    text : str
-        What it is.
-    value : float, str or None
-        Published; in SI units, per cent as a fraction.
-    words : str
-        As it is published, where a number alone would say too much (``"approximately 16 %"``).
-    quantity : str
-        How numbers are printed: a share in per cent, a length, another quantity in its SI unit, or a plain number.
-    is_error : bool
-        Whether smaller is better.
-    why : str
-        Why the two differ, as far as is known.
-    """
+    """What a publication says of something that the study finds out too."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -46,7 +28,8 @@ class Statement(BaseModel):
     )
     words: str = Field(default="", description="As it is published, where a number alone would say too much")
     quantity: Literal["share", "length", "energy", "seconds", "ratio", "number"] = Field(
-        default="number", description="How it is printed"
+        default="number",
+        description="How it is printed: a share in per cent, a quantity in its SI unit, or a plain number",
     )
     is_error: bool = Field(default=False, description="Whether smaller is better")
     why: str = Field(default="", description="Why the two differ, as far as is known")

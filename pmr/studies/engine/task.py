@@ -49,19 +49,12 @@ def number(value: Scalar) -> float:
 class TaskResult:
     """What a task returns.
 
-    Attributes
-    ----------
-    record : mapping of str to scalar
-        Figures, one column of the table each; the same on every machine that computes alike, so no seconds.  A float
-        must be finite; None leaves the cell empty.
-    arrays : mapping of str to array
-        Whatever tasks that need this one, or the report, read; numbers or strings, no objects.
-    seconds : mapping of str to float
-        Measured times, apart from the record because they differ from run to run.
+    The figures of its `record`, one column of the table each, are the same on every machine that computes alike; so
+    measured times, which differ from run to run, stand apart in `seconds`.
     """
 
-    record: Mapping[str, Scalar] = field(default_factory=dict)
-    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    record: Mapping[str, Scalar] = field(default_factory=dict)  # a float must be finite; None leaves the cell empty
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # for other tasks or the report; no objects
     seconds: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -71,33 +64,19 @@ TaskFunction = Callable[[Mapping[str, Any], Mapping[str, TaskResult]], TaskResul
 
 @dataclass(frozen=True)
 class Task:
-    """One call of a function, in a process of its own.
+    """One call of a function of a module, in a process of its own.
 
-    Attributes
-    ----------
-    key : str
-        Name of the task, unique in its plan: letters, digits and ``._=,+-``.
-    function : TaskFunction
-        A function of a module, called with `arguments` and the results of `needs`.  It sees one MPI process and one
-        thread, and what it computes depends on nothing else.
-    arguments : mapping
-        What JSON can hold.  Where a file is read, its digest belongs here too.
-    needs : mapping of str to str
-        Name for the function -> key of the task whose result it reads.
-    parameters : mapping of str to scalar
-        What was varied: the table's first columns, there for failed runs too.
-    cost : float
-        Expected effort in any unit; long ones start first, and the time left is estimated by it.
-    alone : bool
-        Whether it measures time: it waits until nothing else is left to do, and no other task runs beside it.
+    It is called with `arguments` and the results of `needs`, sees one MPI process and one thread, and what it computes
+    depends on nothing else.  A task that is `alone` measures time: it waits until nothing else is left to do, and no
+    other one runs beside it.
     """
 
-    key: str
+    key: str  # unique in its plan: letters, digits and ``._=,+-``
     function: TaskFunction
-    arguments: Mapping[str, Any] = field(default_factory=dict)
-    needs: Mapping[str, str] = field(default_factory=dict)
-    parameters: Mapping[str, Scalar] = field(default_factory=dict)
-    cost: float = 1.0
+    arguments: Mapping[str, Any] = field(default_factory=dict)  # as JSON holds; of a file that is read its digest too
+    needs: Mapping[str, str] = field(default_factory=dict)  # name for the function: key of the task whose result it is
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)  # first columns of the table, of failed runs too
+    cost: float = 1.0  # expected effort in any unit: long ones start first, and the time left is estimated by it
     alone: bool = False
 
     def __post_init__(self) -> None:
@@ -126,18 +105,10 @@ def _source(module: str) -> str:
 
 @dataclass(frozen=True)
 class Plan:
-    """The tasks of one study.
+    """The tasks of one study."""
 
-    Attributes
-    ----------
-    runs : tuple of Task
-        One row of the table each, in this order.
-    shared : tuple of Task
-        What several runs need and nobody wants a row of; computed once, and only if a run still needs it.
-    """
-
-    runs: tuple[Task, ...]
-    shared: tuple[Task, ...] = ()
+    runs: tuple[Task, ...]  # one row of the table each, in this order
+    shared: tuple[Task, ...] = ()  # what several runs need, without a row; computed once if a run still needs it
 
     def __post_init__(self) -> None:
         twice = [key for key, count in Counter(task.key.casefold() for task in self).items() if count > 1]
