@@ -79,12 +79,8 @@ class _Search:
 def choose(boom: Boom, models: Mapping[str, ReducedModel], excitation: Excitation) -> BoomChoice:
     """For a boom's `accuracy` or `budget`, of sections with enrichment modes.
 
-    Raises
-    ------
-    InputError
-        If there are no such modes, or fewer coordinates are allowed than a motion needs.
-    SimulationError
-        If the motion of all modes can't be computed.
+    Raises InputError if there are no such modes, or fewer coordinates are allowed than a motion needs; SimulationError
+    if the motion of all modes can't be computed.
     """
     begin = time.perf_counter()
     if lacking := [name for name, model in models.items() if model.enrichment is None]:

@@ -40,19 +40,10 @@ def member_of(model: ReducedModel, member: Member) -> ReducedModel:
 
 
 class Family:
-    """The models with 1, 2, ... of the modes of one reduction.
+    """The models with 1, 2, ... of the modes of one reduction, of which `pmr.compare.estimate.no_estimate` says None.
 
-    Parameters
-    ----------
-    model : ReducedModel
-        Free modes with residual flexibility, its inertia and enrichment modes: `pmr.compare.estimate.no_estimate` says
-        None of it.
-    excitation : Excitation
-        Its time grid is where searches begin.
-    tips : int
-        Number of the last displacements that are the tip's.
-    rates : bool
-        Whether velocities are wanted, which cost more than the motion.
+    The time grid of the excitation is where searches begin, the last `tips` displacements are the tip's; `rates` says
+    whether velocities are wanted, which cost more than the motion.
     """
 
     def __init__(self, model: ReducedModel, excitation: Excitation, tips: int, rates: bool = False) -> None:
@@ -106,10 +97,7 @@ class Family:
     def motion(self, member: Member, steps: int, times: int) -> Outputs:
         """Of one member with so many steps, at `times` equal intervals, a whole number of steps each.
 
-        Raises
-        ------
-        InputError, SimulationError
-            As for `pmr.simulate.Simulator`.
+        Raises InputError or SimulationError as for `pmr.simulate.Simulator`.
         """
         if (member, steps, times) not in self._motions:
             self._motions[member, steps, times] = self._simulated(member, steps, times)

@@ -48,10 +48,7 @@ def mesh_error(
 ) -> dict[str, float]:
     """Part of the mesh by kind, fractions: of `model`, from the one with as many coordinates on the finer mesh.
 
-    Raises
-    ------
-    InputError, SimulationError
-        As for `pmr.simulate.Simulator`.
+    Raises InputError or SimulationError as for `pmr.simulate.Simulator`.
     """
     excitation = Excitation.of(scene)
     own, better = (_motion(one, excitation, tips) for one in (model, on_finer))

@@ -51,12 +51,8 @@ def prepared(scene: Scene) -> Scene:
 def choose(scene: Scene, reduced: ReducedModel) -> Choice:
     """The smallest model and the longest step that hold a `prepared` scene's tolerance; or the best within its budget.
 
-    Raises
-    ------
-    InputError
-        If errors of this model, or of the outputs that are asked for, can't be estimated.
-    SimulationError
-        If its motion can't be computed.
+    Raises InputError if errors of this model, or of the outputs that are asked for, can't be estimated; SimulationError
+    if its motion can't be computed.
     """
     asked, excitation = scene.ordered, Excitation.of(scene)
     assert asked is not None
@@ -91,10 +87,7 @@ def with_mesh(choice: Choice, reduced_of: Callable[[Scene], ReducedModel]) -> Ch
 
     That scene has shorter cells, and `COORDINATES` or twice as many until they suffice: most choices share it.
 
-    Raises
-    ------
-    InputError, SimulationError
-        As for `pmr.simulate.Simulator`.
+    Raises InputError or SimulationError as for `pmr.simulate.Simulator`.
     """
     scene, member = choice.scene, choice.found.member
     if scene.ordered is None or not scene.ordered.mesh:

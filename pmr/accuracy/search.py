@@ -48,10 +48,7 @@ class Found:
 def search(family: Family, demand: Demand, coarse: int) -> Found:
     """The fewest coordinates, then the fewest steps from `coarse` on.
 
-    Raises
-    ------
-    InputError, SimulationError
-        As for `pmr.simulate.Simulator`, if even the motion of all modes can't be had.
+    Raises InputError or SimulationError as for `pmr.simulate.Simulator`, if even the motion of all modes can't be had.
     """
     family.load()
     begin, one = time.perf_counter(), _Search(family, demand, coarse)

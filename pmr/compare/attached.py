@@ -33,10 +33,7 @@ STEPS = 20_000
 def with_loads_answered(model: ReducedModel, run: Trajectory, loads: Array) -> ReducedModel:
     """The model, with carriers, with attachment modes for what it bore in a run under `loads` (T, i) in N.
 
-    Raises
-    ------
-    ValueError
-        As `with_attachment_modes`.
+    Raises ValueError as `with_attachment_modes`.
     """
     assert model.carriers is not None
     rows = [model.carriers.row(k, name) for k, name in enumerate(model.row_names)]

@@ -36,12 +36,8 @@ def cable_of(scene: Scene) -> Cable:
 def simulate_cable(scene: Scene, x: ArrayLike, excitation: Excitation, done: Done | None = None) -> ancf.CableMotion:
     """Motion of that cable at the material points x (o,) in m.
 
-    Raises
-    ------
-    InputError
-        If Exudyn is not installed, and as for `pmr.simulate.exudyn.ancf.simulate`.
-    SimulationError
-        If a step fails or a result is not finite.
+    Raises InputError if Exudyn is not installed, and as for `pmr.simulate.exudyn.ancf.simulate`; SimulationError if a
+    step fails or a result is not finite.
     """
     needed("exudyn")
     from pmr.simulate.exudyn import ancf

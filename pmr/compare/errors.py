@@ -42,10 +42,7 @@ LARGEST_COMPLIANCE = 500
 def nrms(signal: Array, reference: Array) -> float:
     """e_NRMS of a signal (T,) or (T, M) against a reference of the same shape, as a fraction in [0, 1].
 
-    Raises
-    ------
-    ValueError, SimulationError
-        As `relative_error`.
+    Raises ValueError or SimulationError as `relative_error`.
     """
     return min(relative_error(signal, reference), 1.0)
 
@@ -56,12 +53,7 @@ def relative_error(signal: Array, reference: Array) -> float:
     Of any size: the reference's largest value is the unit in which both are squared.  Where the reference is zero
     throughout: 0 if the signal is too, 1 otherwise.
 
-    Raises
-    ------
-    ValueError
-        If the shapes differ.
-    SimulationError
-        If a value is not finite.
+    Raises ValueError if the shapes differ; SimulationError if a value is not finite.
     """
     if signal.shape != reference.shape:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")
@@ -80,10 +72,7 @@ def relative_error(signal: Array, reference: Array) -> float:
 def absolute_error(signal: Array, reference: Array) -> float:
     """e_abs, the euclidean norm of the difference over all steps (and components), in the signals' unit.
 
-    Raises
-    ------
-    SimulationError
-        If a value is not finite, or the norm isn't.
+    Raises SimulationError if a value is not finite, or the norm isn't.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         difference = np.asarray(signal) - np.asarray(reference)
@@ -94,12 +83,7 @@ def absolute_error(signal: Array, reference: Array) -> float:
 
 
 def refuse_infinite(*values: Array) -> None:
-    """Refuse what is not finite.
-
-    Raises
-    ------
-    SimulationError
-    """
+    """Raises SimulationError if anything is not finite."""
     if not all(np.isfinite(one).all() for one in values):
         raise SimulationError("what was simulated is not finite: loads or motions are too large to be computed with")
 

@@ -27,21 +27,10 @@ Array = NDArray[np.float64]
 
 
 def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: Array) -> Response:
-    """Outputs, energies and constraint residuals of a trajectory.
+    """Outputs, energies and constraint residuals of a trajectory under loads (T, i) in N.
 
-    Parameters
-    ----------
-    body : SlidingBody
-        Reduced or full.
-    trajectory : Trajectory
-    path_rate : (T,) array, m/s
-        s'(t), for the residual at velocity level.
-    loads : (T, i) array, N
-
-    Raises
-    ------
-    SimulationError
-        If outputs, forces or energies overflow.
+    `path_rate` is s'(t) (T,) in m/s, for the residual at velocity level.  Raises SimulationError if outputs, forces or
+    energies overflow.
     """
     evaluation = Evaluation(body, trajectory.t, path_rate, loads)
     for kept in blocks(len(trajectory.t)):
@@ -53,15 +42,9 @@ def respond(body: SlidingBody, trajectory: Trajectory, path_rate: Array, loads: 
 
 
 class Evaluation:
-    """Takes the blocks of a simulation and makes the response of them: states are not kept.
+    """Takes the blocks of a body's simulation at times t (T,) in s and makes the response of them: no state is kept.
 
-    Parameters
-    ----------
-    body : SlidingBody
-        What is simulated.
-    t : (T,) array, s
-    path_rate : (T,) array, m/s
-    loads : (T, i) array, N
+    `path_rate` and `loads` as for `respond`.
     """
 
     def __init__(self, body: SlidingBody, t: Array, path_rate: Array, loads: Array) -> None:
@@ -72,13 +55,7 @@ class Evaluation:
         self._start = 0.0  # path coordinate in m
 
     def __call__(self, block: Block) -> None:
-        """Evaluate a block.
-
-        Raises
-        ------
-        SimulationError
-            If outputs, forces or energies overflow.
-        """
+        """Evaluate a block; raises SimulationError if outputs, forces or energies overflow."""
         body, part, energies = self._body, block.part, block.energy
         rows = slice(block.first, block.first + len(part.t))
         if block.first == 0:

@@ -55,10 +55,7 @@ def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
 
     Where fewer coordinates are free than asked for, the rest is NaN.
 
-    Raises
-    ------
-    SimulationError
-        If rows that give way do so by nothing at one of the s.
+    Raises SimulationError if rows that give way do so by nothing at one of the s.
     """
     result = np.full((len(s), count), np.nan)
     compliant = CompliantRows(model)
@@ -97,10 +94,7 @@ _AT_ONCE = 1000  # steps
 def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_per_length: float, count: int) -> Array:
     """The `count` lowest circular frequencies in rad/s with the support at s, 0 < s <= length (m).
 
-    Raises
-    ------
-    ValueError
-        If s does not lie on the beam, or on the pin.
+    Raises ValueError if s does not lie on the beam, or on the pin.
     """
     if not 0.0 < s <= length:
         raise ValueError(f"s = {s:g} m: allowed are 0 < s <= {length:g} m")

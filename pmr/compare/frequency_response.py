@@ -21,10 +21,7 @@ _UNITS = {"N": "m/N", "m/s^2": "m/(m/s²)"}
 def frequency_response(scene: Scene, reduced: ReducedModel) -> FrequencyResponse | None:
     """With the sliders at rest, from a tenth of the lowest natural frequency to the highest; None unless asked for.
 
-    Raises
-    ------
-    InputError
-        If rows are rigid or only push, or the model keeps residual inertia.
+    Raises InputError if rows are rigid or only push, or the model keeps residual inertia.
     """
     if not scene.observe.frequency_response:
         return None

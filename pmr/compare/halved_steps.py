@@ -76,10 +76,7 @@ class Runs:
     def next(self) -> Array:
         """Displacements (T, o) in m of the next run, where runs are compared.
 
-        Raises
-        ------
-        InputError, SimulationError
-            As for `pmr.simulate.Simulator`.
+        Raises InputError or SimulationError as for `pmr.simulate.Simulator`.
         """
         self.halved += 1
         try:

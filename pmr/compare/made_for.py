@@ -14,10 +14,7 @@ from pmr.scene import Scene
 def check_directions(reduced: ReducedModel, scene: Scene) -> None:
     """Loads act where and as they did when the model was made: their columns are in it.
 
-    Raises
-    ------
-    InputError
-        With the key and what the model has.
+    Raises InputError with the key and what the model has.
     """
     made = reduced.provenance.get("scene")
     if not isinstance(made, Mapping):

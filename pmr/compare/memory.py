@@ -23,13 +23,7 @@ NOTICED = 2**30  # bytes, from which on it is worth a line
 
 
 def needed(scene: Scene, size: int, outputs: int) -> int:
-    """Memory in bytes that the histories of all steps take at most at once.
-
-    Parameters
-    ----------
-    size, outputs : int
-        Coordinates of the full model, and its outputs.
-    """
+    """Memory in bytes that the histories of all steps take at most at once; `size` and `outputs` of the full model."""
     against, r = scene.compare.against, scene.reduction.coordinates
     responses = len(against) + len(scene.simulation.simulators) + 1  # one that is simulated again for its time
     in_exudyn = [r] if any(name != "march" for name in scene.simulation.simulators) else []
@@ -50,10 +44,7 @@ def warnings(scene: Scene, size: int, outputs: int) -> list[str]:
 def check(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
     """Refuse what does not fit into the `free` memory in bytes, and tell of what takes a lot of it, if asked to `tell`.
 
-    Raises
-    ------
-    InputError
-        With what would fit.
+    Raises InputError with what would fit.
     """
     for said in warnings(scene, size, outputs):
         total = needed(scene, size, outputs)

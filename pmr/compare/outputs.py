@@ -34,6 +34,7 @@ KINDS = ("beam", "tip", "pad_force", "velocity", "probe")
 KINK = 1e-6
 #: Share of the largest probe in the same unit below which a probe's error is one of that share instead of its own.
 LITTLE = 0.01
+_HISTORIES = ("displacement", "velocity", "force", "probe")
 
 
 @dataclass(frozen=True)
@@ -49,28 +50,18 @@ class Outputs:
 
     def of(self, kind: str) -> Array:
         """One of `KINDS`, (T, k)."""
-        match kind:
-            case "beam":
-                return self.displacement
-            case "tip":
-                return self.displacement[:, -self.tips :]
-            case "pad_force":
-                return self.force
-            case "velocity":
-                return self.velocity
-            case "probe":
-                return self.probe
-        raise ValueError(f"{kind!r} is none of {', '.join(KINDS)}")
+        if kind == "tip":
+            return self.displacement[:, -self.tips :]
+        return {
+            "beam": self.displacement,
+            "pad_force": self.force,
+            "velocity": self.velocity,
+            "probe": self.probe,
+        }[kind]
 
     def plus(self, difference: Outputs) -> Outputs:
         """The sum of both, kind by kind."""
-        return replace(
-            self,
-            displacement=self.displacement + difference.displacement,
-            velocity=self.velocity + difference.velocity,
-            force=self.force + difference.force,
-            probe=self.probe + difference.probe,
-        )
+        return replace(self, **{name: getattr(self, name) + getattr(difference, name) for name in _HISTORIES})
 
     def minus(self, other: Outputs) -> Outputs:
         """The difference of both, kind by kind."""
@@ -78,13 +69,7 @@ class Outputs:
 
     def times(self, factor: float) -> Outputs:
         """All of it, scaled."""
-        return replace(
-            self,
-            displacement=factor * self.displacement,
-            velocity=factor * self.velocity,
-            force=factor * self.force,
-            probe=factor * self.probe,
-        )
+        return replace(self, **{name: factor * getattr(self, name) for name in _HISTORIES})
 
 
 @dataclass(frozen=True)

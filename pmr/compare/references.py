@@ -47,22 +47,17 @@ def references(
 
     With a `checkpoint` a full-order simulation that was cut off goes on.
     """
-    found, missing = dict[str, Response](), dict[str, str]()
-    states = None
-    if "full" in scene.compare.against:
+    found, missing, states = dict[str, Response](), dict[str, str](), None
+    for name in [one for one in ("full", "ancf") if one in scene.compare.against]:
         try:
-            response, states = _full(scene, model, clock or Clock(), steps, checkpoint)
+            if name == "full":
+                response, states = _full(scene, model, clock or Clock(), steps, checkpoint)
+            else:
+                response = reference(name, scene, model, clock)
         except SimulationError as error:
-            missing["full"] = str(error).removeprefix("full: ")  # the clock's stage
+            missing[name] = str(error).removeprefix(f"{name}: ")  # the clock's stage
         else:
-            found |= {"full": response} if response is not None else {}
-    if "ancf" in scene.compare.against:
-        try:
-            response = reference("ancf", scene, model, clock)
-        except SimulationError as error:
-            missing["ancf"] = str(error).removeprefix("ancf: ")
-        else:
-            found |= {"ancf": response} if response is not None else {}
+            found |= {name: response} if response is not None else {}
     return References(found, states, missing)
 
 
@@ -71,10 +66,7 @@ def reference(name: str, scene: Scene, model: FullModel, clock: Clock | None = N
 
     ``petsc`` works on the distributed model; for all others it is gathered on rank 0.
 
-    Raises
-    ------
-    SimulationError
-        If it fails or can't be trusted; that of ``"full"`` on every rank.
+    Raises SimulationError if it fails or can't be trusted; that of ``"full"`` on every rank.
     """
     if name == "full":
         return _full(scene, model, clock or Clock(), (), None)[0]

@@ -101,10 +101,7 @@ def agreement(found: Mapping[str, Response]) -> dict[str, float]:
 def refused_growth(scene: Scene) -> Iterator[None]:
     """Within, a motion of the reduced model that grows without bound is the scene's mistake, which a user can mend.
 
-    Raises
-    ------
-    InputError
-        With the key, `time.step` or `time.rho_inf`.
+    Raises InputError with the key, `time.step` or `time.rho_inf`.
     """
     try:
         yield
@@ -145,10 +142,7 @@ def simulate_reference(
 def check_installed(scene: Scene | Boom) -> None:
     """Refuse before the work what a scene's simulators need and isn't there.
 
-    Raises
-    ------
-    InputError
-        With the package and the command that installs it.
+    Raises InputError with the package and the command that installs it.
     """
     names = [*scene.simulation.simulators, *(["exudyn"] if "ancf" in scene.compare.against else [])]
     if "full" in scene.compare.against and scene.simulation.full != "auto":

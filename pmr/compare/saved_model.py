@@ -25,12 +25,8 @@ def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
 
     There are no errors in the result but what is estimated without the full model, and no singular values.
 
-    Raises
-    ------
-    InputError
-        If loads and inputs differ, the path leaves the model's, or a simulator can't do what is asked.
-    SimulationError
-        If a step fails.
+    Raises InputError if loads and inputs differ, the path leaves the model's, or a simulator can't do what is asked;
+    SimulationError if a step fails.
     """
     check_installed(scene)
     excitation = Excitation.of(scene)

@@ -59,12 +59,8 @@ def step_error(model: ReducedModel, excitation: Excitation, tips: int = 1) -> St
 
     `march` makes the runs; Exudyn's solver has the same scheme and start.
 
-    Raises
-    ------
-    InputError
-        As for `pmr.simulate.Simulator`.
-    SimulationError
-        If one of the first two runs fails, or the second would be too long.
+    Raises InputError as for `pmr.simulate.Simulator`; SimulationError if one of the first two runs fails, or the second
+    would be too long.
     """
     begin = time.perf_counter()
     runs = Runs(modal_form(model), excitation)

@@ -30,10 +30,7 @@ class Part:
 def gathered(parts: Iterable[Part]) -> dict[str, Any]:
     """All figures, and all warnings in the order of the parts under ``warnings``.
 
-    Raises
-    ------
-    ValueError
-        If two parts have figures of the same key.
+    Raises ValueError if two parts have figures of the same key.
     """
     summary, warnings = dict[str, Any](), list[str]()
     for part in parts:

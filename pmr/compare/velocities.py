@@ -55,10 +55,7 @@ def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
 def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, loads: Rates) -> Rates:
     """The forces z (T, m) in N that deform the residual part, and their rates in N/s; `path_rate` (T,) is s' in m/s.
 
-    Raises
-    ------
-    ValueError
-        If the model has no residual flexibility.
+    Raises ValueError if the model has no residual flexibility.
     """
     tables, s = model.flexibility, trajectory.s
     if tables is None:
@@ -75,15 +72,7 @@ def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, l
 
 
 def velocity(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> Array:
-    """Rates of the outputs, (T, o) in m/s.
-
-    Parameters
-    ----------
-    model : ReducedModel
-    trajectory : Trajectory
-        In the model's coordinates, all steps of the excitation.
-    excitation : Excitation
-    """
+    """Rates of the outputs, (T, o) in m/s, of a trajectory in the model's coordinates, all steps of the excitation."""
     result, tables = trajectory.v @ model.outputs.T, model.flexibility
     if tables is None:
         return np.asarray(result)
@@ -108,8 +97,8 @@ def lag(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> 
     f, path_rate = load_rates(model, excitation), excitation.path_rate
     z, G = force_rates(model, trajectory, path_rate, f), evaluate(tables.rows, s)
     turned = (evaluate(tables.inertia.D1, s) - known.alpha * evaluate(tables.inertia.A1, s)) / known.beta  # C R C'^T
-    of_rows = np.einsum("tmi,ti->tm", evaluate(tables.inputs, s), f.rate) - np.einsum("tmn,tn->tm", G, z.rate)
-    of_rows -= path_rate[:, None] * np.einsum("tmn,tn->tm", turned, z.value)
+    of_rows = _times(evaluate(tables.inputs, s), f.rate) - _times(G, z.rate)
+    of_rows -= path_rate[:, None] * _times(turned, z.value)
     carried = np.linalg.solve(G + np.diag(model.row_compliance), of_rows[:, :, None])[:, :, 0]
     own = velocity(model, trajectory, excitation) - trajectory.v @ model.outputs.T
-    return np.asarray(-known.beta * (own - np.einsum("tom,tm->to", evaluate(tables.outputs, s), carried)))
+    return np.asarray(-known.beta * (own - _times(evaluate(tables.outputs, s), carried)))

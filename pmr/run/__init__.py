@@ -199,12 +199,8 @@ def recovered(
 ) -> Recovered:
     """What the scene's recovery asks for; collective.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The reduced model's states at the `recovered_steps`, on rank 0.
-    full_states : (S, n_local) array, optional
-        This rank's rows of the full model's coordinates at the same times.
+    The trajectory has the reduced model's states at the `recovered_steps`, on rank 0, `full_states` (S, n_local) this
+    rank's rows of the full model's coordinates at the same times.
     """
     assert scene.recovery is not None
     V = np.array(reduction.basis.V.getDenseArray())

@@ -35,10 +35,7 @@ def positions(scene: Scene, model: FullModel) -> Array:
     ``nodes``: the paper's node set, with the first slider on nodes that leave all sliders on the beam; ``path``: evenly
     over the stretch that the path visits; or as listed.
 
-    Raises
-    ------
-    InputError
-        If two snapshots fall on one node.
+    Raises InputError if two snapshots fall on one node.
     """
     choice, count = scene.reduction.positions, scene.reduction.snapshots
     if choice == "nodes":
@@ -60,12 +57,8 @@ def positions(scene: Scene, model: FullModel) -> Array:
 def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
     """The scene's snapshots: `modes` mass-normalised eigenmodes at each of the positions.
 
-    Raises
-    ------
-    InputError
-        If the slider can't be held at one of the positions.
-    ConvergenceError
-        If too few modes exist or converge.
+    Raises InputError if the slider can't be held at one of the positions; ConvergenceError if too few modes exist or
+    converge.
     """
     solver, free = eigensolver(model, scene.reduction.solver), model.size - len(model.rows.names)
     if scene.reduction.modes > free:

@@ -68,10 +68,7 @@ class FreeBody:
     def elastic(self, count: int) -> Pairs:
         r"""1/omega^2 and modes of the `count` lowest elastic modes, fewer if there are no more.
 
-        Raises
-        ------
-        ConvergenceError
-            If fewer converge.
+        Raises ConvergenceError if fewer converge.
         """
         first, last = self.model.M.getOwnershipRange()
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (self.model.size, BLOCK))[first:last]
@@ -123,10 +120,7 @@ def fixed_rows(model: FullModel) -> tuple[Row, ...]:
 def rigid_modes(model: FullModel) -> Array:
     """Rigid-body modes that the fixed supports leave free, M-orthonormal, this rank's rows (n_local, c); collective.
 
-    Raises
-    ------
-    ValueError
-        If the model does not know its rigid motions.
+    Raises ValueError if the model does not know its rigid motions.
     """
     if model.rigid is None:
         raise ValueError("the model's rigid motions are not known, so nothing tells which of them its supports hold")

@@ -40,33 +40,18 @@ def free_modes(
 ) -> Snapshots:
     """The lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes first; collective.
 
-    There are `count` of them, and up to `enrichment` more.  Rigid-body modes come from the geometry
+    There are `count` of them, at least as many as there are rigid-body modes and fewer than all, so that flexibility is
+    left, and up to `enrichment` more; a coarse mesh may have fewer.  Rigid-body modes come from the geometry
     (`pmr.snapshots.free_body`), all others are M-orthogonal to them.
 
     Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act
     across it.  They are left out.
 
-    Parameters
-    ----------
-    model : FullModel
-    count : int
-        At least as many as there are rigid-body modes, fewer than all: flexibility has to be left.
-    solver : ``"auto"``, ``"dense"`` or ``"slepc"``
-    enrichment : int
-        Asked for beyond `count`; a coarse mesh may have fewer.
-    body : FreeBody, optional
-        Of this model and `solver`: its factor is what the modes leave to whoever needs it next.
-
-    Raises
-    ------
-    InputError
-        If `count` is out of this range.
-    ConvergenceError
-        If too few modes converge.
+    The solver is ``"auto"``, ``"dense"`` or ``"slepc"``; a `body` of this model and solver leaves its factor to whoever
+    needs it next.  Raises InputError if `count` is out of this range; ConvergenceError if too few modes converge.
     """
-    lowest = _lowest(
-        body or FreeBody(model, solver), count + enrichment + 1
-    )  # one more tells whether flexibility is left
+    # One more tells whether flexibility is left.
+    lowest = _lowest(body or FreeBody(model, solver), count + enrichment + 1)
     modes, found = lowest.modes, len(lowest.modes.omega)
     if lowest.rigid > count:
         allowed = f"the fixed supports leave {lowest.rigid} rigid-body modes free; at least as many are allowed"
@@ -138,11 +123,8 @@ def _beside(held: FullModel, Z: Array, modes: Modes) -> Modes:
     Computed rigid-body modes are rigid to a few digits only, and share them with the low elastic ones: the part of the
     span beside Z is taken as a whole, and its modes are those of the frequencies that were found.
 
-    Raises
-    ------
-    ConvergenceError
-        If the modes do not hold Z: what round-off makes of the stiffness of a rigid motion is then more than that of
-        the lowest modes.
+    Raises ConvergenceError if the modes do not hold Z: what round-off makes of the stiffness of a rigid motion is then
+    more than that of the lowest modes.
     """
     count = Z.shape[1]
     if count == 0:

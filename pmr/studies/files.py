@@ -58,10 +58,7 @@ class Project:
     def only(self, names: Sequence[str]) -> Project:
         """The same with the named runs alone.
 
-        Raises
-        ------
-        InputError
-            If there is no such run.
+        Raises InputError if there is no such run.
         """
         unknown = sorted(set(names) - set(self.runs))
         if unknown:
@@ -96,19 +93,10 @@ def _model(kind: str) -> type[BaseModel]:
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
-    """Read a study file, and those it names, down to their plans.
+    """Read a study file, a TOML file with a ``kind``, and those it names, down to their plans.
 
-    Parameters
-    ----------
-    path : str or Path
-        TOML file with a ``kind``; names of files in it are relative to it, ``extends`` names a base file.
-    overrides : sequence of str
-        ``"section.key=value"``.
-
-    Raises
-    ------
-    InputError
-        One line: file, key, value, what is allowed.
+    Names of files in it are relative to it, ``extends`` names a base file; `overrides` are ``"section.key=value"``.
+    Raises InputError in one line: file, key, value, what is allowed.
     """
     file = _read(path, [override(text) for text in overrides])
     if file.data["kind"] != COLLECTION:

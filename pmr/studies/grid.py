@@ -37,10 +37,7 @@ def points(grid: Mapping[str, Any]) -> Iterator[Point]:
     ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has four, the first called ``modes=4`` and
     ``coordinates=10``.
 
-    Raises
-    ------
-    InputError
-        With source ``"study"``, if something else than a list with values stands at the end of a key.
+    Raises InputError with source ``"study"``, if something else than a list with values stands at the end of a key.
     """
     found = axes(grid)
     for numbers in itertools.product(*(range(len(axis.values)) for axis in found)):

@@ -59,10 +59,7 @@ class LocalModel:
     def simulate(self, excitation: Excitation, every: int = 1) -> LocalMotion:
         """From rest, each `every`-th step of it.
 
-        Raises
-        ------
-        SimulationError
-            If the motion isn't finite.
+        Raises SimulationError if the motion isn't finite.
         """
         stepping = excitation.stepping
         around = np.arange(-1, stepping.steps + 2) * stepping.step
@@ -125,10 +122,7 @@ def local_model(body: ReducedModel, s: Array, r: int, moving: bool) -> LocalMode
 
     `moving` keeps the terms in V' and V''.
 
-    Raises
-    ------
-    ValueError
-        If rows give way: modes with the slider held don't let it.
+    Raises ValueError if rows give way: modes with the slider held don't let it.
     """
     if np.any(body.row_compliance > 0.0):
         raise ValueError("local bases hold rigid rows")

@@ -18,7 +18,6 @@ from pmr.simulate.native import simulator as march
 from pmr.studies import shared
 from pmr.studies.engine.task import Task, TaskResult
 from pmr.system.body import SlidingBody
-from pmr.system.body import displacement as outputs
 
 Array = NDArray[np.float64]
 
@@ -32,31 +31,15 @@ class Motion:
     surplus: float = 0.0
 
 
-def displacement(body: SlidingBody, excitation: Excitation) -> Array:
-    """Transverse displacement (T, o) in m at the body's outputs.
-
-    Raises
-    ------
-    InputError, SimulationError
-        As for `pmr.simulate.Simulator`.
-    """
-    form = modal_form(body)
-    found = march.simulate_modal(form, excitation)
-    f = excitation.forces(body.input_names)
-    return outputs(form.body, found.q, found.s, found.multipliers, f)
-
-
 def motion(body: SlidingBody, excitation: Excitation) -> Motion:
-    """Displacement and, from the modal coordinates z, the strain energy sum_i omega_i^2 z_i^2 / 2; errors likewise."""
+    """Displacement and, from the modal coordinates z, the strain energy sum_i omega_i^2 z_i^2 / 2.
+
+    Raises InputError or SimulationError as for `pmr.simulate.Simulator`.
+    """
     form = modal_form(body)
     found = march.simulate_modal(form, excitation)
     z = found.q
     return Motion(z @ form.body.outputs.T, z**2 @ form.omega2 / 2.0, found.surplus)
-
-
-def still(like: Motion) -> Motion:
-    """No motion at all, over the same steps: what a beam does whose coordinates are all at rest."""
-    return Motion(np.zeros_like(like.displacement), np.zeros_like(like.strain))
 
 
 def full_task(scene: Scene) -> Task:

@@ -28,9 +28,10 @@ from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.choice import directions, fewest_rows
+from pmr.simulate import Excitation
 from pmr.studies import shared
 from pmr.studies.engine.task import Task, TaskResult
-from pmr.studies.marching import resting
+from pmr.studies.marching import Motion, motion, resting
 from pmr.system.projection import projected
 
 if TYPE_CHECKING:
@@ -72,10 +73,7 @@ class GlobalBasis:
 def check(scene: Scene, snapshots: Sequence[int], modes: Sequence[int], key: str) -> None:
     """Refuse scenes whose snapshots can't be varied, and what the mesh has too few nodes for, as far as is known.
 
-    Raises
-    ------
-    InputError
-        With source ``"study"``; the given key where numbers are too large.
+    Raises InputError with source ``"study"``; the given key where numbers are too large.
     """
     choice = scene.reduction
     if not choice.pooled or choice.flexibility or not isinstance(choice.positions, str):
@@ -90,9 +88,16 @@ def check(scene: Scene, snapshots: Sequence[int], modes: Sequence[int], key: str
         raise InputError("study", key, value, f"{elements} elements allow up to {elements} snapshots and {free} modes")
 
 
-def note(treatment: str, error: SimulationError) -> None:
-    """Store with the result, for the report, why a model could not be simulated."""
-    logger.warning("support rows %s: %s", treatment, error)
+def simulated(model: ReducedModel | None, treatment: str, excitation: Excitation, full: Motion) -> Motion | None:
+    """Motion of a model over the steps of the full one; without a model all coordinates are spent and at rest.
+
+    None where it can't be simulated: why is stored with the result, for the report.
+    """
+    try:
+        return Motion(0.0 * full.displacement, 0.0 * full.strain) if model is None else motion(model, excitation)
+    except SimulationError as error:
+        logger.warning("support rows %s: %s", treatment, error)
+        return None
 
 
 def library_task(scene: Scene, snapshots: Sequence[int], modes: int) -> Task:

@@ -54,10 +54,7 @@ class StudyBase(BaseModel):
     def plan(self) -> Plan:
         """The tasks; everything that can be refused is refused here, before anything runs.
 
-        Raises
-        ------
-        InputError
-            With source ``"study"`` for a key of the study file; the reader of the file replaces it.
+        Raises InputError with source ``"study"`` for a key of the study file; the reader of the file replaces it.
         """
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:

@@ -70,8 +70,8 @@ REFUSED = [
         GOOD + "[[cases]]\nname = 'a'\nchange.time.end = -1",
         "cases[0].change.time.end = -1: input should be",
     ),
-    (GOOD + "[grid]\ntime.end = [1.0, 1.0]", "study.toml: two runs are called end=1.0; scenes"),
-    (GOOD + "[[cases]]\nname = 'a'\n[[cases]]\nname = 'a'", "study.toml: two runs are called a; scenes"),
+    (GOOD + "[grid]\ntime.end = [1.0, 1.0]", "study.toml: two runs are called end=1.0; names of scenes"),
+    (GOOD + "[[cases]]\nname = 'a'\n[[cases]]\nname = 'a'", "study.toml: two runs are called a; names of scenes"),
 ]
 
 

@@ -90,10 +90,8 @@ def rank_pool() -> Iterator[RankPool | None]:
 def launched_ranks() -> int:
     """Number of ranks that a launcher started, 1 without one; MPI is started only if there are several.
 
-    Raises
-    ------
-    InputError
-        If the launcher belongs to another MPI than mpi4py, so that each process would take itself for the only one.
+    Raises InputError if the launcher belongs to another MPI than mpi4py, so that each process would take itself for the
+    only one.
     """
     asked = environment.launched()
     if asked == 1:

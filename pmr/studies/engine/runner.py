@@ -50,14 +50,9 @@ Watch = Callable[[Progress], None]
 def run(
     nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch = lambda progress: None
 ) -> dict[str, Failure]:
-    """Compute the nodes; what comes out is in the store, and here is what failed, by digest.
+    """Compute nodes as `open_nodes` returns them; what comes out is in the store, and here is what failed, by digest.
 
-    Parameters
-    ----------
-    nodes : mapping of str to Node
-        As `pmr.studies.engine.graph.open_nodes` returns them.
-    watch : callable
-        Told of the progress whenever a task ends, and every second.
+    `watch` is told of the progress whenever a task ends, and every second.
     """
     ready, state = Ready(nodes), _State(nodes)
     running: dict[Future[Answer], Node] = {}

@@ -72,10 +72,7 @@ class Store:
     def read(self, digest: str) -> Stored:
         """The result with this digest; its arrays are read-only.
 
-        Raises
-        ------
-        DamagedError
-            If the file is missing or damaged.
+        Raises DamagedError if the file is missing or damaged.
         """
         return self._read(digest)
 

@@ -16,7 +16,6 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare import errors as compare
-from pmr.errors import SimulationError
 from pmr.files import records
 from pmr.simulate import Excitation
 from pmr.studies import marching, nested, shared
@@ -104,14 +103,10 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
         record |= {f"{treatment}.beam": None, f"{treatment}.strain": None}
         if arguments["coordinates"] - models.spent > models.longest.size:
             continue
-        try:
-            model = models.of(arguments["coordinates"])
-            found = marching.still(full) if model is None else marching.motion(model, excitation)
-        except SimulationError as error:
-            nested.note(treatment, error)
-            continue
-        record[f"{treatment}.beam"] = compare.nrms(found.displacement, full.displacement)
-        record[f"{treatment}.strain"] = compare.absolute_error(found.strain.sum(), full.strain.sum())
+        found = nested.simulated(models.of(arguments["coordinates"]), treatment, excitation, full)
+        if found is not None:
+            record[f"{treatment}.beam"] = compare.nrms(found.displacement, full.displacement)
+            record[f"{treatment}.strain"] = compare.absolute_error(found.strain.sum(), full.strain.sum())
     return TaskResult(record)
 
 

@@ -80,7 +80,7 @@ def beam_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full beam's tip; array ``tip`` (T,) in m."""
     scene = shared.scene_of(arguments)
     body = shared.body_of(scene)
-    tip = marching.displacement(body, Excitation.of(scene))[:, -1]
+    tip = marching.motion(body, Excitation.of(scene)).displacement[:, -1]
     return _compared(tip, body.size, needs)
 
 

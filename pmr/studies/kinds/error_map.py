@@ -16,7 +16,7 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare import errors as compare
-from pmr.errors import InputError, SimulationError
+from pmr.errors import InputError
 from pmr.simulate import Excitation
 from pmr.studies import marching, nested, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
@@ -101,12 +101,8 @@ def tile(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskR
         model = basis.models[treatment].of(coordinates)
         key = (0, 0) if model is None else (model.size, len(model.row_names))
         if key not in known:  # of 20 coordinates, two of them held, 18 are left, as of 18 without the rows
-            try:
-                y = full.displacement * 0.0 if model is None else marching.displacement(model, excitation)
-                known[key] = compare.nrms(y, full.displacement)
-            except SimulationError as failure:
-                nested.note(treatment, failure)
-                known[key] = np.nan
+            found = nested.simulated(model, treatment, excitation, full)
+            known[key] = np.nan if found is None else compare.nrms(found.displacement, full.displacement)
         return known[key]
 
     record: dict[str, Scalar] = {"rank": basis.rank}

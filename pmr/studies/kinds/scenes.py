@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,10 +56,6 @@ class Study(StudyBase):
             common |= {task.key: task for task in needs.values()}
             keys = {name: task.key for name, task in needs.items()}
             runs.append(Task(point.key, run_case, shared.scene_arguments(scene), keys, point.parameters))
-        twice = [key for key, count in Counter(run.key.casefold() for run in runs).items() if count > 1]
-        if twice:
-            allowed = f"two runs are called {twice[0]}; scenes, cases and values of a list must differ"
-            raise InputError("study", "", None, allowed)
         return Plan(tuple(runs), tuple(common.values()))
 
     def _points(self) -> Iterator[_Point]:

@@ -62,9 +62,7 @@ class Study(StudyBase):
 
     kind: Literal["trade"]
     scenes: Annotated[tuple[Path, ...], Field(min_length=1)]
-    methods: tuple[
-        Literal["pod", "visited", "modes", "flexibility", "inertia", "local", "matrices", "trajectory"], ...
-    ] = METHODS
+    methods: tuple[Method, ...] = METHODS
     coordinates: Annotated[tuple[Count, ...], Field(min_length=1)] = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
     steps: Annotated[tuple[float, ...], Field(min_length=1)] = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125, 0.0625)
     radii: tuple[float, ...] = (0.0, 0.5, 0.8, 0.9, 1.0)
@@ -93,10 +91,7 @@ class Study(StudyBase):
             parameters = {"scene": file.stem, "method": "radii"}
             runs.append(Task(key_of(f"{file.stem},radii"), dissipated, arguments, {"truth": truth.key}, parameters))
             if scene.body.profile is not None and scene.mesh.file is None:
-                arguments, parameters = (
-                    given | {"elements": list(self.elements)},
-                    {"scene": file.stem, "method": "elements"},
-                )
+                arguments, parameters = given | {"elements": list(self.elements)}, parameters | {"method": "elements"}
                 runs.append(Task(key_of(f"{file.stem},elements"), meshed, arguments, {}, parameters))
         return Plan(tuple(runs), tuple(truths))
 
@@ -135,12 +130,7 @@ def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     )
     f = np.sqrt(np.maximum(form.omega2, 0.0)) / (2.0 * np.pi)
     highest = band(y[:, -1:], steps[0] * given.stepping.step)
-    figures = {
-        "step": nrms(coarser, y) / 3.0,
-        "band": highest,
-        "below": int(np.sum(f < highest)),
-    }
-    return TaskResult(figures, {"y": y})
+    return TaskResult({"step": nrms(coarser, y) / 3.0, "band": highest, "below": int(np.sum(f < highest))}, {"y": y})
 
 
 def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
