@@ -263,12 +263,12 @@ def test_a_start_as_given_goes_on_where_another_instance_is(made: Made) -> None:
     first.set(rates, [0.3, *(500.0,) * (len(rates) - 1)])
     for k in range(20):
         first.step(k * STEP, STEP)
-    reached = first.get(states)
+    reached, inputs = first.get(states), first.get([*values, *rates])
     assert np.abs(reached).max() > 1e-9
     second = Instance(made.library)
     second.set(states, reached)
     second.choose_start(2)
-    second.initialise([*values, *rates], first.get([*values, *rates]))
+    second.initialise([*values, *rates], inputs)
     np.testing.assert_array_equal(second.get(states), reached)
     for names in (moved, velocities):
         expected = first.get(names)
@@ -286,11 +286,18 @@ def test_a_start_as_given_goes_on_where_another_instance_is(made: Made) -> None:
     with pytest.raises(CallError, match="modes were set, which start = 2 alone takes"):
         forgotten.initialise(values, first.get(values))
     if made.model.flexibility is None:
-        third = Instance(made.library)
-        third.set(states, 1.0 + reached)
-        third.choose_start(2)
-        with pytest.raises(CallError, match="the states move a rigid row"):
-            third.initialise([*values, *rates], first.get([*values, *rates]))
+        r = len(reached) // 2
+        still = np.append(reached[:r], np.zeros(r))  # while the rows travel
+        for wrong, said in (
+            (1.0 + reached, "the states move a rigid row"),
+            (reached + np.append(np.zeros(r), np.ones(r)), "the states' rates move a rigid row"),
+            (still, "do not follow it along the path"),
+        ):
+            third = Instance(made.library)
+            third.set(states, wrong)
+            third.choose_start(2)
+            with pytest.raises(CallError, match=said):
+                third.initialise([*values, *rates], inputs)
 
 
 def test_rates_are_those_of_the_outputs(made: Made) -> None:

@@ -11,6 +11,8 @@
 #define DOMAIN_TOLERANCE 1e-9
 /* Share of its terms by which given states may move a rigid row. */
 #define VIOLATED 1e-6
+/* The same of given rates: a step of index 3 leaves O(h^2) of them, some 1e-4 in fast motions. */
+#define VIOLATED_RATE 1e-2
 /* Sets of closed rows that a static start tries. */
 #define STATIC_TRIES 100
 
@@ -337,20 +339,26 @@ static int solve_rigid(Body *body, double *x)
     return solve_dense(ROWS, A, x) ? fail(body, "rigid rows depend on each other at the start") : 0;
 }
 
-/* States that were set are the start, where no rigid row speaks against the position. */
+/* States that were set are the start, where no rigid row speaks against position or rates: C z = 0, C v + s' C' z = 0. */
 static int take_given(Body *body)
 {
-    double *z = body->memory.variables + STATES;
+    double *u = body->memory.variables, *z = u + STATES, *v = z + MODES;
     int k, n;
     memcpy(z, body->memory.given, sizeof body->memory.given);
     for (k = 0; k < ROWS; k++) {
-        double moved = 0.0, largest = 0.0;
+        const double *C = body->place.C[0][k], *slope = body->place.C[1][k];
+        double moved = 0.0, largest = 0.0, rate = 0.0, fastest = 0.0;
         if (gives_way[k] || pushes[k]) continue;
         for (n = 0; n < MODES; n++) {
-            moved += body->place.C[0][k][n] * z[n];
-            largest += fabs(body->place.C[0][k][n] * z[n]);
+            const double along = u[PATH_RATE] * slope[n] * z[n];
+            moved += C[n] * z[n];
+            largest += fabs(C[n] * z[n]);
+            rate += C[n] * v[n] + along;
+            fastest += fabs(C[n] * v[n]) + fabs(along);
         }
         if (!(fabs(moved) <= VIOLATED * largest)) return fail(body, "start as given: the states move a rigid row");
+        if (!(fabs(rate) <= VIOLATED_RATE * fastest))
+            return fail(body, "start as given: the states' rates move a rigid row, or do not follow it along the path");
     }
     return 0;
 }
