@@ -39,6 +39,7 @@ _NEEDED = {
     ),
     "gmsh": "it draws the meshes of shells and solids; pip install gmsh installs it (or give mesh.file)",
     "pandas": "it makes frames of results; pip install pandas installs it",
+    "pyNastran": "it reads files of Nastran: pip install pynastran installs it",
     "ziglang": "it compiles FMUs for all systems; pip install ziglang installs it",
     "matplotlib": f"it draws figures; {_REPORTS}",
     "jinja2": f"it writes reports; {_REPORTS}",
@@ -48,14 +49,15 @@ _NEEDED = {
 
 
 def needed(name: str) -> Any:
-    """The package `name`, imported where it is needed.
+    """The package `name`, or a module in it, imported where it is needed.
 
     Raises InputError if it, or a library that it loads, is missing: what it is for, and the command that installs it.
     """
     try:
         return importlib.import_module(name)
     except (ImportError, OSError) as error:
-        raise InputError("installation", name, None, f"not found ({error}); {_NEEDED[name]}") from None
+        package = name.partition(".")[0]
+        raise InputError("installation", package, None, f"not found ({error}); {_NEEDED[package]}") from None
 
 
 def check_installed(name: str) -> None:

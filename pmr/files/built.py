@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pmr.files.locks import locked
+from pmr.files.whole import locked
 
 Made = TypeVar("Made")
 
@@ -22,21 +22,11 @@ Made = TypeVar("Made")
 def stored(folder: Path, is_whole: Callable[[Path], bool], make: Callable[[Path], Made], comm: Any) -> Made:
     """What `make` returns, given `folder` if it is whole, or an empty folder that then takes its place; collective.
 
-    Parameters
-    ----------
-    folder : Path
-        On a disk that all ranks see; what rank 0 says counts.
-    is_whole : callable
-        Whether a folder of this name holds what it should; asked on rank 0.
-    make : callable
-        Loads from a folder that is whole, fills an empty one.  It fails on all ranks or on none; a folder that was
-        taken for whole and can't be loaded is made anew.
-    comm : MPI communicator
+    The folder lies on a disk that all ranks of `comm` see; what rank 0 says counts, which asks `is_whole` whether it
+    holds what it should.  `make` loads from a folder that is whole and fills an empty one; it fails on all ranks or on
+    none, and a folder that was taken for whole and can't be loaded is made anew.
 
-    Raises
-    ------
-    OSError
-        On rank 0, if there is no folder to write to.
+    Raises OSError on rank 0 if there is no folder to write to.
     """
     first = comm.rank == 0
     found = comm.bcast(is_whole(folder) if first else None)

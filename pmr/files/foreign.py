@@ -20,8 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.files import nastran
-from pmr.files.labelled import read_entries
+from pmr.files import labelled
 from pmr.files.matrices import DIRECTIONS, GivenMatrices
 
 Array = NDArray[np.float64]
@@ -227,19 +226,19 @@ def _is_market(path: Path) -> bool:
 
 
 def _of_abaqus(path: Path) -> sp.csr_matrix:
-    entries = read_entries(path)
+    entries = labelled.read_entries(path)
     return entries.matrix(entries.pairs)
 
 
 def _of_bulk(path: Path) -> _Nodes:
-    bulk = nastran.read_bulk(path)
+    bulk = labelled.read_bulk(path)
     return _nodes(bulk.numbers.tolist(), bulk.points.tolist(), {n: own.tolist() for n, own in bulk.groups.items()})
 
 
 def _nastran(letter: str) -> dict[str, Callable[[Path], object]]:
     """Readers of the matrix whose name begins with a letter."""
-    entries = {s: lambda path: nastran.named(nastran.read_bulk(path).matrices, letter) for s in _DMIG}
-    return {**entries, ".op4": lambda path: _symmetric(nastran.named(nastran.read_output4(path), letter))}
+    entries = {s: lambda path: labelled.named(labelled.read_bulk(path).matrices, letter) for s in _DMIG}
+    return {**entries, ".op4": lambda path: _symmetric(labelled.named(labelled.read_output4(path), letter))}
 
 
 _DMIG = (".bdf", ".pch")
@@ -254,7 +253,7 @@ _MATRICES: dict[str, Callable[[Path], object]] = {
 _DOFS: dict[str, Callable[[Path], object]] = {
     ".dof": _dof,
     ".csv": _dof_csv,
-    ".mtx": lambda path: read_entries(path).pairs,
-    **{suffix: lambda path: nastran.read_bulk(path).pairs for suffix in _DMIG},
+    ".mtx": lambda path: labelled.read_entries(path).pairs,
+    **{suffix: lambda path: labelled.read_bulk(path).pairs for suffix in _DMIG},
 }
 _NODES: dict[str, Callable[[Path], object]] = {".inp": _inp, ".csv": _nodes_csv, ".bdf": _of_bulk}

@@ -1,16 +1,26 @@
-"""Matrices whose entries name node and direction of their row and column, as Abaqus and Nastran write them."""
+"""Matrices whose entries name node and direction of their row and column, as Abaqus and Nastran write them.
+
+Files of Nastran are read by pyNastran: matrices (DMIG entries, OUTPUT4), grid points and sets of bulk data.
+"""
 
 from __future__ import annotations
 
+import struct
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.environment import needed
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+SQUARE, SYMMETRIC = 1, 6
 
 
 @dataclass(frozen=True)
@@ -52,3 +62,80 @@ def read_entries(path: Path) -> Entries:
     if not np.array_equal(labels, table[:, :4]):
         raise ValueError("whole numbers of nodes and directions")
     return Entries(labels[:, :2], labels[:, 2:], table[:, 4])
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """What a bulk data file holds."""
+
+    matrices: dict[str, sp.csr_matrix]  #: Symmetric DMIG matrices by name
+    pairs: Indices  #: (n, 2) array: grid point and component (1 to 6) of each row, ascending
+    numbers: Indices  #: (N,) array: grid points
+    points: Array  #: (N, 3) array, m
+    groups: dict[str, Indices]  #: Grid points of each SET1 entry, as ``set7``
+
+
+def read_bulk(path: Path) -> Bulk:
+    """All of a bulk data file that is asked for.
+
+    Raises InputError if pyNastran is missing; ValueError if the file is not read.
+    """
+    deck = needed("pyNastran.bdf.bdf").BDF(debug=None)
+    try:
+        with redirect_stdout(StringIO()):
+            deck.read_bdf(str(path), xref=False, punch=True)
+    except (
+        RuntimeError,
+        SyntaxError,
+        AttributeError,
+        AssertionError,
+        SystemExit,
+    ) as error:  # the first: its own
+        raise ValueError(_told(error)) from None
+    square = {name: card for name, card in deck.dmig.items() if card.matrix_form in (SQUARE, SYMMETRIC)}
+    entries = {name: _entries(card) for name, card in square.items()}
+    pairs = np.unique(np.vstack([np.empty((0, 2), np.int64), *(one.pairs for one in entries.values())]), axis=0)
+    grids = sorted(deck.nodes)
+    if any(deck.nodes[grid].Cp() != 0 for grid in grids):
+        raise ValueError("grid points in the basic coordinate system are allowed")
+    return Bulk(
+        {name: one.matrix(pairs) for name, one in entries.items()},
+        pairs,
+        np.array(grids, dtype=np.int64),
+        np.array([deck.nodes[grid].xyz for grid in grids], dtype=float).reshape(-1, 3),
+        {f"set{number}": np.array(sorted(one.ids), dtype=np.int64) for number, one in deck.sets.items()},
+    )
+
+
+def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
+    """Matrices of an OUTPUT4 file by name.
+
+    Raises InputError if pyNastran is missing; ValueError if the file is not read.
+    """
+    read = needed("pyNastran.op4.op4").read_op4
+    try:
+        with redirect_stdout(StringIO()):  # it prints what it can't read
+            return {name.strip(): sp.csr_matrix(one.data) for name, one in read(str(path), debug=None).items()}
+    except (RuntimeError, AssertionError, AttributeError, struct.error) as error:  # of files that are cut off
+        raise ValueError(_told(error)) from None
+
+
+def _told(error: BaseException) -> str:
+    """The first line of what pyNastran says."""
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
+
+
+def named(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
+    """The only matrix, or the only one whose name begins with a letter.
+
+    Raises ValueError if there are none or several.
+    """
+    found = [one for name, one in matrices.items() if len(matrices) == 1 or name.upper().startswith(letter)]
+    if len(found) != 1:
+        raise ValueError(f"one matrix whose name begins with {letter}, not {', '.join(matrices) or 'none'}")
+    return found[0]
+
+
+def _entries(card: Any) -> Entries:
+    rows, columns = (np.asarray(part, dtype=np.int64) for part in (card.GCi, card.GCj))
+    return Entries(rows, columns, np.asarray(card.Real, dtype=float))

@@ -29,34 +29,17 @@ _PARTS = ("data", "indices", "indptr")
 class GivenMatrices:
     """M q'' + K q = f of a body whose n coordinates are displacements and rotations of N nodes.
 
-    Attributes
-    ----------
-    M, K : sparse (n, n)
-        Symmetric; SI units.  Free of the supports that slide.
-    points : (N, 3) array, m
-    node : (n,) array
-        Number of each coordinate's node, from 0.  A node without a coordinate along a direction stands still there.
-    direction : (n,) array
-        0 to 5, as `DIRECTIONS`.
-    groups : mapping of name to (g,) array
-        Named nodes: the faces that pads slide on, tail and tip.
-    source : str
-        File, for messages.
-
-    Raises
-    ------
-    InputError
-        If matrices are not square, of one size, finite and symmetric, have a diagonal entry that is not positive, or
-        node, direction or groups name what is not there.
+    Raises InputError if matrices are not square, of one size, finite and symmetric, have a diagonal entry that is not
+    positive, or node, direction or groups name what is not there.
     """
 
-    M: sp.csr_matrix
-    K: sp.csr_matrix
-    points: Array
-    node: Indices
-    direction: Indices
-    groups: Mapping[str, Indices] = field(default_factory=dict)
-    source: str = "matrices"
+    M: sp.csr_matrix  #: (n, n), symmetric; SI units.  Free of the supports that slide
+    K: sp.csr_matrix  #: (n, n), likewise
+    points: Array  #: (N, 3), m
+    node: Indices  #: (n,) node of each coordinate, from 0; along directions without a coordinate it stands still
+    direction: Indices  #: (n,) 0 to 5, as `DIRECTIONS`
+    groups: Mapping[str, Indices] = field(default_factory=dict)  #: (g,) nodes by name: faces for pads, tail and tip
+    source: str = "matrices"  #: File, for messages
 
     def __post_init__(self) -> None:
         n = self.K.shape[0]
@@ -97,13 +80,7 @@ class GivenMatrices:
 
     @classmethod
     def load(cls, path: Path) -> GivenMatrices:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        InputError
-            If the file is missing, is another one, or what it holds is not sound.
-        """
+        """Read what `save` wrote; raises InputError if the file is missing, another one, or what it holds unsound."""
         if not path.is_file():
             raise InputError(str(path), "", None, "no such file; pmr matrices writes one")
         try:
@@ -168,10 +145,7 @@ def from_matrices(
         Of each coordinate, its node and 0 to 5 for x, y, z, rx, ry, rz.  Without them all nodes have the same three or
         six coordinates, node by node.
 
-    Raises
-    ------
-    InputError
-        As `GivenMatrices`.
+    Raises InputError as `GivenMatrices`.
     """
     points = np.asarray(points, dtype=float)
     M, K = (sp.csr_matrix(A, dtype=float) for A in (M, K))

@@ -38,23 +38,13 @@ class DamagedError(ValueError):
 def read(
     file: Path, expansion: float = 1.0, room: int = 0, only: Collection[str] | None = None
 ) -> dict[str, NDArray[Any]]:
-    """All arrays of an npz file by name.
+    """All arrays of an npz file by name, or those that `only` names.
 
-    Parameters
-    ----------
-    file : Path
-    expansion : float
-        How many times the size of the file its content may take: 1 for files that are not compressed.
-    room : int
-        Bytes that it may take however small the file is: what is all zeros is compressed to almost nothing.
-    only : collection of str, optional
-        Names of the arrays that are wanted; all without it.
+    The content may take `expansion` times the size of the file, 1 for files that are not compressed, or `room` bytes
+    however small the file is: what is all zeros is compressed to almost nothing.
 
-    Raises
-    ------
-    DamagedError
-        If a size, a shape or a type in it can't be true, a checksum is wrong, or it holds anything but numbers and
-        text; nothing larger than this is ever allocated.
+    Raises DamagedError if a size, a shape or a type in it can't be true, a checksum is wrong, or it holds anything but
+    numbers and text; nothing larger than this is ever allocated.
     """
     try:
         with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:

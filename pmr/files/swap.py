@@ -18,8 +18,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from pmr.errors import InputError
-from pmr.files.locks import locked
-from pmr.files.whole import NotWrittenError, flushed, said_in_a_line
+from pmr.files.whole import NotWrittenError, flushed, locked, said_in_a_line
 
 _NEW, _COMPLETE, _LIST = ".pmr-new-", ".pmr-complete", ".moves.json"
 
@@ -28,20 +27,11 @@ _NEW, _COMPLETE, _LIST = ".pmr-new-", ".pmr-complete", ".moves.json"
 def fresh(folder: Path, ours: Sequence[str]) -> Iterator[Path]:
     """An empty folder to write to; when the block ends without an error its files take the place of `ours`.
 
-    Parameters
-    ----------
-    folder : Path
-        Made if need be.
-    ours : sequence of str
-        Names, or patterns of names, of all that may ever be written, relative to `folder`: old files among them that
-        are not written again go.
+    These are names, or patterns of names, of all that may ever be written, relative to `folder`, which is made if need
+    be: old files among them that are not written again go.
 
-    Raises
-    ------
-    NotWrittenError
-        If there is no room: the old files are still there, of the new ones nothing is.
-    ValueError
-        If a file was written whose name is not among `ours`.
+    Raises NotWrittenError if there is no room: the old files are still there, of the new ones nothing is; ValueError if
+    a file was written whose name is not among `ours`.
     """
     with said_in_a_line(folder):
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,7 @@
-"""Files that are whole under their name, or not there: a kill, a full disk or an error leaves what was there before."""
+"""Files that are whole under their name, or not there: a kill, a full disk or an error leaves what was there before.
+
+Locks on files and folders too, which the system takes from a process that dies.
+"""
 
 from __future__ import annotations
 
@@ -6,27 +9,22 @@ import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module, util
 from pathlib import Path
+from typing import Any
 
 PART = ".part"
 #: No room, or none for this user, or a file larger than allowed.
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EACCES, errno.EPERM, errno.EISDIR}
-
-
 #: The disk is full, whatever was to be written: compiled code and drawn meshes too.
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_fcntl: Any = import_module("fcntl") if util.find_spec("fcntl") else None  # Windows has none
 
 
 class NotWrittenError(OSError):
-    """Something could not be written, and what was there before still is; the message is one line.
+    """Something could not be written, and what was there before still is; the message is one line."""
 
-    Attributes
-    ----------
-    reason : str
-        The system's own words; empty where it was not asked.
-    """
-
-    reason = ""
+    reason = ""  #: The system's own words; empty where it was not asked
 
 
 @contextmanager
@@ -66,3 +64,26 @@ def flushed(path: Path) -> None:
     """Have a file's content on the disk before its name says that it is there."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
+
+
+@contextmanager
+def locked(path: Path, wait: bool = True) -> Iterator[bool]:
+    """Hold the lock of a file or folder that is there.
+
+    False where the file system has none, and, with `wait` false, where another process holds it.
+
+    Raises FileNotFoundError if there is nothing of this name.
+    """
+    if _fcntl is None:
+        yield False
+        return
+    place = os.open(path, os.O_RDONLY)
+    try:
+        try:
+            _fcntl.flock(place, _fcntl.LOCK_EX | (0 if wait else _fcntl.LOCK_NB))
+        except OSError:
+            yield False
+        else:
+            yield True
+    finally:
+        os.close(place)
