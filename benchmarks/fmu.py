@@ -13,8 +13,7 @@ import numpy as np
 
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
-from pmr.export.fmi.compiling import PLATFORMS
-from pmr.export.fmi.fmu import write_fmu
+from pmr.export.fmi.fmu import PLATFORMS, write_fmu
 from pmr.reduced.model import ReducedModel
 from pmr.run import reduce
 from pmr.system.body import force_outputs

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from pmr.environment import check_installed
 from pmr.errors import InputError
-from pmr.export.places import places
+from pmr.export.places import held_at
 from pmr.files.whole import replaced
-from pmr.reduced.model import ReducedModel
-from pmr.simulate.state_space import StateSpace, state_space
+from pmr.simulate.state_space import StateSpace
 
 Array = NDArray[np.float64]
 #: Frequencies of a response.
@@ -66,9 +65,9 @@ if __name__ == "__main__":
 def write_matlab(npz_path: Path, target: Path, at: str | None) -> Path:
     """Write A, B, C, D as arrays (., ., S) over the places s, as MATLAB's ``ss`` takes them, with all names.
 
-    Raises InputError as `pmr.simulate.state_space.state_space` and `pmr.export.places.places`.
+    Raises InputError as `pmr.export.places.held_at`.
     """
-    return _written(_space(npz_path, at), target)
+    return _written(held_at(npz_path, at), target)
 
 
 def write_python_control(npz_path: Path, target: Path, at: str | None) -> Path:
@@ -79,7 +78,7 @@ def write_python_control(npz_path: Path, target: Path, at: str | None) -> Path:
     data = target.with_suffix(".mat")
     if data == target or not target.stem.isidentifier():
         raise InputError("command line", "--out", str(target), "a name that Python can import, .py, is allowed")
-    _written(_space(npz_path, at), data)
+    _written(held_at(npz_path, at), data)
     with replaced(target) as part:
         part.write_text(_SCRIPT.format(module=target.stem, data=data.name), encoding="utf-8")
     return target
@@ -93,7 +92,7 @@ def write_frequency_response(npz_path: Path, target: Path, at: str | None) -> Pa
     Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
-    space = _space(npz_path, at)
+    space = held_at(npz_path, at)
     output = max(k for k, unit in enumerate(space.units) if unit == "m")
     natural = space.natural
     f = np.geomspace(0.1 * natural.min(), 1.2 * natural.max(), FREQUENCIES) / (2.0 * np.pi)
@@ -102,11 +101,6 @@ def write_frequency_response(npz_path: Path, target: Path, at: str | None) -> Pa
         part.write_text(_table(space, f, response, space.outputs[output]), encoding="utf-8")
     _draw(space, f, np.abs(response), space.outputs[output], target.with_suffix(".png"))
     return target
-
-
-def _space(npz_path: Path, at: str | None) -> StateSpace:
-    model = ReducedModel.load(npz_path)
-    return state_space(model, places(model, at), npz_path.name)
 
 
 def _written(space: StateSpace, target: Path) -> Path:

@@ -89,9 +89,9 @@ class BodyFormat:
 
 BODY_FORMATS = {
     "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", "node", _imported("sid", "write_sid")),
-    "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", "node", _imported("ffrf", "write_ffrf")),
+    "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", "node", _imported("bodies", "write_ffrf")),
     "simscape": BodyFormat(
-        "Reduced Order Flexible Solid of Simscape", "body.mat", "frame", _imported("simscape", "write_simscape")
+        "Reduced Order Flexible Solid of Simscape", "body.mat", "frame", _imported("bodies", "write_simscape")
     ),
 }
 

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.export.places import places
+from pmr.export.places import held_at
 from pmr.files.whole import replaced
-from pmr.reduced.model import ReducedModel
-from pmr.simulate.state_space import StateSpace, state_space
+from pmr.simulate.state_space import StateSpace
 
 Array = NDArray[np.float64]
 #: Letters of a wide field: 10 to 12 digits fit.
@@ -37,7 +36,7 @@ def write_dmig(npz_path: Path, target: Path, at: str | None) -> Path:
     A field holds ten digits or more; what it leaves of a matrix stands in a second one, so that their sum, as Nastran
     takes it (``K2GG = K1, KL1``), has all digits.
 
-    Raises InputError as `pmr.simulate.state_space.state_space` and `pmr.export.places.places`.
+    Raises InputError as `pmr.export.places.held_at`.
     """
     return _written(npz_path, target, at, _deck)
 
@@ -48,8 +47,7 @@ def write_output4(npz_path: Path, target: Path, at: str | None) -> Path:
 
 
 def _written(npz_path: Path, target: Path, at: str | None, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
-    model = ReducedModel.load(npz_path)
-    space = state_space(model, places(model, at), npz_path.name)
+    space = held_at(npz_path, at)
     with replaced(target) as part:
         part.write_text("\n".join([*lines(space), ""]), encoding="utf-8")
     return target

@@ -1,16 +1,25 @@
-"""Places of the sliders that a file is asked for."""
+"""State spaces of a saved model with its sliders held at the places that a file is asked for."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
+from pmr.simulate.state_space import StateSpace, state_space
 
 Array = NDArray[np.float64]
 #: Along the path where none are asked for.
 PLACES = 21
+
+
+def held_at(npz_path: Path, asked: str | None) -> StateSpace:
+    """A reduced model at each of its `places`; raises InputError as these, and as `state_space`."""
+    model = ReducedModel.load(npz_path)
+    return state_space(model, places(model, asked), npz_path.name)
 
 
 def places(model: ReducedModel, asked: str | None) -> Array:

@@ -12,7 +12,7 @@ from processes import called
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.export.ffrf import write_ffrf
+from pmr.export.bodies import write_ffrf
 from pmr.export.sid import INERTIA, inertia_integrals, write_sid
 from pmr.fields.nodal import NodalBody
 from pmr.fullmodel.build import build

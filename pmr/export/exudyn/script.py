@@ -1,6 +1,6 @@
 """Export of a reduced model, with its scene, as a standalone Python script for Exudyn.
 
-The script consists of functions copied from `script_signals`, `script_solver` and `script_body` (or, where rows give
+The script consists of functions copied from `script_parts` and `script_body` (or, where rows give
 way, `script_compliant_rows`), and of what the scene says (`script_scene`): path, loads and time stepping.
 Whatever comes with the model (names, title, numbers) stands in it as a literal of Python: none of it is ever run.
 """
@@ -18,8 +18,7 @@ import numpy as np
 from pmr.errors import InputError
 from pmr.export.exudyn import script_body as script_body
 from pmr.export.exudyn import script_compliant_rows as script_compliant_rows
-from pmr.export.exudyn import script_signals as script_signals
-from pmr.export.exudyn import script_solver as script_solver
+from pmr.export.exudyn import script_parts as script_parts
 from pmr.export.exudyn.script_scene import WIDTH, scene_text
 from pmr.files.whole import replaced
 from pmr.reduced.model import ReducedModel
@@ -88,17 +87,8 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     The script needs numpy, scipy and exudyn only, and the model in its own folder: the file is copied there
     if it lies elsewhere.
 
-    Parameters
-    ----------
-    npz_path : str or Path
-        Written by `ReducedModel.save`, with the scene in its provenance.
-    target : str or Path
-        The script, e.g. ``sliding_beam.py``.
-
-    Raises
-    ------
-    InputError
-        If the file is no reduced model or has no scene, or writing would replace a model.
+    Raises InputError if the file is no reduced model or has no scene in its provenance, or writing would replace a
+    model.
     """
     npz_path, target = Path(npz_path), Path(target)
     text = exudyn_script(ReducedModel.load(npz_path), npz_path.name)
@@ -138,10 +128,10 @@ def exudyn_script(model: ReducedModel, file_name: str) -> str:
         size=model.size,
         rows=_listed(model.row_names),
         file_name=file_name,
-        imports=_imports(scene.kinds, (module, script_solver)),
+        imports=_imports(scene.kinds, (module, script_parts)),
         scene=scene.text(),
-        signals=_sources(script_signals, signals),
-        body=f"{_sources(module, BODY)}\n\n\n{_sources(script_solver, {'add_body', 'solve'})}",
+        signals=_sources(script_parts, signals),
+        body=f"{_sources(module, BODY)}\n\n\n{_sources(script_parts, {'add_body', 'solve'})}",
         tip=int(moved[-1]),
     )
 

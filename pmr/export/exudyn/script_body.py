@@ -10,7 +10,7 @@ import numpy as np
 from exudyn.itemInterface import MarkerNodeCoordinates, NodePointGround, ObjectConnectorCoordinateVector
 from scipy.interpolate import PPoly
 
-from pmr.export.exudyn.script_solver import add_body, solve
+from pmr.export.exudyn.script_parts import add_body, solve
 
 
 def read_model(path):

@@ -9,7 +9,7 @@ import exudyn as exu
 import numpy as np
 from scipy.interpolate import PPoly
 
-from pmr.export.exudyn.script_solver import add_body, solve
+from pmr.export.exudyn.script_parts import add_body, solve
 
 
 def read_model(path):

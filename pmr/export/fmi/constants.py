@@ -102,13 +102,8 @@ class Source:
 def source_text(constants: Constants, start_values: Array, nominal: Array) -> Source:
     """model.h and model.c.
 
-    Parameters
-    ----------
-    constants : Constants
-    start_values : (5 + 2 i,) array
-        Of the variables from the time to the scheme's parameter: t, s, s', loads, their rates, step, rho_inf.
-    nominal : (2 r,) array
-        Sizes of the modal coordinates and of their rates.
+    `start_values` (5 + 2 i,) are those of the variables from the time to the scheme's parameter: t, s, s', loads, their
+    rates, step, rho_inf; `nominal` (2 r,) are sizes of the modal coordinates and of their rates.
     """
     arrays = constants.arrays | {
         "const double start_values[3 + 2 * INPUTS + 2]": start_values,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import tempfile
 import zipfile
 from collections.abc import Sequence
@@ -11,7 +13,6 @@ from pathlib import Path
 
 from pmr import environment
 from pmr.errors import InputError
-from pmr.export.fmi.compiling import PLATFORMS, Platform, compiled
 from pmr.export.fmi.constants import constants, source_text
 from pmr.export.fmi.description import Described, build_description, description_2, description_3
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
@@ -24,6 +25,26 @@ VERSIONS = ("2", "3")
 _SOURCE = Path(__file__).with_name("source")
 #: In every file of the archive, so that the same model makes the same bytes.
 _DATE = (1980, 1, 1, 0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A system that an FMU has a binary for: its folders in FMI 2.0 (or none) and 3.0, the compiler's name of it."""
+
+    folder_2: str
+    folder_3: str
+    target: str
+    suffix: str
+
+
+PLATFORMS = (
+    Platform("linux64", "x86_64-linux", "x86_64-linux-gnu.2.17", ".so"),
+    Platform("", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so"),
+    Platform("win64", "x86_64-windows", "x86_64-windows-gnu", ".dll"),
+    Platform("darwin64", "x86_64-darwin", "x86_64-macos", ".dylib"),
+    Platform("", "aarch64-darwin", "aarch64-macos", ".dylib"),
+)
+_FLAGS = ("-shared", "-std=c99", "-O3", "-fvisibility=hidden", "-fno-sanitize=undefined", "-s")
 
 
 @dataclass(frozen=True)
@@ -45,21 +66,10 @@ def write_fmu(
 ) -> Path:
     """Write a saved reduced model as an FMU for Co-Simulation and, where no row is rigid, Model Exchange.
 
-    Parameters
-    ----------
-    npz_path : str or Path
-        Written by `ReducedModel.save`, with the scene in its provenance.
-    target : str or Path
-        E.g. ``sliding_boom.fmu``.
-    version : str
-        Of the interface: ``"2"`` or ``"3"``.
-    platforms : sequence of Platform
-        Systems to compile for.
+    `version` is that of the interface, ``"2"`` or ``"3"``; `platforms` are the systems to compile for.
 
-    Raises
-    ------
-    InputError
-        If the file is no reduced model or has no scene, the model can't be exported, or the compiler is missing.
+    Raises InputError if the file is no reduced model or has no scene in its provenance, the model can't be exported, or
+    the compiler is missing.
     """
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
@@ -115,9 +125,21 @@ def _binaries(folder: Path, found: Contents, version: str, platforms: Sequence[P
         place = platform.folder_2 if version == "2" else platform.folder_3
         if place:
             library = folder / "binaries" / place / f"{found.described.identifier}{platform.suffix}"
-            compiled(folder, found.described.sources, platform, library)
+            _compile(folder, found.described.sources, platform, library)
             binaries[f"binaries/{place}/{library.name}"] = library.read_bytes()
     return binaries
+
+
+def _compile(folder: Path, sources: Sequence[str], platform: Platform, target: Path) -> None:
+    """Compile the files of a folder into a shared library; raises InputError with the compiler's first line."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    windows = platform.suffix == ".dll"
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", platform.target, *_FLAGS]
+    command += [*(() if windows else ("-fPIC",)), *sources, "-o", str(target.resolve()), *(() if windows else ("-lm",))]
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if result.returncode:
+        lines = [line for line in result.stderr.splitlines() if "error" in line] or result.stderr.splitlines() or ["?"]
+        raise InputError("command line", "--to", "fmu", f"no binary for {platform.folder_3}: {lines[0]}")
 
 
 def _identifier(name: str) -> str:

@@ -14,7 +14,7 @@ import pytest
 from benchmarks.fmu import Timed
 from pmr import scene
 from pmr.export.fmi import fmu
-from pmr.export.fmi.compiling import PLATFORMS
+from pmr.export.fmi.fmu import PLATFORMS
 from pmr.export.recorded import recorded
 from pmr.reduced.model import ReducedModel
 from pmr.run import reduce
