@@ -59,16 +59,9 @@ _VERBS = {
 }
 
 __all__ = [
-    "ConvergenceError",
-    "InputError",
-    "ReducedModel",
-    "RunResult",
-    "SimulationError",
-    "Stepper",
-    "System",
-    "from_matrices",
-    "load_scene",
-]
+    "ConvergenceError", "InputError", "ReducedModel", "RunResult", "SimulationError", "Stepper", "System",
+    "from_matrices", "load_scene",
+]  # fmt: skip
 
 
 def _found(place: str) -> Any:

@@ -13,16 +13,8 @@ Found = TypeVar("Found")
 class InputError(ValueError):
     """Something that was asked for cannot be done as stated.
 
-    Parameters
-    ----------
-    source : str
-        File (or option) in which the value stands.
-    key : str
-        Dotted key, e.g. ``body.length``; empty when the file as a whole is meant.
-    value : object
-        What was found.
-    allowed : str
-        What would be accepted, in words.
+    `source` is the file (or option) in which the value stands, `key` dotted, e.g. ``body.length``, or empty when the
+    file as a whole is meant; `value` was found, and `allowed` says in words what would be accepted.
     """
 
     def __init__(self, source: str, key: str, value: Any, allowed: str) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from pmr.scene.built import Box
 from pmr.scene.scene import Scene
 from pmr.scene.section import Direction
-from pmr.scene.signals import Chirp, SignalBase, Sine, Sum
 
 #: A wall is taken to answer at once up to this share of its own lowest frequency.
 QUASI_STATIC = 1.0 / 3.0
@@ -85,17 +84,6 @@ def wall_frequency(box: Box, young: float, poisson: float, density: float) -> fl
     return float(np.pi / (2.0 * b**2) * np.sqrt(young * box.wall**2 / (12.0 * density * (1.0 - poisson**2))))
 
 
-def highest_frequency(signal: SignalBase) -> float:
-    """Highest frequency in Hz that a signal names; 0 for signals that name none."""
-    if isinstance(signal, Chirp):
-        return max(signal.frequencies)
-    if isinstance(signal, Sine):
-        return signal.frequency
-    if isinstance(signal, Sum):
-        return max(highest_frequency(part) for part in signal.terms)
-    return 0.0
-
-
 def _stresses(scene: Scene) -> list[str]:
     measured = {measure for probe in scene.probes for measure in probe.measures}
     asked = scene.recovery is not None and scene.recovery.stress or bool(measured & {"stress", "strain"})
@@ -112,7 +100,7 @@ def _walls(scene: Scene) -> list[str]:
             half = (box.width if face in ("bottom", "top") else box.height) / 2.0
             if half - abs(across) > AT_THE_WEB * 2.0 * half:
                 found.append(f"the pad {name} presses on the middle of a wall, {half - abs(across):g} m from the web")
-    highest = max(map(highest_frequency, scene.signals.values()), default=0.0)
+    highest = max((one.highest_frequency(-np.inf, np.inf) for one in scene.signals.values()), default=0.0)
     own = wall_frequency(box, material.young, material.poisson, material.density)
     if highest > QUASI_STATIC * own:
         found.append(f"loads of {highest:g} Hz come near the walls' own frequency of {own:.3g} Hz")

@@ -44,20 +44,12 @@ DIALECT = Dialect(
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
-    """Read a scene file.
+    """Read a scene file in TOML: its path, a folder with a ``scene.toml``, or the name of a workflow of the package.
 
-    Parameters
-    ----------
-    path : str or Path
-        TOML file; its ``extends`` key names a base file, relative to it, whose keys it overrides.  Also a folder with
-        a ``scene.toml``, or the name of a workflow that comes with the package.
-    overrides : sequence of str
-        ``"section.key=value"`` with the value in TOML notation (a bare word is taken as a string).
+    Its ``extends`` key names a base file, relative to it, whose keys it overrides.  `overrides` are
+    ``"section.key=value"`` with the value in TOML notation (a bare word is taken as a string).
 
-    Raises
-    ------
-    InputError
-        One line: file, key, value, what is allowed.
+    Raises InputError in one line: file, key, value, what is allowed.
     """
     return _of_one_body(_file(path), [override(text) for text in overrides])
 

@@ -11,18 +11,7 @@ from typing import Any
 
 from pydantic import Field
 
-from pmr.scene.asked import (
-    Accuracy,
-    Budget,
-    Compare,
-    Damping,
-    Observe,
-    Published,
-    Recovery,
-    Reduction,
-    Simulation,
-    TimeChoice,
-)
+from pmr.scene import asked
 from pmr.scene.built import ENDS, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.probes import Probe
 from pmr.scene.section import Section
@@ -39,9 +28,9 @@ class OneBody(Section):
     pads: tuple[PadRing, ...] = Field(default=(), description="Pads between it and the ground")
     masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to it")
     loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
-    observe: Observe = Field(default=Observe(), description="Where motions are compared and drawn")
+    observe: asked.Observe = Field(default=asked.Observe(), description="Where motions are compared and drawn")
     probes: tuple[Probe, ...] = Field(default=(), description="Where stress, strain or motion is followed")
-    reduction: Reduction = Field(default=Reduction(), description="How the model is reduced")
+    reduction: asked.Reduction = Field(default=asked.Reduction(), description="How the model is reduced")
 
     @property
     def files(self) -> dict[str, Path]:
@@ -54,11 +43,11 @@ class Whole(Section):
     """What a scene of one body and a boom of several sections have in common; equal `hash`, equal results."""
 
     title: str = Field(description="For reports")
-    damping: Damping = Field(default=Damping(), description="Of the material")
-    time: TimeChoice = Field(description="Simulated time and its steps")
-    recovery: Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
-    simulation: Simulation = Field(default=Simulation(), description="Who simulates")
-    compare: Compare = Field(default=Compare(), description="What the reduced model is compared with")
+    damping: asked.Damping = Field(default=asked.Damping(), description="Of the material")
+    time: asked.TimeChoice = Field(description="Simulated time and its steps")
+    recovery: asked.Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
+    simulation: asked.Simulation = Field(default=asked.Simulation(), description="Who simulates")
+    compare: asked.Compare = Field(default=asked.Compare(), description="What the reduced model is compared with")
 
     def __hash__(self) -> int:
         return hash(self.hash)  # some sections hold tables
@@ -86,9 +75,11 @@ class Scene(OneBody, Whole):
 
     slider: Slider = Field(description="The path of what slides")
     gravity: Gravity | None = Field(default=None, description="The weight of everything")
-    accuracy: Accuracy | None = Field(default=None, description="An allowed error, in place of coordinates and step")
-    budget: Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
-    published: Published | None = Field(default=None, description="Figures from a publication")
+    accuracy: asked.Accuracy | None = Field(
+        default=None, description="An allowed error, in place of coordinates and step"
+    )
+    budget: asked.Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
+    published: asked.Published | None = Field(default=None, description="Figures from a publication")
 
     __hash__ = Whole.__hash__  # pydantic would take the one it has made for `OneBody`, of its fields
 
@@ -96,7 +87,7 @@ class Scene(OneBody, Whole):
         return [(self, content)]
 
     @property
-    def ordered(self) -> Accuracy | Budget | None:
+    def ordered(self) -> asked.Accuracy | asked.Budget | None:
         """What decides coordinates and step in place of the scene."""
         return self.accuracy or self.budget
 

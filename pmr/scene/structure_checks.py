@@ -7,14 +7,16 @@ from collections.abc import Iterable
 from typing import Any
 
 from pmr.errors import InputError
+from pmr.scene.built import Box, Face, PadRing
 from pmr.scene.choice import directions, model_of
-from pmr.scene.pad_checks import check_pads
 from pmr.scene.scene import Scene
 
 BEAMS = ("beam2d", "beam3d")
 #: Round-off in the stiffness of a beam in space grows with the fourth power of the number: these leave two digits of
 #: the lowest frequency.  What a planar beam's cost it is said of the run.
 MOST_ELEMENTS = 5000
+#: Round-off of a user's arithmetic, as a share of the face.
+SLACK = 1e-9
 
 
 def check_structure(scene: Scene) -> None:
@@ -28,7 +30,7 @@ def check_structure(scene: Scene) -> None:
         if ring.clearance and not ring.unilateral:
             raise refusal(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
     _travel(scene)
-    check_pads(scene)
+    _pads(scene)
     _places(scene)
     _points(scene)
     if not scene.signals:
@@ -147,6 +149,48 @@ def _planar(scene: Scene) -> None:
         raise refusal("pads", None, allowed)
     if scene.gravity is not None and scene.gravity.direction[1] != 0.0:
         raise refusal("gravity.direction", list(scene.gravity.direction), "x and z are allowed for beam2d")
+
+
+def _pads(scene: Scene) -> None:
+    """A pad may not lie beside its face or leave it in part, at any time; faces that are read check themselves."""
+    length, box = scene.body.length, scene.body.box
+    for i, ring in enumerate(scene.pads):
+        if length is not None:
+            _along(scene, length, ring, f"pads[{i}].at")
+        for place in ring.places:
+            if box is not None:
+                _across(box, ring, place, f"pads[{i}].faces.{place[1]}")
+
+
+def _along(scene: Scene, length: float, ring: PadRing, key: str) -> None:
+    low, high = scene.travel if ring.moving else (0.0, 0.0)
+    start, end = low + ring.at - ring.length / 2.0, high + ring.at + ring.length / 2.0
+    slack = SLACK * length
+    if start >= -slack and end <= length + slack:
+        return
+    name, face, _ = ring.places[0] if ring.places else (ring.name, "any", 0.0)
+    moved = f" as s goes from {low:.6g} to {high:.6g} m" if ring.moving else ""
+    allowed = (
+        f"the pad {name} reaches from {start:.6g} to {end:.6g} m along the axis{moved}; "
+        f"the face {face} offers 0 to {length:.6g} m, all of a pad has to be on it"
+    )
+    if ring.moving:
+        raise refusal("slider.path" if scene.slider.travel is None else "slider.travel", None, allowed)
+    raise refusal(key, ring.at, allowed)
+
+
+def _across(box: Box, ring: PadRing, place: tuple[str, Face, float], key: str) -> None:
+    name, face, across = place
+    # the flat part, between the corners' radii: of the mid-surface, whatever the model is
+    half = (box.width if face in ("bottom", "top") else box.height) / 2.0 - box.radius
+    if abs(across) + ring.width / 2.0 <= half * (1.0 + SLACK):
+        return
+    start, end = across - ring.width / 2.0, across + ring.width / 2.0
+    allowed = (
+        f"the pad {name} reaches from {start:.6g} to {end:.6g} m across; "
+        f"the flat face {face} offers {-half:.6g} to {half:.6g} m, all of a pad has to be on it"
+    )
+    raise refusal(key, across, allowed)
 
 
 def check_names(key: str, names: Iterable[str]) -> None:
