@@ -21,8 +21,7 @@ Overrides = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable.")
 ]
 Folder = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/NAME of the file]"),
+    Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/NAME of the file]")
 ]
 
 # What is printed is text: [brackets] are no markup and :names: no pictures.

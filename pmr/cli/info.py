@@ -61,7 +61,8 @@ def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
     chosen, (low, high) = choose(scene), scene.path_bounds
     pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in scene.pads]
     points = [f"{len(scene.points)} row(s)"] if scene.points else []
-    loads = [f"{load.name} on {_place(load.on)} along {load.direction}" for load in scene.loads]
+    places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in scene.loads]
+    loads = [f"{load.name} on {on} along {load.direction}" for load, on in zip(scene.loads, places, strict=True)]
     return {
         "title": scene.title,
         "hash": scene.hash,
@@ -82,10 +83,6 @@ def _size(body: scenes.Body) -> str:
     return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {box.wall:g} m" if box else "from a file"
 
 
-def _place(on: str | float) -> str:
-    return on if isinstance(on, str) else f"{on:g} m"
-
-
 def _describe_reduction(reduction: scenes.Reduction) -> str:
     pool = f"POD of {reduction.snapshots} x {reduction.modes} eigenmodes"
     basis = pool if reduction.pooled else reduction.basis.replace("_", " ")
@@ -96,7 +93,8 @@ def described_model(model: ReducedModel) -> dict[str, str]:
     """What a reduced model is, line by line."""
     low, high = model.domain
     made_with = model.provenance.get("versions", {})
-    scene = model.provenance.get("scene", {})
+    scene, holds = model.provenance.get("scene", {}), np.isnan(model.row_clearance)
+    rows = [name if both else f"{name} (only pushes)" for name, both in zip(model.row_names, holds, strict=True)]
     return {
         "reduced model": f"{model.size} coordinates",
         "scene": f"{scene.get('title', 'unknown') if isinstance(scene, dict) else 'unknown'} "
@@ -104,18 +102,12 @@ def described_model(model: ReducedModel) -> dict[str, str]:
         "basis": str(model.provenance.get("basis", "unknown")),
         "inputs": ", ".join(f"{n} in {unit}" for n, unit in zip(model.input_names, model.input_units, strict=True)),
         "outputs": _describe_outputs(model),
-        "rows": f"{', '.join(_rows(model))}; s from {low:g} to {high:g} m",
+        "rows": f"{', '.join(rows)}; s from {low:g} to {high:g} m",
         "rows left out": ", ".join(model.left_out) or "none",
         "made with": ", ".join(
             f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
         ),
     }
-
-
-def _rows(model: ReducedModel) -> list[str]:
-    """Names of the rows, and which of them only push."""
-    holds = np.isnan(model.row_clearance)
-    return [name if both else f"{name} (only pushes)" for name, both in zip(model.row_names, holds, strict=True)]
 
 
 def _describe_outputs(model: ReducedModel) -> str:

@@ -23,7 +23,6 @@ from pmr.reduced.model import ReducedModel
 
 if TYPE_CHECKING:
     from pmr.environment import Progress as Report
-    from pmr.report.marks import Row
     from pmr.run import Outcome
     from pmr.run.booms import BoomOutcome
 
@@ -75,7 +74,9 @@ def run(
 
         mpirun -n 2 pmr run SCENE.toml --set reduction.solver=slepc
     """
-    asked = [*(overrides or ()), *([_simulators(simulators)] if simulators is not None else ())]
+    asked = [*(overrides or ())]
+    if simulators is not None:
+        asked.append(f"simulation.simulators={json.dumps([name.strip() for name in simulators.split(',')])}")
     names = [file.resolve().name if file.is_dir() else file.stem for file in scene_files]
     files = [scene_file(file) for file in scene_files]
     loaded = [
@@ -169,11 +170,6 @@ def _to(tolerance: str, file: Path) -> list[str]:
     return [*basis, f"accuracy.tolerance={share!r}"]
 
 
-def _simulators(names: str) -> str:
-    """The override that ``--simulators a,b`` stands for."""
-    return f"simulation.simulators={json.dumps([name.strip() for name in names.split(',')])}"
-
-
 def _print(outcome: Outcome | BoomOutcome) -> None:
     """Errors, beside published ones where there are any, coordinates of each section and solver seconds."""
     from pmr.report import errors, sentences
@@ -190,7 +186,8 @@ def _print(outcome: Outcome | BoomOutcome) -> None:
     for head in ("e_NRMS, or largest value", "", "here", *(("published", "") if published else ())):
         table.add_column(head, justify="right" if head in ("here", "published") else "left")
     for row in found:
-        verdict = [row.published or "", _verdict(row)] if published else []
+        mark = f"{row.mark.symbol} {row.mark.text}" if row.mark else ""
+        verdict = [row.published or "", mark] if published else []
         table.add_row(*map(visible, (row.comparison, row.place, row.here, *verdict)))
     out.print(table)
     each = ", ".join(f"{one['name']} {one['coordinates']['reduced']}" for one in sections)
@@ -202,10 +199,6 @@ def _print(outcome: Outcome | BoomOutcome) -> None:
     for pair, length in summary["agreement"].items():
         say(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
     out.print()
-
-
-def _verdict(row: Row) -> str:
-    return f"{row.mark.symbol} {row.mark.text}" if row.mark else ""
 
 
 @contextmanager

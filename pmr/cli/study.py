@@ -110,23 +110,18 @@ def _pool(jobs: int | None) -> AbstractContextManager[pools.Pool | None]:
 def _watching() -> Iterator[Watch]:
     """A bar on a terminal; elsewhere a line in the log now and then."""
     if not err.is_terminal:
-        yield _LogLines()
+        due = [time.monotonic() + LOGGED_EVERY]
+
+        def log(progress: Progress) -> None:
+            if time.monotonic() >= due[0]:
+                say(err, progress.text)
+                due[0] = time.monotonic() + LOGGED_EVERY
+
+        yield log
         return
     with Bars(BarColumn(), TextColumn("{task.description}", markup=False), console=err, transient=True) as bars:
         bar = bars.add_task("", total=None)
         yield lambda p: bars.update(bar, description=p.text, completed=p.done + p.failed, total=p.total)
-
-
-class _LogLines:
-    """Every `LOGGED_EVERY` seconds a line."""
-
-    def __init__(self) -> None:
-        self._next = time.monotonic() + LOGGED_EVERY
-
-    def __call__(self, progress: Progress) -> None:
-        if time.monotonic() >= self._next:
-            say(err, progress.text)
-            self._next = time.monotonic() + LOGGED_EVERY
 
 
 def _tell_failures(outcome: Outcome) -> None:

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from pmr.errors.text import visible
 
 Found = TypeVar("Found")
+WIDEST = 60  # letters of a value that is shown
 
 
 class InputError(ValueError):
@@ -30,7 +31,8 @@ class InputError(ValueError):
         return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
 
     def _line(self) -> str:
-        shown = "" if self.value is None else f" = {_short(self.value)}"
+        text = repr(self.value)
+        shown = "" if self.value is None else f" = {text if len(text) <= WIDEST else f'{text[: WIDEST - 3]}...'}"
         where = f"{self.source}: {self.key}{shown}" if self.key else f"{self.source}{shown}"
         return visible(" ".join(f"{where}: {self.allowed}".split()))
 
@@ -92,8 +94,3 @@ def on_first(comm: Any, make: Callable[[], Found]) -> Found | None:
     if refused is not None:
         raise refused
     return found
-
-
-def _short(value: Any, width: int = 60) -> str:
-    text = repr(value)
-    return text if len(text) <= width else text[: width - 3] + "..."

@@ -31,19 +31,6 @@ class Format:
     write: Callable[[Path, Path, Options], Path]
 
 
-def _exudyn(model: Path, target: Path, options: Options) -> Path:
-    environment.needed("exudyn")  # the script's parts are tested code, which is loaded to be written
-    from pmr.export.exudyn.script import write_exudyn_script
-
-    return write_exudyn_script(model, target)
-
-
-def _fmu(model: Path, target: Path, options: Options) -> Path:
-    from pmr.export.fmi.fmu import write_fmu
-
-    return write_fmu(model, target, options.fmi or "3")
-
-
 def _imported(module: str, name: str) -> Callable[..., Path]:
     """A writer of this room, imported when it is called."""
 
@@ -52,6 +39,15 @@ def _imported(module: str, name: str) -> Callable[..., Path]:
         return written
 
     return write
+
+
+def _exudyn(model: Path, target: Path, options: Options) -> Path:
+    environment.needed("exudyn")  # the script's parts are tested code, which is loaded to be written
+    return _imported("exudyn.script", "write_exudyn_script")(model, target)
+
+
+def _fmu(model: Path, target: Path, options: Options) -> Path:
+    return _imported("fmi.fmu", "write_fmu")(model, target, options.fmi or "3")
 
 
 def _at(module: str, name: str) -> Callable[[Path, Path, Options], Path]:

@@ -134,23 +134,15 @@ def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
 
 
 def _triplets(path: Path) -> sp.csr_matrix:
-    if not path.read_bytes().endswith(b"\n"):
-        raise ValueError("a last line that ends: this one is cut off")
-    table = np.loadtxt(path, ndmin=2)
-    if table.shape[1] != 3:
-        raise ValueError(f"lines of row, column and entry, not of {table.shape[1]} numbers")
+    table = labelled.table(path, 3, "row, column and entry")
     rows, columns = table[:, 0].astype(np.int64) - 1, table[:, 1].astype(np.int64) - 1
     n = int(max(rows.max(), columns.max())) + 1
     return _symmetric(sp.coo_matrix((table[:, 2], (rows, columns)), shape=(n, n)))
 
 
-def _dof(path: Path) -> Indices:
-    pairs = [line.strip().split(".") for line in path.read_text().splitlines() if line.strip()]
-    return np.array([[int(node), int(direction)] for node, direction in pairs], dtype=np.int64).reshape(-1, 2)
-
-
-def _dof_csv(path: Path) -> Indices:
-    lines = [line.split(",") for line in path.read_text().splitlines()[1:] if line.strip()]
+def _pairs(path: Path, between: str, head: int) -> Indices:
+    """Nodes and directions (n, 2) of the lines behind the first `head` ones."""
+    lines = [line.strip().split(between) for line in path.read_text().splitlines()[head:] if line.strip()]
     return np.array([[int(node), int(direction)] for node, direction in lines], dtype=np.int64).reshape(-1, 2)
 
 
@@ -225,9 +217,12 @@ def _is_market(path: Path) -> bool:
     return path.read_bytes()[:14] == b"%%MatrixMarket"
 
 
-def _of_abaqus(path: Path) -> sp.csr_matrix:
+def _market(path: Path) -> sp.csr_matrix:
+    """Of Matrix Market, or as Abaqus writes it."""
+    if _is_market(path):
+        return _symmetric(scipy.io.mmread(path))
     entries = labelled.read_entries(path)
-    return entries.matrix(entries.pairs)
+    return _symmetric(entries.matrix(entries.pairs))
 
 
 def _of_bulk(path: Path) -> _Nodes:
@@ -245,14 +240,14 @@ _DMIG = (".bdf", ".pch")
 _MATRICES: dict[str, Callable[[Path], object]] = {
     ".sti": _triplets,
     ".mas": _triplets,
-    ".mtx": lambda path: _symmetric(scipy.io.mmread(path) if _is_market(path) else _of_abaqus(path)),
+    ".mtx": _market,
     ".npz": lambda path: _symmetric(sp.load_npz(path)),
     ".rb": lambda path: _symmetric(scipy.io.hb_read(path)),
     ".hb": lambda path: _symmetric(scipy.io.hb_read(path)),
 }
 _DOFS: dict[str, Callable[[Path], object]] = {
-    ".dof": _dof,
-    ".csv": _dof_csv,
+    ".dof": lambda path: _pairs(path, ".", 0),
+    ".csv": lambda path: _pairs(path, ",", 1),
     ".mtx": lambda path: labelled.read_entries(path).pairs,
     **{suffix: lambda path: labelled.read_bulk(path).pairs for suffix in _DMIG},
 }

@@ -53,15 +53,21 @@ def read_entries(path: Path) -> Entries:
 
     Raises ValueError if a line says something else.
     """
+    found = table(path, 5, "node, direction, node, direction and entry", delimiter=",", comments="*")
+    labels = found[:, :4].astype(np.int64)
+    if not np.array_equal(labels, found[:, :4]):
+        raise ValueError("whole numbers of nodes and directions")
+    return Entries(labels[:, :2], labels[:, 2:], found[:, 4])
+
+
+def table(path: Path, columns: int, said: str, **read_as: Any) -> Array:
+    """Numbers in so many columns; raises ValueError if there are others, or the file is cut off."""
     if not path.read_bytes().endswith(b"\n"):
         raise ValueError("a last line that ends: this one is cut off")
-    table = np.loadtxt(path, delimiter=",", comments="*", ndmin=2)
-    if table.shape[1] != 5:
-        raise ValueError(f"lines of node, direction, node, direction and entry, not of {table.shape[1]} numbers")
-    labels = table[:, :4].astype(np.int64)
-    if not np.array_equal(labels, table[:, :4]):
-        raise ValueError("whole numbers of nodes and directions")
-    return Entries(labels[:, :2], labels[:, 2:], table[:, 4])
+    found = np.loadtxt(path, ndmin=2, **read_as)
+    if found.shape[1] != columns:
+        raise ValueError(f"lines of {said}, not of {found.shape[1]} numbers")
+    return found
 
 
 @dataclass(frozen=True)
@@ -84,16 +90,13 @@ def read_bulk(path: Path) -> Bulk:
     try:
         with redirect_stdout(StringIO()):
             deck.read_bdf(str(path), xref=False, punch=True)
-    except (
-        RuntimeError,
-        SyntaxError,
-        AttributeError,
-        AssertionError,
-        SystemExit,
-    ) as error:  # the first: its own
+    except (RuntimeError, SyntaxError, AttributeError, AssertionError, SystemExit) as error:  # the first: its own
         raise ValueError(_told(error)) from None
     square = {name: card for name, card in deck.dmig.items() if card.matrix_form in (SQUARE, SYMMETRIC)}
-    entries = {name: _entries(card) for name, card in square.items()}
+    entries = {
+        name: Entries(np.asarray(card.GCi, np.int64), np.asarray(card.GCj, np.int64), np.asarray(card.Real, float))
+        for name, card in square.items()
+    }
     pairs = np.unique(np.vstack([np.empty((0, 2), np.int64), *(one.pairs for one in entries.values())]), axis=0)
     grids = sorted(deck.nodes)
     if any(deck.nodes[grid].Cp() != 0 for grid in grids):
@@ -134,8 +137,3 @@ def named(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
     if len(found) != 1:
         raise ValueError(f"one matrix whose name begins with {letter}, not {', '.join(matrices) or 'none'}")
     return found[0]
-
-
-def _entries(card: Any) -> Entries:
-    rows, columns = (np.asarray(part, dtype=np.int64) for part in (card.GCi, card.GCj))
-    return Entries(rows, columns, np.asarray(card.Real, dtype=float))

@@ -94,17 +94,13 @@ def _moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
     try:
         moves = json.loads(file.read_text())
         names, gone = (list(map(str, moves[key])) for key in ("names", "gone"))
-        inside = folder.resolve()
-        foreign = [name for name in (*names, *gone) if "\0" in name or not _stands_in(inside, folder / name)]
+        inside, listed = folder.resolve(), (*names, *gone)
+        foreign = [n for n in listed if "\0" in n or not (folder / n).parent.resolve().is_relative_to(inside)]
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise InputError(str(file), "", None, f"not written by pmr ({error}); delete its folder") from None
     if foreign:
         raise InputError(str(file), "", foreign[0], "files of this folder are allowed; delete the list's folder")
     return names, gone
-
-
-def _stands_in(folder: Path, file: Path) -> bool:
-    return file.parent.resolve().is_relative_to(folder)
 
 
 def _names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:

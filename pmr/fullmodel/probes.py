@@ -21,8 +21,7 @@ from pmr.errors import InputError
 from pmr.fields.stress import StressRows
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.scene import Scene
-from pmr.scene.probes import Probe
-from pmr.scene.structures import Material
+from pmr.scene.structures import Material, Probe
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

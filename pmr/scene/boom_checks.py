@@ -7,8 +7,8 @@ import re
 from pmr.errors import InputError
 from pmr.scene.boom import Boom, Linear
 from pmr.scene.boom_parts import footprint, is_axial, is_planar, seats, section_scene
-from pmr.scene.checks import check_time, jump_of
-from pmr.scene.magnitudes import check_magnitudes, check_sizes
+from pmr.scene.checks import check_magnitudes, check_time, jump_of
+from pmr.scene.section import check_sizes
 from pmr.scene.simulators import SIMULATORS
 from pmr.scene.structure_checks import check_names, check_structure, refusal
 
@@ -35,8 +35,7 @@ def check_boom(boom: Boom) -> None:
     if len(set(planar)) > 1:
         names = ", ".join(name for name, flat in zip(boom.names, planar, strict=True) if flat)
         raise refusal("sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none")
-    _rigid_overlaps(boom)
-    _friction(boom)
+    _rigid_overlaps_and_friction(boom)
     _simulators(boom)
     _ordered(boom)
 
@@ -174,13 +173,10 @@ def _by_itself(boom: Boom, number: int) -> None:
         raise refusal(f"sections[{number}].{error.key}", error.value, error.allowed) from None
 
 
-def _rigid_overlaps(boom: Boom) -> None:
+def _rigid_overlaps_and_friction(boom: Boom) -> None:
     for number in range(1, len(boom.sections)):
         if boom.joint(number).rigid_overlap and not is_planar(boom, number):
             raise refusal(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
-
-
-def _friction(boom: Boom) -> None:
     for number in range(1, len(boom.sections)):
         for seat in seats(boom, number):
             if seat.joint == number and seat.ring.friction and not is_axial(boom, number):

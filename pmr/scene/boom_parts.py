@@ -139,12 +139,7 @@ def as_pads(ring: JointPads, name: str) -> PadRing:
     """A joint's ring as one that moves along a body."""
     assert ring.faces is not None
     return PadRing(
-        name=name,
-        moving=True,
-        faces=ring.faces,
-        length=ring.length,
-        width=ring.width,
-        stiffness=ring.stiffness,
+        name=name, moving=True, faces=ring.faces, length=ring.length, width=ring.width, stiffness=ring.stiffness
     )
 
 

@@ -1,4 +1,7 @@
-"""What no section can know by itself: time, path, reduction and comparison; bodies are for `structure_checks`."""
+"""What no section can know by itself: time, path, reduction and comparison; sizes that double precision carries.
+
+Bodies are for `structure_checks`.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,19 @@ import numpy as np
 from pmr.scene.asked import Damping
 from pmr.scene.boom import Boom
 from pmr.scene.choice import fewest_rows, is_pinned_beam
-from pmr.scene.magnitudes import check_magnitudes
 from pmr.scene.scene import Scene
+from pmr.scene.section import check_sizes
 from pmr.scene.signals import SignalBase
 from pmr.scene.simulators import REFERENCE, Needs, refuse
 from pmr.scene.structure_checks import check_structure, refusal
 
+Range = tuple[float, float]
+
+#: Of a box: what its length is over its smaller side, and that side over its wall.
+SLENDER, THIN = (0.01, 1e4), (0.0, 1e4)
+#: Of a beam: its length over a section's radius of gyration.
+GYRATION = (0.01, 1e6)
+LARGEST_LOAD = 1e120  # N or N m; models are linear in it, their energies are its squares
 MOST_STEPS = 1_000_000
 
 
@@ -24,11 +34,24 @@ def check(scene: Scene) -> None:
     check_time(scene)
     _reduction(scene)
     _accuracy(scene)
-    _continuous(scene)
+    if jump := jump_of(scene.slider.path, 1e-9 * max(map(abs, scene.path_bounds))):
+        raise refusal("slider.path", None, f"the slider {jump}")
     check_structure(scene)
     _frequency_response(scene)
     _comparison(scene)
     _simulators(scene)
+
+
+def check_magnitudes(scene: Scene) -> None:
+    """Refuse sizes that no computation in double precision can carry."""
+    check_sizes(scene)
+    _proportions(scene)
+    for i, load in enumerate(scene.loads):
+        with np.errstate(all="ignore"):
+            largest = float(np.abs(load.signal.bounds(0.0, scene.time.end)).max())
+        if not largest <= LARGEST_LOAD:
+            allowed = f"at most {LARGEST_LOAD:g} N or N m are allowed, here it is {largest:.3g}"
+            raise refusal(f"loads[{i}].signal", None, allowed)
 
 
 def check_time(scene: Scene | Boom) -> None:
@@ -52,6 +75,29 @@ def jump_of(path: SignalBase, least: float) -> str | None:
     for k in np.flatnonzero(np.abs(after - before) > least):
         return f"jumps from {before[k]:g} m to {after[k]:g} m at {at[k]:g} s; continuous paths are allowed"
     return None
+
+
+def _proportions(scene: Scene) -> None:
+    box, section, profile = scene.body.box, scene.body.section, scene.body.profile
+    if profile is not None and profile.axial_stiffness is not None:
+        radius = float(np.sqrt(profile.bending_stiffness / profile.axial_stiffness))
+        slender = profile.length / radius
+        _check_ratio("body.profile.axial_stiffness", slender, GYRATION, "length over radius of gyration")
+    if box is not None:
+        side = min(box.width, box.height)
+        _check_ratio("body.box.length", box.length / side, SLENDER, "length over the smaller side")
+        _check_ratio("body.box.width", box.width / box.height, (1e-3, 1e3), "width over height")
+        _check_ratio("body.box.wall", side / box.wall, THIN, "the smaller side over the wall")
+        if section is not None:
+            for name in ("second_moment_y", "second_moment_z", "torsion_constant"):
+                slender = box.length / float(np.sqrt(getattr(section, name) / section.area))
+                _check_ratio(f"body.section.{name}", slender, GYRATION, "length over radius of gyration")
+
+
+def _check_ratio(key: str, found: float, allowed: Range, what: str) -> None:
+    if not allowed[0] <= found <= allowed[1]:
+        said = f"a ratio of {what} from {allowed[0]:g} to {allowed[1]:g} is allowed, here it is {found:.3g}"
+        raise refusal(key, None, said)
 
 
 def _reduction(scene: Scene) -> None:
@@ -89,12 +135,6 @@ def _pool(scene: Scene) -> None:
             raise refusal(f"reduction.positions[{i}]", at, f"on the body, 0 to {scene.body.length:g} m, is allowed")
 
 
-def _continuous(scene: Scene) -> None:
-    jump = jump_of(scene.slider.path, 1e-9 * max(map(abs, scene.path_bounds)))
-    if jump is not None:
-        raise refusal("slider.path", None, f"the slider {jump}")
-
-
 def _frequency_response(scene: Scene) -> None:
     """Linear equations in coordinates that are free: rows give way, hold both ways, and leave no inertia behind."""
     choice = scene.reduction
@@ -108,7 +148,16 @@ def _frequency_response(scene: Scene) -> None:
 
 
 def _comparison(scene: Scene) -> None:
-    if "ancf" in scene.compare.against and not _ancf_can(scene):
+    profile = scene.body.profile
+    ancf_can = (
+        is_pinned_beam(scene)
+        and profile is not None
+        and profile.axial_stiffness is not None
+        and scene.gravity is None
+        and scene.damping == Damping()
+        and all(load.direction == "z" for load in scene.loads)
+    )
+    if "ancf" in scene.compare.against and not ancf_can:
         raise refusal(
             "compare.against",
             list(scene.compare.against),
@@ -152,15 +201,3 @@ def _accuracy(scene: Scene) -> None:
         raise refusal(key, None, allowed)
     if len(set(asked.outputs)) < len(asked.outputs):
         raise refusal(f"{key}.outputs", list(asked.outputs), "each kind once is allowed")
-
-
-def _ancf_can(scene: Scene) -> bool:
-    profile = scene.body.profile
-    return (
-        is_pinned_beam(scene)
-        and profile is not None
-        and profile.axial_stiffness is not None
-        and scene.gravity is None
-        and scene.damping == Damping()
-        and all(load.direction == "z" for load in scene.loads)
-    )

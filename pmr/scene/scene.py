@@ -13,10 +13,9 @@ from pydantic import Field
 
 from pmr.scene import asked
 from pmr.scene.built import ENDS, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
-from pmr.scene.probes import Probe
 from pmr.scene.section import Section
 from pmr.scene.signals import Constant, SignalBase
-from pmr.scene.structures import PointMass
+from pmr.scene.structures import PointMass, Probe
 
 
 class OneBody(Section):

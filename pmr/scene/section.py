@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 
+from pmr.errors import InputError
 from pmr.scene.tomlfiles import is_file
 
 
@@ -88,3 +89,28 @@ def _quantities(parts: tuple[Any, ...]) -> Iterator[Quantity]:
         if isinstance(part, Quantity):
             yield part
         yield from _quantities((*getattr(part, "__metadata__", ()), *get_args(part)))
+
+
+def check_sizes(part: Section) -> None:
+    """Refuse any number, in a section or in those within it, that is out of its range."""
+    for key, value, known in _sized(part, ""):
+        if not known.low <= value <= known.high:
+            raise InputError(
+                "scene", key, value, f"a number from {known.low:g} to {known.high:g} is allowed (SI units)"
+            )
+
+
+def _sized(part: Any, key: str, known: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
+    """Key and value of every number in a section and in those within it, and what is known of it."""
+    if isinstance(part, (int, float)) and known is not None:
+        yield key, part, known
+    elif isinstance(part, (tuple, list)):
+        for i, one in enumerate(part):
+            yield from _sized(one, f"{key}[{i}]", known)
+    elif isinstance(part, dict):
+        for name, one in part.items():
+            yield from _sized(one, f"{key}.{name}", known)
+    elif isinstance(part, Section):
+        for name in type(part).model_fields:
+            here = f"{key}.{name}" if key else name
+            yield from _sized(getattr(part, name), here, quantity_of(type(part), name))

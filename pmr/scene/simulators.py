@@ -54,11 +54,6 @@ class Asked:
     value: Any
 
 
-def by_scene(name: str) -> Asked:
-    """A simulator among those of the reduced model."""
-    return Asked("scene", "simulation.simulators", name)
-
-
 #: The full model as a reference.
 REFERENCE = Asked("scene", "compare.against", ["full"])
 
@@ -68,7 +63,7 @@ def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
 
     Raises InputError.
     """
-    can, asked = SIMULATORS[name], by_scene(name) if asked is None else asked
+    can, asked = SIMULATORS[name], asked or Asked("scene", "simulation.simulators", name)
     if len(needs.paths) > 1 and not can.several_paths:
         reason = f"{name} knows one path for all, here there are {_listed(needs.paths)}"
         raise _other(asked, "several_paths", reason)

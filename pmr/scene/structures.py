@@ -1,4 +1,4 @@
-"""What bodies are made of: materials, thicknesses, sections, profiles; what is attached to them."""
+"""What bodies are made of: materials, thicknesses, sections, profiles; what is attached to them, or followed there."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ from pmr.scene.section import (
     Section,
     Switch,
 )
+
+Measured = Literal["stress", "strain", "displacement"]
 
 
 def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -77,6 +79,31 @@ class PointMass(Section):
     coupling: Literal["average", "rigid"] = Field(default="average", description="How the group follows it")
 
 
+class Probe(Section):
+    """What is followed at a point, where the model's point next to it counts, or on a group, whose mean counts.
+
+    Probes are outputs of the full model and of the reduced one: signed, at every step, without a simulation more.
+    """
+
+    name: str = Field(min_length=1, description="What its columns are called by")
+    at: Point | None = Field(default=None, description="A point on the body, x along it, z up")
+    on: str | None = Field(default=None, description="A named group in place of a point: of stresses, a group of cells")
+    measures: tuple[Measured, ...] = Field(default=("stress",), min_length=1, description="What is followed there")
+    face: str = Field(
+        default="",
+        description="Face of a wall (outer, middle, inner) or corner of a beam's section (top left, ...); by default "
+        "where the nearest point is, of a group the outer face",
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Probe:
+        if (self.at is None) == (self.on is None):
+            raise ValueError("give at or on, one of them")
+        if len(set(self.measures)) < len(self.measures):
+            raise ValueError("each measure once is allowed")
+        return self
+
+
 class BoxProfile(Section):
     """A rectangular tube, by the dimensions of its mid-surface; width along y, height along z."""
 
@@ -116,7 +143,6 @@ class Profile(Section):
 class ShellBody(Section):
     """A shell: its plate, and other ones in named regions of the mesh."""
 
-    model: Literal["shell"] = Field(default="shell", description="Structural model")
     plate: Plate = Field(description="Of all that no region says otherwise of")
     regions: dict[str, Plate] = Field(default={}, description="Named regions of the mesh that differ")
     shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
@@ -127,7 +153,6 @@ class ShellBody(Section):
 class SolidBody(Section):
     """A solid: its material, and other ones in named regions of the mesh."""
 
-    model: Literal["solid"] = Field(default="solid", description="Structural model")
     material: Material = Field(default=Material(), description="Of all that no region says otherwise of")
     regions: dict[str, Material] = Field(default={}, description="Named regions of the mesh that differ")
 
@@ -151,7 +176,6 @@ class BeamSection(Section):
 class Beam3DBody(Section):
     """A straight beam in space, along x; `shear` adds shear deformation and rotary inertia."""
 
-    model: Literal["beam3d"] = Field(default="beam3d", description="Structural model")
     length: Length = Field(description="Along x")
     section: BeamSection | None = Field(default=None, description="By its properties")
     profile: BoxProfile | None = Field(default=None, description="By its dimensions")

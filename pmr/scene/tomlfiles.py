@@ -214,11 +214,7 @@ def _anchor(data: Any, folder: Path, references: tuple[str, ...]) -> None:
 
 
 def _merge(
-    base: dict[str, Any],
-    update: Mapping[str, Any],
-    source: str,
-    origins: Origins,
-    prefix: tuple[str, ...] = (),
+    base: dict[str, Any], update: Mapping[str, Any], source: str, origins: Origins, prefix: tuple[str, ...] = ()
 ) -> None:
     """Tables are merged key by key, except signals (anything with a kind), which replace each other whole.
 

@@ -10,25 +10,21 @@ from pmr import __version__
 from pmr.export.fmi.variables import STARTS, Variable
 
 #: Exponents of the base units of SI, and a factor where there is one.
-UNITS: dict[str, dict[str, float]] = {
+_UNITS: dict[str, dict[str, float]] = {
+    "1": {},
     "s": {"s": 1},
     "m": {"m": 1},
     "m/s": {"m": 1, "s": -1},
     "m/s2": {"m": 1, "s": -2},
-    "m/s3": {"m": 1, "s": -3},
     "N": {"kg": 1, "m": 1, "s": -2},
-    "N/s": {"kg": 1, "m": 1, "s": -3},
     "N m": {"kg": 1, "m": 2, "s": -2},
-    "N m/s": {"kg": 1, "m": 2, "s": -3},
     "Pa": {"kg": 1, "m": -1, "s": -2},
-    "Pa/s": {"kg": 1, "m": -1, "s": -3},
-    "1": {},
-    "1/s": {"s": -1},
     "mm": {"m": 1, "factor": 0.001},
-    "mm/s": {"m": 1, "s": -1, "factor": 0.001},
     "rad": {"rad": 1},
-    "rad/s": {"rad": 1, "s": -1},
 }
+UNITS = (
+    _UNITS | {"m/s3": {"m": 1, "s": -3}} | {f"{of}/s": was | {"s": was.get("s", 0) - 1} for of, was in _UNITS.items()}
+)
 
 
 @dataclass(frozen=True)

@@ -98,8 +98,9 @@ def contents(model: ReducedModel, file_name: str, name: str, version: str) -> Co
     others = {f"fmi{other}.c" for other in VERSIONS if other != version}
     files = {file.name: file.read_text() for file in sorted(_SOURCE.iterdir()) if file.name not in others}
     files |= {"model.h": source.header, "model.c": source.text}
+    plain = re.sub(r"[^A-Za-z0-9_]+", "_", name)
     described = Described(
-        identifier=_identifier(name),
+        identifier=plain if re.match(r"[A-Za-z_]", plain) else f"model_{plain}",
         title=scene.title,
         token=source.token,
         model_exchange=found.model_exchange,
@@ -140,9 +141,3 @@ def _compile(folder: Path, sources: Sequence[str], platform: Platform, target: P
     if result.returncode:
         lines = [line for line in result.stderr.splitlines() if "error" in line] or result.stderr.splitlines() or ["?"]
         raise InputError("command line", "--to", "fmu", f"no binary for {platform.folder_3}: {lines[0]}")
-
-
-def _identifier(name: str) -> str:
-    """An identifier of C."""
-    plain = re.sub(r"[^A-Za-z0-9_]+", "_", name)
-    return plain if re.match(r"[A-Za-z_]", plain) else f"model_{plain}"

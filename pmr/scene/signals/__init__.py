@@ -6,10 +6,79 @@ A signal is written in a scene as a table with a ``kind`` (or as a plain number,
     signal = { kind = "chirp", amplitude = 50.0, times = [0.0, 7.5, 15.0], frequencies = [1.0, 10.0, 1.0] }
 """
 
-from pmr.scene.signals.base import Chirp, Constant, SignalBase, Sine, Step
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import BeforeValidator, Field
+
+from pmr.scene.signals.base import Array, Chirp, Constant, Floats, SignalBase, Sine, Step
 from pmr.scene.signals.knots import Ramp, SmoothRamp, Table
-from pmr.scene.signals.sums import Signal, Sum
 
 __all__ = [
     "Chirp", "Constant", "Ramp", "Signal", "SignalBase", "Sine", "SmoothRamp", "Step", "Sum", "Table",
 ]  # fmt: skip
+
+#: Samples in which a sum of signals is searched for its extremes: a period of its fastest tone, at least, at most.
+SAMPLES_A_PERIOD, FEWEST_SAMPLES, MOST_SAMPLES = 64, 20_000, 1_000_000
+
+
+class Sum(SignalBase):
+    """Sum of other signals."""
+
+    kind: Literal["sum"] = Field(default="sum", description="Several signals added up")
+    terms: tuple[Signal, ...] = Field(min_length=1, description="The signals")
+
+    def value(self, t: ArrayLike) -> Array:
+        return np.sum([term.value(t) for term in self.terms], axis=0)
+
+    def rate(self, t: ArrayLike) -> Array:
+        return np.sum([term.rate(t) for term in self.terms], axis=0)
+
+    @property
+    def breaks(self) -> Floats:
+        return tuple(sorted({b for term in self.terms for b in term.breaks}))
+
+    @property
+    def parts(self) -> tuple[SignalBase, ...]:
+        return tuple(part for term in self.terms for part in term.parts)
+
+    def highest_frequency(self, start: float, end: float) -> float:
+        return max(term.highest_frequency(start, end) for term in self.terms)
+
+    def bounds(self, start: float, end: float) -> tuple[float, float]:
+        """Sampled; a tone too fast for that is taken to meet every value of the rest."""
+        fast: list[SignalBase] = []
+        slow: list[SignalBase] = []
+        for part in self.parts:
+            samples = SAMPLES_A_PERIOD * part.highest_frequency(start, end) * (end - start)
+            (fast if samples > MOST_SAMPLES else slow).append(part)
+        low, high = np.sum([part.bounds(start, end) for part in fast], axis=0) if fast else (0.0, 0.0)
+        if slow:
+            values = np.sum([part.value(self._samples(slow, start, end)) for part in slow], axis=0)
+            low, high = low + values.min(), high + values.max()
+        return float(low), float(high)
+
+    def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
+        """Times (S,) in s, breaks and a moment before each of them included."""
+        fastest = max(part.highest_frequency(start, end) for part in parts)
+        count = 1 + min(MOST_SAMPLES, max(FEWEST_SAMPLES, int(SAMPLES_A_PERIOD * fastest * (end - start))))
+        breaks = np.array([b for b in self.breaks if start <= b <= end])
+        before = np.maximum(start, np.nextafter(breaks, -np.inf))
+        return np.concatenate([np.linspace(start, end, count), breaks, before])
+
+
+def _number_is_constant(data: Any) -> Any:
+    if isinstance(data, (int, float)) and not isinstance(data, bool):
+        return {"kind": "constant", "amount": data}
+    return data
+
+
+Signal = Annotated[
+    Constant | Ramp | SmoothRamp | Table | Step | Sine | Chirp | Sum,
+    Field(discriminator="kind"),
+    BeforeValidator(_number_is_constant),
+]
+Sum.model_rebuild()

@@ -37,7 +37,7 @@ class _KnotArrays:
 
 
 class _Knots(SignalBase):
-    """Values given at increasing times, held before the first and after the last."""
+    """Values given at increasing times, held before the first and after the last; straight lines in between."""
 
     times: tuple[Seconds, ...] = Field(min_length=2, description="Increasing times")
     values: Floats = Field(min_length=2, description="Values at these times")
@@ -73,18 +73,18 @@ class _Knots(SignalBase):
         inside = (t >= knots[0]) & (t < knots[-1])
         return x, i, duration, np.diff(values)[i], inside
 
-
-class Ramp(_Knots):
-    """Straight lines between the knots."""
-
-    kind: Literal["ramp"] = Field(default="ramp", description="Straight lines between values")
-
     def value(self, t: ArrayLike) -> Array:
         return np.interp(np.asarray(t, dtype=float), *self._cached.arrays)
 
     def rate(self, t: ArrayLike) -> Array:
         _, _, duration, rise, inside = self._interval(t)
         return np.where(inside, rise / duration, 0.0)
+
+
+class Ramp(_Knots):
+    """Straight lines between the knots."""
+
+    kind: Literal["ramp"] = Field(default="ramp", description="Straight lines between values")
 
 
 class SmoothRamp(_Knots):
@@ -162,14 +162,13 @@ class Table(_Knots):
 
     def value(self, t: ArrayLike) -> Array:
         if self._is_straight:
-            return np.interp(np.asarray(t, dtype=float), *self._cached.arrays)
+            return super().value(t)
         return np.asarray(self._cached.akima(self._held(t)), dtype=float)
 
     def rate(self, t: ArrayLike) -> Array:
-        _, _, duration, rise, inside = self._interval(t)
         if self._is_straight:
-            return np.where(inside, rise / duration, 0.0)
-        return np.where(inside, self._cached.akima_rate(self._held(t)), 0.0)
+            return super().rate(t)
+        return np.where(self._interval(t)[-1], self._cached.akima_rate(self._held(t)), 0.0)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
         low, high = super().bounds(start, end)
