@@ -128,7 +128,8 @@ class Orbits:
     """Loads in the order of `order`, of which those that are images of earlier ones need no answer of their own."""
 
     def __init__(self, order: Indices, images: Sequence[Image], like: PETSc.Mat) -> None:
-        self._images, self._like = images, like
+        first, last = like.getOwnershipRange()
+        self._mirrors = [sparse(image.P[first:last], like, columns=last - first) for image in images]
         covered, own = np.zeros(len(order), bool), []
         self._of = [dict[int, int]() for _ in images]
         for load in order.tolist():
@@ -146,11 +147,11 @@ class Orbits:
     def answers(self, numbers: Indices, columns: Array) -> Iterator[Answers]:
         """Those to loads of their own, as given, then to their images; collective."""
         yield Answers(numbers, columns)
-        first, last = self._like.getOwnershipRange()
-        for image, of in zip(self._images, self._of, strict=True):
+        for P, of in zip(self._mirrors, self._of, strict=True):
             at = [k for k, load in enumerate(numbers.tolist()) if load in of]
             if at:
-                P = sparse(image.P[first:last], self._like, columns=last - first)
-                mirrored = times(P, columns[:, at])
-                freed(P)
-                yield Answers(np.array([of[load] for load in numbers[at].tolist()]), mirrored)
+                yield Answers(np.array([of[load] for load in numbers[at].tolist()]), times(P, columns[:, at]))
+
+    def drop(self) -> None:
+        """Give the images' memory back."""
+        freed(*self._mirrors)

@@ -64,6 +64,15 @@ class Trace:
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
         """Displacement of a point that follows the group (by default its centroid), and rotation: rows (6, n).
 
+        Raises an `InputError` as `rotation`.
+        """
+        arm = np.zeros(3) if about is None else np.asarray(about, float) - self.centroid
+        return sp.vstack([self.mean + sp.csr_matrix(-_cross(arm)) @ self.rotation, self.rotation], format="csr")
+
+    @cached_property
+    def rotation(self) -> sp.csr_matrix:
+        """Rotation as rows (3, n).
+
         Raises
         ------
         InputError
@@ -77,9 +86,7 @@ class Trace:
         x, y, z = (r * w[:, None]).T
         ux, uy, uz = self.values
         moments = sp.csr_matrix(np.stack([uz.T @ y - uy.T @ z, ux.T @ z - uz.T @ x, uy.T @ x - ux.T @ y]))
-        rotation = sp.csr_matrix(np.linalg.inv(J)) @ moments
-        arm = np.zeros(3) if about is None else np.asarray(about, float) - self.centroid
-        return sp.vstack([self.mean + sp.csr_matrix(-_cross(arm)) @ rotation, rotation], format="csr")
+        return sp.csr_matrix(sp.csr_matrix(np.linalg.inv(J)) @ moments)
 
 
 def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1) -> Trace:

@@ -58,6 +58,14 @@ class FreeBody:
         """M Z, this rank's rows (n_local, c)."""
         return times(self.model.M, self.Z)
 
+    def rigid(self, local: Array) -> NDArray[np.bool_]:
+        """Which columns (k,), given by this rank's rows, are motions of a rigid body that the fixed supports allow."""
+        dual = times(self.model.M, local)
+        share = inner(self.Z, dual, self.comm)
+        products = (local - self.Z @ share) * (dual - self.MZ @ share), local * dual
+        far, size = self.comm.allreduce(np.array([np.sum(product, axis=0) for product in products]))
+        return np.asarray(far <= RIGID**2 * size)
+
     def solve(self, g: Array) -> Array:
         """K^+ g, this rank's rows (n_local, k), of self-equilibrated loads given likewise, which may be overwritten."""
         if self._solver is None:
@@ -129,14 +137,6 @@ def rigid_modes(model: FullModel) -> Array:
         U = np.linalg.inv(np.linalg.cholesky(inner(R, times(model.M, R), model.comm)).T)
         R, held = R @ U, held @ U
     return np.ascontiguousarray(R @ _free(np.vstack([held, _measured(model, R)])))
-
-
-def rigid_bodies(model: FullModel, local: Array) -> NDArray[np.bool_]:
-    """Which columns (k,), given by this rank's rows, are motions of a rigid body that the fixed supports allow."""
-    Z = rigid_modes(model)
-    apart = local - Z @ inner(times(model.M, Z), local, model.comm)
-    far, size = model.comm.allreduce(np.array([np.sum(x * times(model.M, x), axis=0) for x in (apart, local)]))
-    return np.asarray(far <= RIGID**2 * size)
 
 
 def _measured(model: FullModel, R: Array) -> Array:

@@ -13,7 +13,7 @@ from pmr.fem.distributed import inner, times
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.snapshots import Snapshots
-from pmr.snapshots.free_body import rigid_bodies, rigid_modes
+from pmr.snapshots.free_body import FreeBody, rigid_modes
 from pmr.snapshots.free_modes import free_modes
 
 #: beta L of bending modes, from the characteristic equations (Blevins 1979, Table 8-1), and rigid-body modes before.
@@ -96,9 +96,9 @@ def test_rigid_bodies_that_nothing_reaches_are_left_out(load_scene, solver: str)
 )
 def test_rigid_and_soft_are_told_apart_at_any_scale(load_scene, change: str) -> None:
     full = model(load_scene, change, "body.profile.axial=false", "reduction.solver=dense")
-    assert rigid_bodies(full, local(free_modes(full, 4))).tolist() == [True, False, False, False]
+    assert FreeBody(full).rigid(local(free_modes(full, 4))).tolist() == [True, False, False, False]
     clamped = model(load_scene, change, "body.profile.axial=false", "supports=[{on=0.0,kind='clamped'}]")
-    assert not rigid_bodies(clamped, local(free_modes(clamped, 4))).any()
+    assert not FreeBody(clamped).rigid(local(free_modes(clamped, 4))).any()
 
 
 @pytest.mark.mpi

@@ -20,7 +20,7 @@ from pmr.fullmodel.structure import Clamp, Structure, structural_model
 from pmr.run import run
 from pmr.scene import Damping
 from pmr.scene.structures import PointMass
-from pmr.snapshots.free_body import rigid_bodies, rigid_modes
+from pmr.snapshots.free_body import FreeBody, rigid_modes
 from pmr.snapshots.free_modes import _beside, free_modes
 
 pytestmark = pytest.mark.mpi
@@ -54,7 +54,7 @@ def test_pitch_and_yaw_are_left_at_any_length(length: float) -> None:
     modes = free_modes(model, 4)
     Z = np.array(modes.S.getDenseArray())
     assert modes.omega[:2].tolist() == [0.0, 0.0] and np.all(modes.omega[2:] > 100.0)
-    assert rigid_bodies(model, Z).tolist() == [True, True, False, False]
+    assert FreeBody(model).rigid(Z).tolist() == [True, True, False, False]
     motion = whole(model, Z).reshape(-1, 6, 4)[:, :, :2]
     turns = motion[:, 3:]
     assert np.abs(turns - turns[:1]).max() < 1e-13 * np.abs(turns).max()

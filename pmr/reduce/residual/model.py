@@ -26,7 +26,7 @@ from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncated
-from pmr.snapshots.free_body import FreeBody, rigid_bodies
+from pmr.snapshots.free_body import FreeBody
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> 
     the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
     """
     model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
-    reduced = _projected(model, basis, provenance)
+    reduced = _projected(residual, basis, provenance)
     flexibility = load_flexibility(residual, shared.carriers, meeting(shared, len(model.input_names)))
     body.drop()
     free_dropped(model.comm)
@@ -84,7 +84,7 @@ def modal_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordi
         As `flexible_model`, and if the basis holds anything but eigenmodes.
     """
     model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
-    reduced, pattern = _projected(model, basis, provenance), meeting(shared, len(model.input_names))
+    reduced, pattern = _projected(residual, basis, provenance), meeting(shared, len(model.input_names))
     products = PathProducts(model, shared, pattern)
     flexibility = load_flexibility(residual, shared.carriers, pattern, products)
     body.drop()
@@ -108,7 +108,7 @@ def section_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coor
         As `modal_model`.
     """
     model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
-    reduced, pattern = _projected(model, basis, provenance), any_two(shared, len(model.input_names))
+    reduced, pattern = _projected(residual, basis, provenance), any_two(shared, len(model.input_names))
     inertia = InertiaOnCarriers(residual, shared.carriers, pattern) if coordinates < basis.size else None
     flexibility = load_flexibility(residual, shared.carriers, pattern, inertia)
     body.drop()
@@ -135,14 +135,15 @@ def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
     return model if coordinates == model.size else truncated(model, coordinates)
 
 
-def _projected(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
+def _projected(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
     """On the basis, which holds the fixed rows: these are left out."""
+    model = residual.model
     whole = galerkin(model, basis, provenance)
     fixed = [i for i, row in enumerate(model.rows.rows) if row.fixed]
     violated = set(fixed) - set(satisfied_rows(whole.rows, SATISFIED))
     if violated:
         raise ValueError(f"the basis violates {', '.join(model.rows.names[i] for i in sorted(violated))}")
-    return _without_round_off(without_rows(whole, fixed), model, np.array(basis.V.getDenseArray()))
+    return _without_round_off(without_rows(whole, fixed), residual, np.array(basis.V.getDenseArray()))
 
 
 def _completed(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
@@ -164,7 +165,7 @@ def _on_path(model: FullModel) -> SharedCarriers:
     return released(model).shared.aligned(model.rows.domain)
 
 
-def _without_round_off(reduced: ReducedModel, model: FullModel, V: Array) -> ReducedModel:
+def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: Array) -> ReducedModel:
     r"""No stiffness and no coupling where round-off leaves it.
 
     What it leaves of a rigid-body mode's stiffness is a spring, or a negative one, to ground; of a coupling,
@@ -173,7 +174,7 @@ def _without_round_off(reduced: ReducedModel, model: FullModel, V: Array) -> Red
 
     no digit is known, and between the modes of a fine mesh all of it is that.
     """
-    rigid, bound = rigid_bodies(model, V), ROUND_OFF * np.finfo(float).eps
+    model, rigid, bound = residual.model, residual.rigid, ROUND_OFF * np.finfo(float).eps
 
     def size(whole: PETSc.Mat) -> Array:
         of_entries = sparse(abs(local_csr(whole)), whole, columns=whole.getLocalSize()[1])

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from pmr.fem.distributed import freed, inner, sparse, subtract, times
 from pmr.fullmodel.symmetry import images_of
-from pmr.snapshots.free_body import FreeBody, fixed_rows, rigid_bodies
+from pmr.snapshots.free_body import FreeBody, fixed_rows
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,8 @@ class ResidualFlexibility:
         self.model = model = body.model
         self._body, self._comm = body, model.comm
         Z, MZ = body.Z, body.MZ
-        W = V[:, ~rigid_bodies(model, V)]
+        self.rigid = body.rigid(V)  # (r,): which columns of the basis are motions of a rigid body
+        W = V[:, ~self.rigid]
         W = W - Z @ inner(MZ, W, self._comm)
         W = _orthonormal(W, times(model.K, W), self._comm)
         self._basis = np.asfortranarray(np.hstack([Z, W]))

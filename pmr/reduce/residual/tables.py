@@ -164,6 +164,7 @@ def load_flexibility(
             found.take(answers.numbers, answers.columns)
             if consumer is not None:
                 consumer.take(answers.numbers, answers.columns)
+    orbits.drop()
     return found.result()
 
 
