@@ -14,8 +14,9 @@ from numba.core.caching import FunctionCache
 # Without Numba's runtime nothing can be allocated.  NaN and infinity stay visible, while sums may be reordered.
 OPTIONS = {"fastmath": {"reassoc", "contract", "nsz", "arcp"}, "error_model": "numpy", "nogil": True, "_nrt": False}
 
-#: For functions that are parts of others: a call would copy the headers of all arrays.
-inlined = njit(forceinline=True, **OPTIONS)
+#: For functions that are parts of others: a call would copy the headers of all arrays.  Python can't call them: what it
+#: would call takes a third of the time in which they are compiled.
+inlined = njit(forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)
 
 
 def compiled(function: Callable[..., Any]) -> Any:
