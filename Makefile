@@ -112,16 +112,20 @@ docs-check: setup .venv/.docs ## the same without executing the examples, which 
 first-boom: ## the tutorial's first steps, from a wheel in an environment of its own (Python 3.12 or newer)
 	@.ci/first_boom "$(PYTHON312)"
 
+# $(call beside,TARGETS,OTHERS): on two cores at once; what the others say is shown at the end.
+define beside
+log=$$(mktemp); $(MAKE) --no-print-directory $2 >"$$log" 2>&1 </dev/null & \
+$(MAKE) --no-print-directory $1; status=$$?; wait $$! || status=1; cat "$$log"; rm -f "$$log"; exit $$status
+endef
+
+# Either the other stack stands beside the whole of this one, or one half of this one beside the other.
+WHEEL = test-wheel-suite test-wheel-mpi $(OTHERS:%=test-wheel-kernel-%)
+ALONE = echo "wheel stack not tested: make test-wheel does it, with Python 3.12 or newer"; \
+    $(call beside,lint test-suite,test-mpi test-kernels)
+
 .PHONY: test
 test: setup ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too, beside it
-	@if [ "$$CI" != true ]; then $(MAKE) --no-print-directory lint test-debian && echo "wheel stack not tested: make test-wheel does it"; \
-	elif [ -z "$(PYTHON312)" ]; then $(MAKE) --no-print-directory lint test-debian && echo "wheel stack not tested: no Python 3.12 or newer found"; \
-	else log=$$(mktemp); $(MAKE) --no-print-directory test-wheel >"$$log" 2>&1 </dev/null & \
-	    $(MAKE) --no-print-directory lint test-debian; status=$$?; \
-	    wait $$! || status=1; echo "--- wheel stack:"; cat "$$log"; rm -f "$$log"; exit $$status; fi
-
-.PHONY: test-debian
-test-debian: test-suite test-mpi test-kernels
+	@$(if $(filter true,$(CI)),$(if $(PYTHON312),$(call beside,lint test-suite test-mpi test-kernels,$(WHEEL)),$(ALONE)),$(ALONE))
 
 .PHONY: test-suite
 test-suite: setup .venv-snakemake/.ready .venv-fmi/.ready
@@ -188,11 +192,15 @@ python312:
 	@touch $@
 
 .PHONY: test-wheel
-test-wheel: test-wheel-suite $(OTHERS:%=test-wheel-kernel-%) ## all of it on the wheel stack (Python 3.12 or newer)
+test-wheel: .venv-wheel/.ready ## all of it on the wheel stack (Python 3.12 or newer)
+	@$(call beside,$(firstword $(WHEEL)),$(wordlist 2,9,$(WHEEL)))
 
 .PHONY: test-wheel-suite
 test-wheel-suite: .venv-wheel/.ready
 	$(call pytest,.venv-wheel,$(KERNEL))
+
+.PHONY: test-wheel-mpi
+test-wheel-mpi: .venv-wheel/.ready
 	$(call ranks,.venv-wheel,$(KERNEL),mpirun,mpi)
 
 test-wheel-kernel-%: .venv-wheel/.ready

@@ -62,6 +62,12 @@ def _what_is_loaded_stays() -> None:
     gc.freeze()
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawings stay empty, which take most of a page's time: for tests of what stands beside them."""
+    monkeypatch.setattr("pmr.report.figures.vector.svg", lambda figure, name, description: "<svg></svg>")
+
+
 @pytest.fixture(scope="session")
 def load_scene() -> Callable[..., Scene]:
     """A scene of ``workflows/`` with overrides."""

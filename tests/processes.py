@@ -17,6 +17,11 @@ from pmr.cli.app import main
 FENICSX = ("dolfinx", "ufl", "basix", "ffcx")
 PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
+#: The command whose reports have empty figures, which take longer than a short run: for tests of anything else.
+UNDRAWN = (
+    "from pmr.report import blocks\n"
+    "blocks.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
+) + COMMAND
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,7 @@ class Called:
 
 
 def called(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str) -> Called:
-    """The command in this process, which has loaded everything already: for what ends before it computes."""
+    """The command in this process, which has loaded everything already."""
     monkeypatch.setattr(sys, "argv", ["pmr", *arguments])
     with pytest.raises(SystemExit) as left:
         main()
@@ -55,6 +60,11 @@ def python(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subproce
         cwd=cwd,
         env=dict(os.environ),
     )
+
+
+def undrawn(*arguments: str, ranks: int = 1, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """The command `pmr` in a process of its own, with a report whose figures are empty."""
+    return python("-c", UNDRAWN, *arguments, ranks=ranks, cwd=cwd)
 
 
 def resident() -> float:

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from driving import driven
-from processes import python
+from processes import undrawn
 from scipy.signal import butter, sosfiltfilt
 from textbook import TIP_DEFLECTION
 
@@ -260,7 +260,7 @@ def test_one_and_two_ranks_give_the_same_figures(tmp_path) -> None:
         folder = tmp_path / str(ranks)
         changes = ["--set", "reduction.solver=slepc", "--set", "compare.against=['full']", "--set", "time.end=3.0"]
         scene = "workflows/paper_evolved.toml"
-        done = python("-m", "pmr", "run", scene, "--out", str(folder), *changes, ranks=ranks)
+        done = undrawn("run", scene, "--out", str(folder), *changes, ranks=ranks)
         assert done.returncode == 0, done.stderr
         summaries.append(json.loads((folder / "summary.json").read_text()))
     a, b = summaries

@@ -51,7 +51,7 @@ def test_the_fewest_that_hold_a_tolerance() -> None:
 @pytest.mark.slow
 def test_random_booms_hold_what_they_are_asked_for() -> None:
     """Beside their full models; ``PMR_SWEEP=full`` takes eight booms."""
-    for seed in (0, 2, 3, 5, 7, 11, 14, 17) if os.environ.get("PMR_SWEEP") == "full" else (3, 14):
+    for seed in (0, 2, 3, 5, 7, 11, 14, 17) if os.environ.get("PMR_SWEEP") == "full" else (3,):
         for tolerance in (1e-3, 1e-4):
             outcome = run_boom(random_boom(seed).model_copy(update={"accuracy": BoomAccuracy(tolerance=tolerance)}))
             assert outcome is not None

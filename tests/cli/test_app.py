@@ -60,10 +60,12 @@ def test_the_summary_keeps_its_contract(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_several_scenes_make_one_report(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_several_scenes_make_one_report(tmp_path: Path, monkeypatch, capsys) -> None:
     second = tmp_path / "second.toml"
     second.write_text(f'extends = "{Path(SIMPLE).resolve()}"\ntitle = "A second scene"\n')
-    done = pmr("run", SIMPLE, str(second), "--out", str(tmp_path / "out"), *SHORT, "--set", "compare.against=[]")
+    both = ("run", SIMPLE, str(second), "--out", str(tmp_path / "out"))
+    done = called(monkeypatch, capsys, *both, *SHORT, "--set", "compare.against=[]")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "report.pdf").exists()
     for stem in ("paper_simple", "second"):
@@ -73,8 +75,9 @@ def test_several_scenes_make_one_report(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_info_says_what_a_file_holds(folder: Path) -> None:
-    stack, model, scene = pmr("info"), pmr("info", str(folder / "reduced.npz")), pmr("info", SIMPLE)
+def test_info_says_what_a_file_holds(folder: Path, monkeypatch, capsys) -> None:
+    files = ([], [str(folder / "reduced.npz")], [SIMPLE])
+    stack, model, scene = (called(monkeypatch, capsys, "info", *file) for file in files)
     assert "dolfinx" in stack.stdout and "float64" in stack.stdout
     assert "20 coordinates" in model.stdout and "slider" in model.stdout and "F in N" in model.stdout
     assert "estimated error" in model.stdout
@@ -102,9 +105,9 @@ def test_info_names_inputs_and_outputs_with_units() -> None:
 
 
 @pytest.mark.slow
-def test_an_exported_script_runs_without_pmr(folder: Path, tmp_path: Path) -> None:
+def test_an_exported_script_runs_without_pmr(folder: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     (tmp_path / "reduced.npz").write_bytes((folder / "reduced.npz").read_bytes())
-    done = pmr("export", str(tmp_path / "reduced.npz"), "--to", "exudyn")
+    done = called(monkeypatch, capsys, "export", str(tmp_path / "reduced.npz"), "--to", "exudyn")
     assert done.returncode == 0, done.stderr
     script = Path(done.stdout.strip())
     assert script.parent == tmp_path and "pmr" not in [
@@ -117,11 +120,12 @@ def test_an_exported_script_runs_without_pmr(folder: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_report_that_cant_be_drawn_loses_no_results(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_a_report_that_cant_be_drawn_loses_no_results(tmp_path: Path, monkeypatch, capsys) -> None:
     """Where the PDF belongs stands a folder, which comes up last of all."""
     (tmp_path / "out" / "report.pdf").mkdir(parents=True)
     short = ["--set", "time.end=0.2", "--set", "slider.path=1.3", "--set", "compare.against=[]"]
-    done = pmr("run", SIMPLE, "--out", str(tmp_path / "out"), *short)
+    done = called(monkeypatch, capsys, "run", SIMPLE, "--out", str(tmp_path / "out"), *short)
     assert done.returncode == 1 and len(done.stderr.strip().splitlines()) == 1
     assert "the report can't be drawn (" in done.stderr and "report.pdf" in done.stderr
     assert "coordinates; simulated in" in done.stdout
@@ -173,19 +177,21 @@ def test_the_place_for_results_is_tried_before_anything_is_computed(tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_an_export_replaces_no_model(folder: Path, tmp_path: Path) -> None:
+def test_an_export_replaces_no_model(folder: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     model = folder / "reduced.npz"
     content = model.read_bytes()
     (tmp_path / "reduced.npz").write_bytes(b"another")
     for out in (model, folder, tmp_path / "script.py"):
-        assert pmr("export", str(model), "--out", str(out)).returncode == 2
+        assert called(monkeypatch, capsys, "export", str(model), "--out", str(out)).returncode == 2
     assert model.read_bytes() == content and (tmp_path / "reduced.npz").read_bytes() == b"another"
 
 
 @pytest.mark.slow
-def test_several_simulators_say_how_far_they_agree(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_several_simulators_say_how_far_they_agree(tmp_path: Path, monkeypatch, capsys) -> None:
     short = ("--set", "time.end=0.2", "--set", "slider.path=1.3", "--set", "compare.against=[]")
-    done = pmr("run", SIMPLE, *short, "--simulators", "exudyn-callback, march,exudyn", "--out", str(tmp_path))
+    names = ("--simulators", "exudyn-callback, march,exudyn")
+    done = called(monkeypatch, capsys, "run", SIMPLE, *short, *names, "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert list(summary["seconds"]["simulate"]) == ["exudyn-callback", "march", "exudyn"]

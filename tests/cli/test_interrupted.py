@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import UNDRAWN, undrawn
 
 from pmr.files.swap import finished
 from pmr.reduced.model import ReducedModel
@@ -41,7 +42,7 @@ def command(folder: Path, coordinates: int) -> list[str]:
 
 
 def ran(folder: Path, coordinates: int) -> None:
-    subprocess.run([sys.executable, "-m", "pmr", *command(folder, coordinates)], check=True, capture_output=True)
+    undrawn(*command(folder, coordinates)).check_returncode()
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -82,7 +83,7 @@ def test_a_run_may_be_killed_at_any_time(old: Old, tmp_path: Path) -> None:
     for k in range(KILLS):
         folder = tmp_path / str(k)
         shutil.copytree(old.folder, folder)
-        process = subprocess.Popen([sys.executable, "-m", "pmr", *command(folder, NEW)], stdout=subprocess.DEVNULL)
+        process = subprocess.Popen([sys.executable, "-c", UNDRAWN, *command(folder, NEW)], stdout=subprocess.DEVNULL)
         if k % 2:  # while it writes
             while process.poll() is None and not list(folder.glob(".pmr-new-*")):
                 time.sleep(0.0005)

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from processes import called, python
+from processes import called, python, undrawn
 from waiting import PATIENCE, wait_until
 
 from pmr.studies.results import StudyResults
@@ -51,7 +51,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def done(small: Path) -> Path:
     """Its results."""
     folder = small.parent / "out"
-    finished = pmr(str(small), "--out", str(folder), "--jobs", "1")
+    finished = undrawn("study", str(small), "--out", str(folder), "--jobs", "1")
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.splitlines() == [
         f"table  {folder}/runs.csv",
@@ -73,27 +73,30 @@ def test_a_study_leaves_what_the_help_says(done: Path) -> None:
 
 
 @pytest.mark.slow
-def test_called_again_it_goes_on(small: Path, done: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_called_again_it_goes_on(small: Path, done: Path, monkeypatch, capsys) -> None:
     before = tables(done)
-    again = pmr(str(small), "--out", str(done))
+    again = called(monkeypatch, capsys, "study", str(small), "--out", str(done))
     assert again.returncode == 0 and "2 of 2 runs are there; 0 tasks" in again.stdout
     assert tables(done) == before
 
 
 @pytest.mark.slow
-def test_runs_can_be_named_and_computed_one_by_one(small: Path, done: Path) -> None:
+def test_runs_can_be_named_and_computed_one_by_one(small: Path, done: Path, monkeypatch, capsys) -> None:
     names = [f"basis=eigenmodes,coordinates={r}" for r in (10, 20)]
-    assert pmr(str(small), "--list").stdout.split() == names
+    assert called(monkeypatch, capsys, "study", str(small), "--list").stdout.split() == names
     before = tables(done)
-    one = pmr(str(small), "--out", str(done), "--only", names[1])
+    one = called(monkeypatch, capsys, "study", str(small), "--out", str(done), "--only", names[1])
     assert one.returncode == 0 and one.stdout == "1 of 1 runs are there; 0 tasks were computed now\n"
     assert tables(done) == before
 
 
 @pytest.mark.slow
-def test_a_failing_run_leaves_exit_code_1_and_the_other_runs(small: Path, done: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_a_failing_run_leaves_exit_code_1_and_the_other_runs(small: Path, done: Path, monkeypatch, capsys) -> None:
     more = "change.reduction.snapshots=21"  # more than the mesh has nodes for
-    failed = pmr(str(small), "--out", str(done.with_name("failed")), "--set", more, "--jobs", "1")
+    asked = ("study", str(small), "--out", str(done.with_name("failed")), "--set", more, "--jobs", "1")
+    failed = called(monkeypatch, capsys, *asked)
     assert failed.returncode == 1 and "0 of 2 runs are there" in failed.stdout
     assert "skipped: basis=eigenmodes,coordinates=10: needs modes-21x6-0-" in failed.stderr
     assert "at most 20 fit on the mesh's nodes" in failed.stderr and "Traceback" not in failed.stderr
@@ -125,20 +128,13 @@ def test_bad_input_is_said_once_on_several_ranks() -> None:
 
 
 @pytest.mark.slow
-def test_ranks_make_the_same_table(small: Path, done: Path, tmp_path: Path) -> None:
-    finished = python("-m", "mpi4py.futures", "-m", "pmr", "study", str(small), "--out", str(tmp_path), ranks=2)
-    assert finished.returncode == 0, finished.stderr
-    assert tables(tmp_path) == tables(done)
-
-
-@pytest.mark.slow
 def test_killed_and_started_again_it_makes_the_same_table(small: Path, done: Path, tmp_path: Path) -> None:
     arguments, count = ["study", str(small), "--out", str(tmp_path), "--jobs", "1"], 5
     child = subprocess.Popen([sys.executable, HELD, str(count), *arguments])
     wait_until(lambda: len(list(tmp_path.glob("tasks/*.npz"))) == count, child)
     child.kill()
     child.wait()
-    again = pmr(*arguments[1:])
+    again = undrawn(*arguments)
     assert again.returncode == 0, again.stderr
     assert int(again.stdout.split(";")[1].split()[0]) <= 9 - count
     assert tables(tmp_path) == tables(done)

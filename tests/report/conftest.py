@@ -147,12 +147,6 @@ def bare(make_result: MakeResult) -> RunResult:
     )
 
 
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drawings stay empty, which take most of a page's time: for tests of what stands beside them."""
-    monkeypatch.setattr("pmr.report.figures.vector.svg", lambda figure, name, description: "<svg></svg>")
-
-
 @dataclass(frozen=True)
 class Written:
     """A report of both cases, and what was logged while it was written."""

@@ -26,7 +26,7 @@ from pmr.system.body import force_outputs
 ROOT = Path(__file__).parents[3]
 HERE = Path(__file__).parent
 pytestmark = pytest.mark.slow
-CASES = {"evolved_residual": [], "boom_shell": ["time.end=5"]}
+CASES = {"evolved_residual": ["time.end=6"], "boom_shell": ["time.end=2"]}
 #: What an importer of both kinds calls, by version.
 REQUIRED = {
     "2": "Instantiate FreeInstance SetupExperiment EnterInitializationMode ExitInitializationMode Terminate Reset "
