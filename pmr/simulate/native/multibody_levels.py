@@ -125,7 +125,7 @@ def scheme_of(levels: Levels, level: int) -> Scheme:
 def contact_of(contact: Contact | None, levels: Levels, level: int) -> Contact | None:
     """With what a force leaves on a level for the next part."""
     if contact is None:
-        return None
+        return contact  # with `None` all that is called with it would be compiled once more, for a contact or none
     c = levels.memories[level]
     return Contact(
         Memory(c[0], c[1], c[2], c[3], c[4], c[5], c[6]),

@@ -69,7 +69,8 @@ def run(
     """
     finest = levels.parts[-1]
     if control.active[0] < 0 and len(z) > 0:
-        failed = _begin(bodies, levels, state, sides, control, 0, s[0], f[0])
+        first = np.int64(0)  # for a literal it would be compiled once more
+        failed = _begin(bodies, levels, state, sides, control, first, s[0], f[0])
         if failed:
             return 0, failed
     scheme = scheme_of(levels, 0)
