@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from processes import Called, called
+from processes import UNDRAWN, Called, called
 
 from pmr import scene
 from pmr.compare import responses
@@ -21,11 +21,11 @@ MARCH_ALONE = ["simulation.simulators=['march']", "compare.against=['full']"]
 
 
 def run_without(folder: Path, package: str, content: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """`pmr` in a process in which an earlier entry of the path hides a package by one that fails to load."""
+    """`pmr`, its figures empty, in a process where an earlier entry of the path hides a package by one that fails."""
     (folder / "hidden").mkdir()
     (folder / "hidden" / f"{package}.py").write_text(content)
     path = os.pathsep.join([str(folder / "hidden"), *filter(None, [os.environ.get("PYTHONPATH")])])
-    command = [sys.executable, "-m", "pmr", *arguments]
+    command = [sys.executable, "-c", UNDRAWN, *arguments]
     return subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": path}, cwd=folder)
 
 

@@ -8,7 +8,7 @@ import shlex
 from pathlib import Path
 
 import pytest
-from processes import python
+from processes import called, python
 
 PAGES = Path(__file__).parents[1] / "docs" / "tutorials"
 
@@ -23,15 +23,17 @@ SHORT = {"reports/heavy": ["--set", "time.end=0.1"], "payloads.toml": ["--set", 
 
 
 @pytest.mark.slow
-def test_the_first_boom(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_the_first_boom(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     page = (PAGES / "first_boom.md").read_text()
     (study,) = blocks("first_boom.md", "toml")
     (tmp_path / "payloads.toml").write_text(study)
+    monkeypatch.chdir(tmp_path)
     for block in blocks("first_boom.md"):
         asked, *answer = block.splitlines()
         refused, command = asked.startswith("$ "), shlex.split(asked.removeprefix("$ "))
         command += next((short for name, short in SHORT.items() if name in asked), [])
-        done = python("-m", *command, cwd=tmp_path)
+        done = called(monkeypatch, capsys, *command[1:])
         assert done.returncode == (2 if refused else 0), done.stderr
         if refused:
             assert done.stderr.split() == " ".join(answer).split()
@@ -56,8 +58,12 @@ def test_the_first_boom(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_body_in_exudyn(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_the_body_in_exudyn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     first, last = blocks("exudyn.md")
+    monkeypatch.chdir(tmp_path)
     for command in (first, last):
         if command is last:
             code = "".join(blocks("exudyn.md", "python"))
@@ -68,7 +74,7 @@ def test_the_body_in_exudyn(tmp_path: Path) -> None:
             assert said.returncode == 0, said.stderr
             by_coordinates, whole = (float(x) for x in re.findall(r"([\d.]+) mm", said.stdout))
             assert by_coordinates == pytest.approx(whole, rel=0.02) and whole == pytest.approx(47.8, rel=0.01)
-        done = python("-m", *shlex.split(command), cwd=tmp_path)
+        done = called(monkeypatch, capsys, *shlex.split(command)[1:])
         assert done.returncode == 0, done.stderr
     assert (tmp_path / "evolved" / "sliding_body.py").exists()
 
