@@ -1,10 +1,11 @@
 r"""The fewest coordinates of a boom's sections that hold an error, or the best ones within a number of them.
 
 One reduction of each section holds all smaller ones.  Errors are those beside a model that has all of its modes and
-attachment modes for the loads which sections bear (`pmr.compare.boom_estimate`), with `MARGIN`.  The search begins with
-the fewest elastic modes, as many in every section, then takes away one by one where the tolerance allows it; within a
-budget it adds them one by one where that helps most.  The time step stays as it is given: both models take it.
-Where pads push each model takes the parts of a step that its own forces ask for, so what these leave counts, too.
+attachment modes for the loads which sections bear (`pmr.compare.boom_estimate`), with `MARGIN_OF_ALL_MODES`.  The
+search begins with the fewest elastic modes, as many in every section, then takes away one by one where the tolerance
+allows it; within a budget it adds them one by one where that helps most.  The time step stays as it is given: both
+models take it.  Where pads push each model takes the parts of a step that its own forces ask for, so what these leave
+counts, too.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from pmr.accuracy.errors import MARGIN
 from pmr.compare import errors
 from pmr.compare.boom_estimate import response_from_rest, with_loads_answered
 from pmr.compare.booms import quantities
+from pmr.compare.estimate import MARGIN_OF_ALL_MODES
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated
@@ -63,7 +64,7 @@ class _Search:
                 found = response_from_rest(system_of(self._boom, self.models(sizes)), self._excitation)
                 pair, measured = {"reduced": found, "full": self._best}, quantities(self._boom, found)
                 off = errors.errors(pair, errors.relative_error, quantities=measured)["reduced_vs_full"]
-                self._known[key] = {kind: MARGIN * off[kind] for kind in asked.outputs}
+                self._known[key] = {kind: MARGIN_OF_ALL_MODES * off[kind] for kind in asked.outputs}
             except SimulationError:
                 self._known[key] = dict.fromkeys(asked.outputs, float("inf"))
         return self._known[key]

@@ -17,13 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pmr.accuracy.family import Family, Member
+from pmr.compare.estimate import MARGIN_OF_ALL_MODES
 from pmr.compare.halved_steps import ROUGH
 from pmr.compare.outputs import Outputs, differences
 from pmr.errors import SimulationError
 from pmr.simulate.resolution import unseen
 
-#: Of all errors; they are known better than an estimate by a few enrichment modes, whose margin is 1.25.
-MARGIN = 1.1
 #: So many modes less tell what all modes leave unsure.
 LESS = 4
 
@@ -84,7 +83,7 @@ class Errors:
         """Error by kind, with margin."""
         best = self.best(steps)
         found = differences(best.minus(missing), best, self._floors, self.demand.kinds)
-        return {kind: MARGIN * share for kind, share in found.items()}
+        return {kind: MARGIN_OF_ALL_MODES * share for kind, share in found.items()}
 
     def total(self, member: Member, rung: Rung, steps: int) -> dict[str, float]:
         """Both parts together, by kind; no less than the larger one."""

@@ -84,15 +84,9 @@ class Family:
     def form(self, member: Member) -> ModalForm:
         """A member in its modal coordinates, which are the modes themselves."""
         if member not in self._forms:
-            body, r = self._form.body, member.coordinates
-            body = body if r == self.size else truncated(body, r)
-            body = with_kept_inertia(body) if member.residual_inertia else body
-            self._forms[member] = ModalForm(body, np.eye(r), np.eye(r), self._form.rows)
+            body, every = member_of(self._form.body, member), np.eye(member.coordinates)
+            self._forms[member] = ModalForm(body, every, every, self._form.rows)
         return self._forms[member]
-
-    def reduced(self, member: Member) -> ReducedModel:
-        """A member in the coordinates of the reduction."""
-        return member_of(self.model, member)
 
     def motion(self, member: Member, steps: int, times: int) -> Outputs:
         """Of one member with so many steps, at `times` equal intervals, a whole number of steps each.

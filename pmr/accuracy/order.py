@@ -79,7 +79,7 @@ def choose(scene: Scene, reduced: ReducedModel) -> Choice:
             "reduction": scene.reduction.model_copy(update=update),
         }
     )
-    return Choice(chosen, family.reduced(member), found)
+    return Choice(chosen, member_of(reduced, member), found)
 
 
 def with_mesh(choice: Choice, reduced_of: Callable[[Scene], ReducedModel]) -> Choice:

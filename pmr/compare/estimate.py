@@ -40,8 +40,8 @@ from pmr.system.body import Trajectory, pushing_rows
 
 Array = NDArray[np.float64]
 
-#: Margin of the estimate over what the enrichment modes say.
-MARGIN = 1.25
+#: Margin of the estimate over what the enrichment modes say, and of errors that all modes of a reduction tell.
+MARGIN, MARGIN_OF_ALL_MODES = 1.25, 1.1
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-r"""Circular frequencies of a reduced model with its rows held at one path coordinate after the other.
+r"""Circular frequencies of a reduced model with its rows held at one path coordinate after the other; tip responses.
 
 Closed forms are those of the uniform Euler-Bernoulli beam, pinned at 0, supported at s, free at L.  The rotation of the
 beam over the support is the one unknown; the moments with which the two spans resist it must cancel.  With a = beta s,
@@ -20,10 +20,12 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from pmr.compare.summary import Part
 from pmr.reduced.model import ReducedModel
-from pmr.results import FrequencyCurves
+from pmr.results import FrequencyCurves, FrequencyResponse
 from pmr.scene import Scene
-from pmr.scene.choice import is_pinned_beam
+from pmr.scene.choice import is_pinned_beam, transverse
+from pmr.simulate.state_space import state_space
 from pmr.system.compliant_rows import CompliantRows
 
 Array = NDArray[np.float64]
@@ -31,6 +33,9 @@ Array = NDArray[np.float64]
 #: Frequencies that are compared, and places at which: beyond so many coordinates each of these costs some tenths of a
 #: second and more.
 CURVES, POSITIONS, FEWER_POSITIONS, LARGE = 6, 49, 11, 300
+#: Places along the path, and frequencies, of responses in frequency.
+RESPONSES, RESPONSE_FREQUENCIES = 5, 400
+_UNITS = {"N": "m/N", "m/s^2": "m/(m/s²)"}
 
 
 def visited_positions(scene: Scene, size: int) -> Array:
@@ -124,3 +129,51 @@ def _residual(x: Any, share: float) -> Any:
     supported = 2.0 * np.sin(a) * np.tanh(a) * (1.0 / np.cosh(b) + np.cos(b))
     free = (np.cos(b) * np.tanh(b) - np.sin(b)) * (np.sin(a) - np.cos(a) * np.tanh(a))
     return supported + free
+
+
+def frequency_response(scene: Scene, reduced: ReducedModel) -> FrequencyResponse | None:
+    """The tip's to each load, along the path: what a drive or a controller meets; None unless asked for.
+
+    With the sliders at rest, from a tenth of the lowest natural frequency to the highest.  Raises InputError if rows
+    are rigid or only push, or the model keeps residual inertia.
+    """
+    if not scene.observe.frequency_response:
+        return None
+    s = np.unique(np.linspace(*scene.path_bounds, RESPONSES))
+    space = state_space(reduced, s, "scene")
+    natural = space.natural / (2.0 * np.pi)
+    f = np.geomspace(0.1 * natural.min(), 1.2 * natural.max(), RESPONSE_FREQUENCIES)
+    tips = [
+        k for k, name in enumerate(space.outputs) if name in {scene.observe.tip_along(d) for d in transverse(scene)}
+    ]
+    static = space.frequency_response(np.zeros(1))[:, 0, tips].real
+    furthest = np.abs(static).max(axis=0).argmax(axis=0)  # of each load, the direction in which it moves the tip
+    inputs = np.arange(len(space.inputs))
+    gain = np.abs(space.frequency_response(2.0 * np.pi * f)[:, :, tips])[:, :, furthest, inputs]
+    return FrequencyResponse(
+        s,
+        f,
+        gain,
+        static[:, furthest, inputs],
+        damped=bool(np.any(reduced.D)),
+        outputs=tuple(space.outputs[tips[k]] for k in furthest),
+        inputs=space.inputs,
+        units=tuple(_UNITS.get(unit, f"m/({unit})") for unit in reduced.input_units),
+    )
+
+
+def frequency_part(found: FrequencyResponse | None) -> Part:
+    """``frequency_response``: of each load static and largest gain, and where that is, at each place."""
+    if found is None:
+        return Part()
+    figures: dict[str, Any] = {"s": found.s.tolist(), "damped": found.damped, "gain": {}}
+    for k, name in enumerate(found.inputs):
+        peak = found.gain[:, :, k].argmax(axis=1)
+        figures["gain"][name] = {
+            "output": found.outputs[k],
+            "unit": found.units[k],
+            "static": found.static[:, k].tolist(),
+            "largest": found.gain[np.arange(len(peak)), peak, k].tolist() if found.damped else None,
+            "at": found.f[peak].tolist(),
+        }
+    return Part({"frequency_response": figures})

@@ -14,9 +14,7 @@ from pmr import environment
 from pmr.accuracy import order
 from pmr.compare import memory
 from pmr.compare.estimated import asks_for_other, other_of, reduction_error, step_part
-from pmr.compare.frequencies import CURVES, frequency_curves, visited_positions
-from pmr.compare.frequency_response import frequency_response
-from pmr.compare.frequency_response import part as frequency_part
+from pmr.compare.frequencies import CURVES, frequency_curves, frequency_part, frequency_response, visited_positions
 from pmr.compare.references import references
 from pmr.compare.responses import check_installed, full_simulator, quantities, simulate
 from pmr.compare.summary import (

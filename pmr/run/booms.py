@@ -13,8 +13,7 @@ from pmr.accuracy import booms as order
 from pmr.compare import boom_figures as figures
 from pmr.compare import pad_forces
 from pmr.compare.boom_estimate import BoomError, boom_error
-from pmr.compare.boom_references import FullBoom, FullRun
-from pmr.compare.boom_simulations import BoomSimulations, simulate
+from pmr.compare.boom_motions import BoomSimulations, FullBoom, FullRun, simulate_reduced
 from pmr.compare.booms import quantities, with_friction
 from pmr.compare.responses import check_installed
 from pmr.compare.summary import Part, compared, driven, gathered, made_with, simulated, trusted
@@ -105,7 +104,7 @@ class _Run:
             large = self.full is not None and self.full.simulator == "petsc"
             steps = figures.on_the_way(boom, excitation.times, figures.FEWER_PLACES if large else figures.PLACES)
             curves = {} if self.full is None else {"full": self._full_frequencies(self.full, steps)}
-        simulations = on_first(self.comm, lambda: simulate(boom, system, excitation, clock))
+        simulations = on_first(self.comm, lambda: simulate_reduced(boom, system, excitation, clock))
         made = excitation.stepping
         if simulations is not None:
             made = contact_step.as_made(made, simulations.first.parts, omega)

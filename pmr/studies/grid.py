@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,15 +12,6 @@ from typing import Any
 from pmr.errors import InputError
 from pmr.scene.tomlfiles import Change
 from pmr.studies.engine.task import KEY, Scalar
-
-
-@dataclass(frozen=True)
-class Axis:
-    """One list of a grid, under its dotted key; `name` is the shortest that tells it from the others."""
-
-    key: str
-    name: str
-    values: tuple[Any, ...]
 
 
 @dataclass(frozen=True)
@@ -35,26 +27,20 @@ def points(grid: Mapping[str, Any]) -> Iterator[Point]:
     """All combinations of a grid's lists, the last list varying fastest; of an empty grid the one without changes.
 
     ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has four, the first called ``modes=4`` and
-    ``coordinates=10``.
+    ``coordinates=10``; a name is the shortest end of a dotted key that tells it from the others.
 
     Raises InputError with source ``"study"``, if something else than a list with values stands at the end of a key.
     """
-    found = axes(grid)
-    for numbers in itertools.product(*(range(len(axis.values)) for axis in found)):
-        chosen = [(axis, number, axis.values[number]) for axis, number in zip(found, numbers, strict=True)]
-        yield Point(
-            tuple(Change(_nested(axis.key, value), "grid") for axis, _, value in chosen),
-            tuple(f"{axis.name}={_word(value, number)}" for axis, number, value in chosen),
-            {axis.key: value if _is_plain(value) else json.dumps(value) for axis, _, value in chosen},
-        )
-
-
-def axes(grid: Mapping[str, Any]) -> list[Axis]:
-    """The lists of a grid in their order; errors as for `points`."""
     lists = dict(_lists(grid, ""))
-    last = [key.rpartition(".")[2] for key in lists]
-    names = [key if last.count(name) > 1 else name for key, name in zip(lists, last, strict=True)]
-    return [Axis(key, name, tuple(values)) for (key, values), name in zip(lists.items(), names, strict=True)]
+    last = Counter(key.rpartition(".")[2] for key in lists)
+    names = [key if last[key.rpartition(".")[2]] > 1 else key.rpartition(".")[2] for key in lists]
+    for numbered in itertools.product(*map(enumerate, lists.values())):
+        values = {key: value for key, (_, value) in zip(lists, numbered, strict=True)}
+        yield Point(
+            tuple(Change(_nested(key, value), "grid") for key, value in values.items()),
+            tuple(f"{name}={_word(value, number)}" for name, (number, value) in zip(names, numbered, strict=True)),
+            {key: value if _is_plain(value) else json.dumps(value) for key, value in values.items()},
+        )
 
 
 def _lists(tables: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Sequence[Any]]]:

@@ -1,6 +1,6 @@
-"""What a run of a study says beside errors: forces, frequencies, what probes measure, as figures of its row.
+"""What a run of a study says, as figures of its row: errors, forces, frequencies, what probes measure.
 
-Of booms of several sections it is all that their run says, from the scene to errors.
+Booms of several sections are run here, too.
 """
 
 from __future__ import annotations
@@ -21,6 +21,20 @@ Array = NDArray[np.float64]
 
 #: Frequencies that are told, at these places of the path: where s is least, in the middle, where it is largest.
 FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
+
+
+def compared(summary: Mapping[str, Any], *kinds: str) -> dict[str, Scalar]:
+    """``<kind>.<a>_vs_<b>.<place>`` of ``errors`` or ``absolute_errors``; ``max_displacement``, ``max_error`` in m.
+
+    `summary` is that of a run, or the part that `pmr.compare.summary.compared` makes of responses.
+    """
+    record: dict[str, Scalar] = {
+        f"{kind}.{pair}.{place}": error
+        for kind in kinds
+        for pair, places in summary[kind].items()
+        for place, error in places.items()
+    }
+    return record | {key: summary[key] for key in ("max_displacement", "max_error") if summary[key] is not None}
 
 
 def taken_away(scene: Scene, response: Response, s: Array, omega: Array) -> dict[str, Scalar]:
@@ -100,11 +114,8 @@ def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult])
     outcome = run_boom(boom)
     assert outcome is not None  # a task runs on one rank
     result, summary = outcome.result, outcome.result.summary
-    record: dict[str, Scalar] = {
-        f"errors.{pair}.{place}": error for pair, places in summary["errors"].items() for place, error in places.items()
-    }
+    record = compared(summary, "errors")
     record |= {f"coordinates.{model}": size for model, size in summary["coordinates"].items()}
-    record |= {key: summary[key] for key in ("max_displacement", "max_error") if summary[key] is not None}
     if summary["pads"]:
         record["largest_force"] = max(max(pad["max"], -pad["min"]) for pad in summary["pads"])
     record |= {f"cylinders.{one['name']}.{key}": one[key] for one in summary["cylinders"] for key in ("min", "max")}

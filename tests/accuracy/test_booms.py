@@ -10,7 +10,7 @@ import pytest
 from random_scenes import random_boom
 
 from pmr import scene as scenes
-from pmr.accuracy.errors import MARGIN
+from pmr.compare.estimate import MARGIN_OF_ALL_MODES
 from pmr.errors import InputError
 from pmr.run.booms import run_boom
 from pmr.scene import Boom
@@ -41,11 +41,13 @@ def test_the_fewest_that_hold_a_tolerance() -> None:
     sizes, true = found["accuracy"]["chosen"]["sections"], found["errors"]["reduced_vs_full"]
     assert found["accuracy"]["holds"] and sum(sizes.values()) == found["coordinates"]["reduced"]
     for kind, told in found["budget"]["reduction"].items():
-        assert true[kind] < 1e-3 and told == pytest.approx(MARGIN * true[kind], rel=0.1)
+        assert true[kind] < 1e-3 and told == pytest.approx(MARGIN_OF_ALL_MODES * true[kind], rel=0.1)
     for name, size in sizes.items():
         fewer = {one: count - (one == name) for one, count in sizes.items()}
         less = summary(*(f"sections.{one}.reduction.coordinates={count}" for one, count in fewer.items()))
-        assert max(less["errors"]["reduced_vs_full"][kind] for kind in ("pad_force", "beam")) > 1e-3 / MARGIN, size
+        assert (
+            max(less["errors"]["reduced_vs_full"][kind] for kind in ("pad_force", "beam")) > 1e-3 / MARGIN_OF_ALL_MODES
+        ), size
 
 
 @pytest.mark.slow

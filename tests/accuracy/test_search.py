@@ -9,10 +9,11 @@ import pytest
 from oracle import full_body, inertial
 
 from pmr.accuracy import limits
-from pmr.accuracy.errors import MARGIN, Demand, coarsest, rungs
-from pmr.accuracy.family import Family, Member
+from pmr.accuracy.errors import Demand, coarsest, rungs
+from pmr.accuracy.family import Family, Member, member_of
 from pmr.accuracy.limits import best_within
 from pmr.accuracy.search import search
+from pmr.compare.estimate import MARGIN_OF_ALL_MODES
 from pmr.compare.outputs import Floors, Outputs, differences, outputs
 from pmr.errors import SimulationError
 from pmr.scene.asked import Budget
@@ -58,7 +59,7 @@ def test_the_tolerance_holds_and_two_coordinates_fewer_do_not(kinds: tuple[str, 
         for kept in (False, True):
             assert error(Member(fewer, kept), 32 * coarse) > tolerance
     if found.steps >= 4 * coarse:
-        assert error(found.member, found.steps // 4) > tolerance / MARGIN**2
+        assert error(found.member, found.steps // 4) > tolerance / MARGIN_OF_ALL_MODES**2
 
 
 def test_without_inertia_it_takes_more_coordinates_and_keeps_none() -> None:
@@ -127,7 +128,7 @@ def test_code_is_loaded_with_a_step_that_may_fail() -> None:
 
 def test_members_are_those_of_the_reduction() -> None:
     family = Family(MODEL, driven(100, Constant(amount=5.0)), 1)
-    model = family.reduced(Member(4, True))
+    model = member_of(family.model, Member(4, True))
     assert model.size == 4 and model.flexibility is not None and model.flexibility.keeps_inertia
     excitation = driven(100, Constant(amount=5.0))
     own = outputs(model, march.simulate(model, excitation), excitation, 1)

@@ -10,7 +10,7 @@ import pytest
 
 from pmr import run as whole
 from pmr import scene as scenes
-from pmr.compare.frequency_response import frequency_response, part
+from pmr.compare.frequencies import frequency_part, frequency_response
 from pmr.errors import InputError
 from pmr.report import sections
 from pmr.report.numbers import SPACE
@@ -76,7 +76,7 @@ def test_summary_results_and_report_have_it(outcome: whole.Outcome, tmp_path: Pa
 
 def test_only_who_asks_for_it_gets_it() -> None:
     scene = scenes.load(BOOM)
-    assert frequency_response(scene, None) is None and part(None).figures == {}  # type: ignore[arg-type]
+    assert frequency_response(scene, None) is None and frequency_part(None).figures == {}  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from peers.calculix import Deck, Mean, grid
 from peers.pads import Patch
 
 from pmr import scene as scenes
-from pmr.compare.boom_references import FullBoom
+from pmr.compare.boom_motions import FullBoom
 from pmr.fullmodel.sections import build_sections
 from pmr.scene import Boom
 

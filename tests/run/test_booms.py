@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare import boom_references
+from pmr.compare import boom_motions
 from pmr.compare.boom_figures import frequency_map, joints
 from pmr.compare.booms import respond, with_friction
 from pmr.export.paraview import Travelling, write_bodies
@@ -91,7 +91,7 @@ def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.Monk
     push = [f"section.joint.{end}.0.unilateral={str(pads == 'pushing').lower()}" for end in ("tail", "mouth")]
     boom, found = load(*quick, *push, "sections.fly.loads.0.signal=3000.0"), []
     for most in (1200, 0):
-        monkeypatch.setattr(boom_references, "MARCHED_UP_TO", most)
+        monkeypatch.setattr(boom_motions, "MARCHED_UP_TO", most)
         found.append(run_boom(boom))
     if MPI.COMM_WORLD.rank > 0:
         assert found == [None, None]
@@ -146,7 +146,7 @@ def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: Boom
 def test_with_a_cache_another_signal_computes_nothing_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Equal sections are reduced once, too; another length of one section is another one."""
     calls = list[str]()
-    for owner, name in ((sections, "free_modes"), (boom_references.FullBoom, "frequencies")):
+    for owner, name in ((sections, "free_modes"), (boom_motions.FullBoom, "frequencies")):
         plain = getattr(owner, name)
 
         def told(*arguments: Any, name: str = name, plain: Any = plain, **named: Any) -> Any:

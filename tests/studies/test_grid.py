@@ -4,7 +4,7 @@ import pytest
 
 from pmr.errors import InputError
 from pmr.scene.tomlfiles import Change
-from pmr.studies.grid import axes, points
+from pmr.studies.grid import points
 
 
 def test_all_combinations_the_last_list_fastest() -> None:
@@ -24,7 +24,8 @@ def test_no_grid_is_one_point_without_changes() -> None:
 
 def test_names_are_as_long_as_they_must_be() -> None:
     grid = {"mesh": {"elements": [1]}, "compare": {"ancf_elements": [1]}, "load": {"at": [1]}, "support": {"at": [2]}}
-    assert [axis.name for axis in axes(grid)] == ["elements", "ancf_elements", "load.at", "support.at"]
+    (point,) = points(grid)
+    assert point.words == ("elements=1", "ancf_elements=1", "load.at=1", "support.at=2")
 
 
 def test_a_value_that_fits_no_file_name_goes_by_its_number() -> None:

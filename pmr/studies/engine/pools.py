@@ -9,68 +9,42 @@ import atexit
 import os
 import queue
 import sys
-from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
 
 from pmr import environment
 from pmr.errors import InputError
 from pmr.studies.engine.worker import Answer, Order, Worker
 
 
-class Pool(Protocol):
-    """Something that has orders done, `slots` at a time."""
-
-    @property
-    def slots(self) -> int: ...
-
-    def submit(self, order: Order) -> Future[Answer]:
-        """Have an order done some time."""
-        ...
-
-
 @dataclass(frozen=True)
-class LocalPool:
-    """Threads of this process, each with a child process."""
+class Pool:
+    """Something that has orders done some time, `slots` at a time."""
 
     slots: int
-    executor: Executor
-    workers: queue.SimpleQueue[Worker]
-
-    def submit(self, order: Order) -> Future[Answer]:
-        return self.executor.submit(self._run, order)
-
-    def _run(self, order: Order) -> Answer:
-        worker = self.workers.get()
-        try:
-            return worker.run(order)
-        finally:
-            self.workers.put(worker)
-
-
-@dataclass(frozen=True)
-class RankPool:
-    """All ranks but this one, each with a child process."""
-
-    slots: int
-    executor: Executor
-
-    def submit(self, order: Order) -> Future[Answer]:
-        return self.executor.submit(run_on_rank, order, sys.path)
+    submit: Callable[[Order], Future[Answer]]
 
 
 @contextmanager
-def local_pool(jobs: int) -> Iterator[LocalPool]:
-    """Workers on this machine, started as they are needed and gone in the end."""
+def local_pool(jobs: int) -> Iterator[Pool]:
+    """Workers on this machine, each looked after by a thread, started as they are needed and gone in the end."""
     workers = [Worker(sys.path) for _ in range(jobs)]
     idle: queue.SimpleQueue[Worker] = queue.SimpleQueue()
     for worker in workers:
         idle.put(worker)
+
+    def run(order: Order) -> Answer:
+        worker = idle.get()
+        try:
+            return worker.run(order)
+        finally:
+            idle.put(worker)
+
     executor = ThreadPoolExecutor(jobs)
     try:
-        yield LocalPool(jobs, executor, idle)
+        yield Pool(jobs, lambda order: executor.submit(run, order))
     finally:
         executor.shutdown(wait=False, cancel_futures=True)
         for worker in workers:
@@ -78,13 +52,16 @@ def local_pool(jobs: int) -> Iterator[LocalPool]:
 
 
 @contextmanager
-def rank_pool() -> Iterator[RankPool | None]:
+def rank_pool() -> Iterator[Pool | None]:
     """On rank 0 a pool of the other ranks; there this yields None, once they are no longer needed."""
     from mpi4py import MPI
     from mpi4py.futures import MPICommExecutor
 
     with MPICommExecutor(MPI.COMM_WORLD, root=0, main=False) as executor:
-        yield None if executor is None else RankPool(MPI.COMM_WORLD.size - 1, executor)
+        if executor is None:
+            yield None
+        else:
+            yield Pool(MPI.COMM_WORLD.size - 1, lambda order: executor.submit(run_on_rank, order, sys.path))
 
 
 def launched_ranks() -> int:

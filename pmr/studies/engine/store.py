@@ -69,18 +69,15 @@ class Store:
         json.dumps(header, allow_nan=False)  # a record that is not finite is an error
         npz.write(self.path(digest), {f"array.{name}": array for name, array in result.arrays.items()}, header)
 
-    def read(self, digest: str) -> Stored:
-        """The result with this digest; its arrays are read-only.
+    def headline(self, digest: str) -> Stored:
+        """As `read`, without the arrays."""
+        return self.read(digest, only=(npz.HEADER,))
+
+    def read(self, digest: str, only: Collection[str] | None = None) -> Stored:
+        """The result with this digest, with `only` some members of its file; arrays are read-only.
 
         Raises DamagedError if the file is missing or damaged.
         """
-        return self._read(digest)
-
-    def headline(self, digest: str) -> Stored:
-        """As `read`, without the arrays."""
-        return self._read(digest, only=(npz.HEADER,))
-
-    def _read(self, digest: str, only: Collection[str] | None = None) -> Stored:
         file = self.path(digest)
         try:
             data = npz.read(file, only=only)

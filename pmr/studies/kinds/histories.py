@@ -19,10 +19,9 @@ from pmr.compare import errors as compare
 from pmr.compare.responses import simulate_reduced
 from pmr.errors import InputError
 from pmr.files import records
-from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulate import Excitation
-from pmr.studies import marching, shared
+from pmr.studies import marching, shared, taken_away
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Statement, StudyBase
@@ -77,7 +76,7 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     the tip, of ``dropped`` the tip; ``path`` (m), ``path_rate`` (m/s) and ``loads`` (N) over time, ``singular_values``,
     ``x`` (m) and ``shapes`` of the basis, ``scene`` as JSON.
     """
-    from pmr.compare import references
+    from pmr.compare import references, summary
     from pmr.run import reduce_with
 
     scene = shared.scene_of(arguments)
@@ -90,15 +89,13 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     responses = {"reduced": simulate_reduced(scene, reduction.reduced), "full": full}
     responses["ancf"] = shared.response_from(needs["ancf"])
     beside = {"dropped": simulate_reduced(scene, dropped.reduced), "full": responses["full"]}
-    record = dict(_errors(responses)) | {
+    record = taken_away.compared(summary.compared(responses, compare.AT_NODES, {}).figures, "errors", "absolute_errors")
+    record |= {
         f"dropped.{place}": value
         for place, value in compare.errors(beside, order=("dropped", "full"))["dropped_vs_full"].items()
     }
-    reference = responses["full"].displacement
     record |= {
-        "max_displacement": float(np.abs(reference).max()),
-        "max_error": float(np.abs(responses["reduced"].displacement - reference).max()),
-        "dropped.max_error": float(np.abs(beside["dropped"].displacement - reference).max()),
+        "dropped.max_error": float(np.abs(beside["dropped"].displacement - full.displacement).max()),
         "coordinates.full": model.size,
         "coordinates.reduced": reduction.reduced.size,
         "basis.kappa": reduction.basis.kappa(),
@@ -114,12 +111,6 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
         )
         arrays |= records.arrays(at_tip, f"{name}.")
     return TaskResult(record, arrays, {f"simulate.{name}": response.seconds for name, response in responses.items()})
-
-
-def _errors(responses: Mapping[str, Response]) -> Iterator[tuple[str, Scalar]]:
-    for name, measure in (("errors", compare.nrms), ("absolute_errors", compare.absolute_error)):
-        for pair, places in compare.errors(responses, measure).items():
-            yield from ((f"{name}.{pair}.{place}", value) for place, value in places.items())
 
 
 def _arrays(scene: Scene, reduction: Reduction) -> dict[str, Any]:

@@ -12,13 +12,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.results import Response
 from pmr.scene import Boom, Scene
 from pmr.scene.tomlfiles import Change
 from pmr.studies import grid, shared
 from pmr.studies.engine.task import KEY, Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.study import StudyBase
-from pmr.studies.taken_away import boom_arguments, run_boom_case
+from pmr.studies.taken_away import boom_arguments, compared, run_boom_case, stresses, taken_away
 
 COMPARED_FREQUENCIES = 3
 
@@ -98,11 +97,10 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     over the path; then what `pmr.studies.taken_away` says, with stresses where the scene recovers them.  Arrays: ``t``
     (s), ``tip`` (m), ``singular_values``, ``frequencies.s`` (m), ``.full``, ``.reduced`` (rad/s).
     """
-    from pmr.compare import errors as compare
+    from pmr.compare import summary
     from pmr.compare.frequencies import reduced_frequencies
     from pmr.compare.responses import quantities, simulate_with_states
     from pmr.run import recovered, recovered_steps, reduce_with
-    from pmr.studies.taken_away import stresses, taken_away
 
     scene = shared.scene_of(arguments)
     built, stressed = shared.built_of(scene), scene.recovery is not None and scene.recovery.stress
@@ -112,12 +110,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     responses |= {name: shared.response_from(needs[name]) for name in scene.compare.against}
     s, full = (needs["frequencies"].arrays[name] for name in ("s", "omega"))
     reduced = reduced_frequencies(reduction.reduced, s, full.shape[1])
-    record: dict[str, Scalar] = {
-        f"errors.{pair}.{place}": error
-        for pair, places in compare.errors(responses, quantities=quantities(scene)).items()
-        for place, error in places.items()
-    }
-    record |= _sizes(responses)
+    record = compared(summary.compared(responses, quantities(scene), {}).figures, "errors")
     record |= {
         "coordinates.full": reduction.model.size,
         "coordinates.reduced": reduction.reduced.size,
@@ -133,11 +126,3 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     arrays = {"t": response.t, "tip": response.tip, "singular_values": reduction.basis.sigma}
     arrays |= {"frequencies.s": s, "frequencies.full": full, "frequencies.reduced": reduced}
     return TaskResult(record, arrays, {f"simulate.{name}": r.seconds for name, r in responses.items()})
-
-
-def _sizes(responses: Mapping[str, Response]) -> dict[str, Scalar]:
-    reduced, reference = responses["reduced"].displacement, responses.get("full", responses["reduced"]).displacement
-    sizes: dict[str, Scalar] = {"max_displacement": float(np.abs(reference).max())}
-    if "full" in responses:
-        sizes["max_error"] = float(np.abs(reduced - reference).max())
-    return sizes

@@ -1,6 +1,7 @@
-"""The full model of a boom: all of its sections in full order, by whoever is fastest for their size.
+"""How a boom moves: its reduced sections by every simulator that it names, and its full model.
 
-A reference is checked before it judges, as that of one body is (`pmr.compare.references`).
+All sections in full order are simulated by whoever is fastest for their size, and checked before they judge, as the
+reference of one body is (`pmr.compare.references`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.boom_figures import CURVES, frequencies
 from pmr.compare.booms import Said, respond, response_of
+from pmr.compare.responses import agreement
 from pmr.compare.trust import distrust
 from pmr.environment import Clock
 from pmr.errors import SimulationError
@@ -22,13 +24,14 @@ from pmr.fullmodel.build import Built
 from pmr.fullmodel.system import FullSystem
 from pmr.results import Response
 from pmr.scene import Boom
+from pmr.simulate import Excitation, Progress, SystemSimulator, exudyn
 from pmr.simulate.booms import contacts_of, excitation_of
 from pmr.simulate.native import multibody
 from pmr.simulate.native.multibody_march import places
 from pmr.simulate.petsc import Checkpoint, Recording, observe_system, static_start
 from pmr.simulate.petsc.rows import contact_rows
 from pmr.simulate.stepping import TimeStepping
-from pmr.system.system import System
+from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,45 @@ Array = NDArray[np.float64]
 MARCHED_UP_TO = 1200
 #: (rad/s)^2, below all that is looked for: what holds is not singular there.
 SHIFT = -1.0
+#: s: what takes no longer is simulated several times.
+SHORT = 2.0
+
+
+@dataclass(frozen=True)
+class BoomSimulations:
+    """What the simulators say: the first one's motion and response, seconds, and how far each two agree, in m."""
+
+    first: SystemTrajectory
+    response: Response
+    seconds: Mapping[str, float]
+    agreement: Mapping[str, float]
+
+
+def simulate_reduced(boom: Boom, system: System, excitation: Excitation, clock: Clock) -> BoomSimulations:
+    """From equilibrium, by all of them."""
+    names, motions = boom.simulation.simulators, dict[str, SystemTrajectory]()
+    for name in names:
+        with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done:
+            simulator = exudyn.simulate_system if name == "exudyn" else multibody.simulate
+            motions[name] = _repeated(boom, system, excitation, simulator, done)
+    found = {name: respond(system, motion) for name, motion in motions.items()}
+    return BoomSimulations(
+        motions[names[0]],
+        found[names[0]],
+        {name: motion.seconds for name, motion in motions.items()},
+        agreement(found),
+    )
+
+
+def _repeated(
+    boom: Boom, system: System, excitation: Excitation, simulator: SystemSimulator, done: Progress
+) -> SystemTrajectory:
+    """A short simulation is repeated as the scene says, and the fastest counts."""
+    start = multibody.static_start(system, excitation)
+    found = [simulator(system, excitation, start, done)]
+    while len(found) < boom.simulation.repeats and found[0].seconds < SHORT:
+        found.append(simulator(system, excitation, start))
+    return min(found, key=lambda one: one.seconds)
 
 
 @dataclass(frozen=True)
