@@ -22,10 +22,10 @@ def test_progress_in_one_line() -> None:
 def test_a_log_gets_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     now = 100.0
     monkeypatch.setattr("pmr.cli.study.time.monotonic", lambda: now)
-    watch = cli_study._LogLines()
-    for _ in range(100):
-        now += 1.0
-        watch(Progress(1, 0, 2, now - 100.0, now))
+    with cli_study._watching() as watch:
+        for _ in range(100):
+            now += 1.0
+            watch(Progress(1, 0, 2, now - 100.0, now))
     lines = capsys.readouterr().err.splitlines()
     assert [line.split(",")[0] for line in lines] == [
         f"1 of 2 tasks done after {text}" for text in ("30 s", "1 min", "2 min")
