@@ -18,7 +18,7 @@ def by_least_squares(system: System, x: np.ndarray, f: np.ndarray) -> np.ndarray
     """
     a = Assembly(system)
     rows, K = a.at(x), a.K.toarray()
-    C, scale = rows.C.toarray(), np.sqrt(np.diagonal(K))
+    C, scale = rows.C, np.sqrt(np.diagonal(K))
     values, vectors = np.linalg.eigh(K / np.outer(scale, scale))
     elastic = values > 1e-9
     Y, Z = vectors[:, elastic] / scale[:, None] / np.sqrt(values[elastic]), vectors[:, ~elastic] / scale[:, None]

@@ -21,7 +21,7 @@ from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulate.excitation import Excitation
-from pmr.simulate.needs import needs_of_rows
+from pmr.simulate.needs import needs_on
 from pmr.simulate.petsc import Checkpoint, Recording, observe, respond
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ def _full(
     scene: Scene, model: FullModel, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None
 ) -> tuple[Response | None, Array | None]:
     excitation, simulator = Excitation.of(scene), full_simulator(scene, model.size)
-    refuse(simulator, needs_of_rows(model.rows, excitation), REFERENCE)
+    refuse(simulator, needs_on(model, excitation), REFERENCE)
     if simulator == "petsc":
         recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
         with clock.stage("full") as done:

@@ -13,11 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.interpolate import PPoly
 
 from pmr.constraints.rows import Row
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -31,28 +29,21 @@ class Straight:
         """From the row of a point that slides along a beam: piecewise polynomials in s of its degree, exact."""
         j = max(int(np.searchsorted(point.breaks, self.end, side="right")) - 1, 0)
         j = min(j, len(point.breaks) - 2)
-        w, slope = (_at(point.coefficients[:, j], self.end - point.breaks[j], nu) for nu in (0, 1))
-        powers, count, d = point.coefficients.shape
-        ahead = point.breaks[:-1] - self.end  # x - p where an interval begins
-        there = np.zeros((powers, count, len(w)))
+        along = PPoly(point.coefficients, point.breaks)
+        w, slope, rates = along(self.end), along(self.end, 1), along.derivative().c
+        ahead = (point.breaks[:-1] - self.end)[:, None]  # x - p where an interval begins
+        there = np.zeros_like(point.coefficients)
         there[-1] = w
         sloping = there.copy()
         sloping[-2] += slope
-        sloping[-1] += ahead[:, None] * slope
+        sloping[-1] += ahead * slope
         changing = np.zeros_like(point.coefficients)  # (x - p) w'(x)
-        for p in range(powers - 1):
-            exponent = powers - 1 - p
-            changing[p] += exponent * point.coefficients[p]
-            changing[p + 1] += exponent * ahead[:, None] * point.coefficients[p]
-        touched = np.hstack([point.touched, np.broadcast_to(point.touched[j], (count, d))])
+        changing[:-1] += rates
+        changing[1:] += ahead * rates
+        touched = np.hstack([point.touched, np.broadcast_to(point.touched[j], point.touched.shape)])
         parts = [(-point.coefficients, sloping), (changing - point.coefficients, there)]
         first, second = (
             replace(point, name=name, touched=touched, coefficients=np.concatenate(part, axis=2))
             for name, part in zip(self.names, parts, strict=True)
         )
         return first, second
-
-
-def _at(coefficients: Array, x: float, derivative: int) -> Array:
-    """Values (d,) of polynomials (powers, d) at x, or of their derivatives."""
-    return np.array([np.polyval(np.polyder(c, derivative), x) for c in coefficients.T])

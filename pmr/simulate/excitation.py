@@ -79,7 +79,7 @@ class Excitation:
         InputError
             If there are several paths, or it leaves the domain at a step or between two of them.
         """
-        return _within(self.path, self.s[:, 0], domain, self.times)
+        return on_path(self.path, self.s[:, 0], domain, self.times)
 
     @cached_property
     def f(self) -> Array:
@@ -119,18 +119,11 @@ def in_order(loads: Mapping[str, SignalBase], names: Sequence[str]) -> tuple[Sig
     return tuple(loads[name] for name in names)
 
 
-def path_at(path: SignalBase, domain: tuple[float, float], t: Array) -> Array:
-    """Path coordinates (T,) in m at the ascending times t (T,) in s.
+def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:
+    """Path coordinates s (T,) in m at the ascending times t (T,) in s, round-off beyond `domain` cut off.
 
-    Raises
-    ------
-    InputError
-        If the path leaves `domain`, at one of these times or between two of them.
+    An InputError is raised where the path leaves it, at one of these times or between two of them.
     """
-    return _within(path, np.asarray(path.value(t), dtype=float), domain, t)
-
-
-def _within(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:
     low, high = domain
     slack = DOMAIN_TOLERANCE * (high - low)
     outside = ~((s >= low - slack) & (s <= high + slack))

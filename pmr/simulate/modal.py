@@ -9,11 +9,9 @@ M, K and D of a sliding body never change, so this is done once; only m rows are
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.applied import applied
@@ -24,7 +22,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.reactions import Reactions
 from pmr.reduced.soundness import symmetric
 from pmr.simulate.extended import product
-from pmr.simulate.start import InitialState
+from pmr.simulate.start import InitialState, dense
 from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.projection import projected
 
@@ -185,8 +183,3 @@ def _modal_damping(D: Array, rest: Array, omega2: Array, X: Array, rayleigh: Ray
     if not np.any(np.triu(coupled | coupled.T, 1)):
         modal = np.diag(np.diagonal(modal))
     return modal + np.diag(classical)
-
-
-def dense(A: Any) -> Array:
-    """A matrix as a dense array."""
-    return np.asarray(A.toarray() if sp.issparse(A) else A, dtype=float)

@@ -26,7 +26,8 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.system.body import SlidingBody
+from pmr.reduced.model import ReducedModel
+from pmr.system.body import SlidingBody, WithRows
 
 Array = NDArray[np.float64]
 
@@ -62,7 +63,7 @@ def consistent_start(body: SlidingBody, s: float, s_rate: float, initial: Initia
     start = checked(initial, body.size)
     rigid = row_flexibility(body, s)[1]
     names = tuple(name for name, stiff in zip(body.row_names, rigid, strict=True) if stiff)
-    C, C_s = _dense(body.C(s))[rigid], _dense(body.C(s, 1))[rigid]
+    C, C_s = dense(body.C(s))[rigid], dense(body.C(s, 1))[rigid]
     check_position(C, start.q, names)
     drift = row_drift(C, C_s, s_rate, start)
     return start if drift is None else InitialState(start.q, start.v - _impulse(body, C, drift, names))
@@ -80,7 +81,7 @@ def row_drift(C: Array, C_s: Array, s_rate: float, start: InitialState) -> Array
     return None if np.all(np.abs(drift) <= ROW_TOLERANCE * scale) else np.asarray(drift)
 
 
-def row_flexibility(body: SlidingBody, s: float) -> tuple[Array, NDArray[np.bool_]]:
+def row_flexibility(body: ReducedModel | WithRows, s: float) -> tuple[Array, NDArray[np.bool_]]:
     """G(s) + 1/k, (m, m) in m/N, and which rows (m,) are rigid: they alone ask for a consistent start."""
     G = np.diag(body.row_compliance)
     if body.flexibility is not None:
@@ -131,5 +132,6 @@ def _vector(name: str, values: Any, size: int) -> Array:
     return vector
 
 
-def _dense(C: Any) -> Array:
-    return C.toarray() if sp.issparse(C) else np.asarray(C)
+def dense(A: Any) -> Array:
+    """A matrix as a dense array."""
+    return np.asarray(A.toarray() if sp.issparse(A) else A, dtype=float)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,45 +19,34 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ContactRows:
-    """The m contacts of a system at given places, with n coordinates, i inputs and o outputs of all bodies."""
+    """The m contacts of a system at given places, T of them each or one, with n coordinates of all bodies."""
 
-    C: sp.csr_matrix  # (m, n)
-    F: Array  # (m, m) m/N: residual flexibility and compliance, G + 1/k
-    H: Array  # (m, i) m/N: what inputs move by themselves
-    X: Array  # (o, m) m/N: what forces of contacts take from the outputs by themselves
+    C: Array  # ([T,] m, n)
+    F: Array  # ([T,] m, m) m/N: residual flexibility and compliance, G + 1/k
+    H: Array  # ([T,] m, i) m/N: what the i inputs move by themselves
+    X: Array  # ([T,] o, m) m/N: what forces of contacts take from the o outputs by themselves
 
+    def at(self, k: int) -> ContactRows:
+        """At one of the places, by its number."""
+        return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
 
-@dataclass(frozen=True)
-class ContactTables:
-    """The same at T places each, dense: C (T, m, n), F (T, m, m), H (T, m, i) and X (T, o, m)."""
+    def of(self, which: NDArray[np.bool_]) -> ContactRows:
+        """None but some of the contacts (m,), at one place."""
+        return ContactRows(self.C[which], self.F[np.ix_(which, which)], self.H[which], self.X[:, which])
 
-    C: Array
-    F: Array
-    H: Array
-    X: Array
+    @cached_property
+    def answers(self) -> Array:
+        """F^-1 C and F^-1 H side by side, at one place."""
+        return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
 
 
 class Assembly:
-    """All bodies' equations, on the coordinates that no support holds.
-
-    Attributes
-    ----------
-    M, D, K : (n, n) sparse matrices
-    B : (n, i) sparse matrix
-    outputs : (o, n) sparse matrix
-    direct : (o, i) array, m/N
-        W, the residual flexibility between inputs and outputs.
-    energy : (i, i) array, m/N
-        B^T R B, that between inputs.
-    free : dict of str to (n_b,) array
-        Numbers of the coordinates of each body that its supports leave free.
-    coordinates, inputs, observed : dict of str to slice
-        Where those, its inputs and its outputs stand among all.
-    """
+    """All bodies' equations, on the n coordinates that no support holds; M, D, K, B and outputs are sparse."""
 
     def __init__(self, system: System) -> None:
         self.system, bodies = system, list(system.bodies.values())
         free = [np.setdiff1d(np.arange(body.size), list(body.held.values())) for body in bodies]
+        # numbers of the coordinates of each body that its supports leave free
         self.free = dict(zip(system.bodies, free, strict=True))
         self.M, self.D, self.K = (
             _blocks([getattr(body, A)[np.ix_(i, i)] for body, i in zip(bodies, free, strict=True)])
@@ -65,11 +55,12 @@ class Assembly:
         self.B = _blocks([body.B[i] for body, i in zip(bodies, free, strict=True)])
         O = [body.outputs[:, i] for body, i in zip(bodies, free, strict=True)]
         self.outputs = _blocks(O)
+        # where those of each body, its inputs and its outputs stand among all
         self.coordinates = _slices(system, [len(i) for i in free])
         self.inputs = _slices(system, [len(body.input_names) for body in bodies])
         self.observed = _slices(system, [o.shape[0] for o in O])
-        self.direct = np.zeros((self.outputs.shape[0], self.B.shape[1]))
-        self.energy = np.zeros((self.B.shape[1],) * 2)
+        self.direct = np.zeros((self.outputs.shape[0], self.B.shape[1]))  # W = O R B (o, i) m/N
+        self.energy = np.zeros((self.B.shape[1],) * 2)  # B^T R B (i, i) m/N
         for name, body in system.bodies.items():
             if body.carriers is not None and body.carriers.flexibility is not None:
                 self.direct[self.observed[name], self.inputs[name]] = body.carriers.flexibility.direct
@@ -81,10 +72,9 @@ class Assembly:
 
     def at(self, x: Array) -> ContactRows:
         """The contacts with their places at x (sides,) m, as `System.coordinates` has them."""
-        found = self.along(x[None])
-        return ContactRows(sp.csr_matrix(found.C[0]), found.F[0], found.H[0], found.X[0])
+        return self.along(x[None]).at(0)
 
-    def along(self, x: Array) -> ContactTables:
+    def along(self, x: Array) -> ContactRows:
         """The contacts with their places at x (T, sides) m."""
         system, sides = self.system, self.system.sides
         T, m, i, o = len(x), len(system.contacts), self.B.shape[1], self.outputs.shape[0]
@@ -107,15 +97,15 @@ class Assembly:
                 X[:, self.observed[body], k] += b @ carriers.flexibility.outputs.T
                 moved = stacked.data * (b @ carriers.flexibility.rows)[at, stacked.col]
                 F[:, k, contacts] += np.bincount(stacked.row, moved, len(on) * T).reshape(-1, T).T
-        return ContactTables(C, (F + F.transpose(0, 2, 1)) / 2.0, H, X)
+        return ContactRows(C, (F + F.transpose(0, 2, 1)) / 2.0, H, X)
 
     def frequencies(self, x: Array, count: int) -> Array:
         """The lowest natural frequencies in Hz, (count,), with every contact closed and its places at x (sides,) m."""
         rows = self.at(x)
         rigid = np.all(rows.F == 0.0, axis=1)
-        C, F = rows.C.toarray()[~rigid], rows.F[np.ix_(~rigid, ~rigid)]
+        C, F = rows.C[~rigid], rows.F[np.ix_(~rigid, ~rigid)]
         K = self.K.toarray() + C.T @ np.linalg.solve(F, C)
-        Z = scipy.linalg.null_space(rows.C.toarray()[rigid]) if rigid.any() else np.eye(self.size)
+        Z = scipy.linalg.null_space(rows.C[rigid]) if rigid.any() else np.eye(self.size)
         omega2 = scipy.linalg.eigh(Z.T @ K @ Z, Z.T @ (self.M @ Z), eigvals_only=True)
         return np.asarray(np.sqrt(np.maximum(omega2[:count], 0.0)) / (2.0 * np.pi))
 

@@ -66,18 +66,20 @@ def displacement(body: SlidingBody, q: Array, s: Array, multipliers: Array, load
 
 
 class WithRows:
-    """What a full model says of its rows."""
+    """What a full model says of its rows, as `pmr.constraints.rows.Rows` has it."""
 
     rows: Rows
 
     @property
+    def flexibility(self) -> None:
+        """None: a full model leaves nothing out."""
+
+    @property
     def row_compliance(self) -> Array:
-        """1/k of each row's pad, (m,) in m/N; 0 where it is rigid."""
         return self.rows.compliance
 
     @property
     def row_clearance(self) -> Array:
-        """Clearance of each row that only pushes, (m,) in m; NaN where it holds both ways."""
         return self.rows.clearance
 
     @property
@@ -90,17 +92,14 @@ class WithRows:
 
     @property
     def moving(self) -> list[int]:
-        """Numbers of the rows that depend on s: the sliders."""
         return self.rows.moving
 
     @property
     def held(self) -> dict[int, int]:
-        """Rows of supports on nodes: number of the row to that of the coordinate it holds."""
         return self.rows.held
 
     @property
     def lasting(self) -> tuple[str, ...]:
-        """Names of rows that always hold, in one place, and hold more than one coordinate."""
         return self.rows.lasting
 
 
@@ -123,10 +122,6 @@ class FullBody(WithRows):
     @property
     def size(self) -> int:
         return int(self.M.shape[0])
-
-    @property
-    def flexibility(self) -> None:
-        """None: a full model leaves nothing out."""
 
     @cached_property
     def carriers(self) -> CarriedRows:

@@ -86,16 +86,16 @@ def _solved(
     assembly: Assembly, rows: ContactRows, closed: NDArray[np.bool_], gap: Array, f: Array, floor: sp.csr_matrix
 ) -> tuple[Array, Array]:
     """Q and forces with the given contacts closed; not finite where these hold nothing or depend on each other."""
-    C, F = rows.C[closed], sp.csr_matrix(rows.F[np.ix_(closed, closed)])
     forces = np.zeros(len(gap))
     right = np.concatenate([assembly.B @ f, (gap - rows.H @ f)[closed]])
-    solution = _saddle_point(assembly.K + floor, C, F, right)
+    solution = _saddle_point(assembly.K + floor, rows.of(closed), right)
     forces[closed] = solution[assembly.size :]
     return solution[: assembly.size], forces
 
 
-def _saddle_point(K: sp.csr_matrix, C: sp.csr_matrix, F: sp.csr_matrix, right: Array) -> Array:
+def _saddle_point(K: sp.csr_matrix, rows: ContactRows, right: Array) -> Array:
     """Solution of ((K, C^T), (C, -F)); not finite where it is singular."""
+    C, F = sp.csr_matrix(rows.C), sp.csr_matrix(rows.F)
     n, scale = K.shape[0], abs(K).max()  # forces in the unit of stiffness: rows of both kinds are of one size then
     matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
     units = np.concatenate([np.ones(n), np.full(C.shape[0], scale)])
@@ -111,8 +111,7 @@ def _saddle_point(K: sp.csr_matrix, C: sp.csr_matrix, F: sp.csr_matrix, right: A
 def _lowest(assembly: Assembly, rows: ContactRows) -> float:
     """About the lowest omega^2 in (rad/s)^2 with all contacts closed: Rayleigh's quotient of what inertia bends."""
     g = assembly.M.diagonal()
-    q = _saddle_point(assembly.K, rows.C, sp.csr_matrix(rows.F), np.concatenate([g, np.zeros(len(rows.F))]))
-    q = q[: assembly.size]
+    q = _saddle_point(assembly.K, rows, np.concatenate([g, np.zeros(len(rows.F))]))[: assembly.size]
     return abs(float(g @ q / (q @ (assembly.M @ q))))
 
 

@@ -6,7 +6,7 @@ import pytest
 from pmr.errors import InputError
 from pmr.scene.signals import Constant, Ramp, Sine, SmoothRamp
 from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.excitation import path_at
+from pmr.simulate.excitation import on_path
 
 STEPPING = TimeStepping(0.4, 1e-3)
 PATHS = {"boom": Sine(amplitude=0.5, frequency=1.5, offset=2.0), "jib": Ramp(times=(0.1, 0.3), values=(1.0, 2.0))}
@@ -64,17 +64,17 @@ def test_a_scene_says_what_drives_it(load_scene) -> None:
 
 def test_path_outside_its_domain_is_refused_with_the_time() -> None:
     path, t = Ramp(times=(0.0, 1.0), values=(1.0, 3.0)), np.linspace(0.0, 1.0, 11)
-    np.testing.assert_allclose(path_at(path, (0.0, 5.0), t), 1.0 + 2.0 * t)
+    np.testing.assert_allclose(on_path(path, path.value(t), (0.0, 5.0), t), 1.0 + 2.0 * t)
     with pytest.raises(InputError, match=r"slider\.path = 2\.6: 0 to 2\.5 m is allowed; left at t = 0\.8 s"):
-        path_at(path, (0.0, 2.5), t)
+        on_path(path, path.value(t), (0.0, 2.5), t)
 
 
 def test_a_path_that_leaves_between_two_steps_is_refused() -> None:
     path = SmoothRamp(times=(0.0, 0.05, 0.1), values=(1.0, 2.6, 1.0))
     with pytest.raises(InputError, match="left between two steps"):
-        path_at(path, (0.0, 2.5), np.array([0.0, 0.1]))
+        on_path(path, path.value(np.array([0.0, 0.1])), (0.0, 2.5), np.array([0.0, 0.1]))
 
 
 def test_round_off_at_the_end_of_the_domain_is_allowed() -> None:
     path = Constant(amount=5.0 + 1e-12)
-    np.testing.assert_array_equal(path_at(path, (0.0, 5.0), np.zeros(1)), [5.0])
+    np.testing.assert_array_equal(on_path(path, path.value(np.zeros(1)), (0.0, 5.0), np.zeros(1)), [5.0])

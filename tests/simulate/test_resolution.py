@@ -10,7 +10,7 @@ from oracle import flexible, full_body
 from pmr.errors import InputError
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulate import TimeStepping
-from pmr.simulate.excitation import path_at
+from pmr.simulate.excitation import on_path
 from pmr.simulate.native import simulator as march
 from pmr.simulate.resolution import STEPS_A_PERIOD, UNSEEN, aliased, overshooting, unseen
 
@@ -73,9 +73,9 @@ def test_the_fewest_steps_a_period_keep_to_the_share() -> None:
 def test_a_path_that_leaves_the_beam_between_the_steps_is_refused(frequency: float) -> None:
     path = Sine(amplitude=10.0, frequency=frequency, offset=2.5)
     domain, inside = (0.0, 5.0), path.model_copy(update={"amplitude": 2.0})
-    assert path_at(inside, domain, STEPPING.times) == pytest.approx(2.5, abs=1e-3)
+    assert on_path(inside, inside.value(STEPPING.times), domain, STEPPING.times) == pytest.approx(2.5, abs=1e-3)
     with pytest.raises(InputError, match="left between two steps"):
-        path_at(path, domain, STEPPING.times)
+        on_path(path, path.value(STEPPING.times), domain, STEPPING.times)
     model = flexible(full_body(10), 4)
     with pytest.raises(InputError, match="left between two steps"):
         march.simulate(model, driven(path, Constant(amount=1.0), STEPPING))

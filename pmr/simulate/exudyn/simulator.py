@@ -18,7 +18,7 @@ from exudyn.itemInterface import SensorNode, SensorObject
 from pmr.scene.signals import SignalBase
 from pmr.scene.simulators import refuse
 from pmr.simulate import balance
-from pmr.simulate.excitation import Excitation, path_at
+from pmr.simulate.excitation import Excitation, on_path
 from pmr.simulate.exudyn.bodies import add_body_with_multipliers, add_called_body, add_updated_body
 from pmr.simulate.exudyn.inputs import Inputs, SignalInputs, TabulatedInputs
 from pmr.simulate.exudyn.items import SlidingBodyItems, add_pre_step_function
@@ -85,7 +85,8 @@ def add_sliding_body(
     InputError
         If a load is missing, a size is wrong, the path begins off the body or the initial position violates the rows.
     """
-    s = float(path_at(path, body.domain, np.zeros(1))[0])
+    begin = np.zeros(1)
+    s = float(on_path(path, path.value(begin), body.domain, begin)[0])
     name, add = _FORMULATIONS[formulation]
     refuse(name, needs_of(body, s))
     start = consistent_start(body, s, float(path.rate(0.0)), initial)

@@ -33,12 +33,12 @@ from pmr.simulate import balance, contact_step
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.exudyn.items import add_coordinates, add_pre_step_function, matrix
 from pmr.simulate.exudyn.solver import change, solve, solver_settings, stored
-from pmr.simulate.exudyn.system_rows import Giving, Rows, SystemBalance, SystemMotion, Tables, balanced
+from pmr.simulate.exudyn.system_rows import Giving, SystemBalance, SystemMotion, Tables, balanced
 from pmr.simulate.native.multibody_march import contact_frequency, places
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.start import InitialState, check_position, checked
 from pmr.simulate.stepping import Progress
-from pmr.system.assembly import Assembly
+from pmr.system.assembly import Assembly, ContactRows
 from pmr.system.body import Trajectory
 from pmr.system.system import System, SystemTrajectory
 
@@ -119,7 +119,7 @@ class _Run:
             found.append(InitialState(start.q[free], start.v[free]))
         return found
 
-    def _rows(self, step: int) -> Rows:
+    def _rows(self, step: int) -> ContactRows:
         """Of those that give way."""
         return self._tables.at(step).of(self._giving.which)
 
@@ -141,7 +141,7 @@ class _Run:
             )
         )
 
-    def _add_connector(self, rows: Rows) -> Any:
+    def _add_connector(self, rows: ContactRows) -> Any:
         if not self._firm.any():
             return None
         ground = self.mbs.AddMarker(MarkerNodeCoordinates(nodeNumber=self.mbs.AddNode(NodePointGround())))
@@ -242,8 +242,8 @@ class _Run:
         for first in range(0, max(1, T - 1), self._tables.block - 1):
             steps = slice(first, min(first + self._tables.block, T))
             tables = self._tables.of(steps.start, steps.stop)
-            for k, (C, F, H) in enumerate(zip(tables.C, tables.F, tables.H, strict=True), first):
-                rows = Rows(C, F, H).of(which)
+            for k in range(first, steps.stop):
+                rows = tables.at(k - first).of(which)
                 motion.forces[k, which] = self._giving.forces(rows, motion.q[k], self._f[k])
             found = balanced(self._assembly, tables, motion.part(steps))
             stored[steps], work[steps][1:] = found.stored, work[first] + np.cumsum(found.work)

@@ -6,7 +6,6 @@ docs/system_of_bodies.md, section 3, has the balance.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from pmr.simulate.balance import dot, half_form, mean
 from pmr.simulate.exudyn.inputs import ENTRIES_AHEAD
 from pmr.simulate.native import contact as native
 from pmr.simulate.native.scheme import GeneralizedAlpha
-from pmr.system.assembly import Assembly, ContactTables
+from pmr.system.assembly import Assembly, ContactRows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -30,36 +29,17 @@ class Tables:
         self._assembly, self._x, self._first = assembly, x, 0
         m, (n, i), o = x.shape[1], assembly.B.shape, assembly.outputs.shape[0]
         self.block = max(2, ENTRIES_AHEAD // max(1, m * (n + m + i + o)))
-        self._found: ContactTables | None = None
+        self._found: ContactRows | None = None
 
-    def at(self, k: int) -> Rows:
+    def at(self, k: int) -> ContactRows:
         """At step k."""
         if self._found is None or not self._first <= k < self._first + len(self._found.C):
             self._first, self._found = k, self.of(k, k + self.block)
-        j = k - self._first
-        return Rows(self._found.C[j], self._found.F[j], self._found.H[j])
+        return self._found.at(k - self._first)
 
-    def of(self, first: int, last: int) -> ContactTables:
+    def of(self, first: int, last: int) -> ContactRows:
         """At steps `first` to `last`, the latter excluded."""
         return self._assembly.along(self._x[first:last])
-
-
-@dataclass(frozen=True)
-class Rows:
-    """C (m, n), F (m, m) and H (m, i) of some contacts at one step."""
-
-    C: Array
-    F: Array
-    H: Array
-
-    def of(self, which: Mask) -> Rows:
-        """None but some of them."""
-        return Rows(self.C[which], self.F[np.ix_(which, which)], self.H[which])
-
-    @cached_property
-    def answers(self) -> Array:
-        """F^-1 C and F^-1 H side by side."""
-        return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
 
 
 class Giving:
@@ -69,9 +49,9 @@ class Giving:
         self.which = which
         self.pushing = native.contact(system.clearance[which], method.memory())
         self._names, self._room = system.contact_names, np.zeros((which.sum(),) * 2)
-        self._rows: Rows | None = None
+        self._rows: ContactRows | None = None
 
-    def forces(self, rows: Rows, q: Array, f: Array) -> Array:
+    def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
         """Lambda (m',) in N at coordinates q under loads f."""
         if self.pushing is None:
             return np.asarray(rows.answers @ np.concatenate([q, f]))
@@ -82,7 +62,7 @@ class Giving:
             raise SimulationError(f"which of the contacts {', '.join(self._names)} are closed was not settled")
         return np.asarray(found)
 
-    def stiffness(self, rows: Rows) -> Array:
+    def stiffness(self, rows: ContactRows) -> Array:
         """C^T F^-1 C of those that are closed."""
         if self.pushing is None:
             return np.asarray(rows.C.T @ rows.answers[:, : rows.C.shape[1]])
@@ -112,7 +92,7 @@ class SystemBalance:
     work: Array
 
 
-def balanced(assembly: Assembly, rows: ContactTables, motion: SystemMotion) -> SystemBalance:
+def balanced(assembly: Assembly, rows: ContactRows, motion: SystemMotion) -> SystemBalance:
     """With the contacts at T places."""
     q, f, forces = motion.q, motion.f, motion.forces
     given, bent = np.einsum("tmi,ti->tm", rows.H, f), np.einsum("tmn,tn->tm", rows.F, forces)

@@ -66,7 +66,7 @@ def integrated(system: System, given: Excitation, start: dict[str, InitialState]
         given_way = (rows.C @ q + rows.H @ f[0])[~firm]
         force[~firm] = np.linalg.solve(rows.F[np.ix_(~firm, ~firm)], given_way)
     right = a.B @ f[0] - a.K @ q - a.D @ v - rows.C.T @ force
-    C = rows.C[firm]
+    C = sp.csr_matrix(rows.C[firm])
     zero = sp.csr_matrix((firm.sum(), firm.sum()))
     found = sp.linalg.spsolve(sp.bmat([[a.M, C.T], [C, zero]], "csc"), np.concatenate([right, np.zeros(firm.sum())]))
     acceleration, force[firm] = found[: a.size], found[a.size :]
@@ -77,7 +77,8 @@ def integrated(system: System, given: Excitation, start: dict[str, InitialState]
         q = q + h * v + h**2 * ((0.5 - method.beta) * alike + method.beta * predicted)
         v = v + h * ((1.0 - method.gamma) * alike + method.gamma * predicted)
         S = a.M + to_v * a.D + to_q * a.K
-        matrix = sp.bmat([[S, rows.C.T], [rows.C, -sp.csr_matrix(rows.F / to_q)]], "csc")
+        C = sp.csr_matrix(rows.C)
+        matrix = sp.bmat([[S, C.T], [C, -sp.csr_matrix(rows.F / to_q)]], "csc")
         right = np.concatenate([a.B @ f_k - a.K @ q - a.D @ v, -(rows.C @ q + rows.H @ f_k) / to_q])
         found = sp.linalg.spsolve(matrix, right)
         acceleration, force = found[: a.size], found[a.size :]
