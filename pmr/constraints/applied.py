@@ -1,44 +1,15 @@
-"""Piecewise polynomials times vectors along a path, compiled: SciPy would keep the values of all steps at once."""
+"""Piecewise polynomials times vectors along a path, compiled: `pmr.constraints.polynomials` has what they are for."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.interpolate import PPoly
-
-from pmr.constraints.polynomials import within_domain
 
 Array = NDArray[np.float64]
 
 # NaN and infinity stay visible, while sums may be reordered.
 _compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-
-
-def applied(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
-    """A(s_t) x_t, (T, m), for a table with values (m, r), s (T,) m and x (T, r); or with a derivative of A.
-
-    Raises
-    ------
-    ValueError
-        If s leaves the table's domain.
-    """
-    c = table.c if derivative == 0 else table.derivative(derivative).c
-    found = np.empty((len(s), c.shape[2]))
-    _apply(np.ascontiguousarray(c), table.x, _within(table, s), np.ascontiguousarray(x, dtype=float), found)
-    return found
-
-
-def applied_change(table: PPoly, s: Array, x: Array) -> Array:
-    """(A(s_{t+1}) - A(s_t)) x_t, (T - 1, m), for s (T,) m and x (T - 1, r); errors likewise."""
-    found = np.empty((len(s) - 1, table.c.shape[2]))
-    x = np.ascontiguousarray(x, dtype=float)
-    _apply_change(np.ascontiguousarray(table.c), table.x, _within(table, s), x, found)
-    return found
-
-
-def _within(table: PPoly, s: Array) -> Array:
-    return within_domain(s, table.x[0], table.x[-1], "slider")
 
 
 @_compiled
@@ -60,7 +31,8 @@ def _evaluate(c: Array, breaks: Array, s: float, j: int, values: Array) -> int:
 
 
 @_compiled
-def _apply(c: Array, breaks: Array, s: Array, x: Array, found: Array) -> None:
+def apply(c: Array, breaks: Array, s: Array, x: Array, found: Array) -> None:
+    """A(s_t) x_t into `found` (T, m)."""
     m, r = c.shape[2:]
     values, j = np.empty((m, r)), 0
     for t in range(len(s)):
@@ -74,7 +46,8 @@ def _apply(c: Array, breaks: Array, s: Array, x: Array, found: Array) -> None:
 
 
 @_compiled
-def _apply_change(c: Array, breaks: Array, s: Array, x: Array, found: Array) -> None:
+def apply_change(c: Array, breaks: Array, s: Array, x: Array, found: Array) -> None:
+    """(A(s_{t+1}) - A(s_t)) x_t into `found` (T - 1, m)."""
     m, r = c.shape[2:]
     before, values, j = np.empty((m, r)), np.empty((m, r)), 0
     j = _evaluate(c, breaks, s[0], j, values)

@@ -33,6 +33,30 @@ def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, what: str = "slide
     return np.asarray(table(within_domain(s, table.x[0], table.x[-1], what), nu=derivative))
 
 
+def applied(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
+    """A(s_t) x_t, (T, m), for a table with values (m, r), s (T,) m and x (T, r); or with a derivative of A.
+
+    A ValueError is raised where s leaves the table's domain.  SciPy would keep the values of all steps at once.
+    """
+    from pmr.constraints import applied as compiled  # who asks a file what it holds need not load Numba
+
+    c = table.c if derivative == 0 else table.derivative(derivative).c
+    found = np.empty((len(s), c.shape[2]))
+    s = within_domain(s, table.x[0], table.x[-1], "slider")
+    compiled.apply(np.ascontiguousarray(c), table.x, s, np.ascontiguousarray(x, dtype=float), found)
+    return found
+
+
+def applied_change(table: PPoly, s: Array, x: Array) -> Array:
+    """(A(s_{t+1}) - A(s_t)) x_t, (T - 1, m), for s (T,) m and x (T - 1, r); errors likewise."""
+    from pmr.constraints import applied as compiled
+
+    found = np.empty((len(s) - 1, table.c.shape[2]))
+    s = within_domain(s, table.x[0], table.x[-1], "slider")
+    compiled.apply_change(np.ascontiguousarray(table.c), table.x, s, np.ascontiguousarray(x, dtype=float), found)
+    return found
+
+
 def contributions(table: PPoly) -> Array:
     """Coefficients (p, k, ...) times their interval's length to the matching power: the most that each adds."""
     powers = np.arange(len(table.c) - 1, -1, -1)

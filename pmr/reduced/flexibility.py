@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import side_by_side, transposed
+from pmr.constraints.polynomials import applied, applied_change, side_by_side, transposed
 
 Array = NDArray[np.float64]
 
@@ -78,34 +78,24 @@ class Flexibility:
 
     def row_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """H(s) f - G(s) lambda, (T, m) in m: what the residual part adds at the rows, along a trajectory."""
-        from pmr.constraints.applied import applied
-
         return applied(self._at_rows, s, np.hstack([loads, -multipliers]))
 
     def row_motion_change(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """What that changes by, (T - 1, m) in m, from each s (T,) to the next under forces and loads (T - 1, ...)."""
-        from pmr.constraints.applied import applied_change
-
         return applied_change(self._at_rows, s, np.hstack([loads, -multipliers]))
 
     def displacement(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """W f - X(s) lambda, (T, o) in m: what the residual part adds to the outputs."""
-        from pmr.constraints.applied import applied
-
         return np.asarray(loads @ self.direct.T - applied(self.outputs, s, multipliers))
 
     def strain_energy(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """g^T R g / 2 with g = B f - C^T lambda, (T,) in J."""
-        from pmr.constraints.applied import applied
-
         doubled = np.einsum("ti,ti->t", loads @ self.energy, loads)
         of_rows = applied(self._at_rows, s, np.hstack([-2.0 * loads, multipliers]))
         return np.asarray(doubled + np.einsum("tm,tm->t", multipliers, of_rows)) / 2.0
 
     def input_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """B^T R g, (T, i) in m: what the residual part adds to the motion of the loads' points."""
-        from pmr.constraints.applied import applied
-
         return np.asarray(loads @ self.energy - applied(transposed(self.inputs), s, multipliers))
 
     @cached_property

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import columns, contributions, evaluate, select_rows, times
+from pmr.constraints.polynomials import applied, applied_change, columns, contributions, evaluate, select_rows, times
 from pmr.errors import InputError
 from pmr.files import jsonfile, npz, records
 from pmr.reduced.carriers import CarriedRows
@@ -166,14 +166,10 @@ class ReducedModel:
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """C(s) q (T, m) along a trajectory, or with the derivative of C."""
-        from pmr.constraints.applied import applied  # compiled: who asks a file what it holds need not load Numba
-
         return applied(self.rows, s, q, derivative)
 
     def row_change(self, s: Array, q: Array) -> Array:
         """(C(s_{t+1}) - C(s_t)) q_t, (T - 1, m), for s (T,) and q (T - 1, r)."""
-        from pmr.constraints.applied import applied_change
-
         return applied_change(self.rows, s, q)
 
     def rows_on(self, V: Array) -> PPoly:

@@ -28,11 +28,8 @@ MODAL = 1e-6
 def truncated(model: ReducedModel, r: int) -> ReducedModel:
     """The model with its first r modes; the flexibility of the others joins the tables, and they its enrichment modes.
 
-    Raises
-    ------
-    ValueError
-        If the coordinates are no eigenmodes in ascending order, there is no residual flexibility to join, or fewer
-        than one mode, or one without stiffness, would go.
+    A ValueError is raised where the coordinates are no eigenmodes in ascending order, there is no residual flexibility
+    to join, or fewer than one mode, or one without stiffness, would go.
     """
     if model.flexibility is None:
         raise ValueError("a model without residual flexibility has no tables that its modes could join: leading() cuts")
@@ -61,10 +58,7 @@ def truncated(model: ReducedModel, r: int) -> ReducedModel:
 def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
     """The model with its first `count` enrichment modes (all by default) as coordinates: what `truncated` undoes.
 
-    Raises
-    ------
-    ValueError
-        If the model has fewer enrichment modes.
+    A ValueError is raised where the model has fewer enrichment modes.
     """
     found = 0 if model.enrichment is None else model.enrichment.count
     count = found if count is None else count

@@ -73,10 +73,7 @@ class Account:
     def surplus(self, loads: Array, step: float, s: float, simulator: str) -> float:
         """Surplus of the whole motion, under loads (T, i) in N and with the slider at s m in the beginning.
 
-        Raises
-        ------
-        GrowthError
-            If more than `GROWN` of the largest energy comes from nowhere.
+        A GrowthError is raised where more than `GROWN` of the largest energy comes from nowhere.
         """
         body = self._body
         with np.errstate(over="ignore", invalid="ignore"):
@@ -100,15 +97,9 @@ def checked(body: SlidingBody, trajectory: Trajectory, loads: Array, simulator: 
 def surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:
     """Largest rise of energy less work over the largest energy: 0 to 1 and a little more; inf if it overflows.
 
-    Parameters
-    ----------
-    stored, work : (T,) arrays, J
-        Kinetic and strain energy; work done on the body since t = 0.
-    least : float, J
-        An energy that never exceeds this is round-off, which has no source.
-    since_start : bool
-        Measure from the first step instead of the lowest before: where rows open and close between steps, energy is
-        lost with the one and had back with the other.
+    `stored` (T,) is kinetic and strain energy, `work` (T,) that done on the body since t = 0, both in J; an energy that
+    never exceeds `least` is round-off, which has no source.  Where rows open and close between steps, energy is lost
+    with the one and had back with the other: `since_start` measures from the first step, not from the lowest before.
     """
     if not (np.isfinite(stored).all() and np.isfinite(work).all()):
         return np.inf

@@ -125,15 +125,11 @@ def _pads(boom: Boom, ring: JointPads, called: str, rows: set[str]) -> Iterator[
 def _on_ground(name: str, body: Body, joined: set[tuple[str, str]]) -> Iterator[Contact]:
     """Pads between a section and the ground, and supports that hold more than one coordinate of a full one."""
     for number, row in enumerate(body.row_names):
-        if (name, row) not in joined and number not in body.held:
-            clearance, compliance = body.row_clearance[number], body.row_compliance[number]
-            if row in (TAIL, POINT):
-                continue
+        if (name, row) not in joined and number not in body.held and row not in (TAIL, POINT):
+            compliance, clearance = float(body.row_compliance[number]), float(body.row_clearance[number])
+            place = Place(name, row, _somewhere(body, row))
             yield Contact(
-                f"{name} {row}",
-                Place(name, row, _somewhere(body, row)),
-                compliance=float(compliance),
-                clearance=None if np.isnan(clearance) else float(clearance),
+                f"{name} {row}", place, compliance=compliance, clearance=None if np.isnan(clearance) else clearance
             )
 
 

@@ -39,13 +39,7 @@ class Excitation:
 
     @property
     def path(self) -> SignalBase:
-        """The only path.
-
-        Raises
-        ------
-        InputError
-            If there are several.
-        """
+        """The only path; an InputError is raised where there are several."""
         if len(self.paths) != 1:
             allowed = f"{len(self.paths)} given ({', '.join(self.paths)}), one path for all sliders is allowed"
             raise InputError("scene", "slider.path", None, allowed)
@@ -74,10 +68,7 @@ class Excitation:
     def along(self, domain: tuple[float, float]) -> Array:
         """The only path's coordinates (T,) in m at the steps, round-off beyond `domain` cut off.
 
-        Raises
-        ------
-        InputError
-            If there are several paths, or it leaves the domain at a step or between two of them.
+        An InputError is raised where there are several paths, or it leaves the domain at a step or between two of them.
         """
         return on_path(self.path, self.s[:, 0], domain, self.times)
 
@@ -106,13 +97,7 @@ class Excitation:
 
 
 def in_order(loads: Mapping[str, SignalBase], names: Sequence[str]) -> tuple[SignalBase, ...]:
-    """The loads of a body whose inputs have these names.
-
-    Raises
-    ------
-    InputError
-        If an input has no load, or a load no input.
-    """
+    """The loads of a body whose inputs have these names; an InputError if one has no load, or a load no input."""
     if set(loads) != set(names):
         allowed = f"{', '.join(loads) or 'none'} given, one for each input is allowed: {', '.join(names)}"
         raise InputError("scene", "loads", None, allowed)

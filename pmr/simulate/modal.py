@@ -14,8 +14,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pmr.constraints.applied import applied
-from pmr.constraints.polynomials import times, total, transposed
+from pmr.constraints.polynomials import applied, times, total, transposed
 from pmr.errors import InputError
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
@@ -69,10 +68,7 @@ class ModalForm:
 def modal_form(body: SlidingBody) -> ModalForm:
     """Diagonalise M and K of a reduced body, or of a full one small enough to be dense.
 
-    Raises
-    ------
-    InputError
-        If M is not positive definite, or the body is too large.
+    An InputError is raised where M is not positive definite, or the body is too large.
     """
     if body.size > LARGEST:
         allowed = f"the body has {body.size} coordinates, up to {LARGEST} are diagonalised; reduce it first"
@@ -129,12 +125,7 @@ def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:
     rotation a stiffness and low modes a relative error of 1e-7.  Corrections to first order in the remaining
     couplings, with products in extended precision where the machine has one, bring all pairs to round-off (Ogita,
     Aishima: Iterative refinement for symmetric eigenvalue decomposition, Japan Journal of Industrial and Applied
-    Mathematics 35, 2018).
-
-    Raises
-    ------
-    InputError
-        If M is not positive definite.
+    Mathematics 35, 2018).  An InputError is raised where M is not positive definite.
     """
     try:
         _, X = scipy.linalg.eigh(K, M)

@@ -51,12 +51,8 @@ class InitialState:
 def consistent_start(body: SlidingBody, s: float, s_rate: float, initial: InitialState | None) -> InitialState:
     """The start that `initial` (None: at rest) means with the slider at s m and its rate in m/s at t = 0.
 
-    Its velocity is corrected where it violates the rows.
-
-    Raises
-    ------
-    InputError
-        If a size is wrong or the position violates a row.
+    Its velocity is corrected where it violates the rows; an InputError is raised where a size is wrong or the position
+    violates a row.
     """
     if initial is None:
         return InitialState.at_rest(body.size)

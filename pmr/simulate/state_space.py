@@ -61,10 +61,7 @@ class StateSpace:
 def state_space(model: ReducedModel, s: Array, source: str) -> StateSpace:
     """State space of a model with its sliders at s (S,) m.
 
-    Raises
-    ------
-    InputError
-        If rows are rigid or only push, or the model keeps residual inertia; it is said of the file `source`.
+    An InputError, of the file `source`, is raised where rows are rigid or only push, or residual inertia is kept.
     """
     form = modal_form(model)
     body, r = form.body, form.body.size

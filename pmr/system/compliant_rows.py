@@ -45,10 +45,7 @@ class CompliantRows:
     def flexibility(self, s: Array) -> Array:
         """F(s) = G(s) + 1/k, (T, m', m') in m/N, at s (T,) m.
 
-        Raises
-        ------
-        SimulationError
-            If F is singular somewhere: a slider sits on a support, or two sit in one place.
+        A SimulationError is raised where F is singular: a slider sits on a support, or two sit in one place.
         """
         body, which = self._body, np.ix_(self.numbers, self.numbers)
         F = np.broadcast_to(np.diag(body.row_compliance)[which], (len(s), len(self.numbers), len(self.numbers)))

@@ -46,10 +46,7 @@ class Equilibrium:
 def equilibrium(assembly: Assembly, x: Array, f: Array) -> Equilibrium:
     """At places x (sides,) m and under loads f (i,).
 
-    Raises
-    ------
-    InputError
-        If contacts do not hold the bodies against these loads, or can't tell their forces apart.
+    An InputError is raised where contacts do not hold the bodies against these loads, or can't tell their forces apart.
     """
     rows, clearance = assembly.at(x), assembly.system.clearance
     pushes = ~np.isnan(clearance)

@@ -66,20 +66,11 @@ AnyBody = TypeVar("AnyBody", bound=Body, covariant=True)
 class Joined(Generic[AnyBody]):
     """Bodies of one kind, and what joins them.
 
-    Attributes
-    ----------
-    bodies : mapping of str to body
-        With their rows on carriers.
-    contacts : tuple of Contact
-
-    Raises
-    ------
-    InputError
-        If a contact names a body or row that there is none of, two contacts have the same name, or a support that
-        holds more than one coordinate of a full body is no contact.
+    An InputError is raised where a contact names a body or row that there is none of, two contacts have the same name,
+    or a support that holds more than one coordinate of a full body is no contact.
     """
 
-    bodies: Mapping[str, AnyBody]
+    bodies: Mapping[str, AnyBody]  # with their rows on carriers
     contacts: tuple[Contact, ...]
 
     def __post_init__(self) -> None:
@@ -124,9 +115,8 @@ class Joined(Generic[AnyBody]):
 
     def pressed(self, body: str, forces: Array) -> Array:
         """Contact forces (T, m) as multipliers (T, k) of the body's sides, with their signs."""
-        own = [side for side in self.sides if side.place.body == body]
-        signs = np.array([side.sign for side in own], float)
-        return np.asarray(forces[:, [side.contact for side in own]] * signs)
+        own = [self.sides[number] for number in self.sides_of(body)]
+        return np.asarray(forces[:, [side.contact for side in own]] * np.array([side.sign for side in own], float))
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -157,10 +147,7 @@ class Joined(Generic[AnyBody]):
     def coordinates(self, s: Mapping[str, ArrayLike]) -> Array:
         """X (..., sides) in m of all places from the path coordinates in m, round-off beyond their rows cut off.
 
-        Raises
-        ------
-        InputError
-            If a path is missing, or takes a place where its row is not defined.
+        An InputError is raised where a path is missing, or takes a place where its row is not defined.
         """
         found = []
         for side in self.sides:

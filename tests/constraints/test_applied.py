@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from pmr.constraints.applied import applied, applied_change
-from pmr.constraints.polynomials import evaluate
+from pmr.constraints.polynomials import applied, applied_change, evaluate
 
 LENGTH = 5.0
 

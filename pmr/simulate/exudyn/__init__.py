@@ -15,13 +15,7 @@ __all__ = ["Formulation", "add_sliding_body", "simulate", "simulate_system"]
 
 
 def __getattr__(name: str) -> Any:
-    """What stands in `pmr.simulate.exudyn.simulator` and `pmr.simulate.exudyn.system`.
-
-    Raises
-    ------
-    InputError
-        If Exudyn is not installed.
-    """
+    """What stands in `simulator` and `system`; an InputError is raised where Exudyn is not installed."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     needed("exudyn")

@@ -55,26 +55,11 @@ def simulate(
     x: Array,
     progress: Progress | None = None,
 ) -> CableMotion:
-    """Simulate from the straight cable at rest.
+    """Simulate from the straight cable at rest; material points x (o,) m are reported.
 
-    Parameters
-    ----------
-    cable : Cable
-    places : mapping of str to float, m
-        Material points at which the loads act, along y, by the loads' names.
-    excitation : Excitation
-        One path, between the ends of the cable, a load for each of the places, and the time grid.
-    x : (o,) array, m
-        Material points to report.
-    progress : callable, optional
-        Told the share of the time span that is done.
-
-    Raises
-    ------
-    InputError
-        If path, places or x leave the cable, or a place has no load.
-    SimulationError
-        If a step fails or a result is not finite.
+    The loads act along y at `places`, material points in m by the loads' names.  An InputError is raised where the
+    path, places or x leave the cable, or a place has no load; a SimulationError where a step fails or a result is not
+    finite.
     """
     x, at = np.asarray(x, dtype=float), np.array(list(places.values()))
     for key, points in (("x", x), ("loads.at", at)):

@@ -61,12 +61,8 @@ def change(newton: Any, settings: Mapping[str, bool | float]) -> None:
 def solve(mbs: Any, chosen: Any, place: Callable[[float], str], progress: Progress | None = None) -> float:
     """Assemble and integrate; returns the solver's wall time in s.
 
-    `place` says where paths lead at a time in s; `progress` is told the share that is done about a hundred times.
-
-    Raises
-    ------
-    SimulationError
-        If a step fails; the message has its number, time and place.
+    `place` says where paths lead at a time in s; `progress` is told the share that is done about a hundred times.  The
+    SimulationError that is raised where a step fails has its number, time and place.
     """
     if progress is not None:
         _report(mbs, chosen.timeIntegration, progress)

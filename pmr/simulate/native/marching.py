@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,30 +29,15 @@ Array = NDArray[np.float64]
 BLOCK = 4096
 
 
-class March:
-    """One simulation: system, state, path and loads on the time grid."""
+class Loop:
+    """Compiled steps on a time grid, in blocks: the solver's clock, and where and why they failed, in words.
 
-    def __init__(self, form: ModalForm, excitation: Excitation, initial: InitialState | None) -> None:
-        body = form.body
-        refuse("march", needs_on(body, excitation))
-        self.body, self.parts = body, 1
-        self.s = excitation.along(body.domain)
-        if pushing_rows(body):
-            self.parts = contact_step.parts(contact_step.contact_frequency(body, self.s), excitation.stepping)
-            excitation = excitation.with_stepping(excitation.stepping.divided(self.parts))
-            self.s = excitation.along(body.domain)
-        stepping = excitation.stepping
-        self.step = stepping.step
-        self.f = excitation.forces(body.input_names)
-        method = GeneralizedAlpha(stepping.step, stepping.rho_inf)
-        self.scheme = method.scheme()
-        self.system = march_system.system(form, self.scheme)
-        self.state = starting_state(form, method, self.s[0], float(excitation.path_rate[0]), self.f[0], initial)
+    `s` (T,) m is the path at the ends of `step`s, of which so many `parts` make one of the excitation's.  `reason`
+    tells from s and from what a step returned why it failed.
+    """
 
-    @property
-    def start(self) -> Array:
-        """Where the march stands: z and v (2, r)."""
-        return self.state.modes[[Z, V], : self.body.size]
+    def __init__(self, s: Array, step: float, parts: int, reason: Callable[[float, int], str]) -> None:
+        self.s, self.step, self.parts, self._reason = s, step, parts, reason
 
     def advance(
         self,
@@ -69,15 +55,17 @@ class March:
             begin = time.perf_counter()
             taken, failed = steps(first, last)
             seconds += time.perf_counter() - begin
-            if failed:
-                k = first + taken
-                why = reason(self.body, float(self.s[k]), failed)
-                raise SimulationError(f"march failed at {self._where(k)}: {why}")
+            self.check(first + taken, failed)
             if passed is not None:
                 passed(last)
             if progress is not None:
                 progress((last - 1) / (T - 1))
         return seconds
+
+    def check(self, k: int, failed: int) -> None:
+        """Raise SimulationError if step k failed."""
+        if failed:
+            raise SimulationError(f"march failed at {self._where(k)}: {self._reason(float(self.s[k]), failed)}")
 
     def check_finite(self, recorded: Array, every: int, first: int = 0) -> None:
         """Raise SimulationError at the first row that is not finite; row 0 is step `first` times `every`."""
@@ -88,6 +76,32 @@ class March:
 
     def _where(self, k: int) -> str:
         return f"step {-(-k // self.parts)}, t = {k * self.step:g} s, slider at {self.s[k]:g} m"
+
+
+class March(Loop):
+    """One simulation: system, state, path and loads on the time grid."""
+
+    def __init__(self, form: ModalForm, excitation: Excitation, initial: InitialState | None) -> None:
+        body = form.body
+        refuse("march", needs_on(body, excitation))
+        parts, s = 1, excitation.along(body.domain)
+        if pushing_rows(body):
+            parts = contact_step.parts(contact_step.contact_frequency(body, s), excitation.stepping)
+            excitation = excitation.with_stepping(excitation.stepping.divided(parts))
+            s = excitation.along(body.domain)
+        stepping = excitation.stepping
+        super().__init__(s, stepping.step, parts, partial(reason, body))
+        self.body = body
+        self.f = excitation.forces(body.input_names)
+        method = GeneralizedAlpha(stepping.step, stepping.rho_inf)
+        self.scheme = method.scheme()
+        self.system = march_system.system(form, self.scheme)
+        self.state = starting_state(form, method, self.s[0], float(excitation.path_rate[0]), self.f[0], initial)
+
+    @property
+    def start(self) -> Array:
+        """Where the march stands: z and v (2, r)."""
+        return self.state.modes[[Z, V], : self.body.size]
 
 
 class Room:

@@ -34,13 +34,7 @@ def simulate(
 
 
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
-    """Every body at rest in equilibrium with the loads at t = 0.
-
-    Raises
-    ------
-    InputError
-        If the contacts do not hold the bodies.
-    """
+    """Every body at rest in equilibrium with the loads at t = 0; errors as for `pmr.system.statics.equilibrium`."""
     assembly, states = Assembly(system), {}
     found = equilibrium(assembly, places(system, excitation)[0], excitation.forces(system.input_names)[0]).q
     for name, body in system.bodies.items():

@@ -8,20 +8,22 @@ it.  A load that jumps is differentiated likewise; measured loads should be smoo
 
 from __future__ import annotations
 
-import time
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import side_by_side, total
-from pmr.errors import InputError, SimulationError
+from pmr.errors import InputError
 from pmr.scene.simulators import refuse
 from pmr.simulate import balance
 from pmr.simulate.blocks import Block, Ended, Take
 from pmr.simulate.excitation import Excitation, in_order
 from pmr.simulate.modal import ModalForm
 from pmr.simulate.native import residual_inertia_step as kernel
+from pmr.simulate.native.marching import BLOCK, Loop
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.system import aligned
 from pmr.simulate.needs import needs_on
@@ -30,8 +32,6 @@ from pmr.simulate.stepping import Progress
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
-#: Steps between two looks at the clock, the keyboard and the progress.
-BLOCK = 4096
 
 
 def follow(
@@ -43,13 +43,9 @@ def follow(
 ) -> Ended:
     """As `pmr.simulate.native.simulator.follow`, for a body that keeps the inertia of its residual part.
 
-    The trajectory's `quasi_static` multipliers are those that outputs and energies take.
-
-    Raises
-    ------
-    InputError
-        As for `pmr.simulate.Simulator`; if damping couples the modes, and if rows only push: their multipliers follow
-        from second derivatives of the deformation, which jump where a row opens or closes.
+    The trajectory's `quasi_static` multipliers are those that outputs and energies take.  Errors as for
+    `pmr.simulate.Simulator`; an InputError, too, if damping couples the modes, and if rows only push: their multipliers
+    follow from second derivatives of the deformation, which jump where a row opens or closes.
     """
     body = form.body
     refuse("march", needs_on(body, excitation))
@@ -58,29 +54,29 @@ def follow(
     r, m, i, T = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1
     record = kernel.Record(*(np.empty((min(BLOCK, T - 1) + 1, size)) for size in (r, r, m, m)))
     state = _state(InitialState.at_rest(r) if initial is None else initial, m, i)
-    scheme, seconds = _scheme(GeneralizedAlpha(stepping.step, stepping.rho_inf)), 0.0
+    scheme, before = _scheme(GeneralizedAlpha(stepping.step, stepping.rho_inf)), 0
+    loop = Loop(course.s[0], stepping.step, 1, partial(_reason, body.row_names))
     resting = scheme._replace(step=0.0, dq=0.0, dv=0.0, gain=1.0)
-    failed = kernel.run(_system(form, resting), resting, state, course, record, 0, 1)[1]
-    _check(form, course, 0, failed, stepping.step)
+    loop.check(0, kernel.run(_system(form, resting), resting, state, course, record, 0, 1)[1])
     system = _system(form, scheme)
-    for before in range(0, T - 1, BLOCK):
-        rows = slice(before, min(before + BLOCK + 1, T))
-        part, count = kernel.Course(*(np.ascontiguousarray(one[:, rows]) for one in course)), rows.stop - before
-        begun = time.perf_counter()
-        reached, failed = kernel.run(system, scheme, state, part, record, 1, count)
-        seconds += time.perf_counter() - begun
-        _check(form, course, before + reached, failed, stepping.step)
-        p, v, z, multipliers = (getattr(record, name)[:count] for name in ("p", "v", "z", "multipliers"))
-        finite = np.isfinite(p).all(axis=1)
-        if not finite.all():
-            where = _where(course, before + int(np.argmin(finite)), stepping.step)
-            raise SimulationError(f"march failed at {where}: not finite")
-        found, f = Trajectory(t[rows], p, v, multipliers, part.s[0], 0.0, z), course.f[0, rows]
+
+    def steps(first: int, last: int) -> tuple[int, int]:
+        part = kernel.Course(*(np.ascontiguousarray(one[:, first - 1 : last]) for one in course))
+        reached, failed = kernel.run(system, scheme, state, part, record, 1, last - first + 1)
+        return reached - 1, failed
+
+    def passed(last: int) -> None:
+        nonlocal before
+        rows = slice(before, last)
+        p, v, z, multipliers = (array[: last - before] for array in record)
+        loop.check_finite(p, 1, before)
+        found, f = Trajectory(t[rows], p, v, multipliers, course.s[0, rows], 0.0, z), course.f[0, rows]
         take(Block(before, found, f, account.add(before, found, f)))
         for array in record:
-            array[0] = array[count - 1]
-        if progress is not None:
-            progress((rows.stop - 1) / (T - 1))
+            array[0] = array[last - before - 1]
+        before = last - 1
+
+    seconds = loop.advance(steps, 1, progress, passed)
     return Ended(seconds, account.surplus(course.f[0], float(t[1] - t[0]), float(course.s[0, 0]), "march"))
 
 
@@ -142,12 +138,6 @@ def _state(start: InitialState, m: int, i: int) -> kernel.State:
     )
 
 
-def _check(form: ModalForm, course: kernel.Course, step: int, failed: int, h: float) -> None:
-    if failed:
-        names = ", ".join(form.body.row_names[:failed])
-        why = f"the rows {names} can't tell there what holds the body (a slider on a support, or two in one place)"
-        raise SimulationError(f"march failed at {_where(course, step, h)}: {why}")
-
-
-def _where(course: kernel.Course, step: int, h: float) -> str:
-    return f"step {step}, t = {step * h:g} s, slider at {course.s[0, step]:g} m"
+def _reason(names: Sequence[str], s: float, failed: int) -> str:
+    depend = ", ".join(names[:failed])
+    return f"the rows {depend} can't tell there what holds the body (a slider on a support, or two in one place)"

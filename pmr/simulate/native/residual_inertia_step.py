@@ -24,12 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.simulate.native.compilation import compiled, inlined
-from pmr.simulate.native.rows import find_interval
+from pmr.simulate.native.rows import SINGULAR, find_interval
 
 Array = NDArray[np.float64]
-
-#: A pivot below this share of its diagonal entry: the row depends on those before it.
-SINGULAR = 1e-12
 
 
 class Scheme(NamedTuple):

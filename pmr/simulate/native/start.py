@@ -31,13 +31,9 @@ def starting_state(
     Where rows give way, the multipliers follow from the position, and which of those that only push are closed; rigid
     rows hold the acceleration, their own motion left out as in Exudyn.
 
-    Raises
-    ------
-    InputError
-        If the initial position violates a rigid row or a size is wrong, a rigid row only pushes, or the body keeps the
-        inertia of its residual part.
-    SimulationError
-        If rows that give way depend on each other, and some of them only push.
+    An InputError is raised where the initial position violates a rigid row or a size is wrong, a rigid row only pushes,
+    or the body keeps the inertia of its residual part; a SimulationError where rows that give way depend on each other,
+    and some of them only push.
     """
     if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
         allowed = "false is allowed step by step, and where outputs alone are kept; march.simulate keeps it"
