@@ -14,16 +14,15 @@ from typing import Any
 
 import exudyn as exu
 import numpy as np
-from exudyn.itemInterface import SensorNode, SensorObject
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.results import Energy
 from pmr.simulate.excitation import Excitation
-from pmr.simulate.exudyn.ancf_items import CableItems, add_force, add_sliding_cable
+from pmr.simulate.exudyn.ancf_items import add_force, add_sliding_cable
 from pmr.simulate.exudyn.cable import Cable, curvature, values
 from pmr.simulate.exudyn.items import add_pre_step_function
-from pmr.simulate.exudyn.solver import slider_at, solve, solver_settings, stored
+from pmr.simulate.exudyn.solver import of_connector, of_nodes, slider_at, solve, solver_settings, stored
 from pmr.simulate.stepping import Progress, TimeStepping
 
 __all__ = ["Cable", "CableMotion", "energy", "simulate"]
@@ -83,7 +82,9 @@ def simulate(
         return float(s[round(t / stepping.step)])
 
     add_pre_step_function(mbs, update)
-    sensors = _add_sensors(mbs, items)
+    kind = exu.OutputVariableType
+    sensors = [of_nodes(mbs, items.nNodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
+    sensors.append([of_connector(mbs, items.oJoint)])
     place = slider_at(position)
     seconds = solve(mbs, _settings(cable, stepping), place, progress)
     stored_values = [[stored(mbs, sensor, stepping, place) for sensor in group] for group in sensors]
@@ -121,20 +122,6 @@ def energy(cable: Cable, motion: CableMotion) -> Energy:
 def _trapezoid(y: Array, x: Array) -> Array:
     """Integrals (T,) of y (T, o) over x (o,)."""
     return np.asarray((y[:, 1:] + y[:, :-1]) @ np.diff(x) / 2.0)
-
-
-def _add_sensors(mbs: Any, items: CableItems) -> tuple[list[Any], list[Any], list[Any]]:
-    """Sensors of all nodes' coordinates and velocities, and of the joint's force."""
-    kind = exu.OutputVariableType
-
-    def of_nodes(kind: Any) -> list[Any]:
-        return [
-            mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True))
-            for node in items.nNodes
-        ]
-
-    joint = SensorObject(objectNumber=items.oJoint, outputVariableType=kind.Force, storeInternal=True)
-    return of_nodes(kind.Coordinates), of_nodes(kind.Coordinates_t), [mbs.AddSensor(joint)]
 
 
 def _settings(cable: Cable, stepping: TimeStepping) -> Any:

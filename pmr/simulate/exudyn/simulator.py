@@ -13,7 +13,6 @@ from typing import Any, Literal
 import exudyn as exu
 import numpy as np
 import scipy.sparse as sp
-from exudyn.itemInterface import SensorNode, SensorObject
 
 from pmr.scene.signals import SignalBase
 from pmr.scene.simulators import refuse
@@ -22,7 +21,7 @@ from pmr.simulate.excitation import Excitation, on_path
 from pmr.simulate.exudyn.bodies import add_body_with_multipliers, add_called_body, add_updated_body
 from pmr.simulate.exudyn.inputs import Inputs, SignalInputs, TabulatedInputs
 from pmr.simulate.exudyn.items import SlidingBodyItems, add_pre_step_function
-from pmr.simulate.exudyn.solver import change, slider_at, solve, solver_settings, stored
+from pmr.simulate.exudyn.solver import change, of_connector, of_nodes, slider_at, solve, solver_settings, stored
 from pmr.simulate.needs import needs_of, needs_on
 from pmr.simulate.start import InitialState, consistent_start
 from pmr.simulate.stepping import Progress
@@ -119,16 +118,9 @@ def simulate(
     mbs = container.AddSystem()
     items = add(mbs, body, inputs, start)
     kind = exu.OutputVariableType
-    of_coordinates = [
-        SensorNode(nodeNumber=items.nBody, outputVariableType=kind, storeInternal=True)
-        for kind in (kind.Coordinates, kind.Coordinates_t)
-    ]
+    of_body = [of_nodes(mbs, [items.nBody], which)[0] for which in (kind.Coordinates, kind.Coordinates_t)]
     connectors = ([] if items.oSlider is None else [items.oSlider]) + list(items.oSupports)
-    of_forces = [
-        SensorObject(objectNumber=connector, outputVariableType=kind.Force, storeInternal=True)
-        for connector in connectors
-    ]
-    sensors = [mbs.AddSensor(sensor) for sensor in (*of_coordinates, *of_forces)]
+    sensors = [*of_body, *(of_connector(mbs, connector) for connector in connectors)]
     linear_solver = exu.LinearSolverType.EigenSparse if sp.issparse(body.K) else exu.LinearSolverType.EigenDense
     chosen = solver_settings(stepping, linear_solver)
     chosen.timeIntegration.newton.useModifiedNewton = formulation == "callbacks-modified-newton"

@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from typing import Any
 
 import exudyn as exu
 import numpy as np
+from exudyn.itemInterface import SensorNode, SensorObject
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
@@ -95,6 +96,17 @@ def _report(mbs: Any, integration: Any, progress: Progress) -> None:
         return True
 
     add_pre_step_function(mbs, count)
+
+
+def of_nodes(mbs: Any, nodes: Iterable[Any], kind: Any) -> list[Any]:
+    """Sensors that store an output variable of nodes, such as their coordinates, at every step."""
+    return [mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True)) for node in nodes]
+
+
+def of_connector(mbs: Any, connector: Any) -> Any:
+    """One that stores a connector's force."""
+    kind = exu.OutputVariableType.Force
+    return mbs.AddSensor(SensorObject(objectNumber=connector, outputVariableType=kind, storeInternal=True))
 
 
 def stored(mbs: Any, sensor: Any, stepping: TimeStepping, place: Callable[[float], str]) -> Array:

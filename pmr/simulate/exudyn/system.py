@@ -23,8 +23,6 @@ from exudyn.itemInterface import (
     NodePointGround,
     ObjectConnectorCoordinateVector,
     ObjectGenericODE2,
-    SensorNode,
-    SensorObject,
 )
 from numpy.typing import NDArray
 
@@ -32,7 +30,7 @@ from pmr.scene.simulators import Needs, refuse
 from pmr.simulate import balance, contact_step
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.exudyn.items import add_coordinates, add_pre_step_function, matrix
-from pmr.simulate.exudyn.solver import change, solve, solver_settings, stored
+from pmr.simulate.exudyn.solver import change, of_connector, of_nodes, solve, solver_settings, stored
 from pmr.simulate.exudyn.system_rows import Giving, SystemBalance, SystemMotion, Tables, balanced
 from pmr.simulate.native.multibody_march import contact_frequency, places
 from pmr.simulate.native.scheme import GeneralizedAlpha
@@ -92,13 +90,7 @@ class _Run:
         nodes = [add_coordinates(self.mbs, name, start) for name, start in zip(system.bodies, starts, strict=True)]
         self._add_object(nodes)
         kind = exu.OutputVariableType
-        self._of_nodes = [
-            {
-                which: self.mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=which, storeInternal=True))
-                for which in (kind.Coordinates, kind.Coordinates_t)
-            }
-            for node in nodes
-        ]
+        self._of_nodes = [of_nodes(self.mbs, nodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
         self._of_connector = self._add_connector(rows)
         add_pre_step_function(self.mbs, self._update)
 
@@ -150,9 +142,7 @@ class _Run:
         self._connector = self.mbs.AddObject(
             ObjectConnectorCoordinateVector(markerNumbers=[ground, bodies], scalingMarker1=C)
         )
-        kind = exu.OutputVariableType.Force
-        sensor = SensorObject(objectNumber=self._connector, outputVariableType=kind, storeInternal=True)
-        return self.mbs.AddSensor(sensor)
+        return of_connector(self.mbs, self._connector)
 
     def _stiffness(self) -> Any:
         K = self._assembly.K.toarray()
@@ -198,10 +188,10 @@ class _Run:
 
     def motion(self) -> SystemMotion:
         """What the sensors stored; forces of contacts that give way are still zero."""
-        kind, stepping = exu.OutputVariableType, self.excitation.stepping
+        stepping = self.excitation.stepping
         q, v = (
-            np.hstack([stored(self.mbs, sensors[which], stepping, self.describe) for sensors in self._of_nodes])
-            for which in (kind.Coordinates, kind.Coordinates_t)
+            np.hstack([stored(self.mbs, sensor, stepping, self.describe) for sensor in sensors])
+            for sensors in self._of_nodes
         )
         forces = np.zeros((len(q), len(self._system.contacts)))
         if self._of_connector is not None:

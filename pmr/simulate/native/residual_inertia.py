@@ -22,8 +22,8 @@ from pmr.simulate import balance
 from pmr.simulate.blocks import Block, Ended, Take
 from pmr.simulate.excitation import Excitation, in_order
 from pmr.simulate.modal import ModalForm
+from pmr.simulate.native import marching
 from pmr.simulate.native import residual_inertia_step as kernel
-from pmr.simulate.native.marching import BLOCK, Loop
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.system import aligned
 from pmr.simulate.needs import needs_on
@@ -52,10 +52,10 @@ def follow(
     stepping, t = excitation.stepping, excitation.times
     course, account = _sampled(form, excitation), balance.Account(body, stepping.steps)
     r, m, i, T = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1
-    record = kernel.Record(*(np.empty((min(BLOCK, T - 1) + 1, size)) for size in (r, r, m, m)))
+    record = kernel.Record(*(np.empty((min(marching.BLOCK, T - 1) + 1, size)) for size in (r, r, m, m)))
     state = _state(InitialState.at_rest(r) if initial is None else initial, m, i)
     scheme, before = _scheme(GeneralizedAlpha(stepping.step, stepping.rho_inf)), 0
-    loop = Loop(course.s[0], stepping.step, 1, partial(_reason, body.row_names))
+    loop = marching.Loop(course.s[0], stepping.step, 1, partial(_reason, body.row_names))
     resting = scheme._replace(step=0.0, dq=0.0, dv=0.0, gain=1.0)
     loop.check(0, kernel.run(_system(form, resting), resting, state, course, record, 0, 1)[1])
     system = _system(form, scheme)

@@ -18,7 +18,7 @@ from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulate import InitialState, TimeStepping
 from pmr.simulate.balance import energy
 from pmr.simulate.modal import modal_form
-from pmr.simulate.native import residual_inertia as inertial_march
+from pmr.simulate.native import marching
 from pmr.simulate.native import simulator as march
 from pmr.simulate.native.stepper import Stepper
 from pmr.system.body import FullBody, Trajectory, displacement
@@ -172,7 +172,7 @@ def test_what_it_cannot_simulate_is_refused(rich: FullBody) -> None:
 def test_blocks_leave_no_trace(rich: FullBody, monkeypatch: pytest.MonkeyPatch) -> None:
     form, stepping, told = modal_form(with_kept_inertia(inertial(rich, 5))), TimeStepping(0.2, 1e-3, 0.9), list[float]()
     whole = march.simulate_modal(form, driven(PATH, LOADS, stepping))
-    monkeypatch.setattr(inertial_march, "BLOCK", 13)
+    monkeypatch.setattr(marching, "BLOCK", 13)
     again = march.simulate_modal(form, driven(PATH, LOADS, stepping), progress=told.append)
     assert np.array_equal(again.q, whole.q) and np.array_equal(again.multipliers, whole.multipliers)
     assert told == pytest.approx([*(np.arange(13, 200, 13) / 200), 1.0])
