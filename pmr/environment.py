@@ -61,10 +61,7 @@ def needed(name: str) -> Any:
 
 
 def check_installed(name: str) -> None:
-    """The same before long work, without the time that an import takes; a library may still be missing.
-
-    Raises InputError if there is no such package.
-    """
+    """The same before long work, without an import, so that a library may still be missing; raises InputError."""
     if util.find_spec(name) is None:
         raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")
 
@@ -110,10 +107,7 @@ def commit() -> str | None:
 
 
 def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
-    """Digest of what computes: source files, by path within pmr, and the versions of the numerical packages.
-
-    Files whose path within pmr begins with one of `leave_out` do not count.
-    """
+    """Digest of source files, by path within pmr but those that begin with `leave_out`, and of numerical packages."""
     digest = hashlib.sha256()
     for name, text in sorted(files.items()):
         if not name.startswith(tuple(leave_out)):

@@ -14,10 +14,7 @@ from pmr.files.whole import replaced
 
 
 def write_ffrf(body: NodalBody, target: Path) -> Path:
-    """Write nodes, mass, stiffness and modes with Exudyn's own writer, of which it makes an ObjectFFRFreducedOrder.
-
-    Raises InputError if Exudyn is missing.
-    """
+    """Write what makes an ObjectFFRFreducedOrder, with Exudyn's own writer; raises InputError if Exudyn is missing."""
     environment.needed("exudyn")
     from exudyn.FEM import FEMinterface
 
@@ -36,9 +33,9 @@ def write_ffrf(body: NodalBody, target: Path) -> Path:
 
 
 def write_simscape(body: FramedBody, target: Path) -> Path:
-    """Write what the block Reduced Order Flexible Solid asks for.
+    """Write what the block Reduced Order Flexible Solid asks for: origins P (F, 3) of the frames, and K, M, C.
 
-    That is origins P (F, 3) of the frames, and K, M, C: of each frame x, y, z, rx, ry, rz, then the modes.
+    Their rows are of each frame x, y, z, rx, ry, rz, then the modes.
     """
     names = np.array(body.places.names, dtype=object)
     content = {"P": body.places.points, "K": body.K, "M": body.M, "C": body.C, "frames": names, "s": body.s}

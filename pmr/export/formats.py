@@ -73,14 +73,12 @@ FORMATS = {
 
 @dataclass(frozen=True)
 class BodyFormat:
-    """A format of flexible bodies: what it is, the name of its file, what it describes a body by (node, frame), and its
-    writer (body, target).
-    """
+    """A format of flexible bodies."""
 
     says: str
     file_name: str
-    by: str
-    write: Callable[[Any, Path], Path]
+    by: str  #: What it describes a body by: node or frame
+    write: Callable[[Any, Path], Path]  #: Of body and target
 
 
 BODY_FORMATS = {

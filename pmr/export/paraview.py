@@ -93,10 +93,10 @@ def _of_pads(pads: Boxes, k: int) -> Any:
 
 def _regions(grid: Grid) -> dict[str, NDArray[Any]]:
     """For each region which cells are in it."""
-    inside = {name: np.zeros(len(grid.cells), np.int8) for name in sorted(grid.regions)}
-    for name, cells in grid.regions.items():
-        inside[name][cells] = 1
-    return {f"region_{_word(name)}": mask for name, mask in inside.items()}
+    every = np.arange(len(grid.cells))
+    return {
+        f"region_{_word(name)}": np.isin(every, grid.regions[name]).astype(np.int8) for name in sorted(grid.regions)
+    }
 
 
 def _cells(values: dict[str, NDArray[Any]]) -> dict[str, list[NDArray[Any]]]:

@@ -23,10 +23,7 @@ def held_at(npz_path: Path, asked: str | None) -> StateSpace:
 
 
 def places(model: ReducedModel, asked: str | None) -> Array:
-    """Path coordinates (S,) in m, ascending: those that are asked for, separated by commas, or a grid.
-
-    Raises InputError if they are no numbers or lie off the model's path.
-    """
+    """Path coordinates (S,) in m: a grid, or those asked for, separated by commas; raises InputError off the path."""
     low, high = model.domain
     if asked is None:
         return np.linspace(low, high, PLACES)

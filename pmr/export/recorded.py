@@ -29,8 +29,7 @@ class Recorded:
 def recorded(model: ReducedModel, source: str) -> Recorded:
     """The scene in a model's provenance.
 
-    Raises InputError if there is none, or it holds anything but numbers where numbers belong; it is said of the file
-    `source`.
+    Raises InputError of the file `source` if there is none, or anything but numbers stands where they belong.
     """
     try:
         scene = model.provenance["scene"]

@@ -54,8 +54,7 @@ class Taylor:
 def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
     """What the module's equations say, by the names of the format.
 
-    Raises InputError if a node's mass differs along x, y and z: then no field of displacements stands behind the mass
-    matrix.
+    Raises InputError if a node's mass differs along x, y and z: no field of displacements has such a mass matrix.
     """
     scalar = sp.csr_matrix(body.M[::3][:, ::3])
     if abs(body.M - sp.kron(scalar, sp.eye(3))).max() > ALIKE * abs(scalar).max():

@@ -70,8 +70,7 @@ class _Nodes:
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
     """Matrices and what is known of their coordinates.
 
-    Raises InputError if a file is missing or of another kind, does not say what it should, or they do not fit each
-    other.
+    Raises InputError if a file is missing, of another kind, or does not say what it should, or they do not fit.
     """
     K, M = _guarded(files.stiffness, _MATRICES | _nastran("K")), _guarded(files.mass, _MATRICES | _nastran("M"))
     pairs, nodes = _guarded(files.dofs, _DOFS), _guarded(files.nodes, _NODES)

@@ -9,10 +9,7 @@ from typing import Any
 
 
 def text(data: Any, indent: int | None = None) -> str:
-    """`data` as JSON; numbers that are not finite are null (`not_finite` names them).
-
-    Raises TypeError if there is something in it that is neither a plain value, a list nor a table.
-    """
+    """`data` as JSON, null where a number is not finite; raises TypeError at what is no plain value, list or table."""
     return json.dumps(_finite(data), indent=indent, allow_nan=False)
 
 

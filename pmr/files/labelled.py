@@ -49,10 +49,7 @@ class Entries:
 
 
 def read_entries(path: Path) -> Entries:
-    """Lines ``node, direction, node, direction, entry``: what Abaqus writes of ``*MATRIX OUTPUT``.
-
-    Raises ValueError if a line says something else.
-    """
+    """Lines ``node, direction, node, direction, entry``: Abaqus's ``*MATRIX OUTPUT``; raises ValueError at others."""
     found = table(path, 5, "node, direction, node, direction and entry", delimiter=",", comments="*")
     labels = found[:, :4].astype(np.int64)
     if not np.array_equal(labels, found[:, :4]):
@@ -82,10 +79,7 @@ class Bulk:
 
 
 def read_bulk(path: Path) -> Bulk:
-    """All of a bulk data file that is asked for.
-
-    Raises InputError if pyNastran is missing; ValueError if the file is not read.
-    """
+    """What a bulk data file holds; raises InputError if pyNastran is missing, ValueError if the file is not read."""
     deck = needed("pyNastran.bdf.bdf").BDF(debug=None)
     try:
         with redirect_stdout(StringIO()):
@@ -111,10 +105,7 @@ def read_bulk(path: Path) -> Bulk:
 
 
 def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
-    """Matrices of an OUTPUT4 file by name.
-
-    Raises InputError if pyNastran is missing; ValueError if the file is not read.
-    """
+    """Matrices of an OUTPUT4 file by name; raises as `read_bulk`."""
     read = needed("pyNastran.op4.op4").read_op4
     try:
         with redirect_stdout(StringIO()):  # it prints what it can't read
@@ -129,10 +120,7 @@ def _told(error: BaseException) -> str:
 
 
 def named(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
-    """The only matrix, or the only one whose name begins with a letter.
-
-    Raises ValueError if there are none or several.
-    """
+    """The only matrix, or the only one whose name begins with a letter; raises ValueError if none or several are."""
     found = [one for name, one in matrices.items() if len(matrices) == 1 or name.upper().startswith(letter)]
     if len(found) != 1:
         raise ValueError(f"one matrix whose name begins with {letter}, not {', '.join(matrices) or 'none'}")

@@ -35,10 +35,7 @@ T = TypeVar("T")
 
 
 def arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
-    """All that a dataclass holds, by name; `prefix` stands before each name.
-
-    Raises TypeError if a table holds what JSON doesn't know.
-    """
+    """All that a dataclass holds, by name behind `prefix`; raises TypeError if a table holds what JSON doesn't know."""
     found: dict[str, NDArray[Any]] = {}
     cls: Any = type(record)
     for name, hint in _types(cls).items():

@@ -45,10 +45,7 @@ def replaced(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def said_in_a_line(path: Path) -> Iterator[None]:
-    """Where the block finds no room on the disk, say so of `path`.
-
-    Raises NotWrittenError instead of the system's own error.
-    """
+    """Where the block finds no room on the disk, raise NotWrittenError of `path` in place of the system's error."""
     try:
         yield
     except OSError as error:

@@ -78,10 +78,9 @@ def footprint(boom: Boom, ring: JointPads) -> str:
 
 
 def footprints(boom: Boom, number: int) -> tuple[Footprint, ...]:
-    """Of all rings with faces that touch a section.
+    """Of all rings with faces that touch a section; rows of a body are defined on a common stretch.
 
-    All of them travel where any of them does, as far as the section's ends allow: rows of a body are then defined on a
-    common stretch.
+    So all of them travel where any of them does, as far as the section's ends allow.
     """
     found = [seat for seat in seats(boom, number) if seat.ring.faces is not None]
     if not found:

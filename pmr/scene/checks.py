@@ -1,7 +1,4 @@
-"""What no section can know by itself: time, path, reduction and comparison; sizes that double precision carries.
-
-Bodies are for `structure_checks`.
-"""
+"""What no section can know by itself but of bodies: sizes, time, path, reduction, comparison and simulators."""
 
 from __future__ import annotations
 

@@ -59,10 +59,7 @@ REFERENCE = Asked("scene", "compare.against", ["full"])
 
 
 def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
-    """Refuse what the simulator of this name can't do, in one line that names the key that mends it.
-
-    Raises InputError.
-    """
+    """Refuse, by InputError, what the simulator of this name can't do, in a line that names the key that mends it."""
     can, asked = SIMULATORS[name], asked or Asked("scene", "simulation.simulators", name)
     if len(needs.paths) > 1 and not can.several_paths:
         reason = f"{name} knows one path for all, here there are {_listed(needs.paths)}"

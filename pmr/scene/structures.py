@@ -26,10 +26,7 @@ Measured = Literal["stress", "strain", "displacement"]
 
 
 def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, float]:
-    """The direction alone; one of unit length, to round-off, stays as it is.
-
-    Raises ValueError if it is zero or not finite.
-    """
+    """The direction alone, as it is if of unit length to round-off; raises ValueError if it is zero or not finite."""
     largest = max(map(abs, direction))
     if not 0.0 < largest < math.inf:
         raise ValueError("a direction is allowed: three numbers, not all of them zero")

@@ -73,8 +73,7 @@ class TomlFile:
     def validated(self, model: type[Model]) -> Model:
         """The data as a pydantic model.
 
-        Raises InputError for the first key that has moved, else the first value that the model refuses; unknown keys go
-        first, with the known ones.
+        Raises InputError for the first key that has moved, else the first value that is refused, unknown keys first.
         """
         for location, name, _, value in keys_of(self.data):
             if name in self.dialect.moved:
@@ -187,19 +186,10 @@ def _parsed(text: str) -> dict[str, Any]:
     raise ValueError(f"at most {DEEPEST} tables or lists within each other are allowed")
 
 
-def _is_deep(data: Any) -> bool:
-    """Whether tables and lists stand deeper within each other than allowed; takes no stack however deep they are."""
-    level = [data]
-    for _ in range(DEEPEST + 1):
-        level = [
-            inner
-            for outer in level
-            for inner in (outer.values() if isinstance(outer, dict) else outer)
-            if isinstance(inner, (dict, list))
-        ]
-        if not level:
-            return False
-    return True
+def _is_deep(data: Any, left: int = DEEPEST) -> bool:
+    """Whether tables and lists stand deeper within each other than allowed."""
+    inner = data.values() if isinstance(data, dict) else data if isinstance(data, list) else None
+    return inner is not None and (left < 0 or any(_is_deep(one, left - 1) for one in inner))
 
 
 def _anchor(data: Any, folder: Path, references: tuple[str, ...]) -> None:

@@ -84,11 +84,8 @@ _COMPLIANT_ROWS = """\
 def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     """Write a script that simulates a saved reduced model under its scene's path and loads.
 
-    The script needs numpy, scipy and exudyn only, and the model in its own folder: the file is copied there
-    if it lies elsewhere.
-
-    Raises InputError if the file is no reduced model or has no scene in its provenance, or writing would replace a
-    model.
+    It needs numpy, scipy and exudyn only, and the model in its own folder, into which it is copied if need be.
+    Raises InputError as `exudyn_script`, if the file is no reduced model, or if writing would replace a model.
     """
     npz_path, target = Path(npz_path), Path(target)
     text = exudyn_script(ReducedModel.load(npz_path), npz_path.name)

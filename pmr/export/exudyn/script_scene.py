@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from pmr.export.recorded import recorded
 from pmr.reduced.model import ReducedModel
-from pmr.scene.signals import Constant, SignalBase, Sum
+from pmr.scene.signals import Constant, SignalBase
 from pmr.simulate.stepping import TimeStepping
 
 WIDTH = 88  # letters of a line
@@ -28,7 +28,8 @@ class SceneText:
     @property
     def kinds(self) -> set[str]:
         """Kinds of all signals."""
-        return {part.kind for signal in (self.path, *self.loads.values()) for part in _parts(signal)}
+        parts: list[Any] = [part for signal in (self.path, *self.loads.values()) for part in signal.parts]
+        return {part.kind for part in parts}
 
     def text(self) -> str:
         """Constants and functions of t."""
@@ -63,7 +64,7 @@ def _function(name: str, docstring: str, signal: SignalBase) -> str:
 
 def _sum(signal: SignalBase) -> str:
     """Calls of all terms; on a line each where they would make a long one."""
-    calls = [_call(part) for part in _parts(signal)]
+    calls = [_call(part) for part in signal.parts]
     line = " + ".join(calls)
     if len(calls) == 1 or (len(line) <= WIDTH and "\n" not in line):
         return line
@@ -80,12 +81,3 @@ def _call(signal: Any) -> str:
     if len(line) <= WIDTH:
         return line
     return "\n".join([f"{signal.kind}(", "        t,", *(f"        {a}," for a in arguments), "    )"])
-
-
-def _parts(signal: Any) -> Iterator[Any]:
-    """The signal, or what it sums up."""
-    if isinstance(signal, Sum):
-        for term in signal.terms:
-            yield from _parts(term)
-    else:
-        yield signal

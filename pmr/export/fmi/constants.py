@@ -37,10 +37,7 @@ class Constants:
 
 
 def constants(model: ReducedModel, source: str) -> Constants:
-    """Modal form and tables of a model, on common breaks.
-
-    Raises InputError if it keeps residual inertia; it is said of the file `source`.
-    """
+    """Modal form and tables of a model on common breaks; raises InputError of `source` if it keeps residual inertia."""
     if model.flexibility is not None and model.flexibility.keeps_inertia:
         raise InputError(source, "flexibility.inertia", None, "a model without residual inertia is allowed in an FMU")
     m, i, o = len(model.row_names), len(model.input_names), len(model.outputs)

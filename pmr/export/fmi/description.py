@@ -68,11 +68,7 @@ def description_2(model: Described, variables: Sequence[Variable]) -> str:
         if variable.derivative_of is not None:
             real.set("derivative", str(number[variable.derivative_of]))
     structure = ET.SubElement(root, "ModelStructure")
-    for name, found in (
-        ("Outputs", _outputs(variables)),
-        ("Derivatives", _derivatives(variables)),
-        ("InitialUnknowns", sorted(_initial(variables), key=lambda v: number[v.reference])),
-    ):
+    for name, found in zip(("Outputs", "Derivatives", "InitialUnknowns"), _unknowns(variables), strict=True):
         element = ET.SubElement(structure, name)
         for variable in found:
             ET.SubElement(element, "Unknown", index=str(number[variable.reference]))
@@ -99,11 +95,8 @@ def description_3(model: Described, variables: Sequence[Variable]) -> str:
         if variable.derivative_of is not None:
             element.set("derivative", str(variable.derivative_of))
     structure = ET.SubElement(root, "ModelStructure")
-    for name, found in (
-        ("Output", _outputs(variables)),
-        ("ContinuousStateDerivative", _derivatives(variables)),
-        ("InitialUnknown", _initial(variables)),
-    ):
+    names = ("Output", "ContinuousStateDerivative", "InitialUnknown")
+    for name, found in zip(names, _unknowns(variables), strict=True):
         for variable in found:
             ET.SubElement(structure, name, valueReference=str(variable.reference))
     return _text(root)
@@ -175,16 +168,13 @@ def _real(variable: Variable) -> dict[str, str]:
     return said | {name: repr(value) for name, value in numbers.items() if value is not None}
 
 
-def _outputs(variables: Sequence[Variable]) -> list[Variable]:
-    return [v for v in variables if v.causality == "output"]
-
-
-def _derivatives(variables: Sequence[Variable]) -> list[Variable]:
-    return [v for v in variables if v.derivative_of is not None]
-
-
-def _initial(variables: Sequence[Variable]) -> list[Variable]:
-    return [v for v in variables if v.initial in ("approx", "calculated")]
+def _unknowns(variables: Sequence[Variable]) -> list[list[Variable]]:
+    """Outputs, derivatives of states, and what the initialisation finds."""
+    return [
+        [v for v in variables if v.causality == "output"],
+        [v for v in variables if v.derivative_of is not None],
+        [v for v in variables if v.initial in ("approx", "calculated")],
+    ]
 
 
 def _text(root: ET.Element) -> str:

@@ -66,10 +66,8 @@ def write_fmu(
 ) -> Path:
     """Write a saved reduced model as an FMU for Co-Simulation and, where no row is rigid, Model Exchange.
 
-    `version` is that of the interface, ``"2"`` or ``"3"``; `platforms` are the systems to compile for.
-
-    Raises InputError if the file is no reduced model or has no scene in its provenance, the model can't be exported, or
-    the compiler is missing.
+    `version` of the interface is ``"2"`` or ``"3"``; `platforms` are the systems to compile for.  Raises InputError as
+    `contents`, or if the file is no reduced model or the compiler is missing.
     """
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
@@ -89,7 +87,7 @@ def write_fmu(
 def contents(model: ReducedModel, file_name: str, name: str, version: str) -> Contents:
     """Description, source and reference trajectory of a model whose binaries are called `name`.
 
-    Raises InputError if the model has no scene, keeps residual inertia, or has rigid rows that only push.
+    Raises InputError if the provenance has no scene, the model keeps inertia, or has rigid rows that only push.
     """
     scene, found = recorded(model, file_name), constants(model, file_name)
     run = reference(model, scene.excitation)

@@ -69,25 +69,25 @@ def _given(model: ReducedModel, names: _Names, start: Array) -> Iterator[Variabl
     count = max(len(model.input_names), 1)
     units = [unit.replace("^", "") for unit in model.input_units]
     yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
-    yield Variable(names("s"), 1, "path coordinate of the sliders", "input", "continuous", "", "m", float(start[1]))
-    yield Variable(names("s_rate"), 2, "rate of s", "input", "continuous", "", "m/s", float(start[2]))
-    loads = [names(name) for name in model.input_names]
-    for k, (name, unit) in enumerate(zip(loads, units, strict=True)):
-        yield Variable(
-            name, 3 + k, f"load {model.input_names[k]}", "input", "continuous", "", unit, float(start[3 + k])
+    inputs = [(names("s"), 1, "path coordinate of the sliders", "m"), (names("s_rate"), 2, "rate of s", "m/s")]
+    pairs = zip(model.input_names, units, strict=True)
+    loads = [(names(name), 3 + k, f"load {name}", unit) for k, (name, unit) in enumerate(pairs)]
+    rates = [
+        (names(f"{name}_rate"), count + at, f"rate of the {what}", "m/s3" if unit == "m/s2" else f"{unit}/s")
+        for name, at, what, unit in loads
+    ]
+    for name, at, what, unit in (*inputs, *loads, *rates):
+        yield Variable(name, at, what, "input", "continuous", "", unit, float(start[at]))
+    first, step, rho_inf = 3 + 2 * count, start[3 + 2 * count], start[4 + 2 * count]
+    how = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"
+    for k, (name, what, unit, value) in enumerate(
+        (
+            ("internal_step", "longest internal step in Co-Simulation", "s", step),
+            ("rho_inf", "spectral radius of generalized-alpha at infinite frequency", "", rho_inf),
+            ("start", how, "", STARTS["at rest"]),
         )
-    for k, (name, unit) in enumerate(zip(loads, units, strict=True)):
-        at, of_rate = 3 + count + k, "m/s3" if unit == "m/s2" else f"{unit}/s"
-        what = f"rate of the load {model.input_names[k]}"
-        yield Variable(names(f"{name}_rate"), at, what, "input", "continuous", "", of_rate, float(start[at]))
-    first = 3 + 2 * count
-    step, rho_inf = float(start[first]), float(start[first + 1])
-    what = "longest internal step in Co-Simulation"
-    yield Variable(names("internal_step"), first, what, "parameter", "fixed", "exact", "s", step)
-    what = "spectral radius of generalized-alpha at infinite frequency"
-    yield Variable(names("rho_inf"), first + 1, what, "parameter", "fixed", "exact", "", rho_inf)
-    what = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"
-    yield Variable(names("start"), first + 2, what, "parameter", "fixed", "exact", "", float(STARTS["at rest"]))
+    ):
+        yield Variable(names(name), first + k, what, "parameter", "fixed", "exact", unit, float(value))
 
 
 def _observed(model: ReducedModel, names: _Names, first: int) -> Iterator[Variable]:
