@@ -255,12 +255,10 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
     _check_extent(pad, (places[0], places[-1]), strip.extent)
     whole = step * float(value_or_zero(bump(3, knot), np.zeros(()))) if strip.line else step * knot
     beside = strip.weights * value_or_zero(bump(3, knot), strip.across - pad.across)
-    order = np.argsort(strip.along, kind="stable")
-    first, last = np.searchsorted(strip.along[order], [places - step, places + step])
-    near = np.concatenate([np.sort(order[a:b]) for a, b in zip(first, last, strict=True)])
-    offsets = np.stack([strip.along[near] - np.repeat(places, last - first), strip.across[near] - pad.across])
+    which = _near(strip.along, places, step)
+    near, ends = which.indices, which.indptr
+    offsets = np.stack([strip.along[near] - np.repeat(places, np.diff(ends)), strip.across[near] - pad.across])
     weights = beside[near] * value_or_zero(bump(1, step), offsets[0])
-    ends = np.cumsum([0, *(last - first)])
     for x, a, b in zip(places, ends[:-1], ends[1:], strict=True):
         w, off = weights[a:b], offsets[:, a:b]
         aside = np.abs(off @ w) > MISSING * np.array([step, knot]) * w.sum()
@@ -269,6 +267,14 @@ def _stations(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
         weights[a:b] = _corrected(w, off, step)
     means = sp.csr_matrix((weights, near, ends), (len(places), len(strip.along)))
     return sp.csr_matrix(means @ strip.normal)
+
+
+def _near(along: Array, places: Array, step: float) -> sp.csc_matrix:
+    """Which points (q,) are less than a step away from each of the places (K,), a lattice; numbers ascend."""
+    first, last = (np.searchsorted(places + reach, along, side="right") for reach in (step, -step))
+    ends = np.concatenate([[0], np.cumsum(last - first)])
+    station = np.arange(ends[-1]) + np.repeat(first - ends[:-1], last - first)
+    return sp.csr_matrix((np.ones(len(station)), station, ends), (len(along), len(places))).tocsc()
 
 
 def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None:
