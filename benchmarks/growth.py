@@ -11,7 +11,7 @@ from benchmarks import beams
 from benchmarks.timing import exponent
 from pmr import load_scene
 from pmr.fem.compat import MPI
-from pmr.fullmodel.sections import build_sections
+from pmr.fullmodel.build import build_sections
 from pmr.reduce.sections import reduce_sections
 from pmr.scene.signals import Constant, SmoothRamp
 from pmr.simulate import Excitation, TimeStepping

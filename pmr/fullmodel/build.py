@@ -1,15 +1,21 @@
-"""From a scene to its full model."""
+"""From a scene to its full model, and from a boom to those of its sections, with rows wherever pads of joints sit."""
 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from pmr.constraints.straight import Straight
 from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structure import Structure, structural_model
-from pmr.scene import Scene
+from pmr.fullmodel.pads import Pad, Pads, Support
+from pmr.fullmodel.structure import Structure, Weight, structural_model
+from pmr.scene import Boom, Scene
+from pmr.scene.boom_parts import DRIVEN, POINT, TAIL, Footprint, footprints, is_axial, section_scene, stiffened
 
 logger = logging.getLogger(__name__)
 
@@ -59,3 +65,48 @@ def warnings(structure: Structure) -> list[str]:
         "round-off in the stiffness of so short elements changes the lowest frequency by about "
         f"{round_off:.0e} of its value; fewer elements are more accurate"
     ]
+
+
+def build_sections(boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, Built]:
+    """By the sections' names; equal ones are one and the same.  Collective.
+
+    Raises
+    ------
+    InputError
+        If a mesh can't be had, lacks a group, or a pad leaves its face.
+    """
+    made, found = dict[str, Built](), dict[str, Built]()
+    for number, name in enumerate(boom.names):
+        key = section_scene(boom, number).without_loads().hash
+        if key not in made:
+            structure = _structure(boom, number, comm)
+            made[key] = Built(structural_model(structure, comm), structure)
+        found[name] = made[key]
+    return found
+
+
+def _structure(boom: Boom, number: int, comm: MPI.Comm) -> Structure:
+    structure = structure_of(section_scene(boom, number), comm)
+    pads, loads = structure.pads, structure.loads
+    travels = {one.name: one for one in footprints(boom, number)}
+    pads = replace(
+        pads,
+        moving=tuple(_travelling(pad, travels) for pad in pads.moving),
+        sliders=tuple(replace(point, name=POINT) for point in pads.sliders),
+        straight=tuple(Straight(end, names) for names, end in stiffened(boom, number).items()),
+    )
+    if number and is_axial(boom, number):
+        pads = replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_stretch(pads))
+        loads = (*loads, Weight((-1.0, 0.0, 0.0), DRIVEN))
+    return replace(structure, pads=pads, loads=loads)
+
+
+def _travelling(pad: Pad, travels: Mapping[str, Footprint]) -> Pad:
+    own = next(one for name, one in travels.items() if pad.name.startswith(f"{name} "))
+    return replace(pad, travel=(own.travel.first, own.travel.last))
+
+
+def _stretch(pads: Pads) -> tuple[float, float]:
+    """Where all rows are defined: those of ends are too."""
+    travels = [pad.travel for pad in pads.moving if pad.travel is not None] or [pads.travel]
+    return float(np.max([low for low, _ in travels])), float(np.min([high for _, high in travels]))

@@ -7,19 +7,17 @@ to full relative accuracy: they are then the dominant ones.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import HAS_PETSC, PETSc
-from pmr.fem.distributed import freed, times
-from pmr.fem.factor import cholesky
+from pmr.fem.distributed import freed, inner, subtract, times
+from pmr.fem.factor import cholesky, factor_of
 from pmr.fem.matrices import gather
+from pmr.fullmodel.block_lanczos import BLOCK, largest
 from pmr.fullmodel.elimination import eliminate
-from pmr.fullmodel.low_rank_eigensolver import OneFactorEigenSolver
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, check_count, clustered, finished, lowest_of, solved
 
@@ -27,25 +25,12 @@ Array = NDArray[np.float64]
 DENSE_UP_TO = 1500  # coordinates; above, sparse factors are the automatic choice
 
 
-class EigenSolver(Protocol):
-    """Solves for the lowest modes at any path coordinate."""
-
-    def lowest(self, s: float, count: int) -> Modes:
-        """The `count` lowest modes with the rows held at s (m); collective.
-
-        Raises
-        ------
-        DependentRowsError
-            If the rows at s depend on each other.
-        ConvergenceError
-            If fewer than `count` modes exist or converge.
-        """
-
-
 def eigensolver(model: FullModel, choice: str) -> EigenSolver:
     """``"dense"``, ``"slepc"``, or ``"auto"``: dense up to `DENSE_UP_TO` coordinates.
 
-    Rows that give way are springs, a change of low rank of one factor for all positions, as all are without SLEPc.
+    Its `lowest(s, count)` are the lowest modes with the rows held at s (m); collective.  It raises a
+    `DependentRowsError` if rigid rows depend on each other there, and a `ConvergenceError` if fewer modes exist or
+    converge.  Rows that give way are springs, and take one factor for all positions, as all rows do without SLEPc.
     """
     if is_dense(model, choice):
         return DenseEigenSolver(model)
@@ -133,6 +118,51 @@ class SlepcEigenSolver:
         if found:
             eps.setDeflationSpace(found)
         return solved(eps, count)
+
+
+class OneFactorEigenSolver:
+    r"""Block Lanczos with shift-and-invert on one factor for all positions, of which rows are a change of low rank.
+
+    With F = K + sigma M, rows C(s) that give way by 1/k (or by nothing, if they are rigid) make of it
+
+    .. math::
+        \bigl(F + C^T k\, C\bigr)^{-1} = F^{-1} - F^{-1} C^T \bigl(1/k + C F^{-1} C^T\bigr)^{-1} C F^{-1}
+
+    (Woodbury; for 1/k = 0 its limit, in which C phi = 0).  A position costs m solves with F and those of the sequence.
+    """
+
+    def __init__(self, model: FullModel) -> None:
+        self._model, self._sigma = model, model.reference_frequency**2
+        F = model.K.copy()
+        F.axpy(self._sigma, model.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        self._factor = factor_of(F, "K + sigma M")
+        freed(F)
+
+    def lowest(self, s: float, count: int) -> Modes:
+        model, factor, C = self._model, self._factor, self._model.rows.at(s)
+        rigid = np.flatnonzero(model.rows.compliance == 0.0)
+        dimension = model.size - len(eliminate(C[rigid], [model.rows.names[i] for i in rigid]).pivots)
+        check_count(count, dimension)
+        Ct = np.asfortranarray(C[:, model.share].T.toarray())
+        answers = factor.solve_columns(Ct)
+        system = inner(Ct, answers, model.comm) + np.diag(model.rows.compliance)
+        held = scipy.linalg.cho_factor((system + system.T) / 2.0) if len(system) else None
+
+        def apply(g: Array) -> Array:
+            x = factor.solve_columns(g)
+            if held is not None:
+                subtract(x, answers, scipy.linalg.cho_solve(held, inner(Ct, x, model.comm)))
+            return x
+
+        loads = np.random.default_rng(7).uniform(-1.0, 1.0, (model.size, BLOCK))[model.share]
+        wanted = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
+        found = largest(apply, model.M, apply(np.asfortranarray(loads)), wanted, dimension)
+        omega2 = 1.0 / found.theta - self._sigma
+        cut = len(omega2) > count and clustered(omega2[count - 1], omega2[count])
+        return finished(model, s, omega2[:count], np.asfortranarray(found.vectors[:, :count]), cut)
+
+
+EigenSolver = DenseEigenSolver | SlepcEigenSolver | OneFactorEigenSolver
 
 
 def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> Array:

@@ -23,8 +23,8 @@ from pmr.errors import on_first
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fullmodel import probes
+from pmr.fullmodel.build import build_sections
 from pmr.fullmodel.build import warnings as build_warnings
-from pmr.fullmodel.sections import build_sections
 from pmr.recover.from_scene import Recovered, recovered_steps
 from pmr.recover.sections import recover_sections, states_of
 from pmr.reduce.cache import cache_in

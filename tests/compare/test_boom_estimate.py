@@ -10,7 +10,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.compare import attached, boom_estimate
-from pmr.fullmodel.sections import build_sections
+from pmr.fullmodel.build import build_sections
 from pmr.reduce.sections import reduce_sections
 from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.carriers import CarrierFlexibility

@@ -11,9 +11,8 @@ from pmr.errors import ConvergenceError
 from pmr.fem.compat import MPI
 from pmr.fullmodel import modes
 from pmr.fullmodel.build import full_model
-from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver, eigensolver
+from pmr.fullmodel.eigensolvers import DenseEigenSolver, OneFactorEigenSolver, SlepcEigenSolver, eigensolver
 from pmr.fullmodel.elimination import DependentRowsError
-from pmr.fullmodel.low_rank_eigensolver import OneFactorEigenSolver
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes
 

@@ -7,8 +7,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.fullmodel.build import build
-from pmr.fullmodel.eigensolvers import DenseEigenSolver, eigensolver
-from pmr.fullmodel.low_rank_eigensolver import OneFactorEigenSolver
+from pmr.fullmodel.eigensolvers import DenseEigenSolver, OneFactorEigenSolver, eigensolver
 from pmr.fullmodel.model import FullModel
 
 pytestmark = pytest.mark.mpi

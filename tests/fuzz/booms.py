@@ -130,7 +130,7 @@ def newton(boom: Boom) -> float:
     :math:`r^T M V \dot q` of the full mass, with r a translation; forces of pads are counted by their faces.
     """
     from pmr.fem.compat import MPI
-    from pmr.fullmodel.sections import build_sections
+    from pmr.fullmodel.build import build_sections
     from pmr.reduce.sections import reduce_sections
     from pmr.simulate.booms import excitation_of, system_of
     from pmr.simulate.native import multibody

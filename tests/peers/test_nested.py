@@ -15,7 +15,7 @@ from peers.pads import Patch
 
 from pmr import scene as scenes
 from pmr.compare.boom_motions import FullBoom
-from pmr.fullmodel.sections import build_sections
+from pmr.fullmodel.build import build_sections
 from pmr.scene import Boom
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]

@@ -17,7 +17,7 @@ from pmr.compare.boom_figures import frequency_map, joints
 from pmr.compare.booms import respond, with_friction
 from pmr.export.paraview import Travelling, write_bodies
 from pmr.fem.compat import MPI
-from pmr.fullmodel.sections import build_sections
+from pmr.fullmodel.build import build_sections
 from pmr.reduce import sections
 from pmr.reduce.sections import reduce_sections
 from pmr.reduced.model import ReducedModel
