@@ -27,6 +27,13 @@ from pmr.system.body import other_outputs
 
 #: Coordinates of the reduction from which the search takes away, or to which it adds its enrichment modes.
 COORDINATES = 6
+_CALLED = {
+    "beam": "displacements",
+    "tip": "the tip's",
+    "pad_force": "forces of sliders and pads",
+    "velocity": "velocities",
+    "probe": "what probes measure",
+}
 
 
 @dataclass(frozen=True)
@@ -143,13 +150,13 @@ def warnings(choice: Choice) -> list[str]:
         return []
     limit, said = _percent(asked.tolerance), list[str]()
     if not found.holds:
-        sizes = ", ".join(f"{_percent(share)} in {_named(kind)}" for kind, share in found.total.items())
+        sizes = ", ".join(f"{_percent(share)} in {_CALLED[kind]}" for kind, share in found.total.items())
         model = f"{found.member.coordinates} coordinates with steps of {choice.scene.time.step:.3g} s"
         said.append(
             f"the tolerance of {limit} isn't held: {model} are off by {sizes}, most of it by the {_larger(found)}"
         )
     shares = (choice.mesh or {}).items()
-    if beyond := [f"{_percent(share)} in {_named(kind)}" for kind, share in shares if share > asked.tolerance]:
+    if beyond := [f"{_percent(share)} in {_CALLED[kind]}" for kind, share in shares if share > asked.tolerance]:
         said.append(
             f"the mesh can't hold the tolerance of {limit}: it is off by {', '.join(beyond)}; shorter cells help"
         )
@@ -158,16 +165,6 @@ def warnings(choice: Choice) -> list[str]:
 
 def _larger(found: Found) -> str:
     return "reduction" if max(found.reduction.values()) >= max(found.step.values()) else "step"
-
-
-def _named(kind: str) -> str:
-    return {
-        "beam": "displacements",
-        "tip": "the tip's",
-        "pad_force": "forces of sliders and pads",
-        "velocity": "velocities",
-        "probe": "what probes measure",
-    }[kind]
 
 
 def _percent(fraction: float) -> str:

@@ -40,22 +40,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BoomEstimate:
-    """Estimated errors of a boom's reduced model.
+    """Estimated errors of a boom's reduced model, with margin."""
 
-    Attributes
-    ----------
-    errors : mapping of str to float
-        With margin, fractions: ``tip``, ``beam`` (all sections), ``pad_force``, and probes by their names.
-    sections : mapping of str to float
-        Along each section.
-    largest : float, m
-        Largest error of any output at any time, with margin.
-    seconds : float
-    """
-
-    errors: Mapping[str, float]
-    sections: Mapping[str, float]
-    largest: float
+    errors: Mapping[str, float]  # fractions: ``tip``, ``beam`` (all sections), ``pad_force``, and probes by their names
+    sections: Mapping[str, float]  # along each section
+    largest: float  # m: largest error of any output at any time
     seconds: float
 
 

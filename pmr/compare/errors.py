@@ -113,8 +113,7 @@ def errors(
     reference.  The pinned node, which does not move, counts in no pair.  Outputs in other units are compared by name.
 
     A kink of the path strikes the beam, and what of the blow a reduced model can't follow rings on at frequencies
-    above its own; the force sees that, displacements hardly do.  Evolved case of the paper with residual flexibility,
-    six free modes: force 18 % (below 50 Hz 1.5 %) and beam 0.21 %; twenty: 8 % (0.002 %) and 0.002 %.
+    above its own; the force sees that, displacements hardly do (docs/paper.md).
     """
     present = [name for name in order if name in responses]
     found = {}

@@ -46,46 +46,24 @@ MARGIN, MARGIN_OF_ALL_MODES = 1.25, 1.1
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimated errors of a reduced model's outputs.
+    """Estimated errors of a reduced model's outputs, with margin.
 
-    Attributes
-    ----------
-    beam, tip : float
-        e_NRMS over all displacements and of the tip's, fractions; relative to the second run's motion.  Not
-        capped: above 1 the error is larger than the motion.
-    pad_force : float or None
-        The same of the forces of sliders and pads; None where these have no size (`pmr.compare.outputs.impulsive`) or
-        are `unsettled`.
-    velocity : float or None
-        The same of the displacements' rates; None where they are `unsettled`.
-    probes : mapping of name to float
-        The same of each output in another unit, stresses at probes for instance (`probe_differences`).
-    kappa : float or None
-        Share of the residual part's inertia that the enrichment modes carry.
-    by : str
-        What told: ``inertia`` (d), ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d), ``attachment`` (of
-        rows that only push) or ``other model``.
-    chi : float or None
-        Share of the first truncated mode's motion that is not quasi-static.
-    error : (T, o) array, m
-        What is missing in the outputs, as far as these runs know, without margin.
-    seconds : float
-        Wall time of the estimate, all runs included.
-    unsettled : tuple of str
-        Kinds of outputs without an estimate: pads land and lift off, and two richer models disagree on them.
+    Fractions are e_NRMS relative to the second run's motion, not capped: above 1 the error is larger than the motion.
+    `by` says what told: ``inertia`` (d), ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d), ``attachment``
+    (of rows that only push) or ``other model``.
     """
 
-    beam: float
+    beam: float  # over all displacements
     tip: float
-    pad_force: float | None
-    velocity: float | None
-    probes: Mapping[str, float]
-    kappa: float | None
+    pad_force: float | None  # of sliders and pads; None where they have no size (`impulsive`) or are `unsettled`
+    velocity: float | None  # of the displacements' rates; None where they are `unsettled`
+    probes: Mapping[str, float]  # of each output in another unit, by name (`probe_differences`)
+    kappa: float | None  # share of the residual part's inertia that the enrichment modes carry
     by: str
-    chi: float | None
-    error: Array
-    seconds: float
-    unsettled: tuple[str, ...] = ()
+    chi: float | None  # share of the first truncated mode's motion that is not quasi-static
+    error: Array  # (T, o) m: what is missing in the outputs, as far as these runs know, without margin
+    seconds: float  # wall time of the estimate, all runs included
+    unsettled: tuple[str, ...] = ()  # kinds without an estimate: pads lift off, and two richer models disagree on them
 
     @property
     def probe(self) -> float | None:

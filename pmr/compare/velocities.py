@@ -7,9 +7,8 @@ r"""Velocities with the part of the body that follows at once, and the lag that 
 with z the multipliers that deform the residual part (docs/moving_residual_flexibility.md, section 5).
 
 Where s or f has a kink, so do z and the deformation under the slider: their rates jump, as those of a massless part can
-and those of a real one can't.  On smooth paths the recovered part makes velocities more accurate (evolved case of the
-paper with smooth ramps, six modes: 0.32 % off instead of 0.86 %), on the paper's straight ramps less so (2.5 instead of
-1.9 %).
+and those of a real one can't.  On smooth paths the recovered part makes velocities more accurate, on the paper's
+straight ramps less so (section 5 has figures).
 
 Coordinates feel the damping of the residual part through the rows' forces (`Inertia`), outputs are those of
 its statics.  With D = beta K its deformation x = R (B f - C^T z) lags behind its forces, and rows that give way share

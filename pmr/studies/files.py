@@ -56,10 +56,7 @@ class Project:
         return tuple(_run_name(part, run) for part in self.parts for run in part.plan.runs)
 
     def only(self, names: Sequence[str]) -> Project:
-        """The same with the named runs alone.
-
-        Raises InputError if there is no such run.
-        """
+        """The same with the named runs alone; raises InputError if there is no such run."""
         unknown = sorted(set(names) - set(self.runs))
         if unknown:
             close = hint(unknown[0], self.runs)

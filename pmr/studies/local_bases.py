@@ -57,10 +57,7 @@ class LocalModel:
     body: ReducedModel  # the full model in modal coordinates
 
     def simulate(self, excitation: Excitation, every: int = 1) -> LocalMotion:
-        """From rest, each `every`-th step of it.
-
-        Raises SimulationError if the motion isn't finite.
-        """
+        """From rest, each `every`-th step of it; raises SimulationError if the motion isn't finite."""
         stepping = excitation.stepping
         around = np.arange(-1, stepping.steps + 2) * stepping.step
         s = np.asarray(excitation.path.value(around), float)

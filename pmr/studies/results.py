@@ -73,17 +73,9 @@ class StudyResults:
             if failure is not None:
                 record = RunRecord(task.key, failure.status, task.parameters, {}, {}, failure.reason, failure.detail)
             else:
-                stored = store.headline(digest[task.key])
-                file = os.path.relpath(store.path(digest[task.key]), folder)
-                record = RunRecord(
-                    task.key,
-                    "done",
-                    task.parameters,
-                    stored.result.record,
-                    stored.result.seconds,
-                    notes=stored.notes,
-                    file=file,
-                )
+                stored, file = store.headline(digest[task.key]), os.path.relpath(store.path(digest[task.key]), folder)
+                told, notes = stored.result, stored.notes
+                record = RunRecord(task.key, "done", task.parameters, told.record, told.seconds, notes=notes, file=file)
             runs.append(record)
         return cls(folder, tuple(runs))
 

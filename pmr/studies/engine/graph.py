@@ -26,10 +26,7 @@ class Node:
 
 
 def digests(plan: Plan, code: str) -> dict[str, str]:
-    """Digest of each task of a plan, by key.
-
-    Raises ValueError if tasks need each other in a circle.
-    """
+    """Digest of each task of a plan, by key; raises ValueError if tasks need each other in a circle."""
     tasks, found = {task.key: task for task in plan}, dict[str, str]()
     for key in _in_order({key: task.needs.values() for key, task in tasks.items()}):
         task = tasks[key]

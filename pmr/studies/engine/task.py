@@ -33,10 +33,7 @@ def key_of(text: str) -> str:
 
 
 def number(value: Scalar) -> float:
-    """A cell that holds a number.
-
-    Raises TypeError if it is empty or holds a text.
-    """
+    """A cell that holds a number; raises TypeError if it is empty or holds a text."""
     if value is None or isinstance(value, str):
         raise TypeError(f"{value!r} is no number")
     return float(value)
