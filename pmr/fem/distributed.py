@@ -113,12 +113,3 @@ def free_dropped(comm: MPI.Comm, cycles: bool = True) -> None:
     if cycles:
         gc.collect()
     PETSc.garbage_cleanup(comm)
-
-
-def moved(A: PETSc.Mat, comm: MPI.Comm) -> PETSc.Mat:
-    """A sparse matrix on another communicator of the same ranks; A is freed."""
-    sizes, (indptr, indices, values) = A.getSizes(), A.getValuesCSR()
-    freed(A)
-    result = PETSc.Mat().createAIJ(sizes, csr=(indptr, indices, values), comm=comm)
-    result.assemble()
-    return result

@@ -22,7 +22,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, sparse
 from pmr.fem.matrices import columns
-from pmr.fullmodel.assembly import Operators, operators_of, padded, projected, rayleigh, reordered, share
+from pmr.fullmodel.assembly import Operators, operators_of, padded, projected, rayleigh, share
 from pmr.fullmodel.model import FullModel, RigidMotions
 from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.fullmodel.probes import Gauge
@@ -269,13 +269,21 @@ def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:
         result = projected(A, P)
         freed(P)
     elif T.shape[0] > T.shape[1]:
-        result = reordered(A, np.flatnonzero(np.diff(T.indptr)))
+        result = _without_rest(A, np.flatnonzero(np.diff(T.indptr))[low:high])
     else:
         result = A
     if added.nnz:
         more = sparse(added[low:high], result, columns=int(high - low))
         result.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         freed(more)
+    return result
+
+
+def _without_rest(A: PETSc.Mat, own: Indices) -> PETSc.Mat:
+    """Rows and columns of A that any rank owns afterwards; A is freed."""
+    chosen = PETSc.IS().createGeneral(own.astype(PETSc.IntType), comm=A.comm)
+    result = A.createSubMatrix(chosen, chosen)
+    freed(A, chosen)
     return result
 
 
