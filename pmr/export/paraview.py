@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import base64
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from html import escape
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -15,9 +19,13 @@ from pmr.fields.grid import Grid
 from pmr.fields.series import Boxes, Fields
 
 Array = NDArray[np.float64]
+Named = Mapping[str, NDArray[Any]]
 
 #: Where the pads' files are, in the folder of the body's.
 PADS = "pads-"
+_TYPES = {"line": 3, "triangle": 5, "tetra": 10, "hexahedron": 12}  # VTK's numbers
+_NUMBERS = {"f": "Float", "i": "Int", "u": "UInt"}
+_LEVEL = 3  # of zlib: a series is mostly digits that don't compress, and more effort is only time
 
 
 def write_series(folder: Path, name: str, fields: Fields, s: Array | None = None, pads: Boxes | None = None) -> Path:
@@ -29,7 +37,7 @@ def write_series(folder: Path, name: str, fields: Fields, s: Array | None = None
     pads are a second part, with their values.
     """
     body = Travelling(fields, np.zeros(len(fields.t)) if s is None else -s)
-    drawn = {"": body.mesh} | ({PADS: lambda k: _of_pads(pads, k)} if pads is not None else {})
+    drawn = {"": body.file} | ({PADS: lambda k: _of_pads(pads, k)} if pads is not None else {})
     return _written(folder, name, fields.t, drawn)
 
 
@@ -40,31 +48,23 @@ class Travelling:
     fields: Fields
     along: Array
 
-    def mesh(self, k: int) -> Any:
-        """As meshio has it, at time number k."""
-        import meshio
-
+    def file(self, k: int) -> str:
+        """What the file of time number k holds."""
         fields = self.fields
-        named = {f"von_mises_{_word(face)}": stress[k] for face, stress in fields.von_mises.items()}
+        named: dict[str, NDArray[Any]] = {f"von_mises_{_word(face)}": of[k] for face, of in fields.von_mises.items()}
         named |= {f"stress_{_word(of)}": stress[k] for of, stress in fields.stress.items()}
-        return meshio.Mesh(
-            fields.grid.points + (self.along[k], 0.0, 0.0),
-            [(fields.grid.cell, fields.grid.cells)],
-            point_data={"displacement": np.ascontiguousarray(fields.displacement[k])},
-            cell_data=_cells(named | _regions(fields.grid)),
-        )
+        points = fields.grid.points + (self.along[k], 0.0, 0.0)
+        return _vtu(fields.grid, points, {"displacement": fields.displacement[k]}, named | _regions(fields.grid))
 
 
 def write_bodies(folder: Path, name: str, bodies: Mapping[str, Travelling]) -> Path:
     """The same of several bodies by their names, at the same times, each where it is."""
     times = next(iter(bodies.values())).fields.t
-    return _written(folder, name, times, {f"{one}-": body.mesh for one, body in bodies.items()})
+    return _written(folder, name, times, {f"{one}-": body.file for one, body in bodies.items()})
 
 
-def _written(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable[[int], Any]]) -> Path:
+def _written(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable[[int], str]]) -> Path:
     """A file for each time and part; what is `drawn` by the beginnings of the files' names."""
-    import meshio
-
     steps = folder / name
     steps.mkdir(parents=True, exist_ok=True)
     for old in steps.glob("*.vtu"):
@@ -72,9 +72,9 @@ def _written(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
     collection = ElementTree.SubElement(root, "Collection")
     for k, t in enumerate(times):
-        for number, (called, mesh) in enumerate(drawn.items()):
+        for number, (called, content) in enumerate(drawn.items()):
             file = f"{name}/{called}{k:05}.vtu"
-            meshio.write(folder / file, mesh(k))
+            (folder / file).write_text(content(k), encoding="utf-8")
             ElementTree.SubElement(
                 collection, "DataSet", timestep=repr(float(t)), group="", part=str(number), file=file
             )
@@ -83,12 +83,11 @@ def _written(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable
     return listing
 
 
-def _of_pads(pads: Boxes, k: int) -> Any:
-    import meshio
-
-    cells = [("hexahedron", np.arange(8 * len(pads.names)).reshape(-1, 8))]
+def _of_pads(pads: Boxes, k: int) -> str:
+    points = pads.corners[k].reshape(-1, 3)
+    grid = Grid("hexahedron", points, np.arange(len(points)).reshape(-1, 8))
     values = {"pad": np.arange(len(pads.names))} | {what: value[k] for what, value in pads.values.items()}
-    return meshio.Mesh(pads.corners[k].reshape(-1, 3), cells, cell_data=_cells(values))
+    return _vtu(grid, points, {}, values)
 
 
 def _regions(grid: Grid) -> dict[str, NDArray[Any]]:
@@ -99,10 +98,42 @@ def _regions(grid: Grid) -> dict[str, NDArray[Any]]:
     }
 
 
-def _cells(values: dict[str, NDArray[Any]]) -> dict[str, list[NDArray[Any]]]:
-    """As meshio has them: one array for each block of cells."""
-    return {name: [np.ascontiguousarray(array)] for name, array in values.items()}
-
-
 def _word(name: str) -> str:
     return name.replace(" ", "_")
+
+
+def _vtu(grid: Grid, points: Array, of_points: Named, of_cells: Named) -> str:
+    """Cells of a grid whose points (N, 3) m are moved, and values of points and cells, as VTK's unstructured grid."""
+    count, corners = grid.cells.shape
+    cells = {
+        "connectivity": grid.cells,
+        "offsets": corners * np.arange(1, count + 1),
+        "types": np.full(count, _TYPES[grid.cell], np.uint8),
+    }
+    parts: dict[str, Named] = {"Points": {"Points": points}, "Cells": cells}
+    parts |= {"PointData": of_points, "CellData": of_cells}
+    inside = "".join(
+        f"<{part}>{''.join(_array(name, values, part) for name, values in arrays.items())}</{part}>\n"
+        for part, arrays in parts.items()
+    )
+    return (
+        '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian" '
+        'compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
+        f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{count}">\n{inside}</Piece>\n'
+        "</UnstructuredGrid>\n</VTKFile>\n"
+    )
+
+
+def _array(name: str, values: NDArray[Any], part: str) -> str:
+    kind = f"{_NUMBERS[values.dtype.kind]}{8 * values.dtype.itemsize}"
+    wide = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 and part != "Cells" else ""
+    data = _compressed(np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes())
+    return f'<DataArray type="{kind}" Name="{escape(name)}"{wide} format="binary">{data}</DataArray>\n'
+
+
+@lru_cache(maxsize=64)
+def _compressed(data: bytes) -> str:
+    """One block, behind its number and sizes; cells and regions are the same in every file of a series."""
+    block = zlib.compress(data, _LEVEL)
+    head = np.array([1, len(data), len(data), len(block)], "<u4").tobytes()
+    return (base64.b64encode(head) + base64.b64encode(block)).decode()

@@ -18,7 +18,7 @@ from pmr.report.motion import line, player
 from pmr.report.motion.album import album
 from pmr.report.motion.instants import top
 from pmr.report.numbers import SPACE, plain, significant
-from pmr.report.subject import ACROSS, forces_called, loads, moving, tips
+from pmr.report.subject import ACROSS, forces_called, is_round_off, loads, moving, not_drawn, tips
 from pmr.report.subject import forces as forces_of
 from pmr.report.subject import line as line_of
 from pmr.results import Response, RunResult
@@ -90,9 +90,12 @@ def motion(result: RunResult, prefix: str) -> Block | None:
 
 
 def tip(result: RunResult, prefix: str) -> Block:
-    """Displacement of the tip along every direction across the axis."""
-    rows = []
+    """Displacement of the tip along every direction across the axis in which it moves."""
+    rows, still = [], []
     for number, (direction, what) in enumerate(tips(result).items()):
+        if is_round_off(result, what):
+            still.append(direction)
+            continue
         caption, label = captions.tip(result, ACROSS[direction], what), f"Tip {direction}"
         rows.append((drawing(f"{prefix}-tip-{direction}", histories.history, caption, result, what, label, "m", what),))
         if result.tip_error is not None:
@@ -100,7 +103,7 @@ def tip(result: RunResult, prefix: str) -> Block:
             said = f"How far off the tip may be {ACROSS[direction]} by the estimate{inside}."
             wide = result.tip_error[:, number]
             rows.append((drawing(f"{prefix}-band-{direction}", band.band, said, result, what, wide),))
-    return Block(heading="Motion of the tip", rows=tuple(rows))
+    return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(result, still))
 
 
 def stress(result: RunResult, prefix: str) -> Block | None:

@@ -5,14 +5,14 @@ Nothing else in the report asks how a scene says them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.report.numbers import SPACE, plain
-from pmr.results import Response, RunResult
+from pmr.report.numbers import SPACE, plain, quantity
+from pmr.results import BoomResult, Response, RunResult
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.choice import choose, model_of, transverse
@@ -105,6 +105,22 @@ def tips(result: RunResult) -> Mapping[str, Quantity]:
     """The tip's displacement, (T,) m, along each of these directions: the last columns, where none has a name."""
     across = transverse(result.scene)
     return {d: _column(_tip(result, d), k - len(across)) for k, d in enumerate(across)}
+
+
+def is_round_off(result: RunResult | BoomResult, what: Callable[[Response], Array | None]) -> bool:
+    """Whether a displacement exceeds in no model what round-off may make of it."""
+    found = result.responses.values()
+    signals = [signal for one in found if (signal := what(one)) is not None]
+    return max(float(np.abs(signal).max()) for signal in signals) <= max(one.round_off for one in found)
+
+
+def not_drawn(result: RunResult | BoomResult, directions: Sequence[str]) -> str:
+    """Why the tip's displacement along these directions has no figure; empty without any."""
+    if not directions:
+        return ""
+    floor = max(one.round_off for one in result.responses.values())
+    size = f"at most {quantity(floor, 'm')}, which may be round-off alone" if floor > 0.0 else "zero at all times"
+    return f"Without a figure is the displacement of the tip along {' and '.join(directions)}: it is {size}."
 
 
 def line(result: RunResult, response: Response) -> Line:

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from pmr.report import errors
@@ -32,6 +34,18 @@ def test_every_figure_is_there_once(page: str) -> None:
         *("snapshots", "position", "loads", "tip-y", "tip-z", "stress", "forces-1", "forces-2"),
         *("energy", "energy-parts", "frequencies"),
     ]
+
+
+def test_motion_that_may_be_round_off_alone_is_said_and_not_drawn(boom: RunResult) -> None:
+    def page(round_off: float) -> str:
+        responses = {name: replace(one, round_off=round_off) for name, one in boom.responses.items()}
+        return render([case(replace(boom, responses=responses), "case-1")])
+
+    largest = max(float(np.abs(one.displacement[:, -2]).max()) for one in boom.responses.values())
+    drawn, left_out = page(0.999 * largest), page(largest)
+    assert {"tip-y", "tip-z"} <= set(figures(drawn)) and "Without a figure" not in text(drawn)
+    assert "tip-y" not in figures(left_out) and "tip-z" in figures(left_out)
+    assert "displacement of the tip along y: it is at most 3.00 mm, which may be round-off alone." in text(left_out)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from pmr.report import borne
@@ -12,6 +13,7 @@ from pmr.report.booms.lines import tip
 from pmr.report.booms.motion import motion, said
 from pmr.report.marks import ErrorTable, Row, signed_deviation
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant, times_the_true_error
+from pmr.report.subject import is_round_off, not_drawn
 from pmr.results import BoomResult
 
 PLACES = {"tip": "tip", "beam": "all sections", "pad_force": "forces"}
@@ -124,15 +126,7 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
         )
         drawn.append((drawing(f"{prefix}-map", figures.frequency_map, caption, result),))
     yield Block(heading="Extensions and frequencies", rows=tuple(drawn), grids=published)
-    tips = [direction for direction in "yz" if tip(result, result.responses["reduced"], direction) is not None]
-    difference = "; below, the difference to the full model" if compared else ""
-    yield Block(
-        heading="Motion of the tip",
-        rows=tuple(
-            (drawing(f"{prefix}-tip-{d}", figures.tip_history, f"Displacement along {d}{difference}.", result, d),)
-            for d in tips
-        ),
-    )
+    yield _tip(result, prefix)
     yield _forces(result, prefix, "pads", "Pad forces", "Positive where a pad pushes the sections apart.")
     if result.summary["cylinders"]:
         note = "What a cylinder or rope pushes its section out with, friction included; negative where it pulls."
@@ -142,6 +136,18 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
     if "max_von_mises" in result.summary:
         yield _stresses(result)
     yield _origin(result)
+
+
+def _tip(result: BoomResult, prefix: str) -> Block:
+    difference = "; below, the difference to the full model" if "full" in result.responses else ""
+    rows, still = [], []
+    for d in (d for d in "yz" if tip(result, result.responses["reduced"], d) is not None):
+        if is_round_off(result, partial(tip, result, direction=d)):
+            still.append(d)
+        else:
+            caption = f"Displacement along {d}{difference}."
+            rows.append((drawing(f"{prefix}-tip-{d}", figures.tip_history, caption, result, d),))
+    return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(result, still))
 
 
 def _published(result: BoomResult) -> tuple[Grid]:
