@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import freed, sparse
 
-Array = NDArray[np.float64]
 
-
-def columns(like: PETSc.Mat, columns: list[tuple[NDArray[np.int64], Array]]) -> PETSc.Mat:
-    """Sparse matrix (n, len(columns)) with rows distributed as those of `like`."""
-    number = np.repeat(np.arange(len(columns)), np.array([len(dofs) for dofs, _ in columns], int))
-    dofs, entries = (np.concatenate([np.empty(0, int), *(column[i] for column in columns)]) for i in (0, 1))
-    first, last = like.getOwnershipRange()
-    whole = sp.csr_matrix((entries, (dofs, number)), shape=(like.getSize()[0], len(columns)))
-    return sparse(whole[first:last], like)
+def columns(like: PETSc.Mat, transposed: sp.csr_matrix) -> PETSc.Mat:
+    """Sparse matrix (n, k) from its transpose (k, n) without zeros, its rows distributed as those of `like`."""
+    rows = transposed.T.tocsr()[slice(*like.getOwnershipRange())]
+    rows.eliminate_zeros()
+    return sparse(rows, like)
 
 
 def local_csr(A: PETSc.Mat) -> sp.csr_matrix:

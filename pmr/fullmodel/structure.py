@@ -9,9 +9,8 @@ inertia J follow a place's motion g = G q:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
@@ -115,22 +114,21 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     size = coupling.T.shape[1]
     restraints = restrain(structure.pads, model, coupling.T)
     springs = restraints.stiffness(size)
-    loads = [coupling.load(load, base.M) for load in structure.loads]
+    loads = [sp.csr_matrix((0, size)), *(coupling.load(load, base.M) for load in structure.loads)]
     operators = Operators(
         _reduced(base.M, coupling.T, attached),
         _reduced(base.K, coupling.T, padded(springs, attached)),
     )
-    places = _sparse_columns(coupling.rows([one for one in structure.outputs if not isinstance(one, PadForce)]))
-    measured = [
-        _sparse_column(restraints.force(one.pad, size)) if isinstance(one, PadForce) else next(places)
-        for one in structure.outputs
-    ]
+    of_pads = [isinstance(one, PadForce) for one in structure.outputs]
+    places = coupling.rows([one for one in structure.outputs if not isinstance(one, PadForce)])
+    forces = [restraints.force(one.pad, size) for one in structure.outputs if isinstance(one, PadForce)]
+    outputs = sp.vstack([places, *forces], format="csr")[np.argsort(np.argsort(of_pads, kind="stable"))]
     return FullModel(
         operators.M,
         rayleigh(structure.damping),
         operators.K,
-        inputs=columns(operators.M, [_sparse_column(load) for load in loads]),
-        outputs=columns(operators.M, measured),
+        inputs=columns(operators.M, sp.vstack(loads, format="csr")),
+        outputs=columns(operators.M, outputs),
         rows=Rows(restraints.rows, size),
         input_names=tuple(load.name for load in structure.loads),
         output_positions=np.array([_position(output, structure) for output in structure.outputs]),
@@ -306,14 +304,3 @@ def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:
     places = {pad.name: pad.at for pad in structure.pads.fixed}
     places |= {support.name: float(structure.model.centroid(support.on)[0]) for support in structure.pads.supports}
     return places[output.pad]
-
-
-def _sparse_columns(rows: sp.csr_matrix) -> Iterator[tuple[Indices, Array]]:
-    """Of each of several rows."""
-    for a, b in pairwise(rows.indptr):
-        used = rows.data[a:b] != 0.0
-        yield rows.indices[a:b][used].astype(np.int64), rows.data[a:b][used]
-
-
-def _sparse_column(row: sp.csr_matrix) -> tuple[Indices, Array]:
-    return next(_sparse_columns(row))
