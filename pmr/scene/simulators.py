@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,40 +60,31 @@ REFERENCE = Asked("scene", "compare.against", ["full"])
 def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
     """Refuse, by InputError, what the simulator of this name can't do, in a line that names the key that mends it."""
     can, asked = SIMULATORS[name], asked or Asked("scene", "simulation.simulators", name)
-    if len(needs.paths) > 1 and not can.several_paths:
-        reason = f"{name} knows one path for all, here there are {_listed(needs.paths)}"
-        raise _other(asked, "several_paths", reason)
-    if needs.pushing and not can.rows_that_push:
-        raise _other(asked, "rows_that_push", f"{name} knows no rows that only push ({_listed(needs.pushing)})")
-    if needs.kept_inertia and not can.kept_inertia:
-        raise _other(asked, "kept_inertia", f"{name} does not keep residual inertia (reduction.residual_inertia)")
-    if needs.giving and not can.rows_that_give_way:
-        raise _other(asked, "rows_that_give_way", f"{name} knows no rows that give way ({_listed(needs.giving)})")
+    lacking = {
+        "several_paths": (len(needs.paths) > 1, f"knows one path for all, here there are {', '.join(needs.paths)}"),
+        "rows_that_push": (needs.pushing, f"knows no rows that only push ({', '.join(needs.pushing)})"),
+        "kept_inertia": (needs.kept_inertia, "does not keep residual inertia (reduction.residual_inertia)"),
+        "rows_that_give_way": (needs.giving, f"knows no rows that give way ({', '.join(needs.giving)})"),
+    }
+    for capability, (needed, reason) in lacking.items():
+        if needed and not getattr(can, capability):
+            able = [one for one, has in SIMULATORS.items() if has.reduced_models and getattr(has, capability)]
+            instead = "[]" if asked is REFERENCE else " or ".join(able)
+            raise InputError(asked.source, asked.key, asked.value, f"{instead} is allowed: {name} {reason}")
     if needs.kept_inertia and needs.pushing:
-        allowed = f"false is allowed where rows only push ({_listed(needs.pushing)})"
+        allowed = f"false is allowed where rows only push ({', '.join(needs.pushing)})"
         raise InputError("scene", "reduction.residual_inertia", True, allowed)
     if needs.rigid_pushing:
         allowed = (
-            f"{_listed(needs.rigid_pushing)} only push and are rigid: true, or a stiffness in N/m of the pads, is "
+            f"{', '.join(needs.rigid_pushing)} only push and are rigid: true, or a stiffness in N/m of the pads, is "
             "allowed; the force of an impact of rigid parts is no number"
         )
         raise InputError("scene", "reduction.flexibility", False, allowed)
     if needs.rho_inf == 1.0 and needs.rigid_moving:
         without = ", or compare.against = []" if asked is REFERENCE else ""
         allowed = (
-            f"less than 1 is allowed while the rigid row {_listed(needs.rigid_moving)} moves: an algebraic constraint "
-            "(index 3) has multipliers that nothing damps, and they grow without bound; pads that give way, or a "
-            f"residual flexibility, allow 1{without}"
+            f"less than 1 is allowed while the rigid row {', '.join(needs.rigid_moving)} moves: an algebraic "
+            "constraint (index 3) has multipliers that nothing damps, and they grow without bound; pads that give "
+            f"way, or a residual flexibility, allow 1{without}"
         )
         raise InputError("scene", "time.rho_inf", needs.rho_inf, allowed)
-
-
-def _other(asked: Asked, capability: str, reason: str) -> InputError:
-    if asked is REFERENCE:
-        return InputError(asked.source, asked.key, asked.value, f"[] is allowed: {reason}")
-    able = [name for name, can in SIMULATORS.items() if can.reduced_models and getattr(can, capability)]
-    return InputError(asked.source, asked.key, asked.value, f"{' or '.join(able)} is allowed: {reason}")
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names)
