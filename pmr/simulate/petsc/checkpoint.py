@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 
 FORMAT = "pmr-checkpoint"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 #: Numbers that describe the model agree to this if it is the same, assembled on however many ranks.
 SAME = 1e-9
 _DAMAGE = (KeyError, TypeError, ValueError, OverflowError, RecursionError)

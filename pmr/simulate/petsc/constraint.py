@@ -31,18 +31,25 @@ class Constraint:
 
     .. math:: (dq\, C S^{-1} C^T + 1/k)\, \lambda = C q_{free}
 
-    of those that are closed; `pushing` finds out which of those that only push are.
+    of those that are closed; `pushing` finds out which of those that only push are.  S^{-1} E is stored if that of
+    `shared` factors fits into the memory that is meant for it.
     """
 
     def __init__(
-        self, system: FullSystem, factor: BlockFactor, q_gain: float, rows: PathRows, pushing: Pushing | None
+        self,
+        system: FullSystem,
+        factor: BlockFactor,
+        q_gain: float,
+        rows: PathRows,
+        pushing: Pushing | None,
+        shared: int = 1,
     ) -> None:
         self._q_gain, self._factor, self._system, self.pushing = q_gain, factor, system, pushing
         self.rows, self._pads = rows, np.diag(system.compliance)
         carriers, comm, least = rows.visited.of_bodies, system.comm, 0
         for E in carriers:
             least += E.shape[0] * comm.allreduce(E.shape[1], op=MPI.MAX)
-        stored = 8 * least <= STORED_BYTES
+        stored = 8 * least * shared <= STORED_BYTES
         found = [answers(one, E, comm, stored) for one, E in zip(factor.of_bodies, carriers, strict=True)]
         self._compliance = PathCompliance([P for P, _ in found], rows)
         self._stored = [StoredAnswers(local, body, rows) for body, (_, local) in enumerate(found)] if stored else None

@@ -45,10 +45,20 @@ Array = NDArray[np.float64]
 
 
 class Integrator:
-    """Takes the steps of one course; everything that does not change is made here."""
+    """Takes steps of one length along a course; everything that does not change is made here.
 
-    def __init__(self, system: FullSystem, method: GeneralizedAlpha, rows: PathRows, pushing: Pushing | None) -> None:
-        self._system, self._method = system, method
+    With `shared` integrators of other lengths it shares memory.
+    """
+
+    def __init__(
+        self,
+        system: FullSystem,
+        method: GeneralizedAlpha,
+        rows: PathRows,
+        pushing: Pushing | None,
+        shared: int,
+    ) -> None:
+        self._system, self.method, self._memory = system, method, method.memory()
         self._q_gain, self._v_gain = method.scheme().z_gain, method.scheme().v_gain
         self._factor = BlockFactor(system, self._factorised)
         self._bodies = [
@@ -56,7 +66,7 @@ class Integrator:
             for model, factor in zip(system.models, self._factor.of_bodies, strict=True)
         ]
         self._b = np.empty(system.local[-1].stop)
-        self.constraint = Constraint(system, self._factor, self._q_gain, rows, pushing)
+        self.constraint = Constraint(system, self._factor, self._q_gain, rows, pushing, shared)
 
     def _factorised(self, model: FullModel) -> AnyFactor:
         S = effective_matrix(model, self._v_gain, self._q_gain)
@@ -85,20 +95,20 @@ class Integrator:
             released = None if pushing is None else pushing.released()
             if pushing is None or released is None:
                 break
-            back = pushing.taken_back(self.constraint.rows, released)
+            back = pushing.taken_back(self.constraint.rows, released, self._memory)
             ahead = Ahead(ahead.q + back.q, ahead.v + back.v, ahead.a + back.a)
         b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
         acceleration = b - scaled
-        a = ahead.a + (1.0 - self._method.alpha_f) / (1.0 - self._method.alpha_m) * acceleration
+        a = ahead.a + (1.0 - self.method.alpha_f) / (1.0 - self.method.alpha_m) * acceleration
         v, share = ahead.v + self._v_gain * acceleration, state.share
         if pushing is not None:
-            pushing.remember(multipliers)
+            pushing.remember(multipliers, self._memory)
             share = pushing.share
         return State(self._q_gain * b, v, a, acceleration, multipliers, share), flag
 
     def _predict(self, state: State) -> Ahead:
         """Without the new acceleration."""
-        method, h = self._method, self._method.step
+        method, h = self.method, self.method.step
         a = (method.alpha_f * state.acceleration - method.alpha_m * state.a) / (1.0 - method.alpha_m)
         q = state.q + h * state.v + h**2 * ((0.5 - method.beta) * state.a + method.beta * a)
         return Ahead(q, state.v + h * ((1.0 - method.gamma) * state.a + method.gamma * a), a)
@@ -113,8 +123,6 @@ class Integrator:
     def destroy(self) -> None:
         """Give the factors' memory back."""
         self._factor.destroy()
-        if self.constraint.pushing is not None:
-            self.constraint.pushing.mass.destroy()
 
 
 class _Body:

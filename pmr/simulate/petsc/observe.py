@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,20 +14,16 @@ from pmr.fem.factor import factor_of
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import BODY, FullSystem
 from pmr.scene.simulators import REFERENCE, Needs, refuse
-from pmr.simulate import contact_step
 from pmr.simulate.balance import refuse_growth
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.native.multibody_march import places
-from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.petsc.checkpoint import Checkpoint
-from pmr.simulate.petsc.constraint import compliances, paths
 from pmr.simulate.petsc.effective import BlockFactor
 from pmr.simulate.petsc.history import History, Recording, SystemHistory
-from pmr.simulate.petsc.integrate import Integrator
+from pmr.simulate.petsc.levels import Lengths, PartedSteps, contact_frequency
 from pmr.simulate.petsc.pushing import Pushing
 from pmr.simulate.petsc.recorder import Recorder, Sampled
-from pmr.simulate.petsc.resume import Keeper, identity
-from pmr.simulate.petsc.rows import PathCompliance
+from pmr.simulate.petsc.resume import Keeper, Reached, identity
 from pmr.simulate.petsc.start import Onset, State, moves_at_once, starting_state
 from pmr.simulate.start import InitialState
 from pmr.simulate.stepping import Progress
@@ -57,8 +53,9 @@ def observe(
     recording : Recording, optional
         By default all outputs at all steps.
     checkpoint : Checkpoint, optional
-        If its file exists, the simulation goes on from there.  On one rank the result is the same to the last digit
-        as without interruption; on several as far as MUMPS adds up messages in the order of their arrival.
+        If its file exists, the simulation goes on from there, in the parts of steps with which it began.  On one rank
+        the result is the same to the last digit as without interruption; on several as far as MUMPS adds up messages in
+        the order of their arrival.
 
     Raises
     ------
@@ -112,112 +109,84 @@ def observe_system(
     return run.history(progress, checkpoint)
 
 
-@dataclass(frozen=True)
-class _Prepared:
-    """What takes the steps, and from where: step number, wall time so far, state."""
-
-    integrator: Integrator
-    first: int
-    earlier: float
-    state: State
-
-
 class _Run:
-    """One simulation: its excitation on the time grid and on the parts of its steps, and its start."""
+    """One simulation: its excitation on the time grid, the parts of its steps, and its start."""
 
     def __init__(
         self, system: FullSystem, excitation: Excitation, recording: Recording, initial: Mapping[str, InitialState]
     ) -> None:
         self._begin, self._contacts = time.perf_counter(), len(system.contacts)
-        self._system, self._initial = system.supported(), initial
-        self._stepping, self._names = excitation.stepping, tuple(excitation.paths)
+        self._system, self._initial, self._excitation = system.supported(), initial, excitation
         self._at = sampled(self._system, excitation)
         self._needs = _needs(self._system, excitation, self._at)
         refuse("petsc", self._needs, REFERENCE)
-        self._recorder = Recorder(self._system, self._stepping, recording)
-        onset = Onset(self._at.x[0], self._at.rates[0], self._at.f[0])
-        pushes = bool(self._needs.pushing)
-        self._mass = None
-        if pushes or moves_at_once(self._system, onset, initial):
+        self._recorder = Recorder(self._system, excitation.stepping, recording)
+        self._onset = Onset(self._at.x[0], self._at.rates[0], self._at.f[0])
+        self._mass, omega = None, 0.0
+        if self._needs.pushing or moves_at_once(self._system, self._onset, initial):
             self._mass = BlockFactor(self._system, lambda model: factor_of(model.M, "M"))
-        self._parts, self._fine = 1, self._at
-        if pushes:
-            self._parts = contact_step.parts(self._contact_frequency(), self._stepping)
-            fine = excitation.with_stepping(self._stepping.divided(self._parts))
-            self._fine = self._at if self._parts == 1 else sampled(self._system, fine)
-        self._method = GeneralizedAlpha(self._stepping.divided(self._parts).step, self._stepping.rho_inf)
-        self._onset = onset
+        if self._needs.pushing and self._mass is not None:
+            omega = contact_frequency(self._system, self._at.x, self._mass)
+        self._lengths = Lengths.of(excitation.stepping, omega)
 
     def history(self, progress: Progress | None, checkpoint: Checkpoint | None) -> SystemHistory:
         """Take all steps that a checkpoint has not."""
-        stepping, recorder, keeper = self._stepping, self._recorder, None
+        recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
         if checkpoint:
-            told = identity(self._system, self._fine, stepping, recorder, self._initial)
+            told = identity(self._system, self._at, self._excitation.stepping, recorder, self._initial)
             keeper = Keeper(checkpoint, self._system, told)
-        ready = self._prepared(keeper)
-        integrator, state = ready.integrator, ready.state
-        preparation, begin = time.perf_counter() - self._begin, time.perf_counter()
-        stride = max(1, stepping.steps // TOLD)
-        for step in range(ready.first + 1, stepping.steps + 1):
-            state, due = self._step(integrator, step, state, keeper is not None and keeper.due())
-            recorder.record(step, state, integrator.constraint.rows, self._at)
-            if keeper and (due or step == stepping.steps):
-                keeper.save(step, ready.earlier + time.perf_counter() - begin, state, recorder)
-            if progress is not None and (step % stride == 0 or step == stepping.steps):
-                progress(step / stepping.steps)
-        seconds = ready.earlier + time.perf_counter() - begin
-        integrator.destroy()
-        found = recorder.history(self._at, seconds, preparation)
-        refuse_growth(found.surplus, "full order", list(self._needs.rigid_moving))
-        m = self._contacts
-        return replace(found, forces=found.forces[:, :m], peaks=found.peaks[:, :m], supports=found.forces[:, m:])
-
-    def _prepared(self, keeper: Keeper | None) -> _Prepared:
-        system, fine, recorder = self._system, self._fine, self._recorder
         found = keeper.load(recorder) if keeper else None
-        first, earlier, state = found or (0, 0.0, starting_state(system, self._onset, self._initial, self._mass))
-        rows = paths(system, fine.x, first * self._parts)
-        pushing = None
+        reached = found or self._started()
+        steps = self._steps(reached, found is not None)
+        preparation, begin = time.perf_counter() - self._begin, time.perf_counter()
+        stride, state = max(1, T // TOLD), reached.state
+        for step in range(reached.step + 1, T + 1):
+            state, due = self._step(steps, step, state, keeper is not None and keeper.due())
+            recorder.record(step, state, steps.rows, self._at)
+            if keeper and (due or step == T):
+                seconds = reached.seconds + time.perf_counter() - begin
+                keeper.save(replace(reached, step=step, seconds=seconds, state=state), recorder)
+            if progress is not None and (step % stride == 0 or step == T):
+                progress(step / T)
+        seconds = reached.seconds + time.perf_counter() - begin
+        steps.destroy()
+        history = recorder.history(self._at, seconds, preparation)
+        refuse_growth(history.surplus, "full order", list(self._needs.rigid_moving))
+        m, forces, peaks = self._contacts, history.forces, history.peaks
+        return replace(history, forces=forces[:, :m], peaks=peaks[:, :m], supports=forces[:, m:])
+
+    def _started(self) -> Reached:
+        state = starting_state(self._system, self._onset, self._initial, self._mass)
+        return Reached(0, 0.0, state, self._lengths.parts)
+
+    def _steps(self, reached: Reached, resumed: bool) -> PartedSteps:
+        """What takes the steps from there on, in the parts with which the simulation began."""
+        system, recorder, state, pushing = self._system, self._recorder, reached.state, None
+        lengths = replace(self._lengths, parts=reached.parts)
+        fine, begun = self._at, reached.step * lengths.finest
+        if lengths.finest > 1:
+            fine = sampled(system, self._excitation.with_stepping(lengths.stepping.divided(lengths.finest)))
         if self._mass is not None and self._needs.pushing:
-            pushing = Pushing(system, self._method, state, self._mass)
+            pushing = Pushing(system, lengths.method(1).memory(), self._mass, state)
         elif self._mass is not None:
             self._mass.destroy()
-        integrator = Integrator(system, self._method, rows, pushing)
-        begun = first * self._parts
-        if found:
-            recorder.resume(state, rows, fine.x[begun], fine.f[begun])
+        steps = PartedSteps(system, lengths, fine, pushing, reached.step)
+        recorder.follow(state, steps.rows, fine.x[begun], fine.f[begun])
+        if resumed:
+            recorder.forget()
         else:
-            recorder.follow(state, rows, fine.x[0], fine.f[0])
-            recorder.record(0, state, rows, self._at)
-        return _Prepared(integrator, first, earlier, state)
+            recorder.record(0, state, steps.rows, self._at)
+        return steps
 
-    def _step(self, integrator: Integrator, step: int, state: State, due: bool) -> tuple[State, bool]:
+    def _step(self, steps: PartedSteps, step: int, state: State, due: bool) -> tuple[State, bool]:
         """A step in all its parts; whether any rank is due for a checkpoint."""
-        for part in range((step - 1) * self._parts + 1, step * self._parts + 1):
-            try:
-                state, due = integrator.step(part, state, self._fine.f[part], due)
-            except SimulationError as error:
-                travelled = zip(self._names, self._at.s[step], strict=True)
-                at = ", ".join(f"{name} at {s:g} m" for name, s in travelled)
-                where = ", ".join(part for part in (f"step {step}", f"t = {self._at.t[step]:g} s", at) if part)
-                raise SimulationError(f"full-order simulation failed at {where}: {error}") from None
-            self._recorder.follow(state, integrator.constraint.rows, self._fine.x[part], self._fine.f[part])
-        return state, due
-
-    def _contact_frequency(self) -> float:
-        """Largest omega in rad/s of the contacts that only push, along the paths."""
-        system, largest = self._system, 0.0
-        pushing = np.flatnonzero(~np.isnan(system.clearance))
-        assert self._mass is not None
-        steps = np.unique(np.linspace(0, len(self._at.x) - 1, contact_step.PLACES).astype(int))
-        rows = paths(system, self._at.x[steps])
-        mobility = PathCompliance(compliances(system, self._mass, rows.visited), rows)
-        F = np.diag(system.compliance[pushing])
-        for k in range(len(steps)):
-            rows.move(k)
-            found = mobility.of_rows(rows)[np.ix_(pushing, pushing)]
-            largest = max(largest, contact_step.frequency(F, found))
-        return float(system.comm.bcast(largest))
+        try:
+            return steps.step(step, state, due, self._recorder)
+        except SimulationError as error:
+            travelled = zip(self._excitation.paths, self._at.s[step], strict=True)
+            at = ", ".join(f"{name} at {s:g} m" for name, s in travelled)
+            where = ", ".join(part for part in (f"step {step}", f"t = {self._at.t[step]:g} s", at) if part)
+            raise SimulationError(f"full-order simulation failed at {where}: {error}") from None
 
 
 def sampled(system: FullSystem, excitation: Excitation) -> Sampled:

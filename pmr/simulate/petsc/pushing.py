@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pmr.fullmodel.system import FullSystem
 from pmr.simulate.native import contact as native
-from pmr.simulate.native.scheme import GeneralizedAlpha
+from pmr.simulate.native.arrays import Memory
 from pmr.simulate.petsc.effective import BlockFactor
 from pmr.simulate.petsc.rows import PathRows
 from pmr.simulate.petsc.start import State
@@ -41,13 +41,23 @@ class Ahead:
 class Pushing:
     """Contacts of a system, some of which only push; `mass` is a factor of M."""
 
-    def __init__(self, system: FullSystem, method: GeneralizedAlpha, state: State, mass: BlockFactor) -> None:
-        found = native.contact(system.clearance, method.memory())
+    def __init__(self, system: FullSystem, memory: Memory, mass: BlockFactor, state: State) -> None:
+        found = native.contact(system.clearance, memory)
         assert found is not None
-        self._contact, self._comm, self._memory, self.mass = found, system.comm, found.memory, mass
-        self._factor = np.zeros((len(state.share),) * 2)
-        self._contact.force[:], self._contact.share[:] = np.where(found.pushes, state.multipliers, 0.0), state.share
-        self._contact.closed[:] = ~found.pushes | (state.multipliers > 0.0)
+        self._contact, self._comm, self.mass = found, system.comm, mass
+        self._factor = np.zeros((len(system.contacts),) * 2)
+        self.begin(state)
+
+    def begin(self, state: State) -> None:
+        """Stand where a state does."""
+        contact = self._contact
+        contact.force[:], contact.share[:] = np.where(contact.pushes, state.multipliers, 0.0), state.share
+        contact.closed[:] = ~contact.pushes | (state.multipliers > 0.0)
+
+    @property
+    def pushes(self) -> NDArray[np.bool_]:
+        """Contacts (m,) that only push."""
+        return self._contact.pushes
 
     @property
     def share(self) -> Array:
@@ -76,20 +86,19 @@ class Pushing:
         contact.force[open_now] = contact.share[open_now] = 0.0
         return Released(force, share)
 
-    def taken_back(self, rows: PathRows, released: Released) -> Ahead:
+    def taken_back(self, rows: PathRows, released: Released, memory: Memory) -> Ahead:
         """What of a step's end goes with the contacts that let go."""
         right = [rows.transposed(forces) for forces in (released.force, released.share)]
         force, share = self.mass.solve_columns(np.stack(right, axis=1)).T
-        memory = self._memory
         return Ahead(
             q=memory.z_from_force * force + memory.z_from_share * share,
             v=memory.v_from_force * force + memory.v_from_share * share,
             a=memory.a_from_force * force + memory.a_from_share * share,
         )
 
-    def remember(self, multipliers: Array) -> None:
+    def remember(self, multipliers: Array, memory: Memory) -> None:
         """What the step leaves for the next one."""
-        contact, memory = self._contact, self._memory
+        contact = self._contact
         left = memory.a_from_force * contact.force + memory.a_from_share * contact.share
         contact.share[:] = np.where(contact.pushes, memory.gain * multipliers + left, 0.0)
         contact.force[:] = np.where(contact.pushes, multipliers, 0.0)

@@ -86,9 +86,8 @@ class Recorder:
             self._work += _work(self._now, now)
         self._now = now
 
-    def resume(self, state: State, rows: PathRows, x: Array, f: Array) -> None:
-        """Go on from a state that was recorded before."""
-        self.follow(state, rows, x, f)
+    def forget(self) -> None:
+        """Leave out what was followed, where a simulation goes on from a state that was recorded before."""
         self._peak, self._work = np.full_like(self._peak, -np.inf), 0.0
 
     def record(self, step: int, state: State, rows: PathRows, at: Sampled) -> None:

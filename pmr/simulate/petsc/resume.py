@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import on_first
 from pmr.fem.factor import product
@@ -52,6 +53,19 @@ def identity(
     }
 
 
+@dataclass(frozen=True)
+class Reached:
+    """Where a simulation stands after `step` steps, which took `seconds` of wall time.
+
+    A reduced model that is made again may ask for other `parts` (T,) of the steps: those of the start are kept.
+    """
+
+    step: int
+    seconds: float
+    state: State
+    parts: NDArray[np.int64]
+
+
 class Keeper:
     """Checkpoints of one simulation; collective but for `due`."""
 
@@ -64,20 +78,20 @@ class Keeper:
         """Whether it is time to save; asked on rank 0 alone."""
         return self._comm.rank == 0 and time.monotonic() - self._last >= self._checkpoint.seconds
 
-    def save(self, step: int, seconds: float, state: State, recorder: Recorder) -> None:
+    def save(self, reached: Reached, recorder: Recorder) -> None:
         """Save everything after a step."""
-        gathered = self._system.gathered
+        gathered, state = self._system.gathered, reached.state
         whole = {name: gathered(getattr(state, name)[None])[0] for name in _SPREAD}
         whole |= {"states.q": gathered(recorder.q), "states.v": gathered(recorder.v)}
         whole["sums"] = self._comm.reduce(recorder.sums)
         if self._comm.rank == 0:
-            whole |= {"multipliers": state.multipliers, "share": state.share}
+            whole |= {"multipliers": state.multipliers, "share": state.share, "parts": reached.parts}
             whole |= {"recorded.multipliers": recorder.multipliers, "recorded.peaks": recorder.peaks}
-            save(self._checkpoint, Saved(step, seconds, self._identity, whole))
+            save(self._checkpoint, Saved(reached.step, reached.seconds, self._identity, whole))
         self._last = time.monotonic()
 
-    def load(self, recorder: Recorder) -> tuple[int, float, State] | None:
-        """Step, seconds so far and state of the last checkpoint, the recorder filled; None if there is none.
+    def load(self, recorder: Recorder) -> Reached | None:
+        """The last checkpoint, the recorder filled; None if there is none.
 
         Raises
         ------
@@ -92,7 +106,8 @@ class Keeper:
         recorder.multipliers[:], recorder.peaks[:] = arrays["recorded.multipliers"], arrays["recorded.peaks"]
         recorder.sums[:] = arrays["sums"] if self._comm.rank == 0 else 0.0
         spread = {name: mine(arrays[name]) for name in _SPREAD}
-        return found.step, found.seconds, State(**spread, multipliers=arrays["multipliers"], share=arrays["share"])
+        state = State(**spread, multipliers=arrays["multipliers"], share=arrays["share"])
+        return Reached(found.step, found.seconds, state, arrays["parts"])
 
 
 def _digest(*parts: Any) -> str:

@@ -104,8 +104,8 @@ class PathRows:
         Coefficients with the sides' signs: one line for each power of each side, one column for each of its entries.
     columns : (D,) integer array
         Which of its body's visited carriers each entry stands for.
-    changed : list of int
-        Sides that the last `move` brought into another interval.
+    interval : (q,) integer array
+        In which interval of its row each side is.
     """
 
     def __init__(self, course: Course, visited: VisitedCarriers, step: int = 0) -> None:
@@ -113,21 +113,20 @@ class PathRows:
         self.Gamma = np.zeros((len(self.layout.side_of_power), len(self.layout.side_of_entry)))
         self.columns = np.zeros(len(self.layout.side_of_entry), np.int64)
         self._first = visited.first[course.body[self.layout.side_of_entry]]
-        self._interval = np.full(len(course.rows), -1, np.int32)
+        self.interval = np.full(len(course.rows), -1, np.int32)
         self._E = visited.local[self.columns]
-        self.changed: list[int] = []
         self.move(step)
 
     def move(self, step: int) -> None:
         """Go to a step of the course."""
         course, interval = self.course, self.course.interval[step]
-        self.changed = np.flatnonzero(interval != self._interval).tolist()
-        for k in self.changed:
+        changed = np.flatnonzero(interval != self.interval).tolist()
+        for k in changed:
             entries, powers, j, row = self.layout.entries[k], self.layout.powers[k], interval[k], course.rows[k]
             self.columns[entries] = np.searchsorted(self.visited.numbers[course.body[k]], row.touched[j])
             self.Gamma[powers, entries] = course.sign[k] * row.coefficients[:, j]
-        if self.changed:
-            self._interval = interval
+        if changed:
+            self.interval = interval
             self._E = self.visited.local[self._first + self.columns]
         self.x = course.distance[step][self.layout.side_of_power]
         self.X = self.x**self.layout.exponents
@@ -161,13 +160,12 @@ class PathCompliance:
     """
 
     def __init__(self, P: Sequence[Array], rows: PathRows) -> None:
-        self._P = P
+        self._P, self._interval = P, np.full_like(rows.interval, -1)
         self._of_powers = np.zeros((len(rows.layout.side_of_power),) * 2)
-        self._update(rows, range(len(rows.course.rows)))
 
     def of_rows(self, rows: PathRows) -> Array:
         """C S^{-1} C^T, (m, m)."""
-        self._update(rows, rows.changed)
+        self._update(rows)
         if rows.course.contacts == 0:
             return np.zeros((0, 0))
         starts = rows.layout.starts
@@ -175,7 +173,8 @@ class PathCompliance:
         A = np.add.reduceat(np.add.reduceat(weighted, starts, axis=0), starts, axis=1)
         return np.asarray((A + A.T) / 2.0)
 
-    def _update(self, rows: PathRows, changed: Sequence[int]) -> None:
+    def _update(self, rows: PathRows) -> None:
+        changed, self._interval = np.flatnonzero(rows.interval != self._interval).tolist(), rows.interval
         at, entries, powers, body = rows.columns, rows.layout.entries, rows.layout.powers, rows.course.body
         for k, l in {(min(i, j), max(i, j)) for i in changed for j in rows.course.on[body[i]]}:
             P = self._P[body[k]][np.ix_(at[entries[k]], at[entries[l]])]
@@ -191,21 +190,22 @@ class StoredAnswers:
         widths = [rows.layout.powers[k].stop - rows.layout.powers[k].start for k in self._sides]
         self._at = dict(zip(self._sides, consecutive(widths), strict=True))
         self._powers = np.flatnonzero(rows.course.body[rows.layout.side_of_power] == body)
+        self._interval = np.full_like(rows.interval, -1)
         self._of_powers = np.zeros((len(answers), len(self._powers)), order="F")
-        self._update(rows, self._sides)
 
     def correction(self, rows: PathRows, multipliers: Array) -> Array:
         """For the present rows."""
-        self._update(rows, rows.changed)
+        self._update(rows)
         weights = rows.X * multipliers[rows.layout.contact_of_power]
         return np.asarray(self._of_powers @ weights[self._powers])
 
-    def _update(self, rows: PathRows, changed: Sequence[int]) -> None:
-        for k in changed:
-            if k in self._at:
+    def _update(self, rows: PathRows) -> None:
+        for k, at in self._at.items():
+            if rows.interval[k] != self._interval[k]:
                 entries, powers = rows.layout.entries[k], rows.layout.powers[k]
                 answers = self._answers[:, rows.columns[entries]]
-                self._of_powers[:, self._at[k]] = answers @ rows.Gamma[powers, entries].T
+                self._of_powers[:, at] = answers @ rows.Gamma[powers, entries].T
+        self._interval = rows.interval
 
 
 def contact_rows(system: FullSystem, x: Array, rates: Array | None = None) -> sp.csr_matrix:
