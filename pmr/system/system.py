@@ -189,3 +189,5 @@ class SystemTrajectory:
     seconds: float  # wall time of the solver alone
     surplus: float  # share of the largest energy that nothing put in (`pmr.simulate.balance`)
     parts: NDArray[np.int64] | None = None  # (T,): of how many parts each step was made (`pmr.simulate.contact_step`)
+    # (T, m) N s: of the step that ends at t, as generalized-alpha weighs forces; None where no contact only pushes
+    impulses: Array | None = None

@@ -81,8 +81,9 @@ class Contact(NamedTuple):
     numbers: NDArray[np.int64]  # (m,): those rows, ascending
     excess: Array  # (m,) m: how far the rows would come out beyond their clearance without multipliers
     entries: Array  # (m,): room for one row of a matrix, or a right-hand side
-    force: Array  # (m,) N: multipliers of rows that push at the end of the step before
+    force: Array  # (m,) N: multipliers at the end of the step before
     share: Array  # (m,) N: and their part in the acceleration-like a
+    impulse: Array  # (m,) N s: what they gave since these are counted, as the scheme weighs forces
 
 
 class State(NamedTuple):

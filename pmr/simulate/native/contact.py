@@ -74,6 +74,7 @@ def contact(clearance: Array, memory: Memory) -> Contact | None:
         entries=np.zeros(m),
         force=np.zeros(m),
         share=np.zeros(m),
+        impulse=np.zeros(m),
     )
 
 
@@ -139,14 +140,23 @@ def _take_back(memory: Memory, scheme: Scheme, modes: Array, row: Array, force: 
 
 
 @inlined
-def remember(contact: Contact, multipliers: Array) -> None:
-    """What the step leaves for the next one."""
+def remember(contact: Contact, scheme: Scheme, multipliers: Array) -> None:
+    """What the step leaves for the next one, and the impulse that it gave."""
     memory, force, share = contact.memory, contact.force, contact.share
     for k in range(len(multipliers)):
-        if contact.pushes[k]:
-            left = memory.a_from_force * force[k] + memory.a_from_share * share[k]
-            share[k] = memory.gain * multipliers[k] + left
-            force[k] = multipliers[k]
+        ahead = memory.v_from_force * force[k] + memory.v_from_share * share[k]
+        contact.impulse[k] += scheme.v_gain * multipliers[k] + ahead
+        left = memory.a_from_force * force[k] + memory.a_from_share * share[k]
+        share[k] = memory.gain * multipliers[k] + left
+        force[k] = multipliers[k]
+
+
+@inlined
+def begin_impulses(contact: Contact | None) -> None:
+    """Count them from here on."""
+    if contact is not None:
+        for k in range(len(contact.impulse)):
+            contact.impulse[k] = 0.0
 
 
 @inlined

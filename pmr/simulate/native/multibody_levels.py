@@ -63,15 +63,26 @@ class Control(NamedTuple):
     """Which level a step is made on, and what it began with."""
 
     level: Indices  # (1,): of the next step
-    active: Indices  # (1,): that whose constants `State` and `Bodies` hold; -1 where the step has to be begun anew
+    active: Indices  # (1,): that whose constants `State` and `Bodies` hold; -1 where a step was taken back
+    came: Indices  # (1,): that on which the step before ended
     bounds: Array  # (3,): tolerance, omega of the contacts in rad/s, largest force so far in N
     acceleration: Array  # (2, r'): before and after the last part
-    began: Array  # (2, r'): z and v
-    began_multipliers: Array  # (m,)
+    began: Array  # (7, r'): Z_NEXT to V of `State.modes`
+    began_forces: Array  # (3, m): multipliers, and `force` and `share` of `Contact`
     began_closed: NDArray[np.bool_]  # (m,)
     began_energy: Array  # (2,)
     closed: NDArray[np.bool_]  # (m,): before the last part
     force: Array  # (m,): likewise
+
+
+class Multibody(NamedTuple):
+    """A simulation of a system: what it is made of, and where it stands."""
+
+    bodies: Bodies
+    levels: Levels
+    state: State
+    sides: Sides
+    control: Control
 
 
 def levels(form: MultibodyForm, methods: list[GeneralizedAlpha], parts: tuple[int, ...]) -> Levels:
@@ -103,10 +114,11 @@ def control(state: State, tolerance: float, omega: float) -> Control:
     return Control(
         level=np.zeros(1, np.int64),
         active=np.full(1, -1),
+        came=np.full(1, -1),
         bounds=np.array([tolerance, omega, 0.0]),
         acceleration=aligned(np.zeros((2, r))),
-        began=aligned(np.zeros((2, r))),
-        began_multipliers=np.zeros(m),
+        began=aligned(np.zeros((V + 1 - Z_NEXT, r))),
+        began_forces=np.zeros((3, m)),
         began_closed=np.zeros(m, np.bool_),
         began_energy=np.zeros(2),
         closed=np.zeros(m, np.bool_),
@@ -139,37 +151,47 @@ def contact_of(contact: Contact | None, levels: Levels, level: int) -> Contact |
         contact.entries,
         contact.force,
         contact.share,
+        contact.impulse,
     )
 
 
 @inlined
-def mark(contact: Contact | None, state: State, sides: Sides, control: Control) -> None:
+def mark(contact: Contact | None, march: Multibody) -> None:
     """Note where a step begins."""
+    state, sides, control = march.state, march.sides, march.control
     if contact is not None:
-        for n in range(state.modes.shape[1]):
-            control.began[0, n], control.began[1, n] = state.modes[Z, n], state.modes[V, n]
+        control.came[0] = control.active[0]
+        for row in range(Z_NEXT, V + 1):
+            for n in range(0, state.modes.shape[1], LANES):
+                store(control.began[row - Z_NEXT], n, load(state.modes[row], n))
         for k in range(len(state.multipliers)):
-            control.began_multipliers[k], control.began_closed[k] = state.multipliers[k], contact.closed[k]
+            control.began_forces[0, k], control.began_closed[k] = state.multipliers[k], contact.closed[k]
+            control.began_forces[1, k], control.began_forces[2, k] = contact.force[k], contact.share[k]
         control.began_energy[0], control.began_energy[1] = sides.energy[0], sides.energy[1]
 
 
 @inlined
-def take_back(contact: Contact | None, state: State, sides: Sides, control: Control) -> None:
-    """Return to where the step began; it has to be begun anew."""
+def take_back(contact: Contact | None, march: Multibody) -> None:
+    """Return to where the step began."""
+    state, sides, control = march.state, march.sides, march.control
     if contact is not None:
-        for n in range(state.modes.shape[1]):
-            state.modes[Z, n], state.modes[V, n] = control.began[0, n], control.began[1, n]
+        for row in range(Z_NEXT, V + 1):
+            for n in range(0, state.modes.shape[1], LANES):
+                store(state.modes[row], n, load(control.began[row - Z_NEXT], n))
         for k in range(len(state.multipliers)):
-            state.multipliers[k], contact.closed[k] = control.began_multipliers[k], control.began_closed[k]
+            state.multipliers[k], contact.closed[k] = control.began_forces[0, k], control.began_closed[k]
+            contact.force[k], contact.share[k] = control.began_forces[1, k], control.began_forces[2, k]
         sides.energy[0], sides.energy[1] = control.began_energy[0], control.began_energy[1]
     control.active[0] = -1
 
 
 @inlined
-def begin(
-    bodies: Bodies, levels: Levels, state: State, sides: Sides, control: Control, level: int, s: Array, f: Array
-) -> int:
-    """Constants of a level, and the prediction of its first part from s (P,) and f (i,); as `move_sides` returns."""
+def begin(march: Multibody, level: int, s: Array, f: Array) -> int:
+    """Constants of a level at s (P,) under f (i,), and the prediction of its first part; as `move_sides` returns.
+
+    The prediction stays where a step that was taken back is made on the level of the one before after all.
+    """
+    bodies, levels, state, sides, control = march
     modes = state.modes
     for k in range(4):
         for n in range(0, modes.shape[1], LANES):
@@ -187,6 +209,8 @@ def begin(
     if failed:
         return failed
     accelerate(bodies, state, f, control.acceleration[0])
+    if level == control.came[0]:
+        return 0
     for n in range(0, modes.shape[1], LANES):
         given = load(control.acceleration[0], n)
         z = load(modes[Z], n) + load(modes[V], n) * scheme.z_from_v + given * (c[5] + c[6])
@@ -204,7 +228,7 @@ def _leave(contact: Contact | None, multipliers: Array) -> None:
     """What the forces leave for the first part of a step that is begun anew."""
     if contact is not None:
         for k in range(len(multipliers)):
-            contact.force[k] = contact.share[k] = multipliers[k] if contact.pushes[k] else 0.0
+            contact.force[k] = contact.share[k] = multipliers[k]
 
 
 @inlined
@@ -234,10 +258,11 @@ def note(contact: Contact | None, state: State, control: Control) -> None:
 
 
 @inlined
-def missed(contact: Contact | None, bodies: Bodies, scheme: Scheme, state: State, control: Control, f: Array) -> float:
+def missed(contact: Contact | None, march: Multibody, scheme: Scheme, f: Array) -> float:
     """What the last part misses of the closed contacts' forces at most, over what it may miss."""
     if contact is None:
         return 0.0
+    bodies, state, control = march.bodies, march.state, march.control
     old, new, h = control.acceleration[0], control.acceleration[1], scheme.z_from_v
     accelerate(bodies, state, f, new)
     for n in range(0, len(old), LANES):

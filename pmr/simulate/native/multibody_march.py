@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,9 @@ from pmr.simulate.native import multibody_step as kernel
 from pmr.simulate.native.arrays import ROW, Z_NEXT, V, Z
 from pmr.simulate.native.multibody_arrays import bodies, multibody_state, sides
 from pmr.simulate.native.multibody_form import multibody_form
-from pmr.simulate.native.multibody_levels import control, levels
+from pmr.simulate.native.multibody_levels import Multibody, control, levels
 from pmr.simulate.native.multibody_rows import move_sides
+from pmr.simulate.native.multibody_step import Drive, Record
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.start import NotSettledError, dependence, multipliers_of
 from pmr.simulate.start import InitialState, check_position, checked
@@ -34,18 +34,6 @@ Array = NDArray[np.float64]
 BLOCK = 4096
 
 
-@dataclass(frozen=True)
-class _Record:
-    """What is recorded of each step, the start first: z, v (T, r'), forces and peaks (T, m), energy and work (T, 2)."""
-
-    z: Array
-    v: Array
-    multipliers: Array
-    peaks: Array
-    energy: Array
-    parts: NDArray[np.int64]
-
-
 class MultibodyMarch:
     """Constants, state, places and loads of one simulation; arguments and errors as `multibody.simulate`."""
 
@@ -56,12 +44,12 @@ class MultibodyMarch:
         if not np.isnan(system.clearance).all():
             omega = 0.0 if stepping.parts or stepping.schedule else contact_frequency(system, excitation)
             parts = contact_step.levels(omega, stepping)
-        self._given = np.full(stepping.steps, -1)
+        given = np.full(stepping.steps, -1)
         if stepping.schedule and len(parts) > 1:
-            self._given = np.searchsorted(parts, stepping.schedule)
+            given = np.searchsorted(parts, stepping.schedule)
         self._finest = parts[-1]
         fine = excitation.with_stepping(stepping.divided(self._finest))
-        self._s, self._f = fine.s, fine.forces(system.input_names)
+        self._drive = Drive(fine.s, fine.forces(system.input_names), given)
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
         self._levels = levels(self._form, methods, parts)
         self._bodies = bodies(self._form, list(excitation.paths))
@@ -73,9 +61,9 @@ class MultibodyMarch:
         self._start(stepping.rho_inf, initial)
 
     def _start(self, rho_inf: float, initial: Mapping[str, InitialState]) -> None:
-        state, f, m = self._state, self._f[0], len(self._system.contacts)
+        state, f, m = self._state, self._drive.f[0], len(self._system.contacts)
         scheme = GeneralizedAlpha(float(self._t[1]), rho_inf).scheme()
-        failed = move_sides(self._bodies, scheme, state, self._sides, self._s[0])
+        failed = move_sides(self._bodies, scheme, state, self._sides, self._drive.s[0])
         if failed:
             raise SimulationError(f"march failed at t = 0 s: {self._reason(failed)}")
         half = self._sides.half[:, :m]
@@ -117,11 +105,10 @@ class MultibodyMarch:
     def run(self, progress: Progress | None) -> SystemTrajectory:
         """Take all steps."""
         T, m, r = len(self._t), len(self._system.contacts), self._state.modes.shape[1]
-        z, v, forces, peaks, energy = (np.empty((T, width)) for width in (r, r, m, m, 2))
-        record = _Record(z, v, forces, peaks, energy, np.ones(T, np.int64))
+        record = Record._make([*(np.zeros((T, width)) for width in (r, r, m, m, m, 2)), np.ones(T, np.int64)])
         modes, multipliers = self._state.modes, self._state.multipliers
-        start = (modes[Z], modes[V], multipliers, multipliers, self._sides.energy)
-        for array, values in zip((z, v, forces, peaks, energy), start, strict=True):
+        start = (modes[Z], modes[V], multipliers, multipliers, 0.0, self._sides.energy, 1)
+        for array, values in zip(record, start, strict=True):
             array[0] = values
         self._advance(1, 1, record)  # none: what is compiled or loaded for the first time is not the solver's time
         seconds, block = 0.0, max(1, BLOCK // self._finest)
@@ -134,14 +121,12 @@ class MultibodyMarch:
                 progress((last - 1) / (T - 1))
         return self._trajectory(record, seconds)
 
-    def _advance(self, first: int, last: int, record: _Record) -> None:
+    def _advance(self, first: int, last: int, record: Record) -> None:
         """Take steps `first` to `last`, the latter excluded."""
         rows, reach = slice(first, last), slice((first - 1) * self._finest, (last - 1) * self._finest + 1)
-        taken, failed = kernel.run(
-            self._bodies, self._levels, self._state, self._sides, self._control, self._given[first - 1 : last - 1],
-            self._s[reach], self._f[reach], record.z[rows], record.v[rows], record.multipliers[rows],
-            record.peaks[rows], record.energy[rows], record.parts[rows],
-        )  # fmt: skip
+        drive = Drive(self._drive.s[reach], self._drive.f[reach], self._drive.given[first - 1 : last - 1])
+        march = Multibody(self._bodies, self._levels, self._state, self._sides, self._control)
+        taken, failed = kernel.run(march, drive, Record._make(array[rows] for array in record))
         if failed:
             raise SimulationError(f"march failed at {self._where(first + taken)}: {self._reason(failed)}")
         finite = np.isfinite(record.z[rows]).all(axis=1)
@@ -158,8 +143,8 @@ class MultibodyMarch:
             return f"which of the contacts {names} are closed was not settled in {contact_rows.LIMIT} solves"
         return dependence(self._state.modes[ROW : ROW + failed], system.contact_names)
 
-    def _trajectory(self, record: _Record, seconds: float) -> SystemTrajectory:
-        x, f = self._x, self._f[:: self._finest]
+    def _trajectory(self, record: Record, seconds: float) -> SystemTrajectory:
+        x, f = self._x, self._drive.f[:: self._finest]
         least = balance.round_off(self._form.B.T @ self._form.B, f, float(self._t[1]))
         pushing = not np.isnan(self._system.clearance).all()
         energy, work = record.energy.T
@@ -172,8 +157,9 @@ class MultibodyMarch:
             motions[name] = Trajectory(self._t, q, v, forces, own, seconds, surplus=found)
         peaks = np.where(np.isnan(self._system.clearance), record.multipliers, record.peaks)
         return SystemTrajectory(
-            self._t, motions, record.multipliers, peaks, f, energy, work, seconds, found, record.parts
-        )
+            self._t, motions, record.multipliers, peaks, f, energy, work, seconds, found, record.parts,
+            record.impulses if pushing else None,
+        )  # fmt: skip
 
 
 def contact_frequency(system: System, excitation: Excitation) -> float:

@@ -14,15 +14,17 @@ is `pmr.simulate.balance` for rows with places of their own.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulate.native.arrays import ROW, Scheme, State, V, Z
+from pmr.simulate.native.arrays import ROW, Contact, Scheme, State, V, Z
 from pmr.simulate.native.compilation import compiled, compiled_and_inlined, inlined
+from pmr.simulate.native.contact import begin_impulses
 from pmr.simulate.native.multibody_arrays import Bodies, Sides
 from pmr.simulate.native.multibody_levels import (
-    Control,
-    Levels,
+    Multibody,
     begin,
     contact_of,
     mark,
@@ -43,82 +45,89 @@ Indices = NDArray[np.int64]
 SPARE = 0.125
 
 
-@compiled
-def run(
-    bodies: Bodies,
-    levels: Levels,
-    state: State,
-    sides: Sides,
-    control: Control,
-    given: Indices,
-    s: Array,
-    f: Array,
-    z: Array,
-    v: Array,
-    multipliers: Array,
-    peaks: Array,
-    energy: Array,
-    parts: Indices,
-) -> tuple[int, int]:
-    """Steps along paths s (., P) under f (., i), sampled as finely as the last level takes it, the start included.
+class Drive(NamedTuple):
+    """Paths s (., P) and loads f (., i), sampled as finely as the last level takes it, the start included.
 
-    `given` (T,) are the steps' levels, or -1 where they are to be found.  Z, v, multipliers, peaks and energy (T, .)
-    are recorded, and of how many `parts` (T,) a step is made.
-
-    Returns the number of steps taken and 0, or what stopped them as `advance` says.
+    `given` (T,) are the steps' levels, or -1 where they are to be found.
     """
+
+    s: Array
+    f: Array
+    given: Indices
+
+
+class Record(NamedTuple):
+    """What is recorded of each step, r' modes and m contacts."""
+
+    z: Array  # (T, r')
+    v: Array  # (T, r')
+    multipliers: Array  # (T, m) N
+    peaks: Array  # (T, m) N: largest within the step
+    impulses: Array  # (T, m) N s: given in the step, where contacts only push
+    energy: Array  # (T, 2) J: what is stored, and the work since the start
+    parts: Indices  # (T,): of how many the step was made
+
+
+@compiled
+def run(march: Multibody, drive: Drive, record: Record) -> tuple[int, int]:
+    """Steps along paths under loads; the number of steps taken and 0, or what stopped them as `advance` says."""
+    levels, state, control, s, f = march.levels, march.state, march.control, drive.s, drive.f
     finest = levels.parts[-1]
-    if control.active[0] < 0 and len(z) > 0:
+    if control.active[0] < 0 and len(record.z) > 0:
         first = np.int64(0)  # for a literal it would be compiled once more
-        failed = _begin(bodies, levels, state, sides, control, first, s[0], f[0])
+        failed = _begin(march, first, s[0], f[0])
         if failed:
             return 0, failed
     scheme = scheme_of(levels, 0)
-    for n in range(len(z)):
+    for n in range(len(record.z)):
+        peaks = record.peaks[n]
+        begin_impulses(state.contact)
         if finest == 1:  # nothing to choose: the shorter way
-            failed = _part(bodies, scheme, state, sides, s[n + 1], f[n + 1])
-            for k in range(len(state.multipliers)):
-                peaks[n, k] = state.multipliers[k]
+            failed = _part(march, scheme, state, s[n + 1], f[n + 1])
+            for k in range(len(peaks)):
+                peaks[k] = state.multipliers[k]
         else:
             reach = slice(n * finest, (n + 1) * finest + 1)
-            failed = _step(bodies, levels, state, sides, control, given[n], s[reach], f[reach], peaks[n])
+            failed = _step(march, drive.given[n], s[reach], f[reach], peaks)
         if failed:
             return n, failed
-        parts[n] = levels.parts[control.active[0]]
-        for k in range(z.shape[1]):
-            z[n, k], v[n, k] = state.modes[Z, k], state.modes[V, k]
-        for k in range(len(state.multipliers)):
-            multipliers[n, k] = state.multipliers[k]
-        energy[n, 0], energy[n, 1] = sides.energy[0], sides.energy[1]
-    return len(z), FINISHED
+        _record(state.contact, march, record, n)
+    return len(record.z), FINISHED
 
 
 @inlined
-def _step(
-    bodies: Bodies,
-    levels: Levels,
-    state: State,
-    sides: Sides,
-    control: Control,
-    given: int,
-    s: Array,
-    f: Array,
-    peaks: Array,
-) -> int:
+def _record(contact: Contact | None, march: Multibody, record: Record, n: int) -> None:
+    """All but the peaks."""
+    state, z, v = march.state, record.z[n], record.v[n]
+    record.parts[n] = march.levels.parts[march.control.active[0]]
+    for k in range(len(z)):
+        z[k], v[k] = state.modes[Z, k], state.modes[V, k]
+    for k in range(len(state.multipliers)):
+        record.multipliers[n, k] = state.multipliers[k]
+    if contact is not None:
+        for k in range(len(state.multipliers)):
+            record.impulses[n, k] = contact.impulse[k]
+    record.energy[n, 0], record.energy[n, 1] = march.sides.energy[0], march.sides.energy[1]
+
+
+@inlined
+def _step(march: Multibody, given: int, s: Array, f: Array, peaks: Array) -> int:
     """One step, in as many parts as it takes to keep to the tolerance; as `advance` returns."""
-    level, last = given if given >= 0 else control.level[0], len(levels.parts) - 1
+    contact, control = march.state.contact, march.control
+    level, last = given if given >= 0 else control.level[0], len(march.levels.parts) - 1
     found = given < 0 and last > 0
     if found:
-        mark(state.contact, state, sides, control)
+        mark(contact, march)
     while True:
         if level != control.active[0]:
-            failed = _begin(bodies, levels, state, sides, control, level, s[0], f[0])
+            failed = _begin(march, level, s[0], f[0])
             if failed:
                 return failed
-        failed, off = _parts(bodies, levels, state, sides, control, level, found, s, f, peaks)
+        failed, off = _parts(march, level, found, s, f, peaks)
         if failed or not found or off <= 1.0 or level == last:
             break
-        take_back(state.contact, state, sides, control)
+        take_back(contact, march)
+        begin_impulses(contact)
         while off > 1.0 and level < last:  # half the length misses an eighth and may miss a half
             level, off = level + 1, off / 4.0
     control.level[0] = level - 1 if off < SPARE and level > 0 else level
@@ -126,19 +135,9 @@ def _step(
 
 
 @inlined
-def _parts(
-    bodies: Bodies,
-    levels: Levels,
-    state: State,
-    sides: Sides,
-    control: Control,
-    level: int,
-    judged: bool,
-    s: Array,
-    f: Array,
-    peaks: Array,
-) -> tuple[int, float]:
+def _parts(march: Multibody, level: int, judged: bool, s: Array, f: Array, peaks: Array) -> tuple[int, float]:
     """The parts of a step on a level; what failed, or 0, and what one of them misses over what it may."""
+    levels, state = march.levels, march.state
     scheme, stride, off = scheme_of(levels, level), levels.parts[-1] // levels.parts[level], 0.0
     now = State(
         state.modes, state.multipliers, state.position, state.interval, state.couplings, state.factor, state.weighted,
@@ -146,37 +145,35 @@ def _parts(
     )  # fmt: skip
     for at in range(stride, len(s), stride):
         if judged:
-            note(state.contact, state, control)
-        failed = _part(bodies, scheme, now, sides, s[at], f[at])
+            note(state.contact, state, march.control)
+        failed = _part(march, scheme, now, s[at], f[at])
         if failed:
             return failed, off
         for k in range(len(peaks)):
             force = state.multipliers[k]
             peaks[k] = force if at == stride else max(peaks[k], force)
         if judged:
-            off = max(off, missed(state.contact, bodies, scheme, state, control, f[at]))
+            off = max(off, missed(state.contact, march, scheme, f[at]))
     return FINISHED, off
 
 
 @inlined
-def _begin(
-    bodies: Bodies, levels: Levels, state: State, sides: Sides, control: Control, level: int, s: Array, f: Array
-) -> int:
+def _begin(march: Multibody, level: int, s: Array, f: Array) -> int:
     """Begin anew on a level; as `move_sides` returns."""
-    failed = begin(bodies, levels, state, sides, control, level, s, f)
+    failed = begin(march, level, s, f)
     if failed == 0:
-        _keep(state, sides, f)
+        _keep(march.state, march.sides, f)
     return failed
 
 
 @inlined
-def _part(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, s: Array, f: Array) -> int:
+def _part(march: Multibody, scheme: Scheme, state: State, s: Array, f: Array) -> int:
     """One part of a step to s (P,) and f (i,) at its end; as `advance` returns."""
-    failed = move_sides(bodies, scheme, state, sides, s)
+    failed = move_sides(march.bodies, scheme, state, march.sides, s)
     if failed == 0:
-        failed = advance(bodies, scheme, state, f)
+        failed = advance(march.bodies, scheme, state, f)
     if failed == 0:
-        account(bodies, state, sides, f)
+        account(march.bodies, state, march.sides, f)
     return failed
 
 

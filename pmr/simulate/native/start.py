@@ -44,7 +44,7 @@ def starting_state(
     begun = state(form, scheme, method.memory())
     begun.multipliers[:] = _multipliers(body, s, C, free, f, start.q, begun.contact)
     if begun.contact is not None:
-        begun.contact.force[:] = begun.contact.share[:] = np.where(begun.contact.pushes, begun.multipliers, 0.0)
+        begun.contact.force[:] = begun.contact.share[:] = begun.multipliers
     modes = begun.modes[:, : body.size]
     z, v, a = method.predict(start.q, start.v, free - C.T @ begun.multipliers)
     modes[Z], modes[V], modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = start.q, start.v, z, v, a

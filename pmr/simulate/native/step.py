@@ -105,7 +105,7 @@ def _find_in_contact(contact: Contact, system: System, scheme: Scheme, state: St
         _violate(state, f)
         failed = settle(contact, state.couplings, state.factor, state.multipliers)
         if failed or not let_go(contact, scheme, state):
-            remember(contact, state.multipliers)
+            remember(contact, scheme, state.multipliers)
             return failed, state.multipliers[0]
         if len(system.damped) > 0:
             _couple(system, scheme, state.modes)
