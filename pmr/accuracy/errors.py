@@ -119,9 +119,14 @@ class Rung:
 
 
 def coarsest(family: Family, every: float | None = None) -> int:
-    """The fewest steps, halves of the given number, that follow path and loads; `every` so many seconds one ends."""
+    """The fewest steps, halves of the given number, that follow path and loads; `every` so many seconds one ends.
+
+    Where rows only push it is the given number: steps take as many parts as impacts need, so longer ones save nothing.
+    """
     given = family.excitation.stepping
     steps = given.steps
+    if family.pushing:
+        return steps
     for _ in range(COARSER):
         half = family.with_steps(max(1, steps // 2))
         share = 0.0 if every is None else every / half.stepping.step

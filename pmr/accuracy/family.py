@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.attached import with_loads_answered
 from pmr.compare.outputs import Floors, Outputs, lagging, observed, outputs, without_rates
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
@@ -17,6 +18,7 @@ from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.blocks import Recorder
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
+from pmr.system.body import Trajectory, pushing_rows
 
 Array = NDArray[np.float64]
 
@@ -26,7 +28,10 @@ BEYOND = 8
 
 @dataclass(frozen=True)
 class Member:
-    """One model of a family: so many modes as coordinates, with the inertia of all others or without."""
+    """One model of a family: so many modes as coordinates, with the inertia of all others or without.
+
+    Where rows only push it is the inertia in the directions of what they bear (`pmr.compare.attached`).
+    """
 
     coordinates: int
     residual_inertia: bool = False
@@ -68,13 +73,22 @@ class Family:
 
     @property
     def keeps_inertia(self) -> bool:
-        """Whether its members can: damping that couples modes has no tables."""
-        return self._form.classically_damped
+        """Whether members that are chosen can: damping that couples modes has no tables, nor have rows that push."""
+        return self._form.classically_damped and not self.pushing
 
     @cached_property
     def best(self) -> Member:
         """The one with all modes, which the others are compared with."""
-        return Member(self.size, self.keeps_inertia)
+        return Member(self.size, self.keeps_inertia or self.pushing)
+
+    @property
+    def pushing(self) -> bool:
+        """Whether any rows only push."""
+        return bool(pushing_rows(self.model))
+
+    @cached_property
+    def _run(self) -> Trajectory:
+        return march.simulate_modal(self._form, self.excitation)
 
     def with_steps(self, steps: int) -> Excitation:
         """The same excitation on so many equal steps."""
@@ -84,9 +98,17 @@ class Family:
     def form(self, member: Member) -> ModalForm:
         """A member in its modal coordinates, which are the modes themselves."""
         if member not in self._forms:
-            body, every = member_of(self._form.body, member), np.eye(member.coordinates)
-            self._forms[member] = ModalForm(body, every, every, self._form.rows)
+            answers = self.pushing and member.residual_inertia
+            self._forms[member] = self._answering(member) if answers else self._plain(member)
         return self._forms[member]
+
+    def _plain(self, member: Member) -> ModalForm:
+        body, every = member_of(self._form.body, member), np.eye(member.coordinates)
+        return ModalForm(body, every, every, self._form.rows)
+
+    def _answering(self, member: Member) -> ModalForm:
+        loads, body = self.excitation.forces(self.model.input_names), member_of(self.model, Member(member.coordinates))
+        return modal_form(with_loads_answered(body, self._run, loads))
 
     def motion(self, member: Member, steps: int, times: int) -> Outputs:
         """Of one member with so many steps, at `times` equal intervals, a whole number of steps each.
@@ -103,7 +125,7 @@ class Family:
             recorder, seen = Recorder(np.arange(0, steps + 1, every)), self.with_steps(times)
             run = recorder.trajectory(march.follow(form, excitation, recorder))
             found = (outputs if self.rates else without_rates)(form.body, run, seen, self.tips)
-            return lagging(found, form.body, run, seen) if member == self.best else found
+            return lagging(found, form.body, run, seen) if member == self.best and not self.pushing else found
         told = march.observe(form, excitation, every=every)
         return observed(form.body, told.y, told.multipliers, self.tips)
 

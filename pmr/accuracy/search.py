@@ -154,6 +154,9 @@ class _Search:
             yield f"residual inertia kept: without it {self.plain} coordinates are needed"
         elif not self.demand.inertia:
             yield "residual inertia not kept: of the simulators named, not all can"
+        elif not self.family.keeps_inertia:
+            cause = "pads only push" if self.family.pushing else "damping couples modes"
+            yield f"residual inertia not kept: no model can where {cause}"
         else:
             yield f"residual inertia not kept: it would save fewer than {WORTH} coordinates, and cost more a step"
 
@@ -162,7 +165,8 @@ class _Search:
         for one in coarser(self.family, rung, self.coarse):
             before = one
         if before is None:
-            yield f"{rung.steps} steps: fewer don't follow path and loads"
+            fewer = "would take as many parts where pads push" if self.family.pushing else "don't follow path and loads"
+            yield f"{rung.steps} steps: fewer {fewer}"
         else:
             size = rounded(100.0 * max(self.errors.size(before.missing, steps).values()))
             yield f"{rung.steps} steps: {before.steps} are off by {size} %"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -54,14 +53,14 @@ def reactions(response: Response, path: Array, s: str) -> Iterator[Grid]:
 
 
 def _extremes(found: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
-    """A row for each, in a unit that fits the largest; nothing where it is round-off beside that."""
+    """A row for each, in a unit that fits the largest; zero at no time where it is round-off beside that."""
     unit = unit_for(max(map(_size, found.values()), default=0.0), base)
-    shown = {
-        name: one if _size(one) > ROUND_OFF * largest else replace(one, least=0.0, most=0.0)
+    cells = {
+        name: tuple(_cells(one, unit)) if _size(one) > ROUND_OFF * largest else ("0", "", "") * 2
         for name, one in found.items()
     }
     head = ("", f"least in {unit.name}", *_WHEN, f"largest in {unit.name}", *_WHEN)
-    return Grid(caption, head, tuple((name or "slider", *_cells(one, unit)) for name, one in shown.items()))
+    return Grid(caption, head, tuple((name or "slider", *shown) for name, shown in cells.items()))
 
 
 def regions(result: RunResult) -> tuple[Grid, ...]:

@@ -64,6 +64,23 @@ def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
         assert 0.9 * error < said[kind] < 2.0 * error
 
 
+PUSHING = [f"pads.{ring}.{key}" for ring in ("tail", "mouth") for key in ("unilateral=true", "stiffness=3e8")]
+
+
+def test_pads_that_only_push_hold_a_tolerance(load_scene) -> None:
+    changes = ["time.end=0.5", "mesh.elements=20", "accuracy={tolerance=0.003,outputs=['tip','pad_force'],mesh=false}"]
+    outcome = run(load_scene("boom_beam", [*PUSHING, *changes, "compare.against=['full']"]))
+    assert outcome is not None
+    summary = outcome.result.summary
+    errors = summary["errors"]["reduced_vs_full"]
+    assert summary["accuracy"]["holds"] and summary["contact"]["h_omega"] <= 0.0501
+    for kind in ("tip", "pad_force"):
+        assert errors[kind] <= summary["budget"]["sum"][kind] <= 0.003
+        assert errors[kind] <= summary["estimate"][kind] <= 1.5 * errors[kind]
+    assert not outcome.reduced.flexibility.keeps_inertia
+    assert "no model can where pads only push" in summary["accuracy"]["reasons"][1]
+
+
 @pytest.mark.slow
 def test_what_cannot_be_held_is_said(load_scene) -> None:
     outcome = run(load_scene("evolved_tolerance", [*SHORT, "mesh.elements=5", "accuracy.tolerance=1e-6"]))

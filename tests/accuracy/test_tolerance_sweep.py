@@ -1,6 +1,6 @@
 """Models made to a tolerance against full ones with far shorter steps, on random scenes.
 
-Two scenes as a rule; ``PMR_SWEEP=full`` takes 60.
+Two scenes as a rule, and two on pads that only push; ``PMR_SWEEP=full`` takes 60 and 20.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from random_scenes import sliding_scene
+from random_scenes import pushing_scene, sliding_scene
 
 from pmr.accuracy.errors import Demand, coarsest
 from pmr.accuracy.family import Family, Member
@@ -28,7 +28,7 @@ from pmr.simulate import Excitation
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
 
-SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(2)
+SEEDS, PUSHING = (range(60), range(20)) if os.environ.get("PMR_SWEEP") == "full" else (range(2), range(2))
 TOLERANCES = (0.01, 0.001, 0.0001)
 #: Steps of a reference for each step that was chosen, and at most.
 FINER, MOST = 4, 2_400_000
@@ -86,7 +86,7 @@ def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
                 return False
 
         r = found.member.coordinates - 3
-        fewer = r >= family.fewest and any(holds(r, kept) for kept in (False, True))
+        fewer = r >= family.fewest and any(holds(r, kept) for kept in {False, family.keeps_inertia})
         own = family.motion(found.member, found.steps, coarse)
         yield Case(seed, demand.tolerance, demand.kinds, found, error(own), error(half), fewer)
 
@@ -112,3 +112,16 @@ def test_what_is_said_to_hold_does() -> None:
     assert len(held) >= 0.5 * len(found), lines
     assert np.mean([case.true <= case.tolerance for case in held]) >= 0.97, lines
     assert np.mean([case.fewer for case in held]) <= 0.03, lines
+
+
+@pytest.mark.slow
+def test_what_is_said_to_hold_does_on_pads_that_only_push() -> None:
+    """As above; where an impact a moment earlier changes all that follows, nothing is said to hold."""
+    found = [case for seed in PUSHING for case in cases(seed, pushing_scene(seed))]
+    lines = "\n".join(map(told, found))
+    held = [case for case in found if case.found.holds]
+    assert len(held) >= 0.5 * len(found), lines
+    known = [case for case in held if case.reference < 0.2 * case.tolerance]
+    assert len(known) >= 0.9 * len(held), lines
+    assert np.mean([case.true <= case.tolerance for case in known]) >= 0.97, lines
+    assert np.mean([case.fewer for case in known]) <= 0.15, lines  # of one mode more an impact may come earlier

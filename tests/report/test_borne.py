@@ -56,6 +56,10 @@ def test_forces_have_extremes_with_time_and_place(probed: RunResult) -> None:
     assert (name, largest) == ("slider", "99.0") and grid.head[1] == "least in N"
     response = probed.responses["reduced"]
     assert float(t_least) == pytest.approx(response.t[response.slider_force[:, 0].argmin()], rel=1e-3)
+    names, force = ("force of slider", "force of pad left"), response.slider_force[:, :1] * (1.0, 1e-14)
+    beside = replace(response, force_names=names, slider_force=force, force_peaks=None)
+    (grid,) = borne.forces(replace(probed, responses=probed.responses | {"reduced": beside}))
+    assert grid.rows[1] == ("pad left", "0", "", "", "0", "", "")  # round-off has no time
 
 
 def test_the_error_table_has_probes_in_their_units(probed: RunResult) -> None:

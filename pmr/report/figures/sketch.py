@@ -18,7 +18,7 @@ from pmr.results import RunResult
 
 BODY, STEEL, PAD = "#0b5c99", "#d5e3ee", "#3b4a57"
 ARROW = 0.3  # in, length of a load's arrow
-THIN, THICK = 0.16, 0.5  # in, least and largest height of a section as drawn
+THIN, THICK = 0.22, 0.5  # in, least and largest height of a section as drawn
 
 
 @dataclass(frozen=True)
