@@ -64,7 +64,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
     count = found if count is None else count
     if model.enrichment is None or model.flexibility is None or not 0 < count <= found:
         raise ValueError(f"{count} enrichment modes of {found}: the model has no more")
-    back, rest = _split(model.enrichment, count)
+    back = _part(model.enrichment, slice(count))
     return replace(
         model,
         M=_block(model.M, np.ones(count)),
@@ -74,7 +74,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
         outputs=np.hstack([model.outputs, back.outputs]),
         rows=side_by_side(model.rows, back.rows),
         flexibility=_joined(model.flexibility, back, -1.0),
-        enrichment=rest,
+        enrichment=_part(model.enrichment, slice(count, None)) if count < found else None,
         carriers=None if model.carriers is None else model.carriers.extended(back),
     )
 
@@ -155,11 +155,6 @@ def _chained(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes
     )
 
 
-def _split(modes: EnrichmentModes, count: int) -> tuple[EnrichmentModes, EnrichmentModes | None]:
-    def part(which: slice) -> EnrichmentModes:
-        rows = columns(modes.rows, which)
-        return EnrichmentModes(
-            modes.stiffness[which], modes.damping[which], modes.B[which], modes.outputs[:, which], rows
-        )
-
-    return part(slice(0, count)), part(slice(count, None)) if count < modes.count else None
+def _part(modes: EnrichmentModes, which: slice) -> EnrichmentModes:
+    rows = columns(modes.rows, which)
+    return EnrichmentModes(modes.stiffness[which], modes.damping[which], modes.B[which], modes.outputs[:, which], rows)

@@ -23,6 +23,7 @@ from pmr.errors import InputError
 from pmr.system.assembly import Assembly, ContactRows
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 #: Share of the lowest omega^2 that holds bodies which nothing else holds; what it may change of an equilibrium.
 ALMOST_FREE, UNCHANGED = 1e-8, 1e-3
@@ -40,7 +41,7 @@ class Equilibrium:
 
     q: Array
     forces: Array
-    closed: NDArray[np.bool_]
+    closed: Mask
 
 
 def equilibrium(assembly: Assembly, x: Array, f: Array) -> Equilibrium:
@@ -55,8 +56,8 @@ def equilibrium(assembly: Assembly, x: Array, f: Array) -> Equilibrium:
     floor = ALMOST_FREE * _lowest(assembly, rows) * assembly.M
     fewest, chances = len(gap) + 1, CHANCES
     for _ in range(LIMIT):
-        q, forces = _solved(assembly, rows, closed, gap, f, floor)
-        wrong = _wrong(rows, closed & pushes, ~closed, gap, q, forces, f)
+        almost = _solved(assembly, rows, closed, gap, f, floor)
+        wrong = _wrong(rows, almost, pushes, gap, f)
         if not wrong.any():
             break
         if wrong.sum() < fewest:
@@ -65,29 +66,29 @@ def equilibrium(assembly: Assembly, x: Array, f: Array) -> Equilibrium:
             chances -= 1
         changing = wrong if chances >= 0 else np.arange(len(wrong)) == np.argmax(wrong)
         closed = closed ^ changing
-    almost = q
-    q, forces = _solved(assembly, rows, closed, gap, f, 0.0 * floor)
-    unchanged = np.abs(q - almost).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
+    found = _solved(assembly, rows, closed, gap, f, 0.0 * floor)
+    q, forces = found.q, found.forces
+    unchanged = np.abs(q - almost.q).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
     stored = q @ (assembly.K @ q) + forces @ rows.F @ forces
     stiff = stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(assembly.K) @ np.abs(q))
-    if not (unchanged and stiff) or _wrong(rows, closed & pushes, ~closed, gap, q, forces, f).any():
+    if not (unchanged and stiff) or _wrong(rows, found, pushes, gap, f).any():
         allowed = (
             "contacts that hold the bodies against the loads at the start, each in a way of its own, are allowed "
             "(pads in the middle of faces hold no roll; pads with a clearance hold nothing until a load closes them)"
         )
         raise InputError("system", "contacts", None, allowed)
-    return Equilibrium(q, forces, closed)
+    return found
 
 
 def _solved(
-    assembly: Assembly, rows: ContactRows, closed: NDArray[np.bool_], gap: Array, f: Array, floor: sp.csr_matrix
-) -> tuple[Array, Array]:
-    """Q and forces with the given contacts closed; not finite where these hold nothing or depend on each other."""
+    assembly: Assembly, rows: ContactRows, closed: Mask, gap: Array, f: Array, floor: sp.csr_matrix
+) -> Equilibrium:
+    """With the given contacts closed; not finite where these hold nothing or depend on each other."""
     forces = np.zeros(len(gap))
     right = np.concatenate([assembly.B @ f, (gap - rows.H @ f)[closed]])
     solution = _saddle_point(assembly.K + floor, rows.of(closed), right)
     forces[closed] = solution[assembly.size :]
-    return solution[: assembly.size], forces
+    return Equilibrium(solution[: assembly.size], forces, closed)
 
 
 def _saddle_point(K: sp.csr_matrix, rows: ContactRows, right: Array) -> Array:
@@ -112,17 +113,10 @@ def _lowest(assembly: Assembly, rows: ContactRows) -> float:
     return abs(float(g @ q / (q @ (assembly.M @ q))))
 
 
-def _wrong(
-    rows: ContactRows,
-    pushing: NDArray[np.bool_],
-    free: NDArray[np.bool_],
-    gap: Array,
-    q: Array,
-    forces: Array,
-    f: Array,
-) -> NDArray[np.bool_]:
-    """Contacts that pull, among those `pushing`, or would have to push, among those that are `free`."""
+def _wrong(rows: ContactRows, found: Equilibrium, pushes: Mask, gap: Array, f: Array) -> Mask:
+    """Contacts that pull although they only push, or would have to push although they are open."""
+    q, forces = found.q, found.forces
     motion = rows.C @ q + rows.H @ f - rows.F @ forces
     size = np.abs(rows.C) @ np.abs(q) + gap
-    pulls = pushing & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
-    return np.asarray(pulls | free & (motion - gap > ROUND_OFF * size))
+    pulls = found.closed & pushes & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
+    return np.asarray(pulls | ~found.closed & (motion - gap > ROUND_OFF * size))

@@ -78,14 +78,11 @@ def simulate(
             mbs.SetLoadParameter(number, "loadVector", [0.0, force, 0.0])
         return True
 
-    def position(t: float) -> float:
-        return float(s[round(t / stepping.step)])
-
     add_pre_step_function(mbs, update)
     kind = exu.OutputVariableType
     sensors = [of_nodes(mbs, items.nNodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
     sensors.append([of_connector(mbs, items.oJoint)])
-    place = slider_at(position)
+    place = slider_at(lambda t: s[round(t / stepping.step)])
     seconds = solve(mbs, _settings(cable, stepping), place, progress)
     stored_values = [[stored(mbs, sensor, stepping, place) for sensor in group] for group in sensors]
     q, v, joint = (np.stack(group, axis=1) for group in stored_values)
