@@ -150,6 +150,7 @@ def test_every_example_is_checked_and_short() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", CHECKS)
 def test_figures(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if name == "own_basis":

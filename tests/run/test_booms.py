@@ -206,6 +206,7 @@ def test_the_first_frequency_over_two_joints(outcome: BoomOutcome) -> None:
     assert frequency_map(together, system) is None
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_result_is_read_as_it_was_saved_and_reported(outcome: BoomOutcome, tmp_path: Path) -> None:
     outcome.result.save(tmp_path)
     again = BoomResult.load(tmp_path)
@@ -247,6 +248,7 @@ step = 1e-3
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(tmp_path: Path) -> None:
     """Beams in space: the tip's displacement among the fields, stresses beside the full model's, for ParaView."""
     around = "[{at=0.15,unilateral=false,faces={bottom=[-0.06,0.06],top=[0.0],left=[0.0],right=[0.0]}}]"
