@@ -55,7 +55,9 @@ def apply_change(c: Array, breaks: Array, s: Array, x: Array, found: Array) -> N
         if s[t + 1] == s[t]:
             found[t] = 0.0
             continue
-        before[:] = values
+        for a in range(m):  # before[:] = values takes three seconds to compile, for the error that it may raise
+            for b in range(r):
+                before[a, b] = values[a, b]
         j = _evaluate(c, breaks, s[t + 1], j, values)
         for a in range(m):
             total = 0.0
