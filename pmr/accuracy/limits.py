@@ -31,9 +31,8 @@ def best_within(family: Family, demand: Demand, budget: Budget, coarse: int) -> 
     """The member with the smallest error that a budget allows; the tolerance of the demand does not count.
 
     By coordinates or by the time of a step: the most that are allowed, with the longest step whose part of the error is
-    no more than theirs.  By real time: for each step as many coordinates as there is time for.
-
-    Raises InputError if not even the smallest model is within it; SimulationError as for `pmr.accuracy.search.search`.
+    no more than theirs.  By real time: for each step as many coordinates as there is time for.  Raises InputError if
+    not even the smallest model is within it; SimulationError as for `pmr.accuracy.search.search`.
     """
     family.load()
     begin, errors = time.perf_counter(), Errors(family, demand, coarse)

@@ -92,9 +92,8 @@ def choose(scene: Scene, reduced: ReducedModel) -> Choice:
 def with_mesh(choice: Choice, reduced_of: Callable[[Scene], ReducedModel]) -> Choice:
     """The choice with the part of its mesh, if that is asked for; `reduced_of` makes the reduction of a scene.
 
-    That scene has shorter cells, and `COORDINATES` or twice as many until they suffice: most choices share it.
-
-    Raises InputError or SimulationError as for `pmr.simulate.Simulator`.
+    That scene has shorter cells, and `COORDINATES` or twice as many until they suffice: most choices share it.  Raises
+    InputError or SimulationError as for `pmr.simulate.Simulator`.
     """
     scene, member = choice.scene, choice.found.member
     if scene.ordered is None or not scene.ordered.mesh:

@@ -63,12 +63,8 @@ def no_estimate(system: System) -> str | None:
 def estimate(boom: Boom, system: System, excitation: Excitation, run: SystemTrajectory) -> BoomEstimate:
     """From the run of the boom's reduced model; one or two more are made here, in as many parts of a step.
 
-    Raises
-    ------
-    ValueError
-        If there is no estimate (`no_estimate`).
-    InputError, SimulationError
-        As `multibody.simulate`; SimulationError too if what two richer models say of an impact differs.
+    Raises ValueError if there is no estimate (`no_estimate`); InputError or SimulationError as `multibody.simulate`;
+    SimulationError too if what two richer models say of an impact differs.
     """
     begin = time.perf_counter()
     if why := no_estimate(system):

@@ -51,9 +51,8 @@ def relative_error(signal: Array, reference: Array) -> float:
     """What e_NRMS is the smaller one of, beside 1: so an error that grows differs from one that is large.
 
     Of any size: the reference's largest value is the unit in which both are squared.  Where the reference is zero
-    throughout: 0 if the signal is too, 1 otherwise.
-
-    Raises ValueError if the shapes differ; SimulationError if a value is not finite.
+    throughout: 0 if the signal is too, 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value
+    is not finite.
     """
     if signal.shape != reference.shape:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")

@@ -122,14 +122,9 @@ class _Told:
 def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Estimate:
     """Estimate the error of a model with enrichment modes, from rest; all runs are made here.
 
-    The last `tips` displacements are those of the tip.
-
-    Raises
-    ------
-    ValueError
-        If there is no estimate (`no_estimate`).
-    InputError, SimulationError
-        As for `pmr.simulate.Simulator`; SimulationError too if what two richer models say of an impact differs.
+    The last `tips` displacements are those of the tip.  Raises ValueError if there is no estimate (`no_estimate`);
+    InputError or SimulationError as for `pmr.simulate.Simulator`; SimulationError too if what two richer models say of
+    an impact differs.
     """
     begin = time.perf_counter()
     if why := no_estimate(model):
@@ -199,12 +194,8 @@ def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation, 
 
     .. math:: \lVert y - y_r \rVert \le \lVert y_b - y_r \rVert + \lVert y - y_b \rVert
 
-    with y_b the motion of free modes with residual flexibility, and their own estimate for the last term.
-
-    Raises
-    ------
-    ValueError, InputError, SimulationError
-        As for `estimate` of the other model.
+    with y_b the motion of free modes with residual flexibility, and their own estimate for the last term.  Raises
+    ValueError, InputError, SimulationError as for `estimate` of the other model.
     """
     begin = time.perf_counter()
     own_of_better = estimate(better, excitation, tips)

@@ -58,9 +58,8 @@ def frequency_curves(scene: Scene, reduced: ReducedModel, s: Array, full: Array)
 def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
     """The `count` lowest frequencies (S, count) in rad/s at the path coordinates s (S,) m.
 
-    Where fewer coordinates are free than asked for, the rest is NaN.
-
-    Raises SimulationError if rows that give way do so by nothing at one of the s.
+    Where fewer coordinates are free than asked for, the rest is NaN.  Raises SimulationError if rows that give way do
+    so by nothing at one of the s.
     """
     result = np.full((len(s), count), np.nan)
     compliant = CompliantRows(model)

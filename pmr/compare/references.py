@@ -64,9 +64,8 @@ def references(
 def reference(name: str, scene: Scene, model: FullModel, clock: Clock | None = None) -> Response | None:
     """Response of ``"full"`` or ``"ancf"``; on rank 0, others may have none.  Collective.
 
-    ``petsc`` works on the distributed model; for all others it is gathered on rank 0.
-
-    Raises SimulationError if it fails or can't be trusted; that of ``"full"`` on every rank.
+    ``petsc`` works on the distributed model; for all others it is gathered on rank 0.  Raises SimulationError if it
+    fails or can't be trusted; that of ``"full"`` on every rank.
     """
     if name == "full":
         return _full(scene, model, clock or Clock(), (), None)[0]

@@ -23,9 +23,8 @@ FREQUENCIES, POSITIONS = 6, 11
 def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
     """Simulate a reduced model under another scene's path, loads and time stepping, by the simulators that it names.
 
-    There are no errors in the result but what is estimated without the full model, and no singular values.
-
-    Raises InputError if loads and inputs differ, the path leaves the model's, or a simulator can't do what is asked;
+    There are no errors in the result but what is estimated without the full model, and no singular values.  Raises
+    InputError if loads and inputs differ, the path leaves the model's, or a simulator can't do what is asked;
     SimulationError if a step fails.
     """
     check_installed(scene)

@@ -57,10 +57,8 @@ class StepError:
 def step_error(model: ReducedModel, excitation: Excitation, tips: int = 1) -> StepError:
     """Error of the time step, from rest; the last `tips` displacements are the tip's.
 
-    `march` makes the runs; Exudyn's solver has the same scheme and start.
-
-    Raises InputError as for `pmr.simulate.Simulator`; SimulationError if one of the first two runs fails, or the second
-    would be too long.
+    `march` makes the runs; Exudyn's solver has the same scheme and start.  Raises InputError as for
+    `pmr.simulate.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
     """
     begin = time.perf_counter()
     runs = Runs(modal_form(model), excitation)

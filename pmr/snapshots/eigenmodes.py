@@ -33,9 +33,7 @@ def positions(scene: Scene, model: FullModel) -> Array:
     """Path coordinates (snapshots,) in m at which the scene asks for snapshots.
 
     ``nodes``: the paper's node set, with the first slider on nodes that leave all sliders on the beam; ``path``: evenly
-    over the stretch that the path visits; or as listed.
-
-    Raises InputError if two snapshots fall on one node.
+    over the stretch that the path visits; or as listed.  Raises InputError if two snapshots fall on one node.
     """
     choice, count = scene.reduction.positions, scene.reduction.snapshots
     if choice == "nodes":

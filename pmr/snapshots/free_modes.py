@@ -121,10 +121,9 @@ def _beside(held: FullModel, Z: Array, modes: Modes) -> Modes:
     """The modes but for the rigid-body modes Z (n_local, c), which the lowest ones hold, made M-orthogonal to these.
 
     Computed rigid-body modes are rigid to a few digits only, and share them with the low elastic ones: the part of the
-    span beside Z is taken as a whole, and its modes are those of the frequencies that were found.
-
-    Raises ConvergenceError if the modes do not hold Z: what round-off makes of the stiffness of a rigid motion is then
-    more than that of the lowest modes.
+    span beside Z is taken as a whole, and its modes are those of the frequencies that were found.  Raises
+    ConvergenceError if the modes do not hold Z: what round-off makes of the stiffness of a rigid motion is then more
+    than that of the lowest modes.
     """
     count = Z.shape[1]
     if count == 0:

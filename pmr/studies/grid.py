@@ -27,9 +27,8 @@ def points(grid: Mapping[str, Any]) -> Iterator[Point]:
     """All combinations of a grid's lists, the last list varying fastest; of an empty grid the one without changes.
 
     ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has four, the first called ``modes=4`` and
-    ``coordinates=10``; a name is the shortest end of a dotted key that tells it from the others.
-
-    Raises InputError with source ``"study"``, if something else than a list with values stands at the end of a key.
+    ``coordinates=10``; a name is the shortest end of a dotted key that tells it from the others.  Raises InputError
+    with source ``"study"``, if something else than a list with values stands at the end of a key.
     """
     lists = dict(_lists(grid, ""))
     last = Counter(key.rpartition(".")[2] for key in lists)

@@ -117,9 +117,8 @@ def aligned(modes: Array) -> Array:
 def local_model(body: ReducedModel, s: Array, r: int, moving: bool) -> LocalModel:
     """A model of a body in modal coordinates with r modes at each of the equally spaced positions s, in m.
 
-    `moving` keeps the terms in V' and V''.
-
-    Raises ValueError if rows give way: modes with the slider held don't let it.
+    `moving` keeps the terms in V' and V''.  Raises ValueError if rows give way: modes with the slider held don't let
+    it.
     """
     if np.any(body.row_compliance > 0.0):
         raise ValueError("local bases hold rigid rows")
