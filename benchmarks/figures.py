@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from benchmarks.scale import own_memory
 from pmr.report.figures.canvas import MUTED, WIDE, key, log_axis, octave_axis, sheet
 from pmr.report.numbers import power_of_ten
-from pmr.report.studies.axes import SERIES, dots, log_x
+from pmr.report.studies.curves import SERIES, dots, log_x
 
 
 def growth(found: Mapping[str, Any]) -> Figure:

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pmr.fields.grid import Grid
-from pmr.fields.series import Fields
+from pmr.fields.series import Fields, Grid
 from pmr.results import Energy, FrequencyCurves, Response, RunResult, Shapes
 from pmr.scene import Scene
 

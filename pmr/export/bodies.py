@@ -8,8 +8,7 @@ import numpy as np
 import scipy.io
 
 from pmr import environment
-from pmr.fields.framed import FramedBody
-from pmr.fields.nodal import NodalBody
+from pmr.fields.held import FramedBody, NodalBody
 from pmr.files.whole import replaced
 
 

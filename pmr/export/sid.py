@@ -28,7 +28,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fields.nodal import NodalBody
+from pmr.fields.held import NodalBody
 from pmr.files.whole import replaced
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Fields over a body's grid at a few times, as pictures and files of them take them."""
+"""What a body looks like, and fields over it at a few times, as pictures and files of them take them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,37 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fields.grid import Grid
 from pmr.files import npz, records
 
+Indices = NDArray[np.int64]
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
-
 MOST_EXPANSION = 100.0  # of a compressed file; fields that move take a third more than their file,
 ROOM = 2**28  # fields at rest up to a thousand times as much: bytes that any file may claim
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Cells of one kind in space.
+
+    Attributes
+    ----------
+    cell : ``"line"``, ``"triangle"``, ``"tetra"`` or ``"hexahedron"``
+    points : (N, 3) array, m
+    cells : (C, k) integer array
+        Points of each cell, in VTK's order.
+    regions : mapping of name to (c,) integer array
+        Named groups of cells.
+    """
+
+    cell: str
+    points: Array
+    cells: Indices
+    regions: Mapping[str, Indices] = field(default_factory=dict)
+
+    def region(self, cell: int) -> str:
+        """Names of the regions that a cell is part of, joined by commas; empty if there are none."""
+        return ", ".join(sorted(name for name, cells in self.regions.items() if cell in cells))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.fields.grid import Grid
+from pmr.fields.series import Grid
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

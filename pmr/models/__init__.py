@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI
-from pmr.fields.grid import Grid
+from pmr.fields.series import Grid
 from pmr.fields.stress import StressRows
 from pmr.mesh.strip import Strip, Window
 

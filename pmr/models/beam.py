@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, create_mesh
-from pmr.fields.grid import Grid
+from pmr.fields.series import Grid
 from pmr.models import DIRECTIONS, rigid_motions
 from pmr.scene.structures import Beam3DBody, Profile
 

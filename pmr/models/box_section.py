@@ -29,7 +29,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from pmr.fields.grid import Grid
+from pmr.fields.series import Grid
 from pmr.fields.stress import FIBRE, StressRows
 from pmr.models.tabulation import CellValues, as_rows
 from pmr.scene.structures import Beam3DBody, BeamSection, BoxProfile

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.fields.grid import Grid
+from pmr.fields.series import Grid
 from pmr.mesh.named import KINDS, NamedMesh
 from pmr.mesh.nodes import Nodes, number_nodes
 from pmr.mesh.strip import FlatFace, Strip, Window, face_strip, flat_face

@@ -25,7 +25,7 @@ from pmr.errors import ConvergenceError, InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed, sparse, times
 from pmr.fem.matrices import gather
-from pmr.fields.framed import FramedBody, Frames
+from pmr.fields.held import FramedBody, Frames
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.eigensolvers import eigensolver

@@ -1,18 +1,22 @@
-"""Fields and stresses that a scene asks for, from the reduced model and, beside it, from the full one."""
+"""Fields and stresses that a scene or a boom of sections asks for, from reduced models and, beside them, full ones."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.fullmodel.build import Built
 from pmr.fullmodel.structure import Structure
-from pmr.recover.coordinates import Recovery, ReducedStates
+from pmr.recover.coordinates import Recovery, ReducedStates, chosen_states
 from pmr.recover.fields import Seen, View, in_blocks, look
+from pmr.reduce.sections import ReducedSection
 from pmr.scene import Boom, Scene
 from pmr.scene.asked import Recovery as FieldsAsked
+from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
@@ -74,3 +78,50 @@ def recover(
     pictures = np.unique(np.rint(np.linspace(0, len(states.t) - 1, frames)).astype(np.int64))
     seen = look(view, states.t, recovery.blocks(states), pictures.tolist(), wanted.components)
     return Recovered(seen, None if full_states is None else look(view, states.t, in_blocks(full_states)))
+
+
+@dataclass(frozen=True)
+class SectionStates:
+    """What a section of a simulated boom says at some steps, and the rows that its multipliers belong to."""
+
+    states: ReducedStates
+    rows: tuple[str, ...]
+
+
+def states_of(system: System, trajectory: SystemTrajectory, steps: NDArray[np.int64]) -> dict[str, SectionStates]:
+    """Of every section at some of the steps."""
+    found, first = {}, 0
+    for name, body in system.bodies.items():
+        last = first + len(body.input_names)
+        rows = tuple(side.place.row for side in system.sides if side.place.body == name)
+        found[name] = SectionStates(
+            chosen_states(trajectory.bodies[name], trajectory.loads[:, first:last], steps), rows
+        )
+        first = last
+    return found
+
+
+def recover_sections(
+    boom: Boom,
+    built: Mapping[str, Built],
+    reduced: Mapping[str, ReducedSection],
+    states: Mapping[str, SectionStates],
+    full: Mapping[str, Array],
+) -> dict[str, Recovered]:
+    """What the boom asks for, section by section; collective.
+
+    Parameters
+    ----------
+    states : mapping
+        Of the reduced sections at the `recovered_steps`, the same on every rank.
+    full : mapping of str to (S, n_local) array
+        This rank's rows of the full sections' coordinates at the same steps; empty without a full model.
+    """
+    assert boom.recovery is not None
+    found = {}
+    for part in boom.sections:
+        name, one = part.name, states[part.name]
+        model, of = built[name].model, reduced[name]
+        recovery = Recovery(model, of.V, of.model, part.reduction.solver, one.rows)
+        found[name] = recover(boom.recovery, built[name].structure, recovery, one.states, full.get(name))
+    return found

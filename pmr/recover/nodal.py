@@ -10,7 +10,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import times
 from pmr.fem.matrices import gather
-from pmr.fields.nodal import NodalBody, Places
+from pmr.fields.held import NodalBody, Places
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import Built, build
 from pmr.fullmodel.eigensolvers import eigensolver

@@ -12,8 +12,7 @@ from pmr.report.blocks import Block, Drawing, Grid, drawing
 from pmr.report.figures import captions, histories
 from pmr.report.numbers import SPACE, Unit, significant, unit_for
 from pmr.results import Response, RunResult
-from pmr.results.cycles import cycles
-from pmr.results.extremes import Extremes
+from pmr.results.extremes import Extremes, cycles
 from pmr.results.tables import force_extremes, probe_extremes, reaction_extremes
 
 Array = NDArray[np.float64]

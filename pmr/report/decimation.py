@@ -1,11 +1,18 @@
-"""Fewer samples for the same picture: long signals are thinned so that every peak stays."""
+"""Less for the same picture: long signals are thinned so that every peak stays, and packed for players."""
 
 from __future__ import annotations
+
+import base64
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pmr.report.numbers import round_number
+
 Array = NDArray[np.float64]
+PLAYING = 30.0  # s that the whole motion plays at the speed set first
+_FULL_SCALE = 32767
 
 
 def extremes(values: ArrayLike, bins: int) -> NDArray[np.intp]:
@@ -62,3 +69,17 @@ def _pieces(count: int, bins: int) -> list[tuple[int, int]]:
     """`bins` intervals that make up ``range(count)``."""
     edges = np.linspace(0, count, bins + 1).astype(int).tolist()
     return list(zip(edges[:-1], edges[1:], strict=True))
+
+
+def packed(values: NDArray[np.float64]) -> dict[str, Any]:
+    """Little-endian 16-bit integers in base64, and the value of one count."""
+    largest = float(np.abs(values).max(initial=0.0)) or 1.0
+    counts = np.round(values / largest * _FULL_SCALE).astype("<i2")
+    return {"count": largest / _FULL_SCALE, "data": base64.b64encode(counts.tobytes()).decode()}
+
+
+def speeds(duration: float) -> dict[str, Any]:
+    """Playback speeds as multiples of real time; the one set first is round and plays for about `PLAYING`."""
+    first = round_number(max(duration / PLAYING, 1e-6))
+    choices = [first / 5.0, first / 2.0, first, 2.0 * first, 4.0 * first]
+    return {"first": first, "choices": [float(f"{choice:.3g}") for choice in choices]}

@@ -15,8 +15,7 @@ from pmr.errors.text import visible
 from pmr.files.swap import fresh
 from pmr.report.blocks import Chapter
 from pmr.report.booms.chapter import chapter as chapter_of_boom
-from pmr.report.figures.vector import FONT, words
-from pmr.report.fonts import embedded
+from pmr.report.figures.vector import FONT, embedded, words
 from pmr.report.sections import chapter
 from pmr.results import BoomResult, RunResult
 

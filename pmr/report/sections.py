@@ -10,9 +10,8 @@ from pmr.report import borne, parameters, provenance, sentences
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, drawing
 from pmr.report.errors import compared, error_table
 from pmr.report.errors import rows as error_rows
-from pmr.report.figures import band, budget, captions, forces, histories, inputs, shapes, sketch, spectra
-from pmr.report.figures import response as in_frequency
-from pmr.report.figures.colours import ramp
+from pmr.report.figures import budget, captions, forces, histories, inputs, shapes, sketch, spectra
+from pmr.report.figures.canvas import ramp
 from pmr.report.figures.timeline import Array
 from pmr.report.motion import line, player
 from pmr.report.motion.album import album
@@ -102,7 +101,7 @@ def tip(result: RunResult, prefix: str) -> Block:
             inside = "; in it the difference to the full model" if "full" in result.responses else ""
             said = f"How far off the tip may be {ACROSS[direction]} by the estimate{inside}."
             wide = result.tip_error[:, number]
-            rows.append((drawing(f"{prefix}-band-{direction}", band.band, said, result, what, wide),))
+            rows.append((drawing(f"{prefix}-band-{direction}", histories.band, said, result, what, wide),))
     return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(result, still))
 
 
@@ -175,7 +174,7 @@ def response(result: RunResult, prefix: str) -> Block | None:
         if not np.any(found.gain[:, :, k]):
             continue
         caption = f"Response of {found.outputs[k]} to {name} with the sliders at rest, each curve at one s in m."
-        drawings.append(drawing(f"{prefix}-response-{k}", in_frequency.gain, caption, found, k))
+        drawings.append(drawing(f"{prefix}-response-{k}", spectra.gain, caption, found, k))
         said = result.summary["frequency_response"]["gain"][name]
         rows = [
             (

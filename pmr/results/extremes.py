@@ -1,13 +1,17 @@
-"""Where a history is smallest and largest."""
+"""Where a history is smallest and largest, and its load cycles."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import rainflow
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+#: Cycles below this share of the largest range are left out: of damage, which grows with the third power of the range
+#: or faster, each has less than a millionth of that of the largest.
+SMALLEST = 0.01
 
 
 @dataclass(frozen=True)
@@ -34,3 +38,19 @@ class Extremes:
             "min": self.least, "t_min": self.t_least, "s_min": self.s_least,
             "max": self.most, "t_max": self.t_most, "s_max": self.s_most,
         }  # fmt: skip
+
+
+def cycles(t: Array, x: Array) -> Array:
+    """Rainflow cycles of a history x (T,) at times t (T,) in s, the largest first (ASTM E1049-85).
+
+    Half ones are those that do not close.
+
+    Returns
+    -------
+    (C, 5) array
+        Range and mean in the unit of x, count (1 or 0.5), and the times in s at which a cycle begins and ends.
+    """
+    found = [(size, mean, count, t[i], t[k]) for size, mean, count, i, k in rainflow.extract_cycles(x) if size > 0.0]
+    table = np.array(found, dtype=float).reshape(-1, 5)
+    table = table[table[:, 0] >= SMALLEST * table[:, 0].max(initial=0.0)]
+    return np.asarray(table[np.argsort(-table[:, 0], kind="stable")])

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.results.boom import BoomResult
-from pmr.results.cycles import cycles
-from pmr.results.extremes import Extremes
+from pmr.results.extremes import Extremes, cycles
 from pmr.results.run import Response, RunResult
 from pmr.scene.built import force_of, reaction_of
 

@@ -25,8 +25,7 @@ from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fullmodel import probes
 from pmr.fullmodel.build import build_sections
 from pmr.fullmodel.build import warnings as build_warnings
-from pmr.recover.from_scene import Recovered, recovered_steps
-from pmr.recover.sections import recover_sections, states_of
+from pmr.recover.from_scene import Recovered, recover_sections, recovered_steps, states_of
 from pmr.reduce.cache import cache_in
 from pmr.reduce.sections import ReducedSection, reduce_sections
 from pmr.reduced.model import ReducedModel

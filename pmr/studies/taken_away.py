@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.results import Response
-from pmr.results.cycles import cycles
+from pmr.results.extremes import cycles
 from pmr.results.tables import force_extremes, probe_extremes, reaction_extremes
 from pmr.scene import Boom, Scene
 from pmr.studies.engine.task import Scalar, TaskResult

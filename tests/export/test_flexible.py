@@ -14,7 +14,7 @@ from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.export.bodies import write_ffrf
 from pmr.export.sid import INERTIA, inertia_integrals, write_sid
-from pmr.fields.nodal import NodalBody
+from pmr.fields.held import NodalBody
 from pmr.fullmodel.build import build
 from pmr.recover.nodal import held_body, nodes_of
 

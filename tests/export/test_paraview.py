@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.export.paraview import write_series
-from pmr.fields.grid import Grid
-from pmr.fields.series import Boxes, Fields
+from pmr.fields.series import Boxes, Fields, Grid
 
 POINTS = np.random.default_rng(1).normal(size=(8, 3))
 CELLS = {

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pmr.fields.grid import Grid
-from pmr.fields.series import Fields
+from pmr.fields.series import Fields, Grid
 
 
 def test_fields_are_read_as_they_were_written(tmp_path: Path) -> None:

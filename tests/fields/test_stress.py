@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pmr.fields.grid import Grid
+from pmr.fields.series import Grid
 from pmr.fields.stress import FIBRE, PLANE, SPATIAL, StressRows, peaks_by_region, stress_history
 
 #: Components of a pull along the first axis and of a shear, and the ones of pressure from all sides.

@@ -9,8 +9,8 @@ from matplotlib import pyplot
 
 from pmr.report.blocks import Drawing, drawing
 from pmr.report.figures import captions, histories
-from pmr.report.figures.band import band
 from pmr.report.figures.canvas import PENS, SHADE, log_axis, octave_axis, sheet
+from pmr.report.figures.histories import band
 from pmr.report.figures.timeline import Span, Timeline, sliding, tip_of
 from pmr.results import RunResult
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from pmr.report.booms.figures import exaggeration
 from pmr.report.booms.lines import SectionLine, lines
-from pmr.report.decimation import spread
-from pmr.report.motion.packing import packed, speeds
+from pmr.report.decimation import packed, speeds, spread
 from pmr.report.numbers import plain, quantity
 from pmr.results import BoomResult
 

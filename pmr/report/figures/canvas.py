@@ -1,4 +1,4 @@
-"""Paper and pens: one style for all figures."""
+"""Paper, pens and colours: one style for all figures."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from math import ceil, floor, log10
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from pmr.report.numbers import power_of_ten
+from pmr.report.numbers import plain, power_of_ten
 
 WIDE = 6.7  # in, the text width of an A4 page
 HALF = 3.25  # in, two beside each other
@@ -58,6 +60,7 @@ _STYLE: Mapping[str, Any] = {
     "figure.facecolor": "none",
     "savefig.facecolor": "none",
 }
+SHADES = 60
 
 
 @dataclass(frozen=True)
@@ -176,3 +179,21 @@ def bins_of(ax: Axes) -> int:
     """Intervals in which a signal over the width of `ax` keeps its peaks."""
     inches = ax.get_window_extent().width / mpl.rcParams["figure.dpi"]
     return max(40, int(BINS_PER_INCH * inches))
+
+
+def ramp(largest: float) -> Figure:
+    """Colours from no stress to `largest`, in MPa, and beyond."""
+    colours = LinearSegmentedColormap.from_list("stress", RAMP)
+    figure, axes = sheet(HALF, 0.55, margins={"left": 0.1, "right": 0.3, "top": 0.08, "bottom": 0.36})
+    ax = axes[0, 0]
+    for k in range(SHADES):
+        ax.axvspan(k / SHADES, (k + 1.2) / SHADES, color=colours(k / (SHADES - 1.0)), linewidth=0.0)
+    ticks = np.linspace(0.0, 1.0, 5)
+    names = [plain(float(f"{tick * largest:.3g}")) for tick in ticks]
+    ax.set_xticks(ticks, [*names[:-1], f"≥ {names[-1]}"])
+    ax.set_yticks([])
+    ax.set_xlim(0.0, 1.0)
+    ax.grid(False)
+    ax.spines[:].set_visible(False)
+    ax.set_xlabel("Von Mises stress in MPa")
+    return figure

@@ -6,11 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from pmr.report.decimation import ceiling
 from pmr.report.figures.canvas import HALF, PENS, WIDE, bins_of, key, log_axis, sheet
 from pmr.report.figures.timeline import Array, Quantity, Span, Timeline, reference, tip_of
+from pmr.report.numbers import unit_for
 from pmr.results import RunResult
+
+COLOUR = "#f2d6c2"
 
 
 def history(result: RunResult, what: Quantity, label: str, base: str, focus: Quantity = tip_of) -> Figure:
@@ -91,4 +95,21 @@ def residual(result: RunResult, what: Quantity, label: str) -> Figure:
         ax.set_ylim(0.0, 1.0)
         ax.text(0.5, 0.5, "zero at all times" if signals else "not known", transform=ax.transAxes, ha="center")
     key(figure, time.legend(list(signals)))
+    return figure
+
+
+def band(result: RunResult, what: Quantity, wide: Array) -> Figure:
+    """Of a displacement of the tip the band (T,) in m; in it the difference to the full model, where there is one."""
+    time = Timeline(result)
+    off = time.differences(time.signals(what))
+    figure, axes = sheet(WIDE, 1.7)
+    ax = axes[0, 0]
+    shown = ceiling(wide, bins_of(ax))
+    unit = unit_for(float(max(wide.max(), *(np.abs(one).max() for one in off.values()), 0.0)), "m")
+    edge = wide[shown] / unit.size
+    ax.fill_between(time.t[shown], -edge, edge, color=COLOUR, linewidth=0.0, zorder=1.0)
+    time.trace(ax, {"reduced": off["reduced"]} if "reduced" in off else {}, unit.size)
+    time.frame(ax, f"Difference in {unit.name}")
+    names = ["reduced"] if "reduced" in off else []
+    key(figure, [*time.legend(names), Patch(color=COLOUR, label="estimated band")])
     return figure

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import re
 from collections.abc import Iterator
 from html import escape
+from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import matplotlib as mpl
+from fontTools import subset
+from fontTools.ttLib import TTFont
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -19,6 +23,7 @@ FONT = "pmr figures"  # family under which the page brings the font along
 _SVG, _XLINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 _REFERENCE = re.compile(r"#([^)]+)")
 _NUMBER = re.compile(r"-?\d+\.\d+")
+_FILE = Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")
 
 
 def svg(figure: Figure, name: str, description: str) -> str:
@@ -101,3 +106,18 @@ def _attributes(element: Element, name: str, used: set[str]) -> Iterator[tuple[s
 
 def _short(numbers: str) -> str:
     return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), numbers)
+
+
+def embedded(family: str, characters: str) -> str:
+    """A CSS ``@font-face`` rule that holds DejaVu Sans, reduced to `characters`, under the name `family`."""
+    options = subset.Options(layout_features=["kern"], hinting=False, notdef_outline=True)
+    options.drop_tables += ["FFTM"]
+    font = TTFont(_FILE, recalcTimestamp=False)
+    subsetter = subset.Subsetter(options)
+    subsetter.populate(text=characters + " ")
+    subsetter.subset(font)
+    buffer = io.BytesIO()
+    font.flavor = "woff"
+    font.save(buffer)
+    data = base64.b64encode(buffer.getvalue()).decode()
+    return f'@font-face{{font-family:"{family}";src:url(data:font/woff;base64,{data}) format("woff")}}'

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from pmr.report.decimation import onto, spread
+from pmr.report.decimation import onto, packed, speeds, spread
 from pmr.report.figures.canvas import PENS
 from pmr.report.figures.timeline import drawn
-from pmr.report.motion.packing import packed, speeds
 from pmr.report.numbers import plain, quantity, round_number
 from pmr.report.subject import fixtures, length, line, loads, offsets
 from pmr.results import RunResult

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.report.decimation import packed, speeds
 from pmr.report.figures.canvas import RAMP
 from pmr.report.motion.instants import instants, of_the_peak, positions, scale, stress_of, top
-from pmr.report.motion.packing import packed, speeds
 from pmr.report.motion.surface import surface
 from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import percent, plain

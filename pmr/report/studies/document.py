@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pmr.report.blocks import Block, Chapter, Grid, Table
 from pmr.report.document import ReportFiles, dated, render, write
 from pmr.report.numbers import SPACE, quantity
+from pmr.report.studies import runs, sections
 from pmr.report.studies.finished import FinishedStudy, studies_in
-from pmr.report.studies.page import chapter
+from pmr.report.studies.names import called
+from pmr.report.studies.statements import comparison
 
 
 def write_report(folder: Path) -> ReportFiles:
@@ -48,3 +53,17 @@ def _provenance(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) ->
         Block("Machine and software", columns=[[Table("Machine", tuple(rows))]], software=software),
     )
     return Chapter(anchor="provenance", title="Provenance", blocks=blocks)
+
+
+def chapter(study: FinishedStudy, anchor: str) -> Chapter:
+    """Everything that the report says about one study; while a run is missing, what the runs say that are there."""
+    known = {module.name for module in pkgutil.iter_modules(sections.__path__)}
+    if study.kind in known and not study.unfinished:
+        found: Chapter = importlib.import_module(f"{sections.__name__}.{study.kind}").content(study, anchor)
+    else:
+        found = runs.content(study, anchor)
+    published = comparison(study)
+    if published.rows and not any(block.errors for block in found.blocks):
+        found = replace(found, blocks=[*found.blocks, Block("Beside the publication", errors=published)])
+    unfinished = [f"{called(run)} ({run.status}: {run.reason})" for run in study.unfinished]
+    return replace(found, unfinished=unfinished)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.fields.grid import Grid
+from pmr.fields.series import Grid
 from pmr.report.motion.surface import surface
 from pmr.scene.built import Box
 

@@ -11,11 +11,10 @@ from matplotlib.lines import Line2D
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.canvas import SHADE, WIDE, key, log_axis, sheet
 from pmr.report.numbers import percent, plain
-from pmr.report.studies.axes import dots
+from pmr.report.studies.curves import dots
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.names import listed
-from pmr.report.studies.statements import combination
-from pmr.report.studies.treatments import EXPLAINED, NAMES
+from pmr.report.studies.statements import EXPLAINED, NAMES, combination
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 

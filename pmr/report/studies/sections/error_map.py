@@ -17,8 +17,7 @@ from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.canvas import HALF, INK, MUTED, WIDE, sheet
 from pmr.report.numbers import percent, plain
 from pmr.report.studies.finished import FinishedStudy
-from pmr.report.studies.statements import combination
-from pmr.report.studies.treatments import EXPLAINED, NAMES
+from pmr.report.studies.statements import EXPLAINED, NAMES, combination
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord
 

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.canvas import WIDE, log_axis, sheet
 from pmr.report.numbers import percent, significant
-from pmr.report.studies.axes import dots, log_x
+from pmr.report.studies.curves import dots, log_x
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.engine.task import number
 from pmr.studies.results import RunRecord

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, drawing
 from pmr.report.figures.canvas import INK, MUTED, WIDE, key, sheet
 from pmr.report.numbers import SPACE, percent, plain, quantity, significant
-from pmr.report.studies.axes import log_x
+from pmr.report.studies.curves import log_x
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.names import case_name
 from pmr.studies.engine.task import number
