@@ -60,7 +60,7 @@ _STYLE: Mapping[str, Any] = {
     "figure.facecolor": "none",
     "savefig.facecolor": "none",
 }
-SHADES = 60
+SHADES = 60  # of the ramp as drawn
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from pmr.report.figures.timeline import Array, Quantity, Span, Timeline, referen
 from pmr.report.numbers import unit_for
 from pmr.results import RunResult
 
-COLOUR = "#f2d6c2"
+COLOUR = "#f2d6c2"  # of a band
 
 
 def history(result: RunResult, what: Quantity, label: str, base: str, focus: Quantity = tip_of) -> Figure:

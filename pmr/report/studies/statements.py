@@ -10,6 +10,7 @@ from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.study import Statement
 
+#: The three treatments of the supports' rows, in words.
 NAMES = {
     "round_off": "rows left to round-off, as published",
     "last": "rows holding the last two",
