@@ -35,6 +35,7 @@ def with_attachment_modes(model: ReducedModel, loads: Array) -> ReducedModel:
 
     They are those with the most inertia: at rest nothing is missing.  Without loads, and where none moves what is left
     out, the model stays as it is.
+
     A ValueError is raised where it does not know flexibility and inertia of what it leaves out on its carriers.
     """
     carriers = model.carriers

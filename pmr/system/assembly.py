@@ -46,14 +46,12 @@ class Assembly:
     def __init__(self, system: System) -> None:
         self.system, bodies = system, list(system.bodies.values())
         free = [np.setdiff1d(np.arange(body.size), list(body.held.values())) for body in bodies]
+        of_bodies = list(zip(bodies, free, strict=True))
         # numbers of the coordinates of each body that its supports leave free
         self.free = dict(zip(system.bodies, free, strict=True))
-        self.M, self.D, self.K = (
-            _blocks([getattr(body, A)[np.ix_(i, i)] for body, i in zip(bodies, free, strict=True)])
-            for A in ("M", "D", "K")
-        )
-        self.B = _blocks([body.B[i] for body, i in zip(bodies, free, strict=True)])
-        O = [body.outputs[:, i] for body, i in zip(bodies, free, strict=True)]
+        self.M, self.D, self.K = (_blocks([getattr(body, A)[np.ix_(i, i)] for body, i in of_bodies]) for A in "MDK")
+        self.B = _blocks([body.B[i] for body, i in of_bodies])
+        O = [body.outputs[:, i] for body, i in of_bodies]
         self.outputs = _blocks(O)
         # where those of each body, its inputs and its outputs stand among all
         self.coordinates = _slices(system, [len(i) for i in free])

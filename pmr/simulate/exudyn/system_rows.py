@@ -52,7 +52,7 @@ class Giving:
         self._rows: ContactRows | None = None
 
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
-        """Lambda (m',) in N at coordinates q under loads f."""
+        """Lambda (m',) in N at coordinates q under loads f; a SimulationError if which are closed is not settled."""
         if self.pushing is None:
             return np.asarray(rows.answers @ np.concatenate([q, f]))
         if rows is not self._rows:
