@@ -69,12 +69,8 @@ class Factor(_PetscFactor):
     What it will take is known before it is computed.  What does not fit into the memory that is free goes to files, in
     the folder that the environment variable MUMPS_OOC_TMPDIR names, and a line says so.
 
-    Raises
-    ------
-    NotDefiniteError
-        If the matrix, called `name`, is not positive definite.
-    InputError
-        If its factor does not even fit with files.
+    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite, and an `InputError` if its
+    factor does not even fit with files.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
@@ -121,10 +117,7 @@ def product(A: PETSc.Mat, x: Array) -> Array:
 class SequentialFactor(_PetscFactor):
     """The same on one rank, by CHOLMOD, whose solve with a single right-hand side takes half as long as MUMPS'.
 
-    Raises
-    ------
-    NotDefiniteError
-        If the matrix, called `name`, is not positive definite.
+    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:
@@ -141,10 +134,7 @@ class SequentialFactor(_PetscFactor):
 class SparseFactor:
     """L U of a matrix in SciPy by SuperLU, with pivots on the diagonal: where there is no PETSc.
 
-    Raises
-    ------
-    NotDefiniteError
-        If the matrix, called `name`, is not positive definite.
+    Raises a `NotDefiniteError` if the matrix, called `name`, is not positive definite.
     """
 
     def __init__(self, A: PETSc.Mat, name: str) -> None:

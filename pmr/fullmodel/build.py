@@ -34,10 +34,7 @@ class Built:
 def build(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     """Assemble the full model of a scene on `comm`; collective.
 
-    Raises
-    ------
-    InputError
-        If the scene's mesh does not fit what stands on it.
+    Raises an `InputError` if the scene's mesh does not fit what stands on it.
     """
     structure = structure_of(scene, comm)
     return Built(structural_model(structure, comm), structure)
@@ -70,10 +67,7 @@ def warnings(structure: Structure) -> list[str]:
 def build_sections(boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, Built]:
     """By the sections' names; equal ones are one and the same.  Collective.
 
-    Raises
-    ------
-    InputError
-        If a mesh can't be had, lacks a group, or a pad leaves its face.
+    Raises an `InputError` if a mesh can't be had, lacks a group, or a pad leaves its face.
     """
     made, found = dict[str, Built](), dict[str, Built]()
     for number, name in enumerate(boom.names):

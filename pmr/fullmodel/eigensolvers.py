@@ -168,10 +168,7 @@ EigenSolver = DenseEigenSolver | SlepcEigenSolver | OneFactorEigenSolver
 def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> Array:
     """The `count` lowest (S, f) in rad/s, or all there are, with the sliders at s (S,) m; collective.
 
-    Raises
-    ------
-    ConvergenceError
-        If SLEPc finds too few.
+    Raises a `ConvergenceError` if SLEPc finds too few.
     """
     found = eigensolver(model, solver)
     count = min(count, model.size - len(model.rows.names))

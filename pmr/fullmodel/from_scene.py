@@ -46,10 +46,7 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     forces in N of the pads that stay and hold both ways and of the supports that give way; those of all others are the
     rows' multipliers.  Then what the probes measure.
 
-    Raises
-    ------
-    InputError
-        If the mesh can't be had, or lacks a group.
+    Raises an `InputError` if the mesh can't be had, or lacks a group.
     """
     if model_of(scene) not in WITHOUT_FORMS:
         check_fenicsx(model_of(scene))

@@ -61,10 +61,7 @@ def lowest_of(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS
 def solved(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
     """Solve; omega^2 (count,) in ascending order, and the modes.
 
-    Raises
-    ------
-    ConvergenceError
-        If fewer converge.
+    Raises a `ConvergenceError` if fewer converge.
     """
     eps.solve()
     converged = eps.getConverged()
@@ -86,10 +83,7 @@ def solved(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
 def check_count(count: int, dimension: int) -> None:
     """Refuse to look for more modes than there are.
 
-    Raises
-    ------
-    TooManyModesError
-        With both numbers.
+    Raises a `TooManyModesError` with both numbers.
     """
     if count > dimension:
         raise TooManyModesError(count, dimension)

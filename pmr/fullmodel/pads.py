@@ -143,10 +143,7 @@ class Restraints:
     def force(self, name: str, size: int) -> sp.csr_matrix:
         """Row (1, n) in N/m that measures the force of a spring.
 
-        Raises
-        ------
-        InputError
-            If no spring has this name.
+        Raises an `InputError` if no spring has this name.
         """
         for c, spring in zip(self.vectors(size), self.springs, strict=True):
             if spring.name == name:
@@ -163,10 +160,7 @@ class Restraints:
 def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints:
     """Rows and springs of all pads, supports and sliders on the coordinates z of a structure, q = T z.
 
-    Raises
-    ------
-    InputError
-        If a face does not exist or a pad leaves it somewhere on its travel.
+    Raises an `InputError` if a face does not exist or a pad leaves it somewhere on its travel.
     """
     staying = [
         *(fixed_pad(pad, model, T, pads.travel) for pad in pads.fixed),

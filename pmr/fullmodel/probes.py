@@ -47,10 +47,7 @@ class Gauge:
 def gauges(scene: Scene, model: StructuralModel) -> list[Gauge]:
     """What the probes of a scene measure, one gauge for each component.
 
-    Raises
-    ------
-    InputError
-        If a group or face does not exist, or the model has no stresses.
+    Raises an `InputError` if a group or face does not exist, or the model has no stresses.
     """
     if not scene.probes:
         return []

@@ -102,10 +102,8 @@ class Structure:
 def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
     """Assemble a structure on `comm`; its rows are the pads', for what is clamped is left out.
 
-    Raises
-    ------
-    InputError
-        If a place does not exist, a rigid coupling meets a clamp or another one, or a pad leaves its face.
+    Raises an `InputError` if a place does not exist, a rigid coupling meets a clamp or another one, or a pad leaves its
+    face.
     """
     model = structure.model
     base = operators_of(model, comm)
@@ -168,10 +166,7 @@ class Coupling:
     def rows(self, actions: Sequence[Action | Gauge]) -> sp.csr_matrix:
         """Rows (k, n') that actions are or measure, or gauges do; all in one product.
 
-        Raises
-        ------
-        InputError
-            If the model has no such direction.
+        Raises an `InputError` if the model has no such direction.
         """
         of_model = [(np.empty(0, np.int64), np.empty(0)), *(self._of_model(one) for one in actions)]
         columns, entries = (np.concatenate(parts) for parts in zip(*of_model, strict=True))

@@ -18,10 +18,8 @@ Array = NDArray[np.float64]
 def beam_nodes(length: float, mesh: MeshChoice) -> Array:
     """Nodes (N,) m of a beam, in increasing order, the same on every rank.
 
-    Raises
-    ------
-    InputError
-        If a mesh file holds anything but a chain of line cells on the x axis from 0 to the beam's length.
+    Raises an `InputError` if a mesh file holds anything but a chain of line cells on the x axis from 0 to the beam's
+    length.
     """
     return graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
 

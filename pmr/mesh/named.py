@@ -71,10 +71,7 @@ class NamedMesh:
     def require(self, names: Sequence[str]) -> None:
         """Refuse the mesh if a named group is missing.
 
-        Raises
-        ------
-        InputError
-            With the groups that were found.
+        Raises an `InputError` with the groups that were found.
         """
         missing = [name for name in names if name not in self.groups]
         if missing:
@@ -126,10 +123,7 @@ def named_mesh(
 ) -> NamedMesh:
     """A checked mesh from blocks (cell kind, dimension, vertices) and, for each group, its members in every block.
 
-    Raises
-    ------
-    InputError
-        As `read_mesh`.
+    Raises an `InputError` as `read_mesh`.
     """
 
     def refuse(what: str) -> InputError:

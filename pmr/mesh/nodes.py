@@ -46,10 +46,7 @@ class Nodes:
     def of(self, entities: Indices, dim: int, points: int) -> Indices:
         """First coordinate of the node on each of the entities (e, k) of dimension `dim`.
 
-        Raises
-        ------
-        KeyError
-            If one of them is no entity of the mesh.
+        Raises a `KeyError` if one of them is no entity of the mesh.
         """
         wanted = codes(np.sort(entities, axis=1), points)
         place = np.clip(np.searchsorted(self.codes[dim], wanted), 0, len(self.codes[dim]) - 1)

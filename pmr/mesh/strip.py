@@ -74,10 +74,7 @@ class FlatFace:
 def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
     """A named face, ready for strips.
 
-    Raises
-    ------
-    InputError
-        If there is no such face, it is not flat, or it lies across the axis.
+    Raises an `InputError` if there is no such face, it is not flat, or it lies across the axis.
     """
     mesh.require([name])
     group, axis = mesh.groups[name], mesh.axis
@@ -94,10 +91,7 @@ def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
 def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
     """The strip of a face; displacements are quadratic.
 
-    Raises
-    ------
-    InputError
-        If its cells are so large that a pad would be resolved by too many pieces of them.
+    Raises an `InputError` if its cells are so large that a pad would be resolved by too many pieces of them.
     """
     mesh, name = face.mesh, face.name
     low, high = np.array([window.along, window.across]).T

@@ -73,10 +73,7 @@ class Trace:
     def rotation(self) -> sp.csr_matrix:
         """Rotation as rows (3, n).
 
-        Raises
-        ------
-        InputError
-            If the group's points lie on a line, which leaves a rotation open.
+        Raises an `InputError` if the group's points lie on a line, which leaves a rotation open.
         """
         r, w = self.points - self.centroid, self.weights
         J = np.eye(3) * (w @ (r**2).sum(axis=1)) - (r.T * w) @ r
@@ -94,10 +91,7 @@ def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1)
 
     Each entity is cut in `parts` along every direction, for weights that vary within it.
 
-    Raises
-    ------
-    InputError
-        If the mesh has no such group, or the group is no part of its cells.
+    Raises an `InputError` if the mesh has no such group, or the group is no part of its cells.
     """
     group = _group(mesh, name)
     kind = ENTITY_KINDS[group.dim, group.entities.shape[1]]
@@ -129,10 +123,7 @@ def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
     Weighted by a hat over the cells around it, as a mesh need not have nodes there; beside the ends its centroid is
     therefore a little off.
 
-    Raises
-    ------
-    InputError
-        If the mesh does not reach there.
+    Raises an `InputError` if the mesh does not reach there.
     """
     axis, (low, high) = mesh.axis, mesh.spans
     slack = 1e-9 * (high.max() - low.min())  # round-off of a caller's arithmetic
@@ -153,10 +144,7 @@ def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
 def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequence[int]) -> Indices:
     """Numbers, ascending, of the coordinates with the given components whose nodes lie on a named group.
 
-    Raises
-    ------
-    InputError
-        As `trace`.
+    Raises an `InputError` as `trace`.
     """
     group = _group(mesh, name)
     topology = cell_topology(ENTITY_KINDS[group.dim, group.entities.shape[1]]) if group.dim else [[[0]]]

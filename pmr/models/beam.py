@@ -58,10 +58,7 @@ class Beam(ABC):
     def station(self, place: str | float) -> float:
         """Distance of a place from the beam's first end in m.
 
-        Raises
-        ------
-        InputError
-            If it is not on the beam.
+        Raises an `InputError` if it is not on the beam.
         """
         length = self.body.length
         at = ENDS[place] * length if isinstance(place, str) and place in ENDS else place

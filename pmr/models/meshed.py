@@ -132,10 +132,7 @@ class OfCells:
 def by_region(mesh: NamedMesh, default: object, regions: Mapping[str, object]) -> OfCells:
     """What a cell's region is made of, or the default.
 
-    Raises
-    ------
-    InputError
-        If the mesh has no such group of cells, or two of them share cells.
+    Raises an `InputError` if the mesh has no such group of cells, or two of them share cells.
     """
     owner = np.full(len(mesh.cells), -1)
     for number, name in enumerate(regions):

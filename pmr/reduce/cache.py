@@ -151,10 +151,7 @@ class Cache:
 def cache_in(folder: Path, model: FullModel) -> Cache:
     """Of a model that was just assembled; collective.
 
-    Raises
-    ------
-    InputError
-        If the folder can't be made.
+    Raises an `InputError` if the folder can't be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

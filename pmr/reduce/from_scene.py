@@ -31,12 +31,7 @@ SEARCHED_MODES = 34
 def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None) -> Snapshots:
     """Eigenmodes with the slider held at several positions, or with the sliders released; or vectors from a file.
 
-    Raises
-    ------
-    InputError
-        If the mesh can't give what is asked for.
-    ConvergenceError
-        If a solver fails.
+    Raises an `InputError` if the mesh can't give what is asked for, and a `ConvergenceError` if a solver fails.
     """
     if scene.reduction.file is not None:
         return given_vectors(model, scene.reduction.file)
@@ -48,10 +43,7 @@ def take_snapshots(scene: Scene, model: FullModel, body: FreeBody | None = None)
 def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     """The POD of the snapshots, with the rigid-body modes where flexibility is added; free modes as they are.
 
-    Raises
-    ------
-    InputError
-        If the snapshots span too little.
+    Raises an `InputError` if the snapshots span too little.
     """
     choice = scene.reduction
     if choice.basis == "file":
@@ -101,10 +93,7 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, An
     An error is estimated by tables of what is left out of the inertia; where rows only push, by its carriers
     (`pmr.compare.attached`).
 
-    Raises
-    ------
-    InputError
-        If rows depend on each other.
+    Raises an `InputError` if rows depend on each other.
     """
     choice = scene.reduction
     if choice.needs_inertia and not np.isnan(body.model.rows.clearance).all():

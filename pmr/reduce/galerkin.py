@@ -44,10 +44,7 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) ->
 
     Rows that every basis vector satisfies (the supports, for eigenmodes) are left out and named in the result.
 
-    Raises
-    ------
-    InputError
-        If the basis is too small, or too poor, for the rows that remain.
+    Raises an `InputError` if the basis is too small, or too poor, for the rows that remain.
     """
     whole = galerkin(model, basis, provenance)
     satisfied = satisfied_rows(whole.rows, tolerance=min(1e2 * basis.accuracy, 1e-3))

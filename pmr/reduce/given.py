@@ -24,10 +24,7 @@ DEPENDENT = 1e-10
 def given_vectors(model: FullModel, file: Path) -> Snapshots:
     """Vectors (n, k) on the full model's coordinates: the array ``V`` of an npz file, read by every rank.
 
-    Raises
-    ------
-    InputError
-        If the file holds no such array, or entries that are not finite.
+    Raises an `InputError` if the file holds no such array, or entries that are not finite.
     """
     try:
         V = np.asarray(npz.read(file)["V"], dtype=float)
@@ -49,10 +46,7 @@ def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction) -> Basi
     Where flexibility is added, rigid-body modes come first: it can't stand in for them.  All singular values are 1, for
     nothing is known of how much a vector weighs.
 
-    Raises
-    ------
-    InputError
-        If there are fewer vectors, or one depends on those before it.
+    Raises an `InputError` if there are fewer vectors, or one depends on those before it.
     """
     V = np.array(vectors.S.getDenseArray())
     if choice.flexibility:

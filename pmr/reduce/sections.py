@@ -39,10 +39,7 @@ def reduce_sections(
 
     In `caches`, by the sections' names, they are cached and found.
 
-    Raises
-    ------
-    InputError
-        With the section's key.
+    Raises an `InputError` with the section's key.
     """
     beyond = ENRICHMENT_MODES if boom.ordered is None else SEARCHED
     made, found = dict[tuple[int, Reduction], ReducedSection](), dict[str, ReducedSection]()

@@ -78,10 +78,7 @@ def modal_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordi
     """The same for eigenmodes, with tables of the residual part's inertia; modes beyond `coordinates` are enrichment
     modes.
 
-    Raises
-    ------
-    InputError, ValueError
-        As `flexible_model`, and if the basis holds anything but eigenmodes.
+    Raises an `InputError` or a `ValueError` as `flexible_model`, and if the basis holds anything but eigenmodes.
     """
     model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
     reduced, pattern = _projected(residual, basis, provenance), meeting(shared, len(model.input_names))
@@ -102,10 +99,7 @@ def section_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coor
 
     Modes beyond `coordinates` come with the residual part's inertia on the carriers, by which errors are estimated.
 
-    Raises
-    ------
-    InputError, ValueError
-        As `modal_model`.
+    Raises an `InputError` or a `ValueError` as `modal_model`.
     """
     model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
     reduced, pattern = _projected(residual, basis, provenance), any_two(shared, len(model.input_names))
