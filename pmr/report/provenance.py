@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.results import RunResult
 
@@ -27,27 +26,13 @@ _STEPS = {
 }
 
 
-def sizes(result: RunResult) -> Table:
-    """How large everything is."""
-    return Table("Sizes", tuple(_sizes(result)))
-
-
-def times(result: RunResult) -> Table:
-    """Wall time of each part of the run."""
-    return Table("Wall time", tuple(_times(result.summary.get("seconds", {}))))
-
-
-def run(result: RunResult) -> Table:
-    """What ran where."""
-    return Table("Run", tuple(_run(result)))
-
-
 def software(result: RunResult) -> list[str]:
     """Names and versions."""
     return [f"{name}{SPACE}{version}" for name, version in _flat(result.summary.get("versions", {}))]
 
 
-def _sizes(result: RunResult) -> Rows:
+def sizes(result: RunResult) -> Rows:
+    """How large everything is."""
     coordinates = result.summary.get("coordinates", {})
     if "full" in coordinates:
         yield "coordinates of the full model", plain(coordinates["full"])
@@ -70,15 +55,17 @@ def _sizes(result: RunResult) -> Rows:
         yield "rows left out", ", ".join(basis["rows_left_out"])
 
 
-def _times(seconds: Mapping[str, Any]) -> Rows:
+def times(seconds: Mapping[str, Any]) -> Rows:
+    """Wall time of each part of the run."""
     for name, value in seconds.items():
         if isinstance(value, Mapping):
-            yield from _times(value)
+            yield from times(value)
         else:
             yield _STEPS.get(name, name), quantity(float(value), "s")
 
 
-def _run(result: RunResult) -> Rows:
+def run(result: RunResult) -> Rows:
+    """What ran where."""
     summary = result.summary
     yield "scene", str(summary.get("scene_hash") or result.scene.hash)
     if summary.get("commit"):

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 
 import numpy as np
 
 from pmr.report import borne, parameters, provenance, sentences
-from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, drawing
+from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, Table, drawing
 from pmr.report.errors import compared, error_table
 from pmr.report.errors import rows as error_rows
 from pmr.report.figures import budget, captions, forces, histories, inputs, shapes, sketch, spectra
 from pmr.report.figures.canvas import ramp
-from pmr.report.figures.timeline import Array
 from pmr.report.motion import line, player
 from pmr.report.motion.album import album
 from pmr.report.motion.instants import top
@@ -20,7 +20,7 @@ from pmr.report.numbers import SPACE, plain, significant
 from pmr.report.subject import ACROSS, forces_called, is_round_off, loads, moving, not_drawn, tips
 from pmr.report.subject import forces as forces_of
 from pmr.report.subject import line as line_of
-from pmr.results import Response, RunResult
+from pmr.results import RunResult
 from pmr.scene.choice import transverse
 
 Show = Callable[[RunResult, str], Block | None]
@@ -34,7 +34,7 @@ def chapter(result: RunResult, anchor: str) -> Chapter:
         title=result.scene.title,
         opening=sentences.opening(result),
         sketch=drawing(f"{anchor}-sketch", sketch.sketch, sketch.caption(result), result),
-        key_numbers=sentences.key_numbers(result),
+        key_numbers=list(sentences.key_numbers(result)),
         points=sentences.points(result, found),
         warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
         blocks=[block for show in SECTIONS if (block := show(result, anchor))],
@@ -130,9 +130,9 @@ def contact(result: RunResult, prefix: str) -> Block | None:
 
 def energy(result: RunResult, prefix: str) -> Block:
     """Total energy and its parts."""
-    total = "Total energy: kinetic and strain energy less the work of the loads"
-    caption = captions.history(result, total, _energy)
-    first = drawing(f"{prefix}-energy", histories.history, caption, result, _energy, "Total energy", "J", _energy)
+    said, total = "Total energy: kinetic and strain energy less the work of the loads", attrgetter("energy.total")
+    caption = captions.history(result, said, total)
+    first = drawing(f"{prefix}-energy", histories.history, caption, result, total, "Total energy", "J", total)
     parts = drawing(f"{prefix}-energy-parts", histories.energy_parts, captions.energy_parts(result), result)
     return Block(heading="Energy", rows=((first,), (parts,)))
 
@@ -143,7 +143,7 @@ def constraint(result: RunResult, prefix: str) -> Block | None:
         return None
     row = []
     for name, unit in (("position", "m"), ("velocity", "m/s")):
-        what, label = _residual(name), f"Residual of {name} in {unit}"
+        what, label = attrgetter(f"residual_{name}"), f"Residual of {name} in {unit}"
         caption = captions.residual(result, what, name)
         row.append(drawing(f"{prefix}-residual-{name}", histories.residual, caption, result, what, label))
     return Block(heading="Constraint", rows=(tuple(row),))
@@ -194,9 +194,9 @@ def response(result: RunResult, prefix: str) -> Block | None:
 def origin(result: RunResult, prefix: str) -> Block:
     """What was asked for, how large it became, how long it took, where it ran."""
     columns = (
-        (parameters.body(result), provenance.run(result)),
-        (parameters.motion(result), provenance.times(result)),
-        (parameters.method(result), provenance.sizes(result)),
+        (parameters.body(result), Table("Run", tuple(provenance.run(result)))),
+        (parameters.motion(result), Table("Wall time", tuple(provenance.times(result.summary.get("seconds", {}))))),
+        (parameters.method(result), Table("Sizes", tuple(provenance.sizes(result)))),
     )
     shown = [[table for table in column if table.rows] for column in columns]
     return Block(heading="Provenance", columns=shown, software=provenance.software(result))
@@ -207,18 +207,6 @@ SECTIONS: tuple[Show, ...] = (
     errors, accuracy, motion, inputs_over_time, tip, stress, borne.probes, contact, energy, constraint,
     basis, response, origin,
 )  # fmt: skip
-
-
-def _energy(response: Response) -> Array:
-    return response.energy.total
-
-
-def _residual(name: str) -> Callable[[Response], Array]:
-    def residual(response: Response) -> Array:
-        found: Array = getattr(response, f"residual_{name}")
-        return found
-
-    return residual
 
 
 def _weight(result: RunResult) -> str:

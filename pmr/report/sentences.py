@@ -18,11 +18,6 @@ SIMULATORS = {"march": "compiled", "petsc": "by PETSc"} | dict.fromkeys(
 )
 
 
-def key_numbers(result: RunResult) -> list[KeyNumber]:
-    """The numbers that stand above everything else; what a run does not hold is left out."""
-    return list(_numbers(result))
-
-
 def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
     """What the run says: how small, how accurate, what it bears, how far the step is off, how fast."""
     said = {
@@ -114,7 +109,8 @@ def simulators(result: RunResult) -> str:
     return f"both {reduced}" if reduced == full else f"reduced {reduced}, full {full}"
 
 
-def _numbers(result: RunResult) -> Iterator[KeyNumber]:
+def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
+    """The numbers that stand above everything else; what a run does not hold is left out."""
     summary, coordinates = result.summary, result.summary.get("coordinates", {})
     reduced = coordinates.get("reduced", result.shapes.shapes.shape[1])
     arrow = f"{plain(coordinates['full'])}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"

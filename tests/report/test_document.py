@@ -286,7 +286,7 @@ def test_the_largest_difference_is_seen_beside_the_motion(make_result) -> None:
 )  # fmt: skip
 def test_speed_is_a_ratio_where_one_simulator_did_both(make_result, who: dict[str, str], number: tuple) -> None:
     result = make_result(summary=make_result().summary | {"simulators": who})
-    assert sentences.key_numbers(result)[-1] == sentences.KeyNumber(*number)
+    assert list(sentences.key_numbers(result))[-1] == sentences.KeyNumber(*number)
 
 
 def test_a_report_has_the_dates_of_its_results() -> None:

@@ -113,9 +113,10 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
     data = motion(result)
     text = "Sections slide in each other as their extensions say; the page on a screen plays it."
     yield Block(heading="Motion", text=text, player=Player("boom", data, said(data)))
+    caption = "Lowest natural frequencies of the boom at rest, every pad closed."
     row = [
         drawing(f"{prefix}-extensions", figures.extensions, "Extension of each section over time.", result),
-        drawing(f"{prefix}-frequencies", figures.frequencies, _of_frequencies(), result),
+        drawing(f"{prefix}-frequencies", figures.frequencies, caption, result),
     ]
     published = _published(result) if "published_frequencies" in result.summary else ()
     drawn = [tuple(row)]
@@ -160,10 +161,6 @@ def _published(result: BoomResult) -> tuple[Grid]:
     remarks = "".join(f" {remark}" for remark in result.scene.published.remarks)
     caption = f"First natural frequency in Hz beside the published one ({result.scene.published.source}).{remarks}"
     return (Grid(caption, ("reach", "published", *models), tuple(rows)),)
-
-
-def _of_frequencies() -> str:
-    return "Lowest natural frequencies of the boom at rest, every pad closed."
 
 
 def _forces(result: BoomResult, prefix: str, kind: str, heading: str, note: str) -> Block:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import attrgetter
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -59,17 +60,13 @@ def curves(time: Timeline, signals: Mapping[str, Array], label: str, base: str, 
 def energy_parts(result: RunResult) -> Figure:
     """Strain, kinetic and external energy, one row each; beside them the differences to the reference."""
     time = Timeline(result)
-    parts: dict[str, Quantity] = {
-        "Strain": lambda response: response.energy.strain,
-        "Kinetic": lambda response: response.energy.kinetic,
-        "External": lambda response: response.energy.external,
-    }
+    parts = ("strain", "kinetic", "external")
     compared = reference(result) is not None
     gaps = {"wspace": 0.24, "hspace": 0.14}
     figure, axes = sheet(WIDE, 3.9, rows=len(parts), columns=1 + compared, sharex=True, gridspec_kw=gaps)
-    for row, (part, what) in enumerate(parts.items()):
-        signals, last = time.signals(what), row == len(parts) - 1
-        time.draw(axes[row, :1], signals, f"{part} energy", "J", last=last, weight=0.6)
+    for row, part in enumerate(parts):
+        signals, last = time.signals(attrgetter(f"energy.{part}")), row == len(parts) - 1
+        time.draw(axes[row, :1], signals, f"{part.capitalize()} energy", "J", last=last, weight=0.6)
         if compared:
             time.draw(axes[row, 1:], time.differences(signals), "Difference", "J", last=last, weight=0.6)
     key(figure, time.legend(list(signals)))

@@ -46,6 +46,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     )
     best, left_in = str(figures["dropped.best"]), str(figures["round_off.best"])
     singular = number(figures["round_off.singular"])
+    pools = {name: plain(study.figure(f"{name}.pool")) for name in NAMES}
     return Chapter(
         anchor=prefix,
         title=study.title,
@@ -62,8 +63,8 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         paragraphs=[
             f"{plain(number(figures['combinations']))} combinations are simulated, each with up to "
             f"{asked['averaged']} numbers of coordinates and in three ways. {EXPLAINED}",
-            f"The pools of the {asked['marked']} best combinations hold {_pool(study, 'round_off')} snapshots with the "
-            f"rows left in, {_pool(study, 'last')} with two coordinates held and {_pool(study, 'dropped')} with the "
+            f"The pools of the {asked['marked']} best combinations hold {pools['round_off']} snapshots with the "
+            f"rows left in, {pools['last']} with two coordinates held and {pools['dropped']} with the "
             "rows dropped (median).",
             *_singular(singular),
         ],
@@ -142,10 +143,6 @@ def _marked(study: FinishedStudy) -> Grid:
 
     rows = tuple((str(place + 1), *(cell(name, place) for name in NAMES)) for place in range(most))
     return Grid("Snapshots, modes and mean error of the marked combinations.", ("place", *NAMES.values()), rows)
-
-
-def _pool(study: FinishedStudy, treatment: str) -> str:
-    return plain(study.figure(f"{treatment}.pool"))
 
 
 def _singular(count: float) -> list[str]:

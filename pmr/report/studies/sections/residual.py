@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -109,7 +107,7 @@ def over_seconds(study: FinishedStudy) -> Figure:
             shown = [(run.seconds[f"simulate.{r}"], e) for r, e in _known(study, run) if f"simulate.{r}" in run.seconds]
             if shown:
                 x, y = np.array(shown).T
-                ax.plot(1e3 * x, y, **_look(i))
+                ax.plot(1e3 * x, y, **dots(i, 2.2))
                 every += shown
     seconds, found = np.array(every).T
     log_x(ax, 0.9e3 * float(seconds.min()), 1.1e3 * float(seconds.max()))
@@ -141,7 +139,7 @@ def _curve(ax: Axes, study: FinishedStudy, scene: str) -> list[float]:
     for i, basis in enumerate(NAMES):
         for run in study.runs(scene=scene, basis=basis):
             if shown := _known(study, run):
-                ax.plot(*np.array(shown).T, **_look(i))
+                ax.plot(*np.array(shown).T, **dots(i, 2.2))
                 every += [error for _, error in shown]
     ax.set_title(scene.replace("_", " "), loc="left", pad=3.0)
     return every
@@ -179,10 +177,6 @@ def _ratios(study: FinishedStudy, sizes: list[int]) -> Grid:
 
 def _legend(figure: Figure) -> None:
     """Two rows, filled row by row."""
-    handles = [Line2D([], [], label=label, **_look(i)) for i, label in enumerate(NAMES.values())]
+    handles = [Line2D([], [], label=label, **dots(i, 2.2)) for i, label in enumerate(NAMES.values())]
     by_column = [handles[i] for i in (0, 3, 1, 4, 2, 5)]
     figure.legend(handles=by_column, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=3, borderaxespad=0.25)
-
-
-def _look(number_of: int) -> dict[str, Any]:
-    return dots(number_of, 2.2)

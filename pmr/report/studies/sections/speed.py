@@ -38,7 +38,7 @@ PAPER, OURS = "#d55e00", "#0072b2"
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
     """Times of every approach, and their ratios."""
-    span = _span(study)
+    span = study.figure("span")  # simulated time, s
     shares = {str(run.parameters["approach"]): number(run.figures["share"]) for run in study.results.runs}
     parts = [f"{LABELS[name]}: {percent(share)}" for name, share in shares.items() if share < 1.0]
     extrapolated = f" Extrapolated from stretches spread over the time span: {', '.join(parts)} of it." if parts else ""
@@ -102,8 +102,8 @@ def seconds(study: FinishedStudy) -> Figure:
                 alpha=0.6,
             )
             ax.plot([middle] * 2, [places[name] - 0.28, places[name] + 0.28], color=colour, linewidth=1.6)
-        ax.axvline(_span(study), color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
-        log_x(ax, min(everything) / 2.0, 2.0 * max([*everything, _span(study)]))
+        ax.axvline(study.figure("span"), color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
+        log_x(ax, min(everything) / 2.0, 2.0 * max([*everything, study.figure("span")]))
         ax.set_yticks(list(places.values()), [LABELS[name] for name in places])
         ax.set_ylim(-0.6, len(LABELS) - 0.4)
         ax.set_xlabel("Solver time in s")
@@ -131,13 +131,8 @@ def _grid(study: FinishedStudy, scene: str) -> Grid:
     least, rows = {str(run.parameters["approach"]): min(repeats(run)) for run in study.runs(scene=scene)}, []
     for run in study.runs(scene=scene):
         name = str(run.parameters["approach"])
-        ratio = significant(_span(study) / median[name], 2)
+        ratio = significant(study.figure("span") / median[name], 2)
         size = plain(number(run.figures["coordinates"]))
         rows.append((LABELS[name], size, quantity(median[name], "s"), quantity(least[name], "s"), f"{ratio}{SPACE}×"))
     caption = f"{case_name(scene).capitalize()}: solver time for the whole time span."
     return Grid(caption, ("approach", "coordinates", "median", "least", "against real time"), tuple(rows))
-
-
-def _span(study: FinishedStudy) -> float:
-    """Simulated time in s."""
-    return study.figure("span")
