@@ -133,7 +133,7 @@ class _Run:
         """Take all steps that a checkpoint has not."""
         recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
         if checkpoint:
-            told = identity(self._system, self._at, self._excitation.stepping, recorder, self._initial)
+            told = identity(self._system, self._excitation, self._at, recorder, self._initial)
             keeper = Keeper(checkpoint, self._system, told)
         found = keeper.load(recorder) if keeper else None
         reached = found or self._started()

@@ -14,19 +14,23 @@ from numpy.typing import NDArray
 from pmr.errors import on_first
 from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
+from pmr.simulate.excitation import Excitation
 from pmr.simulate.petsc.checkpoint import Checkpoint, Saved, load, save
 from pmr.simulate.petsc.recorder import Recorder, Sampled
 from pmr.simulate.petsc.start import State, whole_start
 from pmr.simulate.start import InitialState
-from pmr.simulate.stepping import TimeStepping
 
 _SPREAD = tuple(field.name for field in fields(State) if field.name not in ("multipliers", "share"))
 
 
 def identity(
-    system: FullSystem, at: Sampled, stepping: TimeStepping, recorder: Recorder, initial: Mapping[str, InitialState]
+    system: FullSystem, excitation: Excitation, at: Sampled, recorder: Recorder, initial: Mapping[str, InitialState]
 ) -> dict[str, Any]:
-    """What tells this simulation from others; collective.  Matrices are told apart by one product each."""
+    """What tells this simulation from others; collective.  Matrices are told apart by one product each.
+
+    Path and loads count in the middle of steps, too, which may be made in parts.
+    """
+    stepping, between = excitation.stepping, 0.5 * (excitation.times[:-1] + excitation.times[1:])
     forms = []
     for model in system.models:
         x = np.random.default_rng(3).standard_normal(model.size)[model.share]
@@ -42,8 +46,8 @@ def identity(
     }
     start = whole_start(system, initial)
     return {
-        "path": _digest(at.x),
-        "loads": _digest(at.f),
+        "path": _digest(at.x, *(path.value(between) for path in excitation.paths.values())),
+        "loads": _digest(at.f, *(load.value(between) for load in excitation.loads.values())),
         "time grid": [stepping.end, stepping.step, stepping.rho_inf],
         "recording": _digest(repr(sorted(recording.items())).encode()),
         "initial state": _digest(start.q, start.v),

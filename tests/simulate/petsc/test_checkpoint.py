@@ -22,7 +22,7 @@ from waiting import wait_until
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.model import FullModel
-from pmr.scene.signals import Constant, Sine
+from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulate import TimeStepping
 from pmr.simulate.petsc import Checkpoint, Recording, observe
 from pmr.simulate.petsc.checkpoint import Saved, load, save
@@ -117,10 +117,13 @@ def test_another_simulation_does_not_go_on_from_it(model: FullModel, tmp_path: P
     stiffer = replace(model, K=model.K.copy())
     stiffer.K.scale(1.01)
     slower, longer = Sine(amplitude=0.7, frequency=3.0, offset=2.0), TimeStepping(0.02, 1e-3, 0.8)
+    between = Ramp(times=(0.0, 2e-3, 2.5e-3, 3e-3), values=(30.0, 30.0, 40.0, 30.0))  # the same at all steps
+    assert np.array_equal(between.value(1e-3 * np.arange(11)), np.full(11, 30.0))
     for arguments, what in [
         ((stiffer, driven(PATH, LOADS, STEPPING)), "matrices"),
         ((model, driven(slower, LOADS, STEPPING)), "path"),
         ((model, driven(PATH, LOADS[::-1], STEPPING)), "loads"),
+        ((model, driven(PATH, (between, LOADS[1]), STEPPING)), "loads"),
         ((model, driven(PATH, LOADS, longer)), "path, loads, time grid"),
         ((model, driven(PATH, LOADS, STEPPING), Recording(every=2)), "recording"),
     ]:
