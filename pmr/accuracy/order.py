@@ -149,13 +149,13 @@ def warnings(choice: Choice) -> list[str]:
         return []
     limit, said = _percent(asked.tolerance), list[str]()
     if not found.holds:
-        sizes = ", ".join(f"{_percent(share)} in {_CALLED[kind]}" for kind, share in found.total.items())
+        sizes = ", ".join(_beside(asked.tolerance, kind, share) for kind, share in found.total.items())
         model = f"{found.member.coordinates} coordinates with steps of {choice.scene.time.step:.3g} s"
         said.append(
             f"the tolerance of {limit} isn't held: {model} are off by {sizes}, most of it by the {_larger(found)}"
         )
     shares = (choice.mesh or {}).items()
-    if beyond := [f"{_percent(share)} in {_CALLED[kind]}" for kind, share in shares if share > asked.tolerance]:
+    if beyond := [_beside(asked.tolerance, kind, share) for kind, share in shares if share > asked.tolerance]:
         said.append(
             f"the mesh can't hold the tolerance of {limit}: it is off by {', '.join(beyond)}; shorter cells help"
         )
@@ -168,3 +168,10 @@ def _larger(found: Found) -> str:
 
 def _percent(fraction: float) -> str:
     return f"{rounded(100.0 * fraction)} %" if fraction < 10.0 else f"{rounded(fraction)} times their size"
+
+
+def _beside(tolerance: float, kind: str, share: float) -> str:
+    """A share and its kind, in words that don't round what is beyond the tolerance to it."""
+    said = _percent(share)
+    said = "a little more" if share > tolerance and said == _percent(tolerance) else said
+    return f"{said} in {_CALLED[kind]}"

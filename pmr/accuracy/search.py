@@ -16,6 +16,8 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from pmr.accuracy.errors import Demand, Errors, Rung, coarser, rungs
 from pmr.accuracy.family import Family, Member
 from pmr.errors import SimulationError
@@ -27,6 +29,8 @@ OF_REDUCTION = 0.97
 WORTH = 2
 #: Coordinates more that are tried where the fewest leave no room for the error of any step.
 ROOM = 2
+#: Share of the reduction's part that a step may have where no step is short enough.
+SMALL = 0.1
 #: Steps up to which a member is simulated to be compared with all modes.
 COMPARED = 16_000
 
@@ -117,12 +121,19 @@ class _Search:
         return rung.settled and max(self.errors.total(member, rung, steps).values()) <= self.demand.tolerance
 
     def longest_step(self, member: Member, at: int) -> tuple[Rung, bool]:
-        """The first rung that holds, beside the reduction's part with `at` steps, and True; else the last and False."""
-        rung = None
+        """The first rung that holds, beside the reduction's part with `at` steps, and True; else another and False.
+
+        Where the reduction alone is beyond the tolerance, that is the first rung whose own part is small beside it;
+        else the last one.
+        """
+        rung, alone = None, max(self.errors.reduction(member, at).values())
         for rung in rungs(self.family, member, self.coarse, self.demand.kinds):
             if self.holds(member, rung, at):
                 before = coarser(self.family, rung, self.coarse)
                 return next((one for one in before if self.holds(member, one, at)), rung), True
+            part = max(self.errors.size(rung.missing, at).values())
+            if rung.settled and part <= SMALL * alone and (1.0 + SMALL) * self.demand.tolerance < alone < np.inf:
+                return rung, False
         if rung is None:
             raise SimulationError("no step is short enough to compute the motion with")
         return rung, False

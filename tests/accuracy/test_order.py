@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import pytest
 from finished import WORKFLOWS
+from oracle import full_body, inertial
 
 from pmr.accuracy import limits, mesh
 from pmr.accuracy.family import Family, Member
+from pmr.accuracy.order import Choice, warnings
+from pmr.accuracy.search import Found
 from pmr.cli.run import _to
 from pmr.compare.errors import relative_error
 from pmr.compare.responses import simulate_reduced
@@ -89,6 +92,16 @@ def test_what_cannot_be_held_is_said(load_scene) -> None:
     assert not summary["accuracy"]["holds"]
     assert any("the tolerance of 0.0001 % isn't held" in line for line in summary["warnings"])
     assert any("the mesh can't hold the tolerance" in line for line in summary["warnings"])
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.004e-3, "a little more"), (1.1e-3, "0.11 %")])
+def test_what_is_beyond_a_tolerance_is_not_rounded_to_it(load_scene, share: float, said: str) -> None:
+    scene = load_scene("evolved_tolerance", ["accuracy.tolerance=0.001"])
+    sizes = {"beam": share, "tip": 1e-4}
+    found = Found(Member(6, False), 100, sizes, sizes, sizes, holds=False, reasons=(), seconds=0.0)
+    lines = warnings(Choice(scene, inertial(full_body(4), 4), found, mesh=sizes))
+    assert f"are off by {said} in displacements, 0.01 % in the tip's" in lines[0]
+    assert f"it is off by {said} in displacements; shorter cells help" in lines[1]
 
 
 def test_where_the_part_of_the_mesh_is_not_known_it_says_why(load_scene) -> None:
