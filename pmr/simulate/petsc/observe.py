@@ -135,7 +135,7 @@ class _Run:
         if checkpoint:
             told = identity(self._system, self._excitation, self._at, recorder, self._initial)
             keeper = Keeper(checkpoint, self._system, told)
-        found = keeper.load(recorder) if keeper else None
+        found = keeper.load(recorder, self._lengths.parts) if keeper else None
         reached = found or self._started()
         steps = self._steps(reached, found is not None)
         preparation, begin = time.perf_counter() - self._begin, time.perf_counter()

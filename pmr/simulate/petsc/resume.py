@@ -46,8 +46,8 @@ def identity(
     }
     start = whole_start(system, initial)
     return {
-        "path": _digest(at.x, *(path.value(between) for path in excitation.paths.values())),
-        "loads": _digest(at.f, *(load.value(between) for load in excitation.loads.values())),
+        "path": [_digest(at.x), _digest(*(path.value(between) for path in excitation.paths.values()))],
+        "loads": [_digest(at.f), _digest(*(load.value(between) for load in excitation.loads.values()))],
         "time grid": [stepping.end, stepping.step, stepping.rho_inf],
         "recording": _digest(repr(sorted(recording.items())).encode()),
         "initial state": _digest(start.q, start.v),
@@ -94,8 +94,8 @@ class Keeper:
             save(self._checkpoint, Saved(reached.step, reached.seconds, self._identity, whole))
         self._last = time.monotonic()
 
-    def load(self, recorder: Recorder) -> Reached | None:
-        """The last checkpoint, the recorder filled; None if there is none.
+    def load(self, recorder: Recorder, parts: NDArray[np.int64]) -> Reached | None:
+        """The last checkpoint, the recorder filled; None if there is none.  Where it knows none, `parts` are those.
 
         Raises
         ------
@@ -111,7 +111,7 @@ class Keeper:
         recorder.sums[:] = arrays["sums"] if self._comm.rank == 0 else 0.0
         spread = {name: mine(arrays[name]) for name in _SPREAD}
         state = State(**spread, multipliers=arrays["multipliers"], share=arrays["share"])
-        return Reached(found.step, found.seconds, state, arrays["parts"])
+        return Reached(found.step, found.seconds, state, arrays.get("parts", parts))
 
 
 def _digest(*parts: Any) -> str:
