@@ -70,7 +70,7 @@ def main(cells: float, file: Path | None = None) -> None:
         "seconds": seconds,
         "processor": comm.allreduce(time.process_time() - before, MPI.SUM),
         "processor_of_stages": {stage: spent.tolist() for stage, spent in timer.processor.items()},
-        "peak_MB": comm.allgather(peak_memory()),
+        "peak_MB": timer.peak(),
         "peak_MB_after": timer.peaks,
         "loaded_MB": comm.allgather(loaded),
         "notes": [],
@@ -96,6 +96,7 @@ class Timer:
         self._comm, self.seconds = comm, dict[str, float]()
         self.processor, self.peaks = dict[str, Array](), dict[str, list[float]]()
         self._inner: list[Array] = []
+        self._peak = 0.0
 
     def of(self, stage: str, called: Callable[..., Any]) -> Callable[..., Any]:
         """What is called, timed; collective.  Stages called several times add up."""
@@ -113,10 +114,16 @@ class Timer:
                 self._inner[-1] += spent
             self.seconds[stage] = self.seconds.get(stage, 0.0) + own[0]
             self.processor[stage] = self.processor.get(stage, 0.0) + own[1:]
-            self.peaks[stage] = self._comm.allgather(peak_memory())
+            self.peaks.pop(stage, None)  # in the order in which stages were left for the last time
+            self.peaks[stage] = self.peak()
             return result
 
         return timed
+
+    def peak(self) -> list[float]:
+        """Peak memory in MB of each rank; collective.  Linux counts pages in batches: what it tells may fall."""
+        self._peak = max(self._peak, peak_memory())
+        return self._comm.allgather(self._peak)
 
 
 def leave(reduction: Reduction, file: Path) -> None:
