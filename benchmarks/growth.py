@@ -15,10 +15,10 @@ from pmr.fullmodel.build import build_sections
 from pmr.reduce.sections import reduce_sections
 from pmr.scene.signals import Constant, SmoothRamp
 from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.booms import system_of
 from pmr.simulate.modal import ModalForm
 from pmr.simulate.native import multibody
 from pmr.simulate.native import simulator as march
+from pmr.system.booms import system_of
 from pmr.system.system import System
 
 MODES = (4, 8, 16, 32, 48, 64, 96, 128, 151)

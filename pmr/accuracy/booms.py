@@ -26,7 +26,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated
 from pmr.scene import Boom
 from pmr.simulate import Excitation
-from pmr.simulate.booms import system_of
+from pmr.system.booms import system_of
 
 Sizes = Mapping[str, int]
 

@@ -16,8 +16,8 @@ from pmr.results import BoomFrequencies, FrequencyMap, Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Boom
 from pmr.scene.built import force_of
-from pmr.simulate.booms import cylinder
 from pmr.system.assembly import Assembly
+from pmr.system.booms import cylinder
 from pmr.system.contacts import Contact
 from pmr.system.system import System
 

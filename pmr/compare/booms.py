@@ -15,11 +15,11 @@ from pmr.results import Energy, Response
 from pmr.scene import Boom
 from pmr.scene.boom_parts import STRAIGHT
 from pmr.scene.built import force_of, reaction_of
-from pmr.simulate.booms import cylinder
 from pmr.simulate.columns import called
 from pmr.simulate.modal import inertia_share, unpressed
 from pmr.simulate.native import multibody
 from pmr.system.body import force_outputs, length_outputs
+from pmr.system.booms import cylinder
 from pmr.system.contacts import Contact
 from pmr.system.system import Joined, System, SystemTrajectory
 

@@ -69,9 +69,9 @@ def build_sections(boom: Boom, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
 
     Raises an `InputError` if a mesh can't be had, lacks a group, or a pad leaves its face.
     """
-    made, found = dict[str, Built](), dict[str, Built]()
+    made, found = dict[tuple[str, bool], Built](), dict[str, Built]()
     for number, name in enumerate(boom.names):
-        key = section_scene(boom, number).without_loads().hash
+        key = section_scene(boom, number).without_loads().hash, number == 0  # the base is moved by no extension
         if key not in made:
             structure = _structure(boom, number, comm)
             made[key] = Built(structural_model(structure, comm), structure)
@@ -89,9 +89,9 @@ def _structure(boom: Boom, number: int, comm: MPI.Comm) -> Structure:
         sliders=tuple(replace(point, name=POINT) for point in pads.sliders),
         straight=tuple(Straight(end, names) for names, end in stiffened(boom, number).items()),
     )
-    if number and is_axial(boom, number):
+    if is_axial(boom, number):  # of the base, too, which the first cylinder leans on
         pads = replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_stretch(pads))
-        loads = (*loads, Weight((-1.0, 0.0, 0.0), DRIVEN))
+        loads = (*loads, Weight((-1.0, 0.0, 0.0), DRIVEN)) if number else loads
     return replace(structure, pads=pads, loads=loads)
 
 

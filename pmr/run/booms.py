@@ -33,9 +33,10 @@ from pmr.results import BoomFrequencies, BoomResult, Response
 from pmr.run import Outcome, run
 from pmr.scene import Boom, Scene
 from pmr.simulate import contact_step
-from pmr.simulate.booms import excitation_of, system_of
+from pmr.simulate.booms import excitation_of
 from pmr.simulate.native.multibody_march import contact_frequency, places
 from pmr.simulate.petsc import Checkpoint
+from pmr.system.booms import system_of
 
 Array = NDArray[np.float64]
 

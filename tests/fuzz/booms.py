@@ -132,8 +132,9 @@ def newton(boom: Boom) -> float:
     from pmr.fem.compat import MPI
     from pmr.fullmodel.build import build_sections
     from pmr.reduce.sections import reduce_sections
-    from pmr.simulate.booms import excitation_of, system_of
+    from pmr.simulate.booms import excitation_of
     from pmr.simulate.native import multibody
+    from pmr.system.booms import system_of
 
     built = build_sections(boom, MPI.COMM_SELF)
     sections = reduce_sections(boom, built)

@@ -27,9 +27,10 @@ from pmr.results import load as load_frames
 from pmr.results.tables import tables
 from pmr.run.booms import BoomOutcome, run_boom
 from pmr.scene import Boom
-from pmr.simulate.booms import excitation_of, system_of
+from pmr.simulate.booms import excitation_of
 from pmr.simulate.native import multibody
 from pmr.system.assembly import Assembly
+from pmr.system.booms import system_of
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 #: Out by 0.6 m a joint within half a second.

@@ -39,6 +39,8 @@ INDEPENDENT = 1e-9
 ROUND_OFF = 100.0
 #: Least flexibility of a row over the one that the basis itself has there; see `_with_floor`.
 FLOOR = float(np.sqrt(np.finfo(float).eps))
+#: A row that answers forces, and the basis, by less than this share of what another one does is held by the supports.
+HELD = 1e-12
 
 
 def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
@@ -109,9 +111,11 @@ def section_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coor
     free_dropped(model.comm)
     values = model.comm.allreduce(shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray()))
     carriers = CarriedRows.of(released(model).shared.rows, values, flexibility.between_any_two())
+    flexible = _with_flexibility(reduced, tables(flexibility, shared))
+    _check_independence(flexible, _that_give_way(flexible))
     return _with_coordinates(
         replace(
-            _completed(reduced, tables(flexibility, shared)),
+            flexible,
             carriers=replace(carriers, inertia=None if inertia is None else inertia.result()),
         ),
         coordinates,
@@ -142,11 +146,24 @@ def _projected(residual: ResidualFlexibility, basis: Basis, provenance: dict[str
 
 def _completed(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
     """With the flexibility that the basis leaves out, by which all rows can be told apart."""
-    flexible = replace(reduced, flexibility=flexibility)
-    if not is_modal(flexible):
-        flexible = _with_floor(flexible)
-    _check_independence(flexible)
+    flexible = _with_flexibility(reduced, flexibility)
+    _check_independence(flexible, list(range(len(flexible.row_names))))
     return flexible
+
+
+def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
+    flexible = replace(reduced, flexibility=flexibility)
+    return flexible if is_modal(flexible) else _with_floor(flexible)
+
+
+def _that_give_way(model: ReducedModel) -> list[int]:
+    """Numbers of the rows that the body's supports don't hold: where they do, a contact gives way on its other body."""
+    assert model.flexibility is not None
+    s = _spread(model)
+    G = np.einsum("tmm->tm", model.flexibility.rows(s)).max(axis=0, initial=0.0)
+    C = np.abs(model.rows(s)).max(axis=(0, 2), initial=0.0)
+    still = (G <= HELD * G.max(initial=0.0)) & (C <= HELD * C.max(initial=0.0))
+    return np.flatnonzero(~still).tolist()
 
 
 def released(model: FullModel) -> Rows:
@@ -208,17 +225,18 @@ def _with_floor(model: ReducedModel) -> ReducedModel:
     return replace(model, flexibility=replace(model.flexibility, rows=total(G, floor, FLOOR)))
 
 
-def _check_independence(model: ReducedModel) -> None:
-    """G + 1/k must be positive definite over the path, ends excepted: there a slider may sit on a support."""
+def _check_independence(model: ReducedModel, numbers: list[int]) -> None:
+    """G + 1/k of these rows must be positive definite on the path; at its ends a slider may sit on a support."""
     assert model.flexibility is not None
-    for s in _spread(model):
+    names = [model.row_names[k] for k in numbers]
+    for s in _spread(model) if numbers else ():
         F = model.flexibility.rows(s) + np.diag(model.row_compliance)
-        found = of_flexibility(F, model.row_names)
+        found = of_flexibility(F[np.ix_(numbers, numbers)], names)
         if found.measure < INDEPENDENT:
-            names = ", ".join(found.names)
+            dependent = ", ".join(found.names)
             allowed = (
-                f"the rows {names} depend on each other at s = {s:.4g} m, so that their forces can't be told apart; "
-                "sliders, supports and pads that hold different motions are allowed, or pads with a stiffness"
+                f"the rows {dependent} depend on each other at s = {s:.4g} m, so that their forces can't be told "
+                "apart; sliders, supports and pads that hold different motions are allowed, or pads with a stiffness"
             )
             raise InputError("scene", "", None, allowed)
 

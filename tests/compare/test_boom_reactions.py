@@ -1,0 +1,158 @@
+"""Forces by which the ground holds a boom of sections: with loads, weight and inertia they sum to zero at all times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pmr import scene as scenes
+from pmr.compare.booms import respond
+from pmr.fem.compat import MPI
+from pmr.fullmodel.build import Built, build_sections
+from pmr.reduce.sections import ReducedSection, reduce_sections
+from pmr.reduced.model import ReducedModel
+from pmr.results import Response
+from pmr.scene import Boom
+from pmr.scene.built import force_of, reaction_of
+from pmr.simulate import Excitation, SystemSimulator
+from pmr.simulate.booms import excitation_of
+from pmr.simulate.native import multibody
+from pmr.system.body import force_outputs
+from pmr.system.booms import system_of
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+SHORT = (
+    "section.mesh.elements=10", "compare.against=[]", "time.end=0.3", "section.reduction.estimate=false",
+    "section.joint.extension={kind='smooth_ramp',times=[0.05,0.28],values=[0.6,0.8]}", "gravity.inclination=40.0",
+)  # fmt: skip
+SPACE = ("section.body.model=beam3d", "section.reduction.coordinates=9", "sections.base.reduction.coordinates=8")
+ACROSS = "sections.fly.loads=[{name='side',on='tip',direction='y',signal={kind='sine',amplitude=300.0,frequency=4.0}}]"
+TWO = "{at=0.15,stiffness=1e8,faces={bottom=[-0.08,0.08],top=[-0.08,0.08],left=[0.0],right=[0.0]}}"
+JOINT = (f"section.joint.tail=[{TWO}]", f"section.joint.mouth=[{TWO}]")
+PIN = "{name='pivot',directions=['x','y','z','rx','rz']}"
+LUFFING = "{name='luffing',directions=['z'],on=1.5,stiffness=5e7}"
+ON_PADS = (
+    "sections.base.supports=[{name='stop',directions=['x']}]",
+    "sections.base.pads=[{name='rear',at=0.4,stiffness=2e8,faces=FACES},"
+    "{name='front',at=2.5,unilateral=true,stiffness=2e8,faces=FACES}]",
+)
+
+
+def on_pads(faces: str) -> tuple[str, ...]:
+    return tuple(change.replace("FACES", faces) for change in ON_PADS)
+
+
+CASES: Mapping[str, Sequence[str]] = {
+    "clamp": (),
+    "clamp on a spring": ("sections.base.supports=[{name='clamp',kind='clamped',stiffness=3e8}]",),
+    "pivot": (f"sections.base.supports=[{{name='pivot'}},{LUFFING}]",),
+    "pivot at 0.5 m": (f"sections.base.supports=[{{name='pivot',on=0.5}},{LUFFING}]",),
+    "rigid cylinder": (
+        "sections.base.supports=[{name='pivot'},{name='luffing',directions=['z'],on=1.5}]",
+        "section.joint.cylinder.stiffness=2e7",
+    ),
+    "held thrice": ("sections.base.supports=[{kind='clamped'},{name='prop',directions=['x','z'],on=3.0}]",),
+    "pads": on_pads("{bottom=[0.0],top=[0.0]}"),
+    "clamp in space": (*SPACE, *JOINT, ACROSS),
+    "pivot in space": (*SPACE, *JOINT, ACROSS, f"sections.base.supports=[{PIN},{LUFFING}]"),
+    "pads in space": (*SPACE, *JOINT, ACROSS, *on_pads("{bottom=[-0.1,0.1],top=[-0.1,0.1],left=[0.0],right=[0.0]}")),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Run:
+    """A boom's sections, and how they move."""
+
+    boom: Boom
+    built: Mapping[str, Built]
+    sections: Mapping[str, ReducedSection]
+    system: System
+    excitation: Excitation
+    moved: SystemTrajectory
+
+    @property
+    def response(self) -> Response:
+        return respond(self.system, self.moved)
+
+
+def run(changes: Sequence[str], simulator: SystemSimulator = multibody.simulate) -> Run:
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, *changes])
+    assert isinstance(boom, Boom)
+    built = build_sections(boom, MPI.COMM_SELF)
+    sections = reduce_sections(boom, built)
+    system = system_of(boom, {name: one.model for name, one in sections.items()})
+    excitation = excitation_of(boom, system)
+    moved = simulator(system, excitation, multibody.static_start(system, excitation))
+    return Run(boom, built, sections, system, excitation, moved)
+
+
+def shifted(directions: Sequence[str], X: Array) -> Array:
+    """What forces (T, k) at a tail X (T,) m ahead of the origin are about the origin, (T, 6, k) along `AXES`."""
+    A = np.zeros((len(X), 6, len(directions)))
+    for k, direction in enumerate(directions):
+        A[:, AXES.index(direction), k] = 1.0
+        if direction == "z":
+            A[:, AXES.index("ry"), k] = -X
+        if direction == "y":
+            A[:, AXES.index("rz"), k] = X
+    return A
+
+
+def balance(found: Run) -> dict[str, Array]:
+    """Wrenches (T, 6) on the whole machine about the tail of its base: loads and weight, inertia, and of the ground.
+
+    What Rayleigh damping takes, some of it to the ground, counts with the inertia.
+    """
+    moved, response, paths = found.moved, found.response, found.boom.paths
+    ahead, first = np.zeros(len(moved.t)), 0
+    parts = {name: np.zeros((len(moved.t), 6)) for name in ("loads", "inertia", "ground")}
+    for name, body in found.system.bodies.items():
+        ahead = ahead + paths[name].value(moved.t) if name in paths else ahead
+        built, motion = found.built[name], moved.bodies[name]
+        full, V = built.model.gather(), found.sections[name].V[:, : body.size]
+        assert full is not None and built.model.rigid is not None and isinstance(body, ReducedModel)
+        R, A = built.model.rigid.coordinates, shifted(built.structure.model.directions, ahead)
+        f = moved.loads[:, first : first + len(body.input_names)]
+        first += len(body.input_names)
+
+        def add(part: str, work: Array, A: Array = A) -> None:
+            parts[part] += np.einsum("tdk,tk->td", A, work)
+
+        force = f @ body.B.T - motion.v @ body.D.T - motion.q @ body.K.T
+        sides = [side for side in found.system.sides if side.place.body == name]
+        for side, x, multiplier in zip(sides, motion.s.T, motion.multipliers.T, strict=True):
+            row = built.model.carriers.row(full.row_names.index(side.place.row), side.place.row)
+            measured = np.asarray(row.at(x) @ np.hstack([R, V]))
+            force -= multiplier[:, None] * measured[:, R.shape[1] :]
+            if found.system.contacts[side.contact].outer is None:
+                add("ground", -multiplier[:, None] * measured[:, : R.shape[1]])
+        acceleration = np.linalg.solve(body.M, force.T).T
+        add("loads", f @ (R.T @ full.B).T)
+        add("inertia", -acceleration @ (R.T @ full.M @ V).T - motion.v @ (R.T @ full.D @ V).T)
+        held = [(reaction_of(f"{name}: {row.name}"), row.at(row.breaks[0])) for row in full.rows.rows if row.fixed]
+        for said, c in held:
+            add("ground", -response.other(said)[:, None] * (c @ R))
+        pads = built.structure.pads
+        stiffness = {force_of(one.name): one.stiffness for one in (*pads.supports, *pads.fixed)}
+        for k in np.flatnonzero(force_outputs(full)):
+            said = full.output_names[k]
+            add("ground", -response.force(f"{name}: {said}", 0)[:, None] * (full.outputs[k] @ R) / stiffness[said])
+    return parts
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_the_ground_holds_with_is_in_balance_with_all_else(case: str) -> None:
+    """To 1e-9 of the largest of weight and inertia, forces and moments by themselves."""
+    parts = balance(run(CASES[case]))
+    left = np.sum(list(parts.values()), axis=0)
+    for kind in (slice(0, 3), slice(3, 6)):
+        assert np.abs(left[:, kind]).max() <= 1e-9 * np.abs(parts["loads"][:, kind]).max()
