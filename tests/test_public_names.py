@@ -30,8 +30,10 @@ def test_a_room_is_called_and_stays_a_package(before: str) -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_importing_pmr_imports_nothing_heavy() -> None:
-    code = "import sys, pmr; assert not {'numpy', 'numba', 'dolfinx', 'exudyn'} & set(sys.modules)"
+@pytest.mark.parametrize("imported", ["pmr", "pmr.cli"])
+def test_importing_pmr_or_its_commands_imports_nothing_heavy(imported: str) -> None:
+    heavy = {"numpy", "pydantic", "numba", "dolfinx", "exudyn"}
+    code = f"import sys, {imported}; assert not {heavy} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

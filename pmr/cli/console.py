@@ -14,7 +14,6 @@ from rich.console import Console
 
 from pmr.errors import InputError
 from pmr.errors.text import visible
-from pmr.scene.workflows import found
 
 Model = Annotated[Path, typer.Argument(metavar="reduced.npz", help="A reduced model that `pmr run` wrote.")]
 Overrides = Annotated[
@@ -67,7 +66,7 @@ def ensure_file(file: Path) -> None:
 
 def scene_file(asked: Path) -> Path:
     """A scene file: the file itself, `scene.toml` in a folder, or a workflow by its name; studies are refused."""
-    file = found(asked, "scene.toml")
+    file = _found(asked, "scene.toml")
     if "kind" in _keys(file):
         raise InputError("command line", "SCENE", str(asked), f"that is a study: pmr study {asked} computes it")
     return file
@@ -75,11 +74,17 @@ def scene_file(asked: Path) -> Path:
 
 def study_file(asked: Path) -> Path:
     """A study file: the file itself, `study.toml` in a folder, or a workflow by its name; scenes are refused."""
-    file = found(asked, "study.toml")
+    file = _found(asked, "study.toml")
     keys = _keys(file)
     if "kind" not in keys and {"body", "slider", "sections"} & set(keys):
         raise InputError("command line", "STUDY", str(asked), f"that is a scene: pmr run {asked} computes it")
     return file
+
+
+def _found(asked: Path, within: str) -> Path:
+    from pmr.scene.workflows import found  # what reads scenes takes longer to load than a help text to print
+
+    return found(asked, within)
 
 
 def _keys(file: Path) -> dict[str, object]:

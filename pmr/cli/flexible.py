@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from pmr import scene as scenes
 from pmr.cli.console import Overrides, ensure_file, out, say, scene_file
 from pmr.errors import InputError, TooManyModesError
 from pmr.export.formats import BODY_FORMATS
@@ -35,6 +34,9 @@ def flexible(
 
         pmr flexible boom_solid --at 2.5 --to sid --set masses=[]
     """
+    from pmr import scene as scenes
+    from pmr.run import framed_body, held_body
+
     if to not in BODY_FORMATS:
         raise InputError("command line", "--to", to, f"{', '.join(BODY_FORMATS)} is allowed")
     if modes < 1:
@@ -44,7 +46,6 @@ def flexible(
     ensure_file(target)
     file = scene_file(scene)
     asked = scenes.load(file, overrides or ())
-    from pmr.run import framed_body, held_body
 
     try:
         body = (framed_body if chosen.by == "frame" else held_body)(asked, at, modes)

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.table import Table
 
 from pmr import environment
-from pmr import scene as scenes
 from pmr.cli.console import out, scene_file
 from pmr.errors.text import visible
 from pmr.files.swap import finished
-from pmr.reduced.model import ReducedModel
-from pmr.scene.choice import choose
+
+if TYPE_CHECKING:
+    from pmr import scene as scenes
+    from pmr.reduced.model import ReducedModel
 
 #: Names of outputs of one unit that are listed; of more the first and the last.
 LISTED = 8
@@ -47,8 +47,12 @@ def info(
             rows |= versions()
         rows |= environment.machine()
     elif file.suffix != ".npz":
+        from pmr import scene as scenes
+
         rows = _describe_scene(scenes.load(scene_file(file)))
     else:
+        from pmr.reduced.model import ReducedModel
+
         finished(file.parent)
         rows = described_model(ReducedModel.load(file)) | _estimated(file.with_name("summary.json"))
     table = Table(show_header=False, box=None, pad_edge=False)
@@ -58,6 +62,8 @@ def info(
 
 
 def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
+    from pmr.scene.choice import choose
+
     chosen, (low, high) = choose(scene), scene.path_bounds
     pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in scene.pads]
     points = [f"{len(scene.points)} row(s)"] if scene.points else []
@@ -91,6 +97,8 @@ def _describe_reduction(reduction: scenes.Reduction) -> str:
 
 def described_model(model: ReducedModel) -> dict[str, str]:
     """What a reduced model is, line by line."""
+    import numpy as np
+
     low, high = model.domain
     made_with = model.provenance.get("versions", {})
     scene, holds = model.provenance.get("scene", {}), np.isnan(model.row_clearance)

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from pmr.cli.console import ensure_writable, out, say
-from pmr.cli.schema import scene_schema
 from pmr.errors import InputError
 from pmr.errors.text import hint
 
@@ -32,6 +31,8 @@ def new(
 
         pmr new boom mine && pmr run mine
     """
+    from pmr.cli.schema import scene_schema
+
     if kind not in kinds():
         raise InputError("command line", "KIND", kind, f"{hint(kind, kinds())}{', '.join(kinds())} are allowed")
     if name.exists():

@@ -8,18 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from pmr import environment
-from pmr import scene as scenes
 from pmr.cli.console import Folder, Overrides, ensure_writable, err, leave, no_report, out, say, scene_file
 from pmr.errors import InputError
 from pmr.errors.text import visible
 from pmr.files.swap import fresh, removed
-from pmr.reduced.model import ReducedModel
 
 if TYPE_CHECKING:
     from pmr.environment import Progress as Report
@@ -74,6 +71,8 @@ def run(
 
         mpirun -n 2 pmr run SCENE.toml --set reduction.solver=slepc
     """
+    from pmr import scene as scenes
+
     asked = [*(overrides or ())]
     if simulators is not None:
         asked.append(f"simulation.simulators={json.dumps([name.strip() for name in simulators.split(',')])}")
@@ -88,6 +87,8 @@ def run(
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])
     ensure_writable(folder)
+    import numpy as np
+
     try:
         from pmr.fem.compat import MPI
     except ImportError as error:
@@ -132,6 +133,7 @@ def run(
 def _save(outcome: Outcome | BoomOutcome, folder: Path) -> None:
     """Everything but the report, which comes later: the one that is there belongs to the old results and goes."""
     from pmr.export.paraview import Travelling, write_bodies, write_series
+    from pmr.reduced.model import ReducedModel
     from pmr.report.document import REPORT_FILES
     from pmr.results import RESULT_FILES, RunResult
     from pmr.results.pads import pads_over_time, place_of
@@ -157,6 +159,8 @@ def _to(tolerance: str, file: Path) -> list[str]:
 
     Sections of a boom have no other one.
     """
+    from pmr.scene import has_sections
+
     text = tolerance.strip()
     try:
         share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
@@ -166,7 +170,7 @@ def _to(tolerance: str, file: Path) -> list[str]:
         raise InputError(
             "command line", "--tolerance", tolerance, "more than 0 and less than 100% is allowed, as 1% or 0.01"
         )
-    basis = [] if scenes.has_sections(file) else ["reduction.basis=free_modes", "reduction.flexibility=true"]
+    basis = [] if has_sections(file) else ["reduction.basis=free_modes", "reduction.flexibility=true"]
     return [*basis, f"accuracy.tolerance={share!r}"]
 
 

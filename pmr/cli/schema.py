@@ -12,17 +12,20 @@ import typer
 
 from pmr.errors import InputError
 from pmr.errors.text import hint
-from pmr.scene.schema import of, scenes
-from pmr.studies.files import kind_names, schemas
 
 
 def scene_schema() -> str:
     """Schema of a scene file."""
+    from pmr.scene.schema import scenes
+
     return json.dumps(scenes(), indent=1) + "\n"
 
 
 def study_schema(*kinds: str) -> str:
     """Schema of a study file of these kinds, of any by default."""
+    from pmr.scene.schema import of
+    from pmr.studies.files import schemas
+
     known = schemas()
     return json.dumps(of([known[kind] for kind in kinds or known], "Study of pmr"), indent=1) + "\n"
 
@@ -42,6 +45,8 @@ def schema(
 
         pmr schema > scene.schema.json
     """
+    from pmr.studies.files import kind_names
+
     known: dict[str, Callable[[], str]] = {"scene": scene_schema, "study": study_schema}
     known |= {name: partial(study_schema, name) for name in kind_names()}
     if kind not in known:

@@ -8,12 +8,10 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from pmr import scene as scenes
 from pmr.cli.console import Folder, Model, Overrides, ensure_writable, out, say, scene_file
 from pmr.errors import InputError
 from pmr.errors.text import visible
 from pmr.files.swap import finished, fresh
-from pmr.reduced.model import ReducedModel
 
 
 def simulate(
@@ -33,7 +31,9 @@ def simulate(
 
         pmr simulate reports/paper_simple/reduced.npz --scene paper_evolved --set time.end=5
     """
+    from pmr import scene as scenes
     from pmr.compare.saved_model import simulate_saved
+    from pmr.reduced.model import ReducedModel
     from pmr.report import sentences
     from pmr.results import RESULT_FILES
     from pmr.results.tables import reaction_extremes

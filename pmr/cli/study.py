@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.progress import BarColumn, TextColumn
@@ -16,10 +16,11 @@ from pmr import environment
 from pmr.cli.console import Folder, Overrides, ensure_writable, err, no_report, out, say
 from pmr.cli.console import study_file as found_file
 from pmr.errors import InputError
-from pmr.studies import files
-from pmr.studies.call import Outcome, compute, save
-from pmr.studies.engine import pools
-from pmr.studies.engine.runner import Progress, Watch
+
+if TYPE_CHECKING:
+    from pmr.studies.call import Outcome
+    from pmr.studies.engine import pools
+    from pmr.studies.engine.runner import Progress, Watch
 
 LOGGED_EVERY = 30.0  # s, where there is no terminal
 SHOWN_FAILURES = 10
@@ -62,6 +63,9 @@ def study(
 
         mpiexec -n 9 python -m mpi4py.futures -m pmr study workflows/studies/coordinates.toml    (8 workers)
     """
+    from pmr.studies import files
+    from pmr.studies.call import compute, save
+
     found = found_file(study_file)
     if listed:
         for name in files.load(found, overrides or ()).runs:
@@ -99,6 +103,8 @@ def study(
 
 
 def _pool(jobs: int | None) -> AbstractContextManager[pools.Pool | None]:
+    from pmr.studies.engine import pools
+
     if pools.launched_ranks() == 1:
         return pools.local_pool(jobs or pools.cores())
     if jobs:
