@@ -12,16 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, PPoly
 
-Array = NDArray[np.float64]
+from pmr.errors import BEYOND_ENDS
 
-#: Positions may leave the path's domain by this share of its length (round-off of a signal).
-DOMAIN_TOLERANCE = 1e-9
+Array = NDArray[np.float64]
 
 
 def within_domain(s: ArrayLike, low: float, high: float, what: str) -> Array:
     """`s` as an array within [low, high], or a ValueError that says by how much it lies outside."""
     s = np.asarray(s, dtype=float)
-    slack = DOMAIN_TOLERANCE * (high - low)
+    slack = BEYOND_ENDS * (high - low)
     if s.size and not (s.min() >= low - slack and s.max() <= high + slack):
         worst = s.flat[np.argmax(np.maximum(low - s, s - high))] if np.all(np.isfinite(s)) else np.nan
         raise ValueError(f"{what}: s = {worst:g} m lies outside the path, allowed are {low:g} to {high:g} m")

@@ -9,6 +9,8 @@ from pmr.errors.text import visible
 
 Found = TypeVar("Found")
 WIDEST = 60  # letters of a value that is shown
+#: Share of a range by which a path may lie beyond its ends, as measured paths do: it is then taken at the end.
+BEYOND_ENDS = 1e-5
 
 
 class InputError(ValueError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from pmr.errors import InputError
+from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.boom import Boom, Linear
 from pmr.scene.boom_parts import footprint, is_axial, is_planar, seats, section_scene
 from pmr.scene.checks import check_magnitudes, check_time, jump_of
@@ -105,7 +105,7 @@ def _slides(boom: Boom, number: int) -> None:
     (first, last), length = path.bounds(0.0, boom.time.end), boom.length(number - 1)
     by = "overlap" if joint.overlap is not None else "follows" if isinstance(path, Linear) else "extension"
     key, slack = f"sections[{number}].joint.{by}", SLACK * length
-    if first < -slack:
+    if first < -BEYOND_ENDS * length:
         allowed = (
             f"the tail of {name} gets {-first:.6g} m behind that of {outer}; an extension of 0 m or more is allowed"
         )
@@ -147,7 +147,7 @@ def _pads(boom: Boom, number: int) -> None:
     for seat in touching:
         half = seat.ring.length / 2.0 if seat.ring.faces is not None else 0.0
         start, end = seat.at.first - half, seat.at.last + half
-        if start < -SLACK * length or end > (1.0 + SLACK) * length:
+        if start < -BEYOND_ENDS * length or end > (1.0 + BEYOND_ENDS) * length:
             allowed = (
                 f"these pads reach from {start:.6g} to {end:.6g} m along {boom.names[number]}, which has 0 to "
                 f"{length:.6g} m: all of a pad has to be on it"

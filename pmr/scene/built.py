@@ -156,7 +156,8 @@ class Slider(Section):
     """The path s(t) of what slides; where no pads move, points of a planar beam at s + each of the `offsets`.
 
     Rows of pads are tabulated where the path takes them, or over all of `travel`: a saved model then goes along any
-    path on it (`pmr simulate`, FMUs).  Points have the whole beam.
+    path on it (`pmr simulate`, FMUs).  Points have the whole beam.  Measured paths overshoot: up to 1e-5 of the range
+    beyond an end they are taken at the end.
     """
 
     path: Signal = Field(description="s over time, in m")

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
-from pmr.errors import InputError
+from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.built import Box, Face, PadRing
 from pmr.scene.choice import directions, model_of
 from pmr.scene.scene import Scene
@@ -65,12 +65,12 @@ def _points(scene: Scene) -> None:
         raise refusal("pads", None, "at least one ring of pads with moving = true is allowed: nothing slides")
     if len(set(scene.points)) != len(scene.points):
         raise refusal("slider.offsets", list(scene.points), "sliders must not share an offset")
-    (low, high), slack = scene.path_bounds, 1e-9 * length
+    (low, high), slack = scene.path_bounds, SLACK * length
     held = [scene.place(support.on) for support in scene.supports if "z" in support.held]
     for offset in scene.points:
         which = f" (offset {offset:g} m)" if offset else ""
         for s in (low + offset, high + offset):
-            if not -slack <= s <= length + slack:
+            if not -BEYOND_ENDS * length <= s <= (1.0 + BEYOND_ENDS) * length:
                 allowed = f"the slider reaches {s:g} m{which}; on the beam, 0 to {length:g} m, is allowed"
                 raise refusal("slider.path", None, allowed)
         for at in held:
@@ -88,7 +88,8 @@ def _travel(scene: Scene) -> None:
     (low, high), (first, last) = scene.slider.travel, scene.path_bounds
     if scene.points:
         raise refusal("slider.travel", [low, high], "points have the whole beam: leave it out")
-    if not low < high or first < low or last > high:
+    slack = BEYOND_ENDS * (high - low)
+    if not low < high or first < low - slack or last > high + slack:
         allowed = f"two places in m, the first one less, around the path's {first:.6g} to {last:.6g} are allowed"
         raise refusal("slider.travel", [low, high], allowed)
 

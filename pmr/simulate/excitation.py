@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.constraints.polynomials import DOMAIN_TOLERANCE
-from pmr.errors import InputError
+from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene import Scene
 from pmr.scene.asked import Simulation
 from pmr.scene.signals import SignalBase
@@ -66,9 +65,9 @@ class Excitation:
         return np.asarray(self.path.rate(self.times))
 
     def along(self, domain: tuple[float, float]) -> Array:
-        """The only path's coordinates (T,) in m at the steps, round-off beyond `domain` cut off.
+        """The only path's coordinates (T,) in m at the steps, within `domain`.
 
-        An InputError is raised where there are several paths, or it leaves the domain at a step or between two of them.
+        Errors as for `on_path`, and an InputError where there are several paths.
         """
         return on_path(self.path, self.s[:, 0], domain, self.times)
 
@@ -105,12 +104,13 @@ def in_order(loads: Mapping[str, SignalBase], names: Sequence[str]) -> tuple[Sig
 
 
 def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:
-    """Path coordinates s (T,) in m at the ascending times t (T,) in s, round-off beyond `domain` cut off.
+    """Path coordinates s (T,) in m at the ascending times t (T,) in s, within `domain`.
 
-    An InputError is raised where the path leaves it, at one of these times or between two of them.
+    Up to `BEYOND_ENDS` of its length beyond an end they are taken there; an InputError is raised where the path goes
+    further, at one of these times or between two of them.
     """
     low, high = domain
-    slack = DOMAIN_TOLERANCE * (high - low)
+    slack = BEYOND_ENDS * (high - low)
     outside = ~((s >= low - slack) & (s <= high + slack))
     if outside.any():
         k = int(np.argmax(outside))

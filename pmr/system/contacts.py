@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pmr.errors import InputError
+from pmr.errors import BEYOND_ENDS, InputError
 
 Array = NDArray[np.float64]
 
@@ -127,21 +127,21 @@ class Joint:
             If the inner section leaves the outer one through its tail, its pads pass those at the mouth, or the inner
             section ends before the pads at the mouth do.
         """
-        key, slack = f"joints.{self.inner}", 1e-9 * self.outer_length
+        key, beyond = f"joints.{self.inner}", BEYOND_ENDS * self.outer_length
         first, last = float(np.min(s)), float(np.max(s))
-        if first < -slack:
+        if first < -beyond:
             allowed = f"0 m or more is allowed: there the tail of {self.inner} is at that of {self.outer}"
             raise InputError("system", key, first, allowed)
         needed = max(pad.from_end for pad in self.tail) + max(pad.from_end for pad in self.mouth)
         overlap = self.outer_length - last
-        if not overlap > needed + slack:
+        if not overlap > needed + 1e-9 * self.outer_length:
             allowed = (
                 f"less than {self.outer_length - needed:g} m is allowed: the overlap is {overlap:g} m, and pads reach "
                 f"{needed:g} m from the tail of {self.inner} and the mouth of {self.outer}"
             )
             raise InputError("system", key, last, allowed)
         least = self.outer_length - min(pad.from_end for pad in self.mouth) - self.inner_length
-        if first < least - slack:
+        if first < least - beyond:
             allowed = (
                 f"{least:g} m or more is allowed: else {self.inner} ends before a pad at the mouth of {self.outer}"
             )

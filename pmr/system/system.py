@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.constraints.rows import Row
-from pmr.errors import InputError
+from pmr.errors import BEYOND_ENDS, InputError
 from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.contacts import Contact, Place, refused
 
@@ -145,7 +145,7 @@ class Joined(Generic[AnyBody]):
         return body.carriers.row(body.row_names.index(place.row), place.row)
 
     def coordinates(self, s: Mapping[str, ArrayLike]) -> Array:
-        """X (..., sides) in m of all places from the path coordinates in m, round-off beyond their rows cut off.
+        """X (..., sides) in m of all places from the path coordinates in m, within their rows' ranges.
 
         An InputError is raised where a path is missing, or takes a place where its row is not defined.
         """
@@ -155,7 +155,7 @@ class Joined(Generic[AnyBody]):
             if place.path is not None and place.path not in s:
                 raise refused(name, "path", place.path, f"a path for it is needed; given: {', '.join(s) or 'none'}")
             low, high = self.row(place).breaks[[0, -1]]
-            x, slack = place.coordinate(s), 1e-9 * (high - low)
+            x, slack = place.coordinate(s), BEYOND_ENDS * (high - low)
             outside = ~((x >= low - slack) & (x <= high + slack))
             if np.any(outside):
                 worst = float(np.atleast_1d(x)[np.atleast_1d(outside)][0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from pmr.scene.signals import Chirp, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
+from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 
 signal = TypeAdapter(Signal)
 
@@ -144,6 +144,16 @@ def test_bounds_see_a_peak_between_the_samples() -> None:
     assert pulse.bounds(0.0, 1.0) == (0.0, 3.0)
     overshooting = Table(times=(0.0, 1.0, 1.5, 3.0), values=(0.0, 1.0, 1.0, 0.0))
     assert overshooting.bounds(0.0, 3.0)[1] > 1.01
+
+
+@pytest.mark.parametrize("frequency", [0.05, 0.713, 40.0])
+def test_bounds_of_a_sum_are_met_between_its_samples(frequency: float) -> None:
+    """Two tones of one frequency are one, sqrt(a^2 + b^2), but for round-off of their angles of 2 pi f t at most."""
+    a, b = 0.7, 0.4
+    tones = Sine(amplitude=a, frequency=frequency), Sine(amplitude=b, frequency=frequency, phase=np.pi / 2.0)
+    found = Sum(terms=(Constant(amount=3.0), *tones)).bounds(0.0, 60.0)
+    atol = np.finfo(float).eps * (2.0 * np.pi * frequency * 60.0 + 16.0)
+    np.testing.assert_allclose(found, [3.0 - np.hypot(a, b), 3.0 + np.hypot(a, b)], rtol=0.0, atol=atol)
 
 
 def test_the_fastest_tone_within_a_time() -> None:

@@ -204,6 +204,7 @@ def test_travel_is_around_the_path_and_on_the_face(load, override: str, says: st
 
 def test_a_model_is_made_for_the_path_or_for_all_of_its_travel(load) -> None:
     assert load().travel == load().path_bounds == (1.5, 4.0)
+    assert load("slider.travel=[1.500002,3.999998]").travel == (1.500002, 3.999998)  # measured paths overshoot
     wider = load("slider.travel=[1.4,4.2]")
     assert wider.travel == (1.4, 4.2) and wider.path_bounds == (1.5, 4.0) and wider.hash != load().hash
     assert structure_of(load("slider.travel=[1.4,4.2]", "body.model=beam3d")).pads.travel == (1.4, 4.2)

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.errors import InputError
-from pmr.scene.signals import Constant, Ramp, Sine, SmoothRamp
+from pmr.errors import BEYOND_ENDS, InputError
+from pmr.scene.signals import Constant, Ramp, Sine, SmoothRamp, Sum
 from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.excitation import on_path
 
@@ -75,6 +75,15 @@ def test_a_path_that_leaves_between_two_steps_is_refused() -> None:
         on_path(path, path.value(np.array([0.0, 0.1])), (0.0, 2.5), np.array([0.0, 0.1]))
 
 
-def test_round_off_at_the_end_of_the_domain_is_allowed() -> None:
-    path = Constant(amount=5.0 + 1e-12)
+@pytest.mark.parametrize("beyond", [1e-12, 0.9 * BEYOND_ENDS * 5.0])
+def test_what_a_measured_path_lies_beyond_the_end_is_cut_off(beyond: float) -> None:
+    path = Constant(amount=5.0 + beyond)
     np.testing.assert_array_equal(on_path(path, path.value(np.zeros(1)), (0.0, 5.0), np.zeros(1)), [5.0])
+
+
+def test_a_path_stays_within_its_own_bounds() -> None:
+    """Whose model is made for it: of a sum of tones no sample need lie on a crest."""
+    tones = [Sine(amplitude=0.7 / k, frequency=0.0231 * k**1.5, phase=0.3 * k) for k in range(1, 6)]
+    path, t = Sum(terms=(Constant(amount=3.0), *tones)), np.linspace(0.0, 60.0, 60_001)
+    s, bounds = path.value(t), path.bounds(0.0, 60.0)
+    assert on_path(path, s, bounds, t) == pytest.approx(s, rel=0.0, abs=1e-12)

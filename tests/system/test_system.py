@@ -10,7 +10,7 @@ from complementarity import by_least_squares
 from nested import FROM_END, LENGTH, Box, Nested, full, full_section, plain, reduced, reduced_section
 
 from pmr.constraints.rows import Rows, carrier, fixed_row
-from pmr.errors import InputError
+from pmr.errors import BEYOND_ENDS, InputError
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
 from pmr.system.statics import Equilibrium, equilibrium
@@ -176,6 +176,9 @@ def test_places_beyond_a_body_and_paths_that_are_missing() -> None:
     system = reduced(Nested(2, elements=10), 2)
     with pytest.raises(InputError, match="0 to 6 m are allowed on 0"):
         system.coordinates({"1": 6.0})
+    end = LENGTH - FROM_END  # of a place on the outer section, which measured paths overshoot
+    beyond = system.coordinates({"1": end + 0.9 * BEYOND_ENDS * LENGTH})
+    np.testing.assert_allclose(beyond, [FROM_END, LENGTH, 0.0, end], rtol=0.0, atol=1e-14)
     with pytest.raises(InputError, match="contacts.tail 1.path = '1': a path for it is needed; given: none"):
         system.coordinates({})
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pmr.export.recorded import recorded
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant, SignalBase
+from pmr.simulate.recorded import recorded
 from pmr.simulate.stepping import TimeStepping
 
 WIDTH = 88  # letters of a line
@@ -45,7 +45,7 @@ class SceneText:
 
 
 def scene_text(model: ReducedModel, source: str) -> SceneText:
-    """The scene in a model's provenance; raises InputError as `pmr.export.recorded.recorded`."""
+    """The scene in a model's provenance; raises InputError as `pmr.simulate.recorded.recorded`."""
     found = recorded(model, source)
     path, loads, stepping = found.excitation.path, found.excitation.loads, found.excitation.stepping
     names = _identifiers(tuple(loads))

@@ -17,9 +17,9 @@ from pmr.export.fmi.constants import constants, source_text
 from pmr.export.fmi.description import Described, build_description, description_2, description_3
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.variables import variables
-from pmr.export.recorded import recorded
 from pmr.files.whole import replaced
 from pmr.reduced.model import ReducedModel
+from pmr.simulate.recorded import recorded
 
 VERSIONS = ("2", "3")
 _SOURCE = Path(__file__).with_name("source")

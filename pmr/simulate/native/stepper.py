@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pmr.errors import InputError, SimulationError
+from pmr.errors import BEYOND_ENDS, InputError, SimulationError
+from pmr.reduced.model import ReducedModel
 from pmr.simulate.contact_step import contact_frequency
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import bound_step as bound_step
@@ -23,6 +24,7 @@ from pmr.simulate.native import system as march_system
 from pmr.simulate.native.arrays import V, Z
 from pmr.simulate.native.scheme import GeneralizedAlpha
 from pmr.simulate.native.start import reason, starting_state
+from pmr.simulate.recorded import recorded
 from pmr.simulate.start import InitialState, consistent_start
 from pmr.system.body import SlidingBody
 
@@ -42,8 +44,9 @@ class Stepper:
     step : float, s
     s : float, m
         Path coordinate at the start.
-    F : (i,) array or float, N
-        Loads at the start.
+    F : (i,) array, or float where there is one load, N (gravity m/s^2)
+        Loads at the start; by default those of the model's scene at t = 0, its weight in full even where it rises, and
+        none for a model that knows no scene.
     rho_inf : float
         Less than 1 as long as rigid rows move.  Their multipliers (index 3) grow from step to step where it is near 1,
         the sooner the faster they move, and nothing here checks the energy as `march.simulate` does: at most 0.9, and
@@ -57,7 +60,8 @@ class Stepper:
     Raises
     ------
     InputError
-        If a number is out of its range, the initial position violates a rigid row, or a rigid row only pushes.
+        If a number is out of its range, loads are not one for each input, the initial position violates a rigid row, or
+        a rigid row only pushes.
     SimulationError
         If rows that give way depend on each other at the start, and some of them only push.
     """
@@ -67,7 +71,7 @@ class Stepper:
         body: SlidingBody,
         step: float,
         s: float,
-        F: ArrayLike = 0.0,
+        F: ArrayLike | None = None,
         rho_inf: float = 0.9,
         outputs: Sequence[int] | None = None,
         initial: InitialState | None = None,
@@ -82,9 +86,11 @@ class Stepper:
         scheme = method.scheme()
         self._form, self._step = form, step
         self._low, self._high = body.domain
-        self._s, self._f = float(s), np.zeros(len(body.input_names))
-        self._check(self._s)
-        self._f[:] = F
+        self._s, self._f = self._on_path(float(s)), np.zeros(len(body.input_names))
+        if F is not None:
+            self._f[:] = self._one_each(F)
+        elif isinstance(body, ReducedModel) and "scene" in body.provenance:
+            self._f[:] = recorded(body, "stepper").first_loads
         start = form.start(consistent_start(body, self._s, 0.0, initial)) if initial else None
         self._state = starting_state(form, method, self._s, 0.0, self._f, start)
         # A single load is written through it in a third of the time that NumPy takes.
@@ -108,9 +114,10 @@ class Stepper:
         Parameters
         ----------
         s : float, m
-            Path coordinate at the end of the step.
-        F : (i,) array or float, N
-            Loads at the end of the step, one for each input; quickest as a Python float where there is one.
+            Path coordinate at the end of the step; `pmr.errors.BEYOND_ENDS` of the path's length beyond an end it is
+            taken there.
+        F : (i,) array, or float where there is one load, N (gravity m/s^2)
+            Loads at the end of the step, one for each of the body's `input_names`; quickest as a Python float.
 
         Returns
         -------
@@ -120,17 +127,18 @@ class Stepper:
         Raises
         ------
         InputError
-            If s lies off the path.
+            If s lies off the path, or loads are not one for each input.
         SimulationError
             If rows depend on each other, or the state is no longer finite.
         """
         if type(F) is float and self._single is not None:
             self._single[0] = F
         else:
-            self._f[:] = F
+            self._f[:] = self._one_each(F)
         failed = self._advance(self._address, s)
+        if failed == bound_step.OFF_THE_PATH:
+            failed = self._advance(self._address, self._on_path(s))
         if failed:
-            self._check(s)
             raise SimulationError(f"{self._where(s)}: {reason(self._form.body, s, failed)}")
         self._steps += 1
         return self._y
@@ -168,9 +176,18 @@ class Stepper:
         if not np.all(np.isfinite(self._state.modes[Z])):
             raise SimulationError(f"{self._where(self._s)}: not finite")
 
-    def _check(self, s: float) -> None:
-        if not self._low <= s <= self._high:
+    def _on_path(self, s: float) -> float:
+        beyond = BEYOND_ENDS * (self._high - self._low)
+        if not self._low - beyond <= s <= self._high + beyond:
             raise InputError("stepper", "s", s, f"{self._low:g} to {self._high:g} m is allowed")
+        return min(max(s, self._low), self._high)
+
+    def _one_each(self, F: ArrayLike) -> Array:
+        loads, names = np.asarray(F, dtype=float), self._form.body.input_names
+        if loads.shape == (len(names),) or (loads.ndim == 0 and len(names) == 1):
+            return loads
+        allowed = f"one load for each input is allowed, in this order: {', '.join(names) or 'none'}"
+        raise InputError("stepper", "F", loads.tolist(), allowed)
 
     def _where(self, s: float) -> str:
         return f"march failed at step {self._steps + 1}, t = {self.time + self._step:g} s, slider at {s:g} m"

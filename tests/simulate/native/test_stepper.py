@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from driving import driven
 from oracle import Case, full_body, paper_basis, project
 
-from pmr.errors import InputError, SimulationError
+from pmr.errors import BEYOND_ENDS, InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.simulate import TimeStepping
 from pmr.simulate.native import simulator as march
@@ -86,3 +87,51 @@ def test_what_cannot_be_stepped_is_refused(small: ReducedModel) -> None:
     stepper.step(0.2, np.nan)
     with pytest.raises(SimulationError, match="not finite"):
         stepper.check_finite()
+
+
+def with_weight(small: ReducedModel, rise: float) -> ReducedModel:
+    """With a second input, and the scene that a run would leave in the model."""
+    scene = {
+        "slider": {"path": 2.0},
+        "loads": [{"name": "F", "signal": 70.0}],
+        "gravity": {"rise": rise},
+        "time": {"end": 1.0, "step": 1e-3, "rho_inf": 0.8},
+    }
+    B = np.column_stack([small.B, -small.M @ np.ones(small.size)])
+    return replace(small, B=B, input_names=(*small.input_names, "gravity"), provenance={"scene": scene})
+
+
+@pytest.mark.parametrize("rise", [0.0, 1.0])
+def test_it_starts_with_the_loads_of_the_models_scene_and_its_whole_weight(small: ReducedModel, rise: float) -> None:
+    """However weight rises in a run: who does not speak of it means that it is there."""
+    body = with_weight(small, rise)
+    silent, said, without = (Stepper(body, 1e-3, 2.0, F) for F in (None, [70.0, 9.80665], [0.0, 0.0]))
+    assert np.abs(said.multipliers).max() > 1.0
+    np.testing.assert_array_equal(silent.multipliers, said.multipliers)
+    assert not without.multipliers.any()
+    assert not Stepper(replace(body, provenance={}), 1e-3, 2.0).multipliers.any()
+
+
+@pytest.mark.parametrize("F", [100.0, [100.0], [100.0, 0.0, 0.0], [[100.0, 0.0]], np.float64(1.0), []])
+def test_one_load_is_never_taken_for_several(small: ReducedModel, F: object) -> None:
+    """A force that is spread over all inputs would be a weight of as many m/s^2."""
+    body = with_weight(small, 1.0)
+    allowed = r"stepper: F = .*: one load for each input is allowed, in this order: F, gravity"
+    with pytest.raises(InputError, match=allowed):
+        Stepper(body, 1e-3, 2.0, F)
+    stepper = Stepper(body, 1e-3, 2.0)
+    with pytest.raises(InputError, match=allowed):
+        stepper.step(2.0, F)
+    y = stepper.step(2.0, [100.0, 9.80665]).copy()
+    np.testing.assert_array_equal(Stepper(body, 1e-3, 2.0).step(2.0, (100.0, 9.80665)), y)
+
+
+def test_a_measured_path_may_lie_a_little_beyond_an_end(small: ReducedModel) -> None:
+    """Within the stated share of the path's length it is taken at the end; the state is that of the end itself."""
+    low, high = small.domain
+    beyond = high + 0.9 * BEYOND_ENDS * (high - low)
+    there, almost = (Stepper(small, 1e-3, s) for s in (high, beyond))
+    for F in (50.0, 80.0):
+        np.testing.assert_array_equal(almost.step(beyond, F), there.step(high, F))
+    with pytest.raises(InputError, match="0 to 5 m is allowed"):
+        there.step(high + 1.1 * BEYOND_ENDS * (high - low), 50.0)

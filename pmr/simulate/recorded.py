@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from pmr.errors import InputError
@@ -15,6 +17,7 @@ from pmr.scene.signals import Signal, SignalBase
 from pmr.simulate.excitation import SLIDER, Excitation
 from pmr.simulate.stepping import TimeStepping
 
+Array = NDArray[np.float64]
 _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
 
 
@@ -24,6 +27,15 @@ class Recorded:
 
     title: str
     excitation: Excitation
+    gravity: Gravity | None
+
+    @property
+    def first_loads(self) -> Array:
+        """Loads (i,) that a model starts with step by step: those at t = 0, and weight in full, however it rises."""
+        found = self.excitation.f[0].copy()
+        if self.gravity is not None:
+            found[-1] = self.gravity.acceleration
+        return found
 
 
 def recorded(model: ReducedModel, source: str) -> Recorded:
@@ -35,8 +47,9 @@ def recorded(model: ReducedModel, source: str) -> Recorded:
         scene = model.provenance["scene"]
         path = _signal(scene["slider"]["path"])
         signals = [_signal(load["signal"]) for load in scene["loads"]]
-        if scene.get("gravity"):
-            signals.append(Gravity.model_validate(scene["gravity"]).signal)
+        gravity = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
+        if gravity is not None:
+            signals.append(gravity.signal)
         end, step, rho_inf = (float(scene["time"][key]) for key in ("end", "step", "rho_inf"))
         stepping = TimeStepping(end, step, rho_inf)
         title = str(scene.get("title", "Sliding body"))
@@ -49,7 +62,7 @@ def recorded(model: ReducedModel, source: str) -> Recorded:
         allowed = f"{len(signals)} given, one for each input is allowed: {', '.join(model.input_names)}"
         raise InputError(source, "provenance.scene.loads", None, allowed)
     loads = dict(zip(model.input_names, signals, strict=True))
-    return Recorded(title, Excitation({SLIDER: path}, loads, stepping))
+    return Recorded(title, Excitation({SLIDER: path}, loads, stepping), gravity)
 
 
 def _signal(data: Any) -> SignalBase:
