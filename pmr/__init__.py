@@ -15,7 +15,8 @@ basis whose coordinates keep their meaning, and leaves the sliders as a few cons
     response = pmr.simulate(scene, model)
     response.t, response.displacement
 
-    pmr.run(pmr.load_scene("boom_three"))         # a boom of several sections; workflows go by their names
+    boom = pmr.load_scene("boom_three")           # several sections; workflows go by their names
+    response = pmr.simulate(boom, pmr.reduce(boom).reduced)  # a model a section
 
     given = pmr.from_matrices(M, K, points, groups)  # what another program assembled
     given.save("boom.npz")                        # body.model = "matrices", mesh.file = "boom.npz"
@@ -53,9 +54,9 @@ _PLACES = {
 }
 #: Rooms that are called by what one does there: `pmr.reduce(scene)`, and `pmr.reduce.basis` as of any package.
 _VERBS = {
-    "reduce": "pmr.run:reduce",
+    "reduce": "pmr.run.booms:reduce_either",
     "run": "pmr.run.booms:run_either",
-    "simulate": "pmr.compare.responses:simulate_reduced",
+    "simulate": "pmr.compare.boom_motions:simulate_either",
 }
 
 __all__ = [

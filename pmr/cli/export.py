@@ -27,6 +27,12 @@ def export(
         str | None,
         typer.Option("--at", metavar="S,...", help="Places of the sliders in m, for state spaces.  [default: a grid]"),
     ] = None,
+    section: Annotated[
+        str | None,
+        typer.Option(
+            "--section", metavar="NAME", help="Write a section of a boom alone, without its joints, for state spaces."
+        ),
+    ] = None,
 ) -> None:
     """Write a reduced model as something a user can build on, without pmr.
 
@@ -40,4 +46,7 @@ def export(
     """
     ensure_file(out_file) if out_file else ensure_writable(model.parent)
     finished(model.parent)
-    say(out, str(write(to, model, out_file, Options(fmi, at))))
+    written = write(to, model, out_file, Options(fmi, at, section))
+    if section is not None:
+        say(out, f"section {section} alone, without its joints")
+    say(out, str(written))

@@ -103,8 +103,9 @@ def described_model(model: ReducedModel) -> dict[str, str]:
     made_with = model.provenance.get("versions", {})
     scene, holds = model.provenance.get("scene", {}), np.isnan(model.row_clearance)
     rows = [name if both else f"{name} (only pushes)" for name, both in zip(model.row_names, holds, strict=True)]
+    of = "" if model.section is None else f" of section {model.section.name}, without what joins it to the others"
     return {
-        "reduced model": f"{model.size} coordinates",
+        "reduced model": f"{model.size} coordinates{of}",
         "scene": f"{scene.get('title', 'unknown') if isinstance(scene, dict) else 'unknown'} "
         f"({model.provenance.get('scene_hash', 'no hash')})",
         "basis": str(model.provenance.get("basis", "unknown")),

@@ -41,6 +41,7 @@ def simulate(
 
     finished(model.parent)
     reduced, file = ReducedModel.load(model), scene_file(scene)
+    reduced.ensure_whole(str(model))
     asked, folder = scenes.load(file, overrides or ()), out_dir or Path("reports", scene.stem)
     if folder.resolve() == model.parent.resolve():
         raise InputError("command line", "--out", str(folder), "a folder other than the model's is allowed")

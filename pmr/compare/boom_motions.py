@@ -14,18 +14,22 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
+from pmr.compare import responses
 from pmr.compare.boom_figures import CURVES, frequencies
-from pmr.compare.booms import Said, respond, response_of
+from pmr.compare.booms import Said, respond, response_of, with_friction
+from pmr.compare.made_for import check_directions
 from pmr.compare.responses import agreement
 from pmr.compare.trust import distrust
 from pmr.environment import Clock
-from pmr.errors import SimulationError
+from pmr.errors import InputError, SimulationError
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.system import FullSystem
+from pmr.reduced.model import ReducedModel
 from pmr.results import Response
-from pmr.scene import Boom
+from pmr.scene import Boom, Scene
+from pmr.scene.boom_parts import DRIVEN, section_scene
 from pmr.simulate import Excitation, Progress, SystemSimulator, exudyn
-from pmr.simulate.booms import excitation_of
+from pmr.simulate.booms import excitation_of, system_of
 from pmr.simulate.native import multibody
 from pmr.simulate.native.multibody_march import places
 from pmr.simulate.petsc import Checkpoint, Recording, observe_system, static_start
@@ -68,6 +72,39 @@ def simulate_reduced(boom: Boom, system: System, excitation: Excitation, clock: 
         {name: motion.seconds for name, motion in motions.items()},
         agreement(found),
     )
+
+
+def simulate_either(scene: Scene | Boom, reduced: ReducedModel | Mapping[str, ReducedModel]) -> Response:
+    """Response of a scene's reduced model, as `pmr.compare.responses.simulate_reduced`, or of a boom's sections.
+
+    Raises
+    ------
+    InputError
+        If a boom comes with anything but a model for each of its sections, a scene with anything but one model, or
+        loads act elsewhere than those that a model was made for.
+    """
+    if isinstance(scene, Boom):
+        if not isinstance(reduced, Mapping) or set(reduced) != set(scene.names):
+            given = sorted(reduced) if isinstance(reduced, Mapping) else type(reduced).__name__
+            allowed = f"a model for each section, by its name, is allowed: {', '.join(scene.names)}"
+            raise InputError("pmr.simulate", "models", given, allowed)
+        models = {name: reduced[name] for name in scene.names}
+        for number, (name, model) in enumerate(models.items()):
+            if model.section is None or model.section.name != name:
+                is_of = "a whole body" if model.section is None else f"section {model.section.name}"
+                raise InputError("pmr.simulate", f"models.{name}", is_of, f"the model of section {name} is allowed")
+            check_directions(replace(model, section=None), section_scene(scene, number))
+            loads = {load.name for load in scene.sections[number].loads}
+            if loads != set(model.input_names) - {"gravity", DRIVEN}:
+                allowed = f"the inputs of its model are allowed: {', '.join(model.input_names)}"
+                raise InputError("scene", f"sections.{name}.loads", sorted(loads), allowed)
+        system = system_of(scene, models)
+        excitation = excitation_of(scene, system)
+        found = simulate_reduced(scene, system, excitation, Clock()).response
+        return with_friction(scene, system.contacts, found)
+    if not isinstance(reduced, ReducedModel):
+        raise InputError("pmr.simulate", "model", type(reduced).__name__, "a ReducedModel is allowed with this scene")
+    return responses.simulate_reduced(scene, reduced)
 
 
 def _repeated(

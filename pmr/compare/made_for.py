@@ -16,6 +16,7 @@ def check_directions(reduced: ReducedModel, scene: Scene) -> None:
 
     Raises InputError with the key and what the model has.
     """
+    reduced.ensure_whole("model")
     made = reduced.provenance.get("scene")
     if not isinstance(made, Mapping):
         return

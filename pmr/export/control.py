@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.environment import check_installed
 from pmr.errors import InputError
-from pmr.export.places import held_at
+from pmr.export.places import Options, held_at
 from pmr.files.whole import replaced
 from pmr.simulate.state_space import StateSpace
 
@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 FREQUENCIES = 400
 #: Gains below this share of the largest are round-off of what symmetry keeps apart, and drawn alike.
 FLOOR = 1e-12
+
+#: Natural frequencies below this share of the largest are those of free motions.
+FREE = 1e-6
 
 _SCRIPT = '''\
 """A reduced model with its sliders held at places, as state spaces of python-control.
@@ -62,15 +65,15 @@ if __name__ == "__main__":
 '''
 
 
-def write_matlab(npz_path: Path, target: Path, at: str | None) -> Path:
+def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
     """Write A, B, C, D as arrays (., ., S) over the places s, as MATLAB's ``ss`` takes them, with all names.
 
     Raises InputError as `pmr.export.places.held_at`.
     """
-    return _written(held_at(npz_path, at), target)
+    return _written(held_at(npz_path, options), target)
 
 
-def write_python_control(npz_path: Path, target: Path, at: str | None) -> Path:
+def write_python_control(npz_path: Path, target: Path, options: Options) -> Path:
     """Write a script for python-control, and beside it the file that it reads.
 
     Raises InputError as `write_matlab`, or if the script's name ends in ``.mat``.
@@ -78,13 +81,13 @@ def write_python_control(npz_path: Path, target: Path, at: str | None) -> Path:
     data = target.with_suffix(".mat")
     if data == target or not target.stem.isidentifier():
         raise InputError("command line", "--out", str(target), "a name that Python can import, .py, is allowed")
-    _written(held_at(npz_path, at), data)
+    _written(held_at(npz_path, options), data)
     with replaced(target) as part:
         part.write_text(_SCRIPT.format(module=target.stem, data=data.name), encoding="utf-8")
     return target
 
 
-def write_frequency_response(npz_path: Path, target: Path, at: str | None) -> Path:
+def write_frequency_response(npz_path: Path, target: Path, options: Options) -> Path:
     """Write gain (output's unit over the input's) and phase (degrees) as a table, and a picture of the gain over s.
 
     Of the outputs the last displacement is taken, that of the tip.
@@ -92,10 +95,11 @@ def write_frequency_response(npz_path: Path, target: Path, at: str | None) -> Pa
     Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
-    space = held_at(npz_path, at)
+    space = held_at(npz_path, options)
     output = max(k for k, unit in enumerate(space.units) if unit == "m")
     natural = space.natural
-    f = np.geomspace(0.1 * natural.min(), 1.2 * natural.max(), FREQUENCIES) / (2.0 * np.pi)
+    lowest = natural[natural > FREE * natural.max()].min()
+    f = np.geomspace(0.1 * lowest, 1.2 * natural.max(), FREQUENCIES) / (2.0 * np.pi)
     response = space.frequency_response(2.0 * np.pi * f)[:, :, output]
     with replaced(target) as part:
         part.write_text(_table(space, f, response, space.outputs[output]), encoding="utf-8")

@@ -11,14 +11,7 @@ from typing import Any
 from pmr import environment
 from pmr.errors import InputError
 from pmr.errors.text import hint
-
-
-@dataclass(frozen=True)
-class Options:
-    """What a format may be told besides the files; None: nothing was said."""
-
-    fmi: str | None = None  #: Version of the Functional Mock-up Interface
-    at: str | None = None  #: Places of the sliders in m, separated by commas
+from pmr.export.places import Options
 
 
 @dataclass(frozen=True)
@@ -50,24 +43,19 @@ def _fmu(model: Path, target: Path, options: Options) -> Path:
     return _imported("fmi.fmu", "write_fmu")(model, target, options.fmi or "3")
 
 
-def _at(module: str, name: str) -> Callable[[Path, Path, Options], Path]:
-    """One that asks for places."""
-    return lambda model, target, options: _imported(module, name)(model, target, options.at)
-
-
-_AT = frozenset({"at"})
+_AT = frozenset({"at", "section"})
 FORMATS = {
     "exudyn": Format("a standalone Python script", "sliding_body.py", frozenset(), _exudyn),
     "fmu": Format("a functional mock-up unit", "sliding_body.fmu", frozenset({"fmi"}), _fmu),
-    "matlab": Format("state space on a grid of s", "state_space.mat", _AT, _at("control", "write_matlab")),
+    "matlab": Format("state space on a grid of s", "state_space.mat", _AT, _imported("control", "write_matlab")),
     "python-control": Format(
-        "the same, read by a script", "state_space.py", _AT, _at("control", "write_python_control")
+        "the same, read by a script", "state_space.py", _AT, _imported("control", "write_python_control")
     ),
     "frequency-response": Format(
-        "a table and a picture over s", "frequency_response.csv", _AT, _at("control", "write_frequency_response")
+        "a table and a picture over s", "frequency_response.csv", _AT, _imported("control", "write_frequency_response")
     ),
-    "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _at("nastran", "write_dmig")),
-    "op4": Format("the same matrices as OUTPUT4", "sliding_body.op4", _AT, _at("nastran", "write_output4")),
+    "dmig": Format("matrices of Nastran at places of s", "sliding_body.bdf", _AT, _imported("nastran", "write_dmig")),
+    "op4": Format("the same matrices as OUTPUT4", "sliding_body.op4", _AT, _imported("nastran", "write_output4")),
 }
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.export.places import held_at
+from pmr.export.places import Options, held_at
 from pmr.files.whole import replaced
 from pmr.simulate.state_space import StateSpace
 
@@ -30,7 +30,7 @@ class _Named:
     form: int
 
 
-def write_dmig(npz_path: Path, target: Path, at: str | None) -> Path:
+def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
     """Write M, D and for each place K and the loads, in modal coordinates on the scalar points 1 to r.
 
     A field holds ten digits or more; what it leaves of a matrix stands in a second one, so that their sum, as Nastran
@@ -38,16 +38,16 @@ def write_dmig(npz_path: Path, target: Path, at: str | None) -> Path:
 
     Raises InputError as `pmr.export.places.held_at`.
     """
-    return _written(npz_path, target, at, _deck)
+    return _written(npz_path, target, options, _deck)
 
 
-def write_output4(npz_path: Path, target: Path, at: str | None) -> Path:
+def write_output4(npz_path: Path, target: Path, options: Options) -> Path:
     """The same matrices, whole and with all digits, as text of OUTPUT4; raises InputError as `write_dmig`."""
-    return _written(npz_path, target, at, _output4)
+    return _written(npz_path, target, options, _output4)
 
 
-def _written(npz_path: Path, target: Path, at: str | None, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
-    space = held_at(npz_path, at)
+def _written(npz_path: Path, target: Path, options: Options, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
+    space = held_at(npz_path, options)
     with replaced(target) as part:
         part.write_text("\n".join([*lines(space), ""]), encoding="utf-8")
     return target

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,34 @@ Array = NDArray[np.float64]
 PLACES = 21
 
 
-def held_at(npz_path: Path, asked: str | None) -> StateSpace:
-    """A reduced model at each of its `places`; raises InputError as these, and as `state_space`."""
-    model = ReducedModel.load(npz_path)
-    return state_space(model, places(model, asked), npz_path.name)
+@dataclass(frozen=True)
+class Options:
+    """What a format may be told besides the files; None: nothing was said."""
+
+    fmi: str | None = None  #: Version of the Functional Mock-up Interface
+    at: str | None = None  #: Places of the sliders in m, separated by commas
+    section: str | None = None  #: Name of the section of a boom that is to be written alone
+
+
+def held_at(npz_path: Path, options: Options) -> StateSpace:
+    """A reduced model at each of its `places`, or a section of a boom without the rows of its joints.
+
+    Raises InputError as `places` and `state_space`, and if the model is of another section than the one asked for.
+    """
+    model, name = ReducedModel.load(npz_path), options.section
+    if name is None:
+        return state_space(model, places(model, options.at), npz_path.name)
+    if model.section is None or name != model.section.name:
+        allowed = "none is allowed: this is the model of a whole body"
+        if model.section is not None:
+            allowed = f"{model.section.name!r} is allowed, which {npz_path.name} is the model of"
+        raise InputError("command line", "--section", name, allowed)
+    if options.at is not None:
+        allowed = "none is allowed with --section: without its joints nothing of a section depends on a place"
+        raise InputError("command line", "--at", options.at, allowed)
+    alone = state_space(model.without_joints(), np.array(model.domain[:1]), npz_path.name)
+    inputs, outputs = (tuple(f"{name}.{one}" for one in names) for names in (alone.inputs, alone.outputs))
+    return replace(alone, inputs=inputs, outputs=outputs)
 
 
 def places(model: ReducedModel, asked: str | None) -> Array:

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fullmodel.build import Built
-from pmr.reduce.basis import modal_basis
+from pmr.reduce.basis import Basis, modal_basis
 from pmr.reduce.cache import Cache, Reduced
-from pmr.reduce.from_scene import ENRICHMENT_MODES
+from pmr.reduce.from_scene import ENRICHMENT_MODES, provenance
 from pmr.reduce.reactions import support_motions, with_reactions
 from pmr.reduce.residual.model import section_model
-from pmr.reduced.model import ReducedModel
+from pmr.reduced.model import ReducedModel, SectionOf
 from pmr.scene import Boom, Reduction
+from pmr.scene.boom_parts import joint_rows, section_scene
 from pmr.snapshots.free_body import FreeBody
 from pmr.snapshots.free_modes import free_modes
 
@@ -42,7 +43,7 @@ def reduce_sections(
     Raises an `InputError` with the section's key.
     """
     beyond = ENRICHMENT_MODES if boom.ordered is None else SEARCHED
-    made, found = dict[tuple[int, Reduction], ReducedSection](), dict[str, ReducedSection]()
+    made, found = dict[tuple[int, Reduction], tuple[ReducedModel, Basis]](), dict[str, ReducedSection]()
     for number, part in enumerate(boom.sections):
         key = id(built[part.name]), part.reduction
         if key not in made:
@@ -51,11 +52,15 @@ def reduce_sections(
             except InputError as error:
                 where = ".".join(filter(None, (f"sections[{number}]", error.key)))
                 raise InputError(error.source, where, error.value, error.allowed) from None
-        found[part.name] = made[key]
+        model, basis = made[key]
+        about, joints = provenance(section_scene(boom, number), basis), joint_rows(boom, number)
+        own = SectionOf(part.name, boom.title, tuple(row for row in model.row_names if row.startswith(joints)))
+        V = np.array(basis.V.getDenseArray())
+        found[part.name] = ReducedSection(replace(model, provenance=about, section=own), V)
     return found
 
 
-def _reduced(built: Built, choice: Reduction, beyond: int, cache: Cache | None) -> ReducedSection:
+def _reduced(built: Built, choice: Reduction, beyond: int, cache: Cache | None) -> tuple[ReducedModel, Basis]:
     """With so many enrichment modes, where an error is estimated."""
     enrichment = beyond if choice.needs_inertia else 0
 
@@ -68,8 +73,8 @@ def _reduced(built: Built, choice: Reduction, beyond: int, cache: Cache | None) 
         return Reduced(snapshots, basis, with_reactions(model, body, np.array(basis.V.getDenseArray()), motions))
 
     found = make() if cache is None else cache.reduced(choice.model_dump(mode="json") | {"section": enrichment}, make)
-    model, V = found.model, found.basis.V.getDenseArray()
+    model = found.model
     if not choice.flexibility:
         assert model.carriers is not None  # as section models have
         model = replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None))
-    return ReducedSection(model, np.array(V))
+    return model, found.basis

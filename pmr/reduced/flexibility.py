@@ -13,7 +13,8 @@ With R the flexibility that a basis leaves out and q = V p + R (B f - C^T lambda
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import applied, applied_change, side_by_side, transposed
+from pmr.constraints.polynomials import applied, applied_change, columns, select_rows, side_by_side, transposed
 
 Array = NDArray[np.float64]
 
@@ -75,6 +76,12 @@ class Flexibility:
     def keeps_inertia(self) -> bool:
         """Whether the equations of motion keep the inertia of the residual part."""
         return self.inertia is not None and self.inertia.kept
+
+    def with_rows(self, numbers: Sequence[int]) -> Flexibility:
+        """Of a body with none but these of its rows, without what is known of inertia."""
+        rows, inputs = (select_rows(table, numbers) for table in (self.rows, self.inputs))
+        outputs = columns(self.outputs, numbers)
+        return replace(self, rows=columns(rows, numbers), inputs=inputs, outputs=outputs, inertia=None)
 
     def row_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """H(s) f - G(s) lambda, (T, m) in m: what the residual part adds at the rows, along a trajectory."""

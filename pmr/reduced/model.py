@@ -44,6 +44,15 @@ _OLD_NAMES = {
 
 
 @dataclass(frozen=True)
+class SectionOf:
+    """That a model is a section of a boom: its name there, the boom's title, and the rows by which joints hold it."""
+
+    name: str
+    boom: str
+    joints: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class ReducedModel:
     """Galerkin projection of a sliding body on a global basis.
 
@@ -79,6 +88,8 @@ class ReducedModel:
         The rows on their carriers, for a system in which each has a path coordinate of its own.
     reactions : Reactions, optional
         What tells the forces of rigid supports.
+    section : SectionOf, optional
+        Of which boom this is a section.
     """
 
     AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
@@ -104,6 +115,7 @@ class ReducedModel:
     rayleigh: Rayleigh | None = None
     carriers: CarriedRows | None = None
     reactions: Reactions | None = None
+    section: SectionOf | None = None
 
     @property
     def size(self) -> int:
@@ -143,7 +155,19 @@ class ReducedModel:
         listed = [load for load in loads if isinstance(load, Mapping)] if isinstance(loads, list | tuple) else []
         directions = {str(load.get("name")): str(load.get("direction")) for load in listed}
         given = {name: "N m" if direction.startswith("r") else "N" for name, direction in directions.items()}
-        return tuple(given.get(name, "m/s^2" if name == "gravity" else "N") for name in self.input_names)
+        return tuple(given.get(name, "m/s^2" if name in ("gravity", "extension") else "N") for name in self.input_names)
+
+    def ensure_whole(self, source: str) -> None:
+        """Raise an InputError of `source` if this is but a section of a boom, whose joints are not in it."""
+        if self.section is not None and set(self.row_names) & set(self.section.joints):
+            allowed = f"the model of a whole body is allowed: this is a section of {self.section.boom!r} without what "
+            allowed += "joins it to the others; `pmr run` and pmr.simulate(boom, models) know that"
+            raise InputError(source, "section", self.section.name, allowed)
+
+    def without_joints(self) -> ReducedModel:
+        """A section alone, on its own supports or free: without the rows of its joints; any other model as it is."""
+        joints = () if self.section is None else self.section.joints
+        return self.with_rows([k for k, name in enumerate(self.row_names) if name not in joints])
 
     @property
     def moving(self) -> list[int]:
@@ -177,10 +201,14 @@ class ReducedModel:
         return times(self.rows, V)
 
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
-        """The model with none but these of its rows, which no residual flexibility may know."""
+        """The model with none but these of its rows: the others are let go, and errors can't be estimated any more."""
         chosen = list(numbers)
+        if chosen == list(range(len(self.row_names))):
+            return self
         return replace(
             self,
+            flexibility=None if self.flexibility is None else self.flexibility.with_rows(chosen),
+            enrichment=None,
             rows=select_rows(self.rows, chosen),
             row_names=tuple(self.row_names[i] for i in chosen),
             pads=None if self.pads is None else self.pads[chosen],

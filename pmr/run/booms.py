@@ -19,18 +19,18 @@ from pmr.compare.responses import check_installed
 from pmr.compare.summary import Part, compared, driven, gathered, made_with, simulated, trusted
 from pmr.compare.trust import large_motion
 from pmr.environment import Clock
-from pmr.errors import on_first
+from pmr.errors import InputError, on_first
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fullmodel import probes
-from pmr.fullmodel.build import build_sections
+from pmr.fullmodel.build import Built, build_sections
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.recover.from_scene import Recovered, recover_sections, recovered_steps, states_of
 from pmr.reduce.cache import cache_in
 from pmr.reduce.sections import ReducedSection, reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.results import BoomFrequencies, BoomResult, Response
-from pmr.run import Outcome, run
+from pmr.run import Outcome, Reduction, reduce, run
 from pmr.scene import Boom, Scene
 from pmr.simulate import contact_step
 from pmr.simulate.booms import excitation_of
@@ -199,6 +199,35 @@ def _chosen(
         found = on_first(comm, lambda: order.choose(boom, models, excitation_of(boom, system_of(boom, models))))
         choice: order.BoomChoice = comm.bcast(found)
     return choice
+
+
+@dataclass(frozen=True)
+class BoomReduction:
+    """The full models of a boom's sections by their names, and what they are reduced to; the same on every rank."""
+
+    built: Mapping[str, Built]
+    sections: Mapping[str, ReducedSection]
+
+    @property
+    def reduced(self) -> Mapping[str, ReducedModel]:
+        """What `pmr.simulate(boom, ...)` takes."""
+        return {name: one.model for name, one in self.sections.items()}
+
+
+def reduce_either(
+    scene: Scene | Boom, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None
+) -> Reduction | BoomReduction:
+    """Reduce a scene, as `pmr.run.reduce`, or all sections of a boom; collective.
+
+    Raises an InputError, besides, if a tolerance or a budget is to decide: it asks for a step as well.
+    """
+    if scene.ordered is not None:
+        allowed = "none is allowed where the reduced model alone is made: pmr.run(scene) chooses model and step"
+        raise InputError("scene", "budget" if scene.accuracy is None else "accuracy", None, allowed)
+    if not isinstance(scene, Boom):
+        return reduce(scene, comm, clock)
+    built = build_sections(scene, comm)
+    return BoomReduction(built, reduce_sections(scene, built))
 
 
 def run_either(

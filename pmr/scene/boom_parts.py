@@ -124,6 +124,11 @@ def stiffened(boom: Boom, number: int) -> dict[tuple[str, str], float]:
     return found
 
 
+def joint_rows(boom: Boom, number: int) -> tuple[str, ...]:
+    """What names of a section's rows begin with that belong to its joints; the others are between it and the ground."""
+    return (*(f"{one.name} " for one in footprints(boom, number)), POINT, TAIL, *STRAIGHT)
+
+
 def is_axial(boom: Boom, number: int) -> bool:
     """Whether a section moves along the boom, so that a cylinder can drive it."""
     return "x" in directions(section_scene(boom, number))

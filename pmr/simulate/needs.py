@@ -14,7 +14,12 @@ from pmr.system.body import WithRows
 
 
 def needs_of(body: ReducedModel | WithRows, s: float) -> Needs:
-    """Of a reduced body, or a full one wherever its matrices are, with its slider at s m, wherever it goes."""
+    """Of a reduced body, or a full one wherever its matrices are, with its slider at s m, wherever it goes.
+
+    An InputError is raised of a model that is but a section of a boom.
+    """
+    if isinstance(body, ReducedModel):
+        body.ensure_whole("model")
     rigid, pushing = row_flexibility(body, s)[1], ~np.isnan(body.row_clearance)
     names, both, giving = (
         tuple(body.row_names[k] for k in np.flatnonzero(which)) for which in (pushing, pushing & rigid, ~rigid)

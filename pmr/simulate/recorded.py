@@ -41,8 +41,10 @@ class Recorded:
 def recorded(model: ReducedModel, source: str) -> Recorded:
     """The scene in a model's provenance.
 
-    Raises InputError of the file `source` if there is none, or anything but numbers stands where they belong.
+    Raises InputError of the file `source` if there is none, anything but numbers stands where they belong, or the model
+    is a section of a boom.
     """
+    model.ensure_whole(source)
     try:
         scene = model.provenance["scene"]
         path = _signal(scene["slider"]["path"])

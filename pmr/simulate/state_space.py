@@ -61,8 +61,10 @@ class StateSpace:
 def state_space(model: ReducedModel, s: Array, source: str) -> StateSpace:
     """State space of a model with its sliders at s (S,) m.
 
-    An InputError, of the file `source`, is raised where rows are rigid or only push, or residual inertia is kept.
+    An InputError, of the file `source`, is raised where rows are rigid or only push, residual inertia is kept, or the
+    model is a section of a boom that its joints hold.
     """
+    model.ensure_whole(source)
     form = modal_form(model)
     body, r = form.body, form.body.size
     rows = CompliantRows(body)

@@ -75,6 +75,10 @@ class WithRows:
         """None: a full model leaves nothing out."""
 
     @property
+    def section(self) -> None:
+        """None: a full model is simulated by itself or in a system, never taken for another."""
+
+    @property
     def row_compliance(self) -> Array:
         return self.rows.compliance
 

@@ -39,4 +39,5 @@ def projected(body: SlidingBody, V: Array) -> ReducedModel:
         clearance=None if np.isnan(clearance).all() else clearance,
         rayleigh=body.rayleigh,
         reactions=None if body.reactions is None else body.reactions.on(V),
+        section=body.section,
     )

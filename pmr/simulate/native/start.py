@@ -32,9 +32,10 @@ def starting_state(
     rows hold the acceleration, their own motion left out as in Exudyn.
 
     An InputError is raised where the initial position violates a rigid row or a size is wrong, a rigid row only pushes,
-    or the body keeps the inertia of its residual part; a SimulationError where rows that give way depend on each other,
-    and some of them only push.
+    the body keeps the inertia of its residual part or is but a section of a boom; a SimulationError where rows that
+    give way depend on each other, and some of them only push.
     """
+    form.body.ensure_whole("model")
     if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
         allowed = "false is allowed step by step, and where outputs alone are kept; march.simulate keeps it"
         raise InputError("scene", "reduction.residual_inertia", True, allowed)
