@@ -29,13 +29,13 @@ from pmr.results import Response
 from pmr.scene import Boom, Scene
 from pmr.scene.boom_parts import DRIVEN, section_scene
 from pmr.simulate import Excitation, Progress, SystemSimulator, exudyn
-from pmr.simulate.booms import excitation_of, system_of
+from pmr.simulate.booms import excitation_of
 from pmr.simulate.native import multibody
 from pmr.simulate.native.multibody_march import places
 from pmr.simulate.petsc import Checkpoint, Recording, observe_system, static_start
 from pmr.simulate.petsc.rows import contact_rows
 from pmr.simulate.stepping import TimeStepping
-from pmr.system.booms import contacts_of
+from pmr.system.booms import contacts_of, system_of
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]

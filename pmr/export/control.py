@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pmr.environment import check_installed
 from pmr.errors import InputError
-from pmr.export.places import Options, held_at
+from pmr.export.formats import Options
+from pmr.export.places import held_at
 from pmr.files.whole import replaced
 from pmr.simulate.state_space import StateSpace
 

@@ -11,7 +11,15 @@ from typing import Any
 from pmr import environment
 from pmr.errors import InputError
 from pmr.errors.text import hint
-from pmr.export.places import Options
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a format may be told besides the files; None: nothing was said."""
+
+    fmi: str | None = None  #: Version of the Functional Mock-up Interface
+    at: str | None = None  #: Places of the sliders in m, separated by commas
+    section: str | None = None  #: Name of the section of a boom that is to be written alone
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.export.places import Options, held_at
+from pmr.export.formats import Options
+from pmr.export.places import held_at
 from pmr.files.whole import replaced
 from pmr.simulate.state_space import StateSpace
 

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.export.formats import Options
 from pmr.reduced.model import ReducedModel
 from pmr.simulate.state_space import StateSpace, state_space
 
 Array = NDArray[np.float64]
 #: Along the path where none are asked for.
 PLACES = 21
-
-
-@dataclass(frozen=True)
-class Options:
-    """What a format may be told besides the files; None: nothing was said."""
-
-    fmi: str | None = None  #: Version of the Functional Mock-up Interface
-    at: str | None = None  #: Places of the sliders in m, separated by commas
-    section: str | None = None  #: Name of the section of a boom that is to be written alone
 
 
 def held_at(npz_path: Path, options: Options) -> StateSpace:
