@@ -27,6 +27,10 @@ Array = NDArray[np.float64]
 NEVER = "stresses away from probes"
 #: Why there is no estimate of forces.
 BLOWS = "forces of sliders: at a kink of the path a rigid slider strikes the beam, as hard as the step is short"
+RINGING = (
+    "forces of sliders: most of what a richer model adds to them changes its sign with every step; "
+    "time.rho_inf = 0.8 or less damps it"
+)
 #: Why there is none of what richer models disagree on, by kind of output.
 UNSETTLED = {
     kind: f"{what}: pads land and lift off, and an impact a moment earlier changes all that follows"
@@ -46,7 +50,7 @@ def highest_known(model: ReducedModel, stepping: TimeStepping) -> float:
 def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
     """What the estimate of a model with enrichment modes leaves out, a clause each; signals with their names.
 
-    `BLOWS` and `UNSETTLED` join it where an estimate lacks a kind of output.
+    `BLOWS`, `RINGING` and `UNSETTLED` join it where an estimate lacks a kind of output.
     """
     top = highest_known(model, stepping)
     beyond = [what for name, signal in signals for what in _beyond(name, signal, stepping, top)]
@@ -56,7 +60,7 @@ def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], 
 
 def warnings(clauses: Sequence[str]) -> list[str]:
     """The clauses that make the estimate too small by an unknown factor, a line each."""
-    without = (NEVER, BLOWS, *UNSETTLED.values())
+    without = (NEVER, BLOWS, RINGING, *UNSETTLED.values())
     return [f"the error may be larger than its estimate: {clause}" for clause in clauses if clause not in without]
 
 

@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 #: Error of a signal against a reference of the same shape.
 Measure = Callable[[Array, Array], float]
 Quantity = Callable[[Response], Array]
+Pair = tuple[Array, Array]
+#: Of two responses the later one is the reference.
+ORDER = ("reduced", "full", "ancf")
 
 #: Components whose reference RMS does not exceed this share of the largest one are left out of e_NRMS: a direction in
 #: which nothing happens holds round-off only.
@@ -103,7 +106,7 @@ AT_NODES = quantities_of(1, slice(None))
 def errors(
     responses: Mapping[str, Response],
     measure: Measure = nrms,
-    order: tuple[str, ...] = ("reduced", "full", "ancf"),
+    order: tuple[str, ...] = ORDER,
     quantities: Mapping[str, Quantity] = AT_NODES,
 ) -> dict[str, dict[str, float]]:
     """Errors of all pairs: ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
@@ -114,19 +117,30 @@ def errors(
     A kink of the path strikes the beam, and what of the blow a reduced model can't follow rings on at frequencies
     above its own; the force sees that, displacements hardly do (docs/paper.md).
     """
+    return {
+        between: {name: measure(*both) for name, both in found.items()}
+        for between, found in pairs(responses, order, quantities).items()
+    }
+
+
+def pairs(
+    responses: Mapping[str, Response],
+    order: tuple[str, ...] = ORDER,
+    quantities: Mapping[str, Quantity] = AT_NODES,
+) -> dict[str, dict[str, Pair]]:
+    """What `errors` compares: signal and reference, (T, o) each, by pair and quantity; round-off counts as zero."""
     present = [name for name in order if name in responses]
-    found = {}
+    found = dict[str, dict[str, Pair]]()
     least = max((response.round_off for response in responses.values()), default=0.0)
     least_force = max((response.force_round_off for response in responses.values()), default=0.0)
     for a, b in combinations(present, 2):
         one, other = _without_round_off(*with_common_forces(responses[a], responses[b]), least, least_force)
-        found[f"{a}_vs_{b}"] = {name: measure(what(one), what(other)) for name, what in quantities.items()}
-        others = _others(responses[a], responses[b], least_force)
-        found[f"{a}_vs_{b}"] |= {name: measure(*pair) for name, pair in others.items()}
+        found[f"{a}_vs_{b}"] = {name: (what(one), what(other)) for name, what in quantities.items()}
+        found[f"{a}_vs_{b}"] |= _others(responses[a], responses[b], least_force)
     return found
 
 
-def _others(one: Response, other: Response, force: float) -> dict[str, tuple[Array, Array]]:
+def _others(one: Response, other: Response, force: float) -> dict[str, Pair]:
     """Other outputs that both know, with zeros where nothing happens beside those of the same unit.
 
     Reactions are nothing up to `force` in N, or N m, either.

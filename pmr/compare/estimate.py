@@ -22,14 +22,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare import coverage
 from pmr.compare.attached import lifting, settled, unsettled, with_loads_answered
 from pmr.compare.indicators import chi, kappa
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, lagging, outputs, probe_differences
+from pmr.compare.ringing import rings
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, is_modal, with_kept_inertia
 from pmr.simulate import Excitation
@@ -55,15 +57,15 @@ class Estimate:
 
     beam: float  # over all displacements
     tip: float
-    pad_force: float | None  # of sliders and pads; None where they have no size (`impulsive`) or are `unsettled`
-    velocity: float | None  # of the displacements' rates; None where they are `unsettled`
+    pad_force: float | None  # of sliders and pads; None where `unknown` says why
+    velocity: float | None  # of the displacements' rates; None where `unknown` says why
     probes: Mapping[str, float]  # of each output in another unit, by name (`probe_differences`)
     kappa: float | None  # share of the residual part's inertia that the enrichment modes carry
     by: str
     chi: float | None  # share of the first truncated mode's motion that is not quasi-static
     error: Array  # (T, o) m: what is missing in the outputs, as far as these runs know, without margin
     seconds: float  # wall time of the estimate, all runs included
-    unsettled: tuple[str, ...] = ()  # kinds without an estimate: pads lift off, and two richer models disagree on them
+    unknown: Mapping[str, str] = field(default_factory=dict)  # kinds without an estimate, and why, in words
 
     @property
     def probe(self) -> float | None:
@@ -131,16 +133,20 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
         raise ValueError(f"no estimate: {why}")
     run, floors = _Simulated.of(model, excitation, tips), Floors.of(model, excitation)
     own, told = run.outputs, (_pushed if pushing_rows(model) else _by_series)(model, run, excitation, floors)
-    missing, unknown = told.missing, told.unsettled
+    missing = told.missing
     found = {name: differences(own, own.plus(what), floors) for name, what in missing.items()}
     by = max(found, key=lambda name: found[name]["beam"])
     largest = {kind: MARGIN * max(one[kind] for one in found.values()) for kind in KINDS}
     of_probes = np.max([probe_differences(own, own.plus(what), floors) for what in missing.values()], axis=0)
-    forceless = "pad_force" in unknown or impulsive(model, excitation)
+    unknown = {kind: coverage.UNSETTLED[kind] for kind in told.unsettled}
+    if impulsive(model, excitation):
+        unknown.setdefault("pad_force", coverage.BLOWS)
+    elif own.force.size and rings(own.force, own.plus(missing[by]).force):
+        unknown.setdefault("pad_force", coverage.RINGING)
     return Estimate(
         beam=largest["beam"],
         tip=largest["tip"],
-        pad_force=None if forceless else largest["pad_force"],
+        pad_force=None if "pad_force" in unknown else largest["pad_force"],
         velocity=None if "velocity" in unknown else largest["velocity"],
         probes={} if "probe" in unknown else _named(model, MARGIN * of_probes),
         kappa=told.kappa,
@@ -148,7 +154,7 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
         chi=chi(told.better.form, told.better.run, excitation.forces(model.input_names), model.size),
         error=missing[by].displacement,
         seconds=time.perf_counter() - begin,
-        unsettled=tuple(unknown),
+        unknown=unknown,
     )
 
 
@@ -215,7 +221,7 @@ def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation, 
         chi=None,
         error=other.displacement - own.displacement + own_of_better.error,
         seconds=time.perf_counter() - begin,
-        unsettled=own_of_better.unsettled,
+        unknown=own_of_better.unknown,
     )
 
 

@@ -66,8 +66,7 @@ def reduction_error(
                 else:
                     found = estimate.by_other(reduced, other, excitation, tips)
                 left_out = coverage.not_covered(telling, excitation.signals, excitation.stepping)
-                left_out += [coverage.UNSETTLED[kind] for kind in found.unsettled]
-                left_out += [coverage.BLOWS] * (found.pad_force is None and "pad_force" not in found.unsettled)
+                left_out += found.unknown.values()
             except (SimulationError, InputError) as error:  # other simulators may do what march refuses
                 failed = str(error).removeprefix("estimate: ")  # the clock's stage
     figures: dict[str, Any] = {}

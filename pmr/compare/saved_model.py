@@ -8,7 +8,7 @@ from pmr.compare.estimated import reduction_error, step_part
 from pmr.compare.frequencies import reduced_frequencies
 from pmr.compare.made_for import check_directions
 from pmr.compare.responses import check_installed, simulate
-from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated
+from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated, trusted
 from pmr.environment import Clock
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
@@ -56,6 +56,7 @@ def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
         step_part(scene, reduced, found, clock),
         pads(scene, response),
         contact(reduced, excitation),
+        trusted({}, simulations.responses),
     ]
     nothing = np.zeros((len(s), 0))
     return RunResult(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.errors import relative_error
+from pmr.results import Response
 
 Array = NDArray[np.float64]
 
@@ -18,6 +19,12 @@ def band(y: Array, step: float) -> float:
     if above[0] <= 0.0:
         return 0.0
     return float(np.flatnonzero(above > 1e-4 * above[0])[-1] / (len(y) * step))
+
+
+def band_of(response: Response) -> float:
+    """That of a motion in Hz: the tip's, the last displacement's, or of all where the tip rests on a support."""
+    tip, step = response.displacement[:, -1:], float(response.t[1] - response.t[0])
+    return band(tip if np.ptp(tip) > response.round_off else response.displacement, step)
 
 
 def error_below(signal: Array, reference: Array, step: float, highest: float) -> float:

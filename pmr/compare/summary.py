@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 
 from pmr import environment
-from pmr.compare import errors, pad_forces, trust
+from pmr.compare import errors, pad_forces, ringing, trust
 from pmr.compare.outputs import impulsive
-from pmr.compare.spectrum import band, error_below
+from pmr.compare.spectrum import band_of, error_below
 from pmr.files import jsonfile
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Boom, Scene
 from pmr.simulate import Excitation, contact_step, resolution
+
+_MEASURES = {"errors": errors.nrms, "absolute_errors": errors.absolute_error}
 
 
 @dataclass(frozen=True)
@@ -64,17 +66,29 @@ def simulated(seconds: Mapping[str, float], agreement: Mapping[str, float], stag
 def compared(
     responses: Mapping[str, Response], measured: Mapping[str, errors.Quantity], simulators: Mapping[str, str]
 ) -> Part:
-    """Errors beside the references, of what is `measured`; who simulated ``reduced`` and ``full``."""
+    """Errors beside the references, of what is `measured`; who simulated ``reduced`` and ``full``.
+
+    Errors that are the full model's own ringing are none: they stand in ``not_judged``, with a line each.
+    """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
+    kinds = {kind: errors.errors(responses, one, quantities=measured) for kind, one in _MEASURES.items()}
+    unjudged = dict[str, ringing.NotJudged]()
+    if full is not None:
+        for name, both in errors.pairs(responses, quantities=measured)["reduced_vs_full"].items():
+            if (found := ringing.NotJudged.of(both, full)) is not None:
+                unjudged[name] = found
+                for kind in kinds.values():
+                    del kind["reduced_vs_full"][name]
     return Part(
         {
-            "errors": errors.errors(responses, quantities=measured),
-            "absolute_errors": errors.errors(responses, errors.absolute_error, quantities=measured),
+            **kinds,
+            "not_judged": {name: vars(found) for name, found in unjudged.items()},
             "max_displacement": float(np.abs(reference).max()),
             "max_error": None if full is None else float(np.abs(reduced - reference).max()),
             "simulators": {name: simulator for name, simulator in simulators.items() if name in responses},
-        }
+        },
+        ringing.warnings(unjudged),
     )
 
 
@@ -87,7 +101,7 @@ def struck(reduced: ReducedModel, excitation: Excitation, responses: Mapping[str
         return Part()
     one, full = errors.with_common_forces(responses["reduced"], responses["full"])
     step = excitation.stepping.step
-    highest = band(full.displacement[:, -1:], step)
+    highest = band_of(full)
     return Part(
         {"blows": {"band": highest, "pad_force": error_below(one.slider_force, full.slider_force, step, highest)}}
     )

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.ringing import ALTERNATES, CAUSES, REMEDY, RINGING, alternating, ringing
 from pmr.errors.text import rounded
 from pmr.results import Response
 from pmr.scene.structures import Material
@@ -18,22 +19,6 @@ Array = NDArray[np.float64]
 #: multipliers that do have then spoilt the displacements by as much.
 ALTERNATING = 1e-3
 _CALLED = {"full": "the full model", "ancf": "the ANCF cable"}
-_CAUSES = "a constraint that moves (index 3) grows where time.rho_inf is near 1, or the step is too long for the motion"
-
-
-def alternating(signal: Array) -> float:
-    r"""Share of a signal (T, ...) that changes its sign with every step, as a fraction of its RMS.
-
-    .. math:: \mathrm{rms}(\delta^8 y / 2^8) / \mathrm{rms}(y)
-
-    Of a tone with n steps a period it is :math:`\sin^8(\pi / n)`: 1e-4 for ten of them, 1 for two.
-    """
-    size, rest = float(np.sqrt(np.mean(signal**2))), np.asarray(signal)
-    if size == 0.0 or len(rest) < 9:
-        return 0.0
-    for _ in range(4):
-        rest = (rest[:-2] - 2.0 * rest[1:-1] + rest[2:]) / 4.0
-    return float(np.sqrt(np.mean(rest**2))) / size
 
 
 def distrust(response: Response) -> str | None:
@@ -48,10 +33,10 @@ def distrust(response: Response) -> str | None:
         share = alternating(response.displacement)
         if share <= ALTERNATING:
             return None
-        return f"{rounded(100.0 * share)} % of its motion changes its sign with every step: {_CAUSES}"
+        return f"{rounded(100.0 * share)} % of its motion changes its sign with every step: {CAUSES}"
     if response.surplus <= NOTABLE:
         return None
-    return f"{described(response.surplus)}: {_CAUSES}"
+    return f"{described(response.surplus)}: {CAUSES}"
 
 
 def warnings(missing: Mapping[str, str], reduced: Response) -> list[str]:
@@ -59,6 +44,11 @@ def warnings(missing: Mapping[str, str], reduced: Response) -> list[str]:
     found = [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in missing.items()]
     if reduced.surplus > NOTABLE:
         found.append(f"the reduced model's motion is not to be trusted: {distrust(reduced)}")
+    if (share := ringing(reduced.slider_force)) > RINGING:
+        found.append(
+            f"of the forces of sliders and pads {rounded(100.0 * share)} % {ALTERNATES} in the reduced model: "
+            f"{CAUSES}; {REMEDY}"
+        )
     return found
 
 

@@ -82,7 +82,10 @@ def _errors(result: RunResult) -> Iterator[Row]:
 
 
 def _missing(result: RunResult) -> Iterator[Row]:
-    """References that were asked for and can't be trusted; why, the run's warnings say."""
+    """References that were asked for and can't be trusted, errors that are theirs; why, the run's warnings say."""
+    for name in result.summary.get("not_judged", {}):
+        called = forces_called(result) if name == "pad_force" else name
+        yield Row("reduced against full", called, "not judged")
     for name in result.summary.get("no_reference", {}):
         yield Row(f"reduced against {NAMES.get(name, name)}", "", "no reference")
 

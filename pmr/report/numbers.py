@@ -102,5 +102,5 @@ def share_captured(kappa: float, count: int) -> str:
 
 
 def times_the_true_error(estimate: float, true: float | None) -> str:
-    """How an estimate stands to a known error; empty below 1e-6, where round-off is part of both."""
+    """How an estimate of the motion stands to its known error; empty below 1e-6, where round-off is part of both."""
     return f"{significant(estimate / true, 3)} times the true error" if true and true > 1e-6 else ""

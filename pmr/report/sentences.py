@@ -75,7 +75,7 @@ def estimate(result: RunResult) -> str:
         else "it includes a margin of a quarter"
     )
     ratio = times_the_true_error(found["beam"], true)
-    known = f", {ratio}" if ratio else f"; {of}"
+    known = f"; along the beam it is {ratio}" if ratio else f"; {of}"
     left_out = found.get("not_covered")
     rest = f" It does not cover {'; nor '.join(left_out)}." if left_out else ""
     return f"{said}{known}.{rest}"

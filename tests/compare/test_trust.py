@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.compare.references import reference, references
-from pmr.compare.trust import ALTERNATING, alternating, distrust, warnings
+from pmr.compare.trust import ALTERNATING, distrust, warnings
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
 from pmr.files import records
@@ -36,16 +36,6 @@ def response(displacement: np.ndarray, surplus: float = np.nan) -> Response:
     return Response(
         T, np.zeros(1), displacement[:, None], energy, nothing[:, None], nothing, nothing, 0.0, surplus=surplus
     )
-
-
-@pytest.mark.parametrize("per_period", [2, 4, 10, 40])
-def test_the_alternating_share_of_a_tone(per_period: int) -> None:
-    tone = np.cos(2.0 * np.pi * np.arange(40 * per_period) / per_period)
-    assert alternating(tone) == pytest.approx(np.sin(np.pi / per_period) ** 8, rel=0.02)
-
-
-def test_what_is_too_short_or_still_does_not_alternate() -> None:
-    assert alternating(np.ones(8)) == alternating(np.zeros((20, 3))) == 0.0
 
 
 def test_what_can_be_trusted() -> None:

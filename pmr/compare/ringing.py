@@ -1,0 +1,98 @@
+r"""What of a signal changes its sign with every step: the time integration's own, not the body's.
+
+.. math:: \mathrm{rms}(\delta^8 y / 2^8) / \mathrm{rms}(y)
+
+Of a tone with n steps a period it is :math:`\sin^8(\pi / n)`: 1e-4 for ten of them, 1 for two.  The multipliers of
+rigid rows that move ring so (docs/time_integration.md), long before displacements or energies show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.errors import Pair, relative_error
+from pmr.compare.spectrum import band_of, error_below
+from pmr.errors.text import rounded
+from pmr.results import Response
+
+Array = NDArray[np.float64]
+
+#: Share of a force from which on its ringing is said, and its error may be that of the reference.
+RINGING = 0.02
+CAUSES = (
+    "the multiplier of a rigid row that moves (index 3) rings behind kinks and grows where time.rho_inf is near 1, "
+    "or the step is too long for the motion"
+)
+ALTERNATES = "change their sign with every step"
+REMEDY = "time.rho_inf = 0.8 or less, a smooth path or pads that give way damp it"
+_QUANTITIES = {"pad_force": "forces of sliders and pads"}
+
+
+def alternating(signal: Array) -> float:
+    """The share of a signal (T, ...), of all its columns together."""
+    size = float(np.sqrt(np.mean(signal**2)))
+    if size == 0.0 or len(signal) < 9:
+        return 0.0
+    return float(np.sqrt(np.mean(_alternating_part(signal) ** 2))) / size
+
+
+def ringing(signal: Array, of: Array | None = None) -> float:
+    """The share of a signal (T, o), column by column as in errors; in parts of another one's size, if `of` is given."""
+    of = signal if of is None else of
+    return relative_error(of + signal - _steady(signal), of)
+
+
+def rings(signal: Array, reference: Array) -> bool:
+    """Whether an error is the reference's ringing: most of the difference alternates, and the reference by as much."""
+    error = relative_error(signal, reference)
+    own = min(ringing(reference), ringing(signal - reference, reference))
+    return error > RINGING and own > error / 2.0
+
+
+@dataclass(frozen=True)
+class NotJudged:
+    """An error that no reduced model is to be blamed for, as the reference `rings`."""
+
+    alternating: float  # share of the reference that changes its sign with every step
+    band: float  # Hz, above which 1 % of the full model's motion lies
+    below: float  # error up to that frequency
+
+    @classmethod
+    def of(cls, both: Pair, full: Response) -> NotJudged | None:
+        """Of signal and reference (T, o), which is of the `full` model; None if it is judged."""
+        if not rings(*both):
+            return None
+        step, highest = float(full.t[1] - full.t[0]), band_of(full)
+        signal, reference = map(_steady, both)
+        return cls(ringing(both[1]), highest, error_below(signal, reference, step, highest))
+
+
+def warnings(found: Mapping[str, NotJudged]) -> list[str]:
+    """One line of all that is not judged, by the quantities' names in summary.json; none where everything is."""
+    if not found:
+        return []
+    told = [
+        f"{_QUANTITIES.get(name, name)}, of which {rounded(100.0 * one.alternating)} % {ALTERNATES} "
+        f"(below {rounded(one.band)} Hz, where the body moves, the error is {rounded(100.0 * one.below)} %)"
+        for name, one in found.items()
+    ]
+    return [f"the full model is no reference of {'; nor of '.join(told)}: {CAUSES}; {REMEDY}"]
+
+
+def _steady(signal: Array) -> Array:
+    """The signal (T, o) without what alternates in it; its first and last four steps as they are."""
+    steady = np.copy(signal)
+    if len(signal) > 8:
+        steady[4:-4] -= _alternating_part(signal)
+    return steady
+
+
+def _alternating_part(signal: Array) -> Array:
+    """delta^8 y / 2^8, (T - 8, ...)."""
+    for _ in range(4):
+        signal = (signal[:-2] - 2.0 * signal[1:-1] + signal[2:]) / 4.0
+    return signal
