@@ -47,7 +47,7 @@ def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
     assert summary["estimate"]["by"] == "other model"
     assert 1.0 <= summary["estimate"]["beam"] / summary["errors"]["reduced_vs_full"]["beam"] < 2.0
     assert result.tip_error is not None and result.tip_error.shape == (len(result.path), 1)
-    assert summary["warnings"] == []
+    assert all("change their sign with every step" in line for line in summary["warnings"])  # forces, behind kinks
     assert set(summary["agreement"]) == {"march_vs_exudyn"} and 0.0 < summary["agreement"]["march_vs_exudyn"] < 1e-11
     assert summary["simulators"] == {"reduced": "march", "full": "march"}
     assert all(
@@ -99,7 +99,7 @@ def test_six_coordinates_with_residual_flexibility(load_scene) -> None:
     summary, reduced = outcome.result.summary, outcome.reduced
     assert summary["coordinates"] == {"full": 63, "reduced": 6}
     found = summary["errors"]["reduced_vs_full"]
-    assert 0.0 < found["beam"] < 2e-3 and found["pad_force"] > 0.0
+    assert 0.0 < found["beam"] < 2e-3 and 0.0 < summary["not_judged"]["pad_force"]["below"] < 2e-3
     assert reduced.provenance["basis"].startswith("eigenmodes on the fixed supports with the sliders released")
     assert "residual flexibility" in summary["basis"]["kind"]
     assert summary["basis"]["carriers"] == 42  # deflection and slope at 21 nodes
@@ -268,7 +268,7 @@ def test_one_and_two_ranks_give_the_same_figures(tmp_path) -> None:
     E = a["coordinates"]["full"] * np.finfo(float).eps / 2.0 * sigma[0]
     np.testing.assert_allclose(b["basis"]["singular_values"], sigma, rtol=0.0, atol=E)
     turned = E / (sigma[17] - sigma[18])
-    displaced = [a["errors"]["reduced_vs_full"][name] for name in ("tip", "beam", "pad_force")]
+    displaced = [a["errors"]["reduced_vs_full"][name] for name in ("tip", "beam")]
     assert turned < 1e-8 < 1e-4 * min(displaced)
     assert a["errors"]["reduced_vs_full"] == pytest.approx(b["errors"]["reduced_vs_full"], rel=0.0, abs=turned)
     assert a["max_displacement"] == pytest.approx(b["max_displacement"], rel=1e-9)

@@ -184,7 +184,8 @@ class RunResult:
 
     `responses` is keyed by simulator: ``reduced`` and, as asked, ``full`` and ``ancf``.  `summary` is what
     summary.json holds: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
-    ``absolute_errors`` likewise (e_abs, m), ``not_judged`` (`pmr.compare.ringing`), ``max_displacement`` and ``max_error`` (m),
+    ``absolute_errors`` likewise (e_abs, m), ``not_judged`` (`pmr.compare.ringing`),
+    ``max_displacement`` and ``max_error`` (m),
     ``estimate.{beam,tip,pad_force,velocity,probe,probes,kappa,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
     ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``,
     ``coordinates``, ``basis``, ``seconds``, ``versions``, ``scene_hash``, ``pads`` (least and largest force of each)

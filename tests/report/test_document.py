@@ -249,7 +249,7 @@ def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     summary = make_result().summary | {"estimate": estimated}
     result = make_result(summary=summary)
     said = " ".join(point.text for point in sentences.points(result))
-    assert "1.26\u00a0% along the beam, 1.20 times the true error." in said
+    assert "1.26\u00a0% along the beam; along the beam it is 1.20 times the true error." in said
     numbers = {number.label: number for number in sentences.key_numbers(result)}
     said = "at the tip 1.05\u00a0%; estimated without the full model 1.26\u00a0%"
     assert (numbers["RMS error along the beam"].value, numbers["RMS error along the beam"].note) == (
