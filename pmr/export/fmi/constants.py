@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import rebased
-from pmr.errors import InputError
+from pmr.errors import BEYOND_ENDS, InputError
 from pmr.reduced.model import ReducedModel
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native.system import table_breaks
@@ -27,7 +27,7 @@ class Constants:
 
     form: ModalForm
     gives_way: NDArray[np.bool_]  #: (m,) array: rows whose flexibility or pad gives way; the others are rigid
-    sizes: dict[str, int]  #: Macros of model.h
+    sizes: dict[str, float]  #: Macros of model.h
     arrays: dict[str, Array]  #: Arrays of model.c by their declarations
 
     @property
@@ -51,7 +51,7 @@ def constants(model: ReducedModel, source: str) -> Constants:
     C = rebased(body.rows, breaks)
     coupled = not form.classically_damped
     pushes = ~np.isnan(body.row_clearance)
-    sizes = {
+    sizes: dict[str, float] = {
         "MODES": body.size,
         "ROWS": max(m, 1),
         "INPUTS": max(i, 1),
@@ -64,6 +64,7 @@ def constants(model: ReducedModel, source: str) -> Constants:
         "DAMPING_COUPLES": int(coupled),
         "DAMPING_SIZE": body.size ** (2 if coupled else 1),
         "MODEL_EXCHANGE": int(gives_way.all()),
+        "BEYOND_ENDS": BEYOND_ENDS,
     }
     X = tables["outputs"].c.swapaxes(2, 3)
     arrays = {

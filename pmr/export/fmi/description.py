@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pmr import __version__
+from pmr.errors.text import visible
 from pmr.export.fmi.variables import STARTS, Variable
 
 #: Exponents of the base units of SI, and a factor where there is one.
@@ -164,7 +165,8 @@ def _common(variable: Variable) -> dict[str, str]:
 
 def _real(variable: Variable) -> dict[str, str]:
     said = {} if not variable.unit else {"unit": variable.unit}
-    numbers = {"start": variable.start, "nominal": variable.nominal}
+    low, high = variable.within or (None, None)
+    numbers = {"start": variable.start, "nominal": variable.nominal, "min": low, "max": high}
     return said | {name: repr(value) for name, value in numbers.items() if value is not None}
 
 
@@ -178,5 +180,8 @@ def _unknowns(variables: Sequence[Variable]) -> list[list[Variable]]:
 
 
 def _text(root: ET.Element) -> str:
+    """As XML, which has no way to write control characters and halves of surrogate pairs."""
+    for element in root.iter():
+        element.attrib.update({key: visible(value) for key, value in element.attrib.items()})
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"

@@ -90,7 +90,7 @@ def contents(model: ReducedModel, file_name: str, name: str, version: str) -> Co
     Raises InputError if the provenance has no scene, the model keeps inertia, or has rigid rows that only push.
     """
     scene, found = recorded(model, file_name), constants(model, file_name)
-    run = reference(model, scene.excitation)
+    run = reference(model, scene)
     source = source_text(found, run.start_values, run.nominal)
     listed = variables(model, found.form.body.size, run.start_values, run.nominal)
     others = {f"fmi{other}.c" for other in VERSIONS if other != version}

@@ -1,4 +1,8 @@
-"""The reference trajectory that an FMU carries: inputs at every step, outputs of `march` at some of them."""
+"""The reference trajectory that an FMU carries: inputs at every step, outputs of `march` at some of them.
+
+An FMU goes on from step to step in straight lines of its inputs, and so does `march` here; in a run the parts that
+a step has where rows only push follow the signals themselves (docs/fmu.md says what that makes).
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,12 @@ from numpy.typing import NDArray
 
 from pmr.export.fmi.variables import Variable
 from pmr.reduced.model import ReducedModel
+from pmr.scene.signals import Ramp
 from pmr.simulate import contact_step
-from pmr.simulate.excitation import Excitation
+from pmr.simulate.excitation import SLIDER, Excitation
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
+from pmr.simulate.recorded import Recorded
 from pmr.simulate.stepping import TimeStepping
 from pmr.system.body import displacement
 
@@ -29,6 +35,7 @@ class Reference:
     stepping: TimeStepping  #: With the parts that rows that only push take
     #: (T, 3 + 2 i) array: time, s, its rate, loads and their rates, at every step; rates lead to the next step
     inputs: Array
+    first_loads: Array  #: (i,) array, N: where nothing else is said
     t: Array  #: (S,) array, s
     outputs: Array  #: (S, o + m) array: displacements and forces
     nominal: Array  #: (2 r,) array: largest modal coordinates and rates
@@ -36,19 +43,19 @@ class Reference:
     @property
     def start_values(self) -> Array:
         """Of the variables up to the scheme's parameter, in the order of `pmr.export.fmi.variables`."""
-        count = (self.inputs.shape[1] - 3) // 2
-        first = self.inputs[0]
-        loads, rates = first[3 : 3 + count], first[3 + count :]
-        nothing = np.zeros(0 if count else 1)  # C has no arrays of nothing
+        loads = self.first_loads if len(self.first_loads) else np.zeros(1)  # C has no arrays of nothing
         step = self.stepping.step / max(self.stepping.parts, 1)
-        return np.concatenate([first[:2], [0.0], loads, nothing, 0.0 * rates, nothing, [step, self.stepping.rho_inf]])
+        return np.concatenate([self.inputs[0, :2], [0.0], loads, 0.0 * loads, [step, self.stepping.rho_inf]])
 
 
-def reference(model: ReducedModel, excitation: Excitation) -> Reference:
-    """Simulate a model under its own scene."""
-    form, stepping = modal_form(model), contact_step.with_parts(model, excitation)
-    t, s, f = excitation.times, excitation.along(model.domain)[:, None], excitation.forces(model.input_names)
-    trajectory = march.simulate_modal(form, excitation.with_stepping(stepping))
+def reference(model: ReducedModel, scene: Recorded) -> Reference:
+    """Simulate a model under its own scene, in straight lines from step to step."""
+    excitation, form, names = scene.excitation, modal_form(model), model.input_names
+    t, s, f = excitation.times, excitation.along(model.domain)[:, None], excitation.forces(names)
+    path, *loads = (Ramp(times=t.tolist(), values=values.tolist()) for values in np.hstack([s, f]).T)
+    stepping = contact_step.with_parts(model, excitation)
+    given = Excitation({SLIDER: path}, dict(zip(names, loads, strict=True)), stepping)
+    trajectory = march.simulate_modal(form, given)
     shown = np.unique(np.linspace(0, len(t) - 1, min(INSTANTS, len(t))).round().astype(int))
     y = displacement(form.body, trajectory.q[shown], s[shown, 0], trajectory.multipliers[shown], f[shown])
     largest = np.abs(np.hstack([trajectory.q, trajectory.v])).max(axis=0)
@@ -57,6 +64,7 @@ def reference(model: ReducedModel, excitation: Excitation) -> Reference:
     return Reference(
         stepping=stepping,
         inputs=np.hstack([t[:, None], s, _leading(s, stepping.step), f, _leading(f, stepping.step)]),
+        first_loads=scene.first_loads,
         t=t[shown],
         outputs=np.hstack([y, trajectory.multipliers[shown]]),
         nominal=np.where(nominal > 0.0, nominal, 1.0),
@@ -72,7 +80,7 @@ def inputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
 def outputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
     """Displacements and forces as comma-separated values."""
     outputs = [v for v in variables if v.causality == "output"]
-    names = [v.name for v in outputs if not v.description.startswith("rate of ")]
+    names = [v.name for v in outputs if not v.is_rate]
     return _csv(["time", *names], np.hstack([found.t[:, None], found.outputs]))
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import BEYOND_ENDS
 from pmr.reduced.model import ReducedModel
 from pmr.scene.built import force_of
 from pmr.system.body import force_outputs
@@ -32,11 +33,9 @@ class Variable:
     start: float | None = None
     nominal: float | None = None
     derivative_of: int | None = None  #: Value reference of the state whose derivative this is
-
-    @property
-    def is_choice(self) -> bool:
-        """Whether it is the kind of start, the only variable that is no real number."""
-        return self.name == "start"
+    within: tuple[float, float] | None = None  #: Smallest and largest value
+    is_choice: bool = False  #: Whether it is the kind of start, the only variable that is no real number
+    is_rate: bool = False  #: Whether it is the rate of an output
 
 
 def variables(model: ReducedModel, modes: int, start: Array, nominal: Array) -> list[Variable]:
@@ -66,10 +65,14 @@ def variables(model: ReducedModel, modes: int, start: Array, nominal: Array) -> 
 
 def _given(model: ReducedModel, names: _Names, start: Array) -> Iterator[Variable]:
     """Time, inputs and parameters."""
-    count = max(len(model.input_names), 1)
+    count, (low, high) = max(len(model.input_names), 1), model.domain
     units = [unit.replace("^", "") for unit in model.input_units]
-    yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
-    inputs = [(names("s"), 1, "path coordinate of the sliders", "m"), (names("s_rate"), 2, "rate of s", "m/s")]
+    own = [names(name) for name in ("time", "s", "s_rate", "internal_step", "rho_inf", "start")]  # whatever loads are
+    yield Variable(own[0], 0, "time", "independent", initial="", unit="s")
+    beyond = f"up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
+    path = f"path coordinate of the sliders; {beyond}"
+    yield Variable(own[1], 1, path, "input", initial="", unit="m", start=float(start[1]), within=(low, high))
+    inputs = [(own[2], 2, "rate of s", "m/s")]
     pairs = zip(model.input_names, units, strict=True)
     loads = [(names(name), 3 + k, f"load {name}", unit) for k, (name, unit) in enumerate(pairs)]
     rates = [
@@ -80,14 +83,14 @@ def _given(model: ReducedModel, names: _Names, start: Array) -> Iterator[Variabl
         yield Variable(name, at, what, "input", "continuous", "", unit, float(start[at]))
     first, step, rho_inf = 3 + 2 * count, start[3 + 2 * count], start[4 + 2 * count]
     how = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"
-    for k, (name, what, unit, value) in enumerate(
-        (
-            ("internal_step", "longest internal step in Co-Simulation", "s", step),
-            ("rho_inf", "spectral radius of generalized-alpha at infinite frequency", "", rho_inf),
-            ("start", how, "", STARTS["at rest"]),
-        )
-    ):
-        yield Variable(names(name), first + k, what, "parameter", "fixed", "exact", unit, float(value))
+    given = (
+        ("longest internal step in Co-Simulation", "s", step),
+        ("spectral radius of generalized-alpha at infinite frequency", "", rho_inf),
+        (how, "", STARTS["at rest"]),
+    )
+    for k, (what, unit, value) in enumerate(given):
+        found = Variable(own[3 + k], first + k, what, "parameter", "fixed", "exact", unit, float(value))
+        yield replace(found, is_choice=what is how)
 
 
 def _observed(model: ReducedModel, names: _Names, first: int) -> Iterator[Variable]:
@@ -99,7 +102,8 @@ def _observed(model: ReducedModel, names: _Names, first: int) -> Iterator[Variab
     for k in range(o):
         yield Variable(outputs[k], first + k, called[k], unit=units[k])
     for k in np.flatnonzero(~force).tolist():
-        yield Variable(names(f"{outputs[k]}_rate"), first + max(o, 1) + k, f"rate of {called[k]}", unit=f"{units[k]}/s")
+        name, what = names(f"{outputs[k]}_rate"), f"rate of {called[k]}"
+        yield Variable(name, first + max(o, 1) + k, what, unit=f"{units[k]}/s", is_rate=True)
     for k, name in enumerate(model.row_names):
         what = f"{force_of(name)}; on the body with the opposite sign"
         yield Variable(names(force_of(name)), first + 2 * max(o, 1) + k, what, unit="N")

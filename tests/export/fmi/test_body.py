@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,14 +15,16 @@ from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
 from oracle import flexible, inertial, project, rich_body
 
-from pmr.errors import InputError
+from pmr.errors import BEYOND_ENDS, InputError
 from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.reference import reference
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulate.excitation import SLIDER, Excitation
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
 from pmr.simulate.native.stepper import Stepper
+from pmr.simulate.recorded import recorded
 from pmr.simulate.stepping import TimeStepping
 from pmr.system.body import displacement
 from pmr.system.compliant_rows import CompliantRows
@@ -125,6 +128,98 @@ def test_co_simulation_is_march(made: Made) -> None:
     if made.model.clearance is not None:
         open_now = expected.multipliers[:, made.model.row_clearance >= 0.0] == 0.0
         assert 0.05 < open_now.mean() < 0.95
+
+
+def test_parts_of_steps_follow_straight_lines_and_communicated_ones_the_signals(made: Made) -> None:
+    """Where pads push, a run makes steps in parts: an FMU is that run, to round-off, if it communicates at each part.
+
+    From step to step its inputs are straight lines, as in the reference that it carries.
+    """
+    if made.model.clearance is None:
+        return
+    scene, (values, rates), (moved, _, forces) = recorded(made.model, "model"), made.names(), made.observed()
+    carried = reference(made.model, scene)
+    parts = carried.stepping.parts
+    assert parts > 1
+    run = march.simulate(made.model, scene.excitation)
+    f = scene.excitation.forces(made.model.input_names)
+    followed = np.hstack([displacement(made.model, run.q, run.s, run.multipliers, f), run.multipliers])
+    shown = np.round(carried.t / STEP).astype(int)
+    largest = np.abs(followed[:, : len(moved)]).max(), np.abs(run.multipliers).max()
+    size = np.repeat(largest, [len(moved), len(forces)])
+    for step, expected in ((STEP, carried.outputs), (STEP / parts, followed[shown])):
+        fine = scene.excitation.with_stepping(TimeStepping(END, step, 0.8, parts=1))
+        given = np.hstack([fine.s, fine.forces(made.model.input_names)])
+        leading = np.diff(given, axis=0) / step
+        instance, found = Instance(made.library), []
+        instance.initialise(values, given[0])
+        for k in range(len(leading)):
+            if np.isclose(carried.t, k * step, rtol=0.0, atol=1e-9).any():
+                found.append(instance.get(moved + forces))
+            instance.set(values + rates, [*given[k], *leading[k]])
+            instance.step(k * step, step)
+        found.append(instance.get(moved + forces))
+        assert np.all(np.abs(np.array(found) - expected) <= 1e-7 * size)
+    assert np.any(np.abs(carried.outputs - followed[shown]) > 1e-6 * size)
+
+
+def test_it_starts_with_the_loads_of_the_scene_and_its_whole_weight() -> None:
+    model = model_of("flexible")
+    scene = model.provenance["scene"]
+    scene |= {"loads": scene["loads"][:1], "gravity": {"rise": 1.0}}
+    root = ET.fromstring(contents(model, "model.npz", "body", "3").texts["modelDescription.xml"])
+    start = {v.attrib["name"]: float(v.attrib["start"]) for v in root.iter("Float64") if v.get("causality") == "input"}
+    assert list(start.values()) == [2.0, 0.0, float(LOADS[0].value(0.0)), 9.80665, 0.0, 0.0]
+
+
+def test_the_path_has_ends_and_may_lie_a_little_beyond(made: Made) -> None:
+    low, high = made.model.domain
+    for version, tag in (("2", "Real"), ("3", "Float64")):
+        root = ET.fromstring(contents(made.model, "model.npz", "body", version).texts["modelDescription.xml"])
+        elements = [(v.get("name"), v if version == "3" else v.find(tag)) for v in root.iter() if v.get("name") == "s"]
+        ((_, path),) = [(name, e) for name, e in elements if e is not None and e.get("unit") == "m"]
+        assert (float(path.attrib["min"]), float(path.attrib["max"])) == (low, high)
+    values, moved = made.names()[0], made.observed()[0]
+    loads = np.full(len(values) - 1, 30.0)
+    at_the_end, beyond, outside = (Instance(made.library) for _ in range(3))
+    found = []
+    for instance, share in ((at_the_end, 0.0), (beyond, 0.9)):
+        instance.initialise(values, [high - share * BEYOND_ENDS * (low - high), *loads])
+        instance.step(0.0, STEP)
+        found.append(instance.get(moved))
+    np.testing.assert_array_equal(*found)
+    with pytest.raises(CallError, match="lies off the path"):
+        outside.initialise(values, [high + 1.1 * BEYOND_ENDS * (high - low), *loads])
+
+
+HOSTILE = (
+    *("a\x1b[31m", "\0", "\ud800", "<&>'\"", "]]>", "\uffff", "\n", "-", "1", ""),
+    *("start", "s", "rate of x", "internal_step"),
+)
+
+
+@pytest.mark.parametrize("version", ["2", "3"])
+def test_any_name_leaves_a_description_that_can_be_read(version: str) -> None:
+    model = model_of("flexible")
+    o, pairs = len(model.outputs), zip(HOSTILE, reversed(HOSTILE), strict=True)
+    for pair in pairs:
+        named = replace(
+            model,
+            input_names=pair,
+            row_names=tuple(f"{pair[0]}{k}" for k in range(len(model.row_names))),
+            output_names=(*pair, *(f"{pair[1]}{k}" for k in range(o - 2))),
+        )
+        named.provenance["scene"]["title"] = pair[0]
+        texts = contents(named, "model.npz", "body", version).texts
+        root = ET.fromstring(texts["modelDescription.xml"].encode())
+        listed = list(root.find("ModelVariables"))
+        names = [v.attrib["name"] for v in listed]
+        assert len(set(names)) == len(names) and all(re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) for name in names)
+        choices = [v for v in listed if v.tag == "Enumeration" or v.find("Enumeration") is not None]
+        assert [v.attrib["name"] for v in choices] == ["start"]
+        for text in (t for name, t in texts.items() if name.endswith(".csv")):
+            head, *rows = text.splitlines()
+            assert head.count(",") == rows[0].count(",") == rows[-1].count(",")
 
 
 def test_co_simulation_is_the_stepper(made: Made) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from processes import called
 
 from benchmarks.fmu import Timed
 from pmr import scene
@@ -109,6 +112,28 @@ def test_every_binary_exports_the_interface(exported: Exported, fmpy: Path, vers
     for file, names in found.items():
         missing = {f"fmi{version}{name}" for name in REQUIRED[version].split()} - set(names)
         assert not missing, file
+
+
+def test_the_self_check_of_the_manual_on_the_tutorials_boom(
+    fmpy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its commands as they are written, but that only this machine's binary is made."""
+    page = (ROOT / "docs" / "fmu.md").read_text().split("## Self-check")[1]
+    commands = re.findall(r"^    (\S.*)$", page.split("```")[0], flags=re.M)
+    (check,) = re.findall(r"^```python\n(.*?)^```$", page, flags=re.S | re.M)
+    monkeypatch.chdir(tmp_path)
+    assert called(monkeypatch, capsys, "new", "boom", "mine").returncode == 0
+    model = reduce(scene.load(Path("mine") / "scene.toml")).reduced
+    fmu.write_fmu(model.save(tmp_path / "reduced.npz"), "boom.fmu", platforms=PLATFORMS[:1])
+    programs = {"PATH": f"{fmpy.parent}:/usr/bin:/bin"}
+    assert [command.split()[0] for command in commands] == ["python", "fmpy"]
+    for command in (*(shlex.split(line) for line in commands), ["python", "-c", check]):
+        done = subprocess.run(command, env=programs, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    found = {name: float(value) for name, value in (line.split() for line in done.stdout.splitlines())}
+    forces = {name for name in found if name.startswith("force_of")}
+    assert 0.0 < max(found[name] for name in forces) < 1e-5
+    assert 0.0 < max(value for name, value in found.items() if name not in forces) < 1e-12
 
 
 def test_steps_through_the_c_interface_are_timed(exported: Exported, tmp_path: Path) -> None:

@@ -106,6 +106,8 @@ def cosim(fmu: str) -> Any:
     execution.add_manipulator(drive)
     execution.add_observer(seen)
     values, outputs = ([known[name].valueReference for name in names] for names in (given, moved))
+    for name, reference_of in zip(given, values, strict=True):  # its initialisation knows no manipulator
+        execution.real_initial_value(unit, reference_of, float(inputs[0][name]))
     instants = {round(float(row["time"]), 9): row for row in reference}
     worst = 0.0
     for now, after in zip(inputs[:-1], inputs[1:], strict=True):

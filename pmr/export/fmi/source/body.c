@@ -7,8 +7,6 @@
 #include "contact.h"
 #include "tables.h"
 
-/* Positions may leave the path by this share of its length: round-off of a signal. */
-#define DOMAIN_TOLERANCE 1e-9
 /* Share of its terms by which given states may move a rigid row. */
 #define VIOLATED 1e-6
 /* The same of given rates: a step of index 3 leaves O(h^2) of them, some 1e-4 in fast motions. */
@@ -109,7 +107,7 @@ static int place(Body *body, int order)
 {
     Place *place = &body->place;
     double s = body->memory.variables[PATH], low = breaks[0], high = breaks[INTERVALS];
-    double slack = DOMAIN_TOLERANCE * (high - low), x;
+    double slack = BEYOND_ENDS * (high - low), x;
     int j, k;
     if (place->s == s && place->order >= order) return 0;
     if (!(s >= low - slack && s <= high + slack)) {

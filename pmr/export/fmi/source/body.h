@@ -9,7 +9,9 @@
 
 #include <stddef.h>
 
-#include "model.h" /* MODES, ROWS, INPUTS, OUTPUTS, INTERVALS, powers of the tables; 1 where there is none */
+/* MODES, ROWS, INPUTS, OUTPUTS, INTERVALS, powers of the tables; 1 where there is none.  BEYOND_ENDS: share of the path
+   by which s may lie beyond its ends, where it is taken then. */
+#include "model.h"
 
 /* Constants of the model (model.c).  Tables: the highest power first. */
 extern const double breaks[INTERVALS + 1];
