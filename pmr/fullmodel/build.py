@@ -89,7 +89,8 @@ def _structure(boom: Boom, number: int, comm: MPI.Comm) -> Structure:
         sliders=tuple(replace(point, name=POINT) for point in pads.sliders),
         straight=tuple(Straight(end, names) for names, end in stiffened(boom, number).items()),
     )
-    if is_axial(boom, number):  # of the base, too, which the first cylinder leans on
+    held = any(clamp.on == "tail" and "x" in clamp.directions for clamp in structure.clamps)  # every point of it
+    if is_axial(boom, number) and (number or not held):  # of the base, too, which the first cylinder leans on
         pads = replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_stretch(pads))
         loads = (*loads, Weight((-1.0, 0.0, 0.0), DRIVEN)) if number else loads
     return replace(structure, pads=pads, loads=loads)
