@@ -24,8 +24,8 @@ def simulate(
 ) -> None:
     """Simulate a saved model; FEniCSx is not needed.
 
-    The scene is that of the model but for path, loads (by the same names), time and simulators.  DIR then holds
-    summary.json, scene.json and trajectories.npz, as after `pmr run`.
+    The scene is that of the model but for path, signals of loads (by the same names), time and simulators; one of
+    another body is refused.  DIR then holds summary.json, scene.json and trajectories.npz, as after `pmr run`.
 
     Example:
 

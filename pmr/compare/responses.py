@@ -15,7 +15,7 @@ from pmr import environment
 from pmr.compare import cable
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
-from pmr.compare.made_for import check_directions
+from pmr.compare.made_for import check_made_for
 from pmr.environment import Clock
 from pmr.errors import GrowthError
 from pmr.reduced.model import ReducedModel
@@ -117,9 +117,9 @@ def simulate_reduced(scene: Scene, reduced: ReducedModel) -> Response:
     Raises
     ------
     InputError
-        If loads act elsewhere than those that the model was made for.
+        If the scene describes another body than the model's, or loads that act elsewhere.
     """
-    check_directions(reduced, scene)
+    check_made_for(reduced, scene)
     return simulate_with_states(scene, reduced, ()).response
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from pmr.compare.estimated import reduction_error, step_part
 from pmr.compare.frequencies import reduced_frequencies
-from pmr.compare.made_for import check_directions
+from pmr.compare.made_for import check_made_for
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated, trusted
 from pmr.environment import Clock
@@ -24,7 +24,8 @@ def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
     """Simulate a reduced model under another scene's path, loads and time stepping, by the simulators that it names.
 
     There are no errors in the result but what is estimated without the full model, and no singular values.  Raises
-    InputError if loads and inputs differ, the path leaves the model's, or a simulator can't do what is asked;
+    InputError if the scene describes another body than the model's, loads and inputs differ, the path leaves the
+    model's, or a simulator can't do what is asked;
     SimulationError if a step fails.
     """
     check_installed(scene)
@@ -32,7 +33,7 @@ def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
     if set(excitation.loads) != set(reduced.input_names):
         allowed = f"the model's inputs are allowed: {', '.join(reduced.input_names)}"
         raise InputError("scene", "loads", list(excitation.loads), allowed)
-    check_directions(reduced, scene)
+    check_made_for(reduced, scene)
     excitation.along(reduced.domain)
     clock = Clock()
     simulations = simulate(scene, reduced, {}, clock)

@@ -28,7 +28,7 @@ from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.symmetry import mirror_images
 from pmr.models import StructuralModel
 from pmr.scene import Damping
-from pmr.scene.built import force_of
+from pmr.scene.built import WEIGHT, force_of
 from pmr.scene.structures import PointMass, unit_vector
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ class Weight:
     """
 
     direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
-    name: str = "gravity"
+    name: str = WEIGHT
 
 
 @dataclass(frozen=True)

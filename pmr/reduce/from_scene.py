@@ -64,6 +64,7 @@ def provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
     return {
         "scene": described,
         "scene_hash": scene.hash,
+        "files": scene.digests,
         "basis": description(scene, basis),
         "kappa": basis.kappa(),
         "versions": environment.versions() | versions(),

@@ -6,11 +6,11 @@ import re
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.boom import Boom, Linear
-from pmr.scene.boom_parts import footprint, is_axial, is_planar, seats, section_scene
+from pmr.scene.boom_parts import DRIVEN, footprint, is_axial, is_planar, seats, section_scene
 from pmr.scene.checks import check_magnitudes, check_time, jump_of
 from pmr.scene.section import check_sizes
 from pmr.scene.simulators import SIMULATORS
-from pmr.scene.structure_checks import check_names, check_structure, refusal
+from pmr.scene.structure_checks import check_names, check_reserved, check_structure, refusal
 
 #: Round-off of a user's arithmetic, m for each m of length.
 SLACK = 1e-9
@@ -161,6 +161,7 @@ def _by_itself(boom: Boom, number: int) -> None:
     try:
         check_magnitudes(scene)
         check_structure(scene)
+        check_reserved("loads", (load.name for load in scene.loads), (DRIVEN,))
     except InputError as error:
         if error.key.split(".")[0] in ("time", "damping", "gravity", "recovery"):
             raise

@@ -27,6 +27,8 @@ from pmr.scene.signals import Constant, Signal, SignalBase, SmoothRamp
 from pmr.scene.structures import BeamSection, Material, Profile, unit_vector
 
 GRAVITY = 9.80665  # m/s^2
+#: The input that the weight of everything drives.
+WEIGHT = "gravity"
 ModelName = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices"]
 Face = Literal["bottom", "top", "left", "right"]
 #: What tells pads of a face apart, if there are two: which side of the middle they are on.

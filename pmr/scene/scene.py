@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import Field
 
 from pmr.scene import asked
-from pmr.scene.built import ENDS, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
+from pmr.scene.built import ENDS, WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.section import Section
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass, Probe
@@ -37,6 +37,11 @@ class OneBody(Section):
         named = {"mesh": self.mesh.file, "reduction": self.reduction.file}
         return {section: file for section, file in named.items() if file is not None}
 
+    @property
+    def digests(self) -> dict[str, str]:
+        """SHA-256 of what these files hold."""
+        return {section: hashlib.sha256(file.read_bytes()).hexdigest() for section, file in self.files.items()}
+
 
 class Whole(Section):
     """What a scene of one body and a boom of several sections have in common; equal `hash`, equal results."""
@@ -60,8 +65,8 @@ class Whole(Section):
         left_out = {"title", "published", "simulation", "section"}
         content = self.model_dump(mode="json", exclude=left_out, exclude_defaults=True)
         for body, described in self._bodies(content):
-            for section, file in body.files.items():
-                described[section]["file"] = hashlib.sha256(file.read_bytes()).hexdigest()
+            for section, digest in body.digests.items():
+                described[section]["file"] = digest
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     @abstractmethod
@@ -93,7 +98,7 @@ class Scene(OneBody, Whole):
     @property
     def signals(self) -> dict[str, SignalBase]:
         """What drives each input of the model, by its name."""
-        weight = {"gravity": self.gravity.signal} if self.gravity else {}
+        weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
         return {load.name: load.signal for load in self.loads} | weight
 
     @property

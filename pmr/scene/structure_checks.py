@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.scene.built import Box, Face, PadRing
+from pmr.scene.built import WEIGHT, Box, Face, PadRing
 from pmr.scene.choice import directions, model_of
 from pmr.scene.scene import Scene
 
@@ -25,6 +25,7 @@ def check_structure(scene: Scene) -> None:
     check_names("pads", (name for ring in scene.pads for name, _, _ in ring.places))
     for key in ("loads", "masses", "probes"):
         check_names(key, (part.name for part in getattr(scene, key)))
+    check_reserved("loads", (load.name for load in scene.loads), (WEIGHT,))
     check_names("supports", (support.row_name(d) for support in scene.supports for d in support.held))
     for i, ring in enumerate(scene.pads):
         if ring.clearance and not ring.unilateral:
@@ -199,6 +200,13 @@ def check_names(key: str, names: Iterable[str]) -> None:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise refusal(key, twice[0], "names that differ are allowed")
+
+
+def check_reserved(key: str, names: Iterable[str], reserved: Iterable[str]) -> None:
+    """Refuse a name by which the program looks up what it makes itself, in a list of the scene."""
+    for i, name in enumerate(names):
+        if name in reserved:
+            raise refusal(f"{key}[{i}].name", name, "another name is allowed: this one is that of an input built in")
 
 
 def refusal(key: str, value: Any, allowed: str) -> InputError:

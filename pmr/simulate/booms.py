@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from pmr.scene import Boom
 from pmr.scene.boom_parts import DRIVEN
+from pmr.scene.built import WEIGHT
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Array, Floats
 from pmr.simulate.excitation import Excitation
@@ -28,7 +29,7 @@ def excitation_of(boom: Boom, system: Joined[Body]) -> Excitation:
     tails = list(accumulate(((path,) for path in boom.paths.values()), initial=()))
     for part, paths in zip(boom.sections, tails, strict=True):
         known: dict[str, SignalBase] = {load.name: load.signal for load in part.loads}
-        known |= {"gravity": boom.gravity.signal, DRIVEN: Acceleration(paths=paths, step=stepping.step)}
+        known |= {WEIGHT: boom.gravity.signal, DRIVEN: Acceleration(paths=paths, step=stepping.step)}
         loads |= {f"{part.name}.{name}": known[name] for name in system.bodies[part.name].input_names}
     return Excitation(boom.paths, loads, stepping, boom.simulation)
 

@@ -13,13 +13,14 @@ from processes import FENICSX, PETSC, called, without
 
 from pmr import run as whole
 from pmr import scene
-from pmr.compare.made_for import check_directions
+from pmr.compare.made_for import check_made_for
 from pmr.compare.responses import simulate_reduced
 from pmr.compare.saved_model import simulate_saved
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 
 ROOT = Path(__file__).parents[2]
+EARLIER = ROOT / "tests" / "files" / "earlier" / "reduced.npz"
 #: What simulates a saved model needs none of these.
 ABSENT = (*FENICSX, *PETSC, "exudyn")
 OURS = ["compare.against=[]", "simulation.simulators=['march']", "simulation.repeats=1"]
@@ -111,7 +112,49 @@ def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_re
         simulate_reduced(scene.load(file, [*ours, "loads.gust.on=3"]), model)
     told = model.provenance["scene"]
     older = {"scene": told | {"gravity": {}, "loads": [{"name": load["name"]} for load in told["loads"]]}}
-    check_directions(replace(model, provenance=older), scene.load(file, ours))
+    check_made_for(replace(model, provenance=older), scene.load(file, ours))
+
+
+BAKED = {
+    "masses.payload.mass=500": r"masses\[0\].mass = 500.0: that of the model is allowed: 250.0",
+    "masses=[]": r"masses = \[\]: that of the model is allowed: \[{",
+    "body.material.young=70e9": "body.material.young = 70000000000.0",
+    "pads.mouth.stiffness=1e7": r"pads\[1\].stiffness = 10000000.0: that of the model is allowed: 300000000.0",
+    "pads.mouth.stiffness=rigid": r"pads\[1\].stiffness = 'rigid'",
+    "pads.mouth.unilateral=true": r"pads\[1\].unilateral = True",
+    "pads.mouth.faces={bottom=[0.0],top=[0.0]}": r"pads\[1\].faces",
+    "damping={ratio=0.05,frequencies=[1.0,30.0]}": "damping.mass",
+    "reduction.coordinates=7": "reduction.coordinates = 7: that of the model is allowed: 10",
+    "mesh.elements=9": "mesh.elements = 9",
+    "observe={start=3.0,end=6.0,count=4}": "observe.start = 3.0",
+}
+FREE = ["title=x", "time.step=1e-3", "gravity.rise=0.1", "loads.gust.signal=3.0", "slider.path=2.0", "compare.against=[]"]
+
+
+def test_what_is_baked_into_a_saved_model_is_refused_where_a_scene_says_something_else(tmp_path: Path) -> None:
+    """Of each kind of key one; signals, path and time are free."""
+    file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8", "recovery.every=1"]
+    model = ReducedModel.load(whole.reduce(scene.load(file, ours)).reduced.save(tmp_path / "reduced.npz"))
+    check_made_for(model, scene.load(file, [*ours, *FREE]))
+    for change, says in BAKED.items():
+        with pytest.raises(InputError, match=f"scene: {says}"):
+            simulate_saved(model, scene.load(file, [*ours, change]))
+        with pytest.raises(InputError, match=f"scene: {says}"):
+            simulate_reduced(scene.load(file, [*ours, change]), model)
+
+
+def test_a_file_of_another_content_than_the_models_is_refused(tmp_path: Path) -> None:
+    basis = tmp_path / "basis.npz"
+    np.savez(basis, V=np.eye(153, 6, k=-3))
+    reduction = f"reduction={{basis='file',file='{basis}',coordinates=6}}"
+    asked = scene.load(ROOT / "workflows" / "paper_simple.toml", [*OURS, reduction])
+    made = {"scene": asked.model_dump(mode="json"), "files": asked.digests}
+    made["scene"]["reduction"]["file"] = basis.name
+    model = replace(ReducedModel.load(EARLIER), provenance=made)
+    check_made_for(model, asked)
+    np.savez(basis, V=np.eye(153, 6, k=-4))
+    with pytest.raises(InputError, match=r"scene: reduction.file = 'basis.npz': .* 'content of SHA-256"):
+        check_made_for(model, asked)
 
 
 def test_a_load_beyond_what_the_model_was_made_for_is_said(saved: Path) -> None:

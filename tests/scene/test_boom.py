@@ -55,6 +55,8 @@ def test_pads_measure_a_section_wherever_joints_take_them() -> None:
 
 
 REFUSED = [
+    ("sections.fly.loads.0.name=gravity", r"sections\[2\].loads\[0\].name = 'gravity': another name is allowed"),
+    ("sections.fly.loads.0.name=extension", r"sections\[2\].loads\[0\].name = 'extension': another name is allowed"),
     ("sections.fly.joint.extension=6.2", r"sections\[2\].joint.extension: it pulls fly out of middle: .* 5\.7 m"),
     ("sections.fly.joint.extension=5.75", r"joint.extension: the overlap of fly and middle gets down to 0\.25 m"),
     ("sections.fly.joint.extension=-0.1", r"the tail of fly gets 0\.1 m behind that of middle"),
