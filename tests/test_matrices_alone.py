@@ -61,10 +61,22 @@ def test_matrices_without_a_map_are_node_by_node() -> None:
     np.testing.assert_array_equal(again.node, given.node)
     np.testing.assert_array_equal(again.direction, given.direction)
     assert given.M.sum() == pytest.approx(3 * 7850.0 * 0.4 * 0.1 * 0.1, rel=1e-12)
+    mask = given.points[:, 0] > 0.3
+    masked = from_matrices(given.M, given.K, given.points, {"tip": mask, "twice": [3.0, 3.0, 1.0]})
+    np.testing.assert_array_equal(masked.groups["tip"], np.flatnonzero(mask))
+    np.testing.assert_array_equal(masked.groups["twice"], [1, 3])  # every node counts alike
     for arguments, says in (
         ({"points": given.points[1:]}, "three or six times the 11 nodes"),
         ({"node": given.node}, "together"),
         ({"groups": {"tip": [12]}}, "groups.tip"),
+        ({"groups": {"tip": [0.0, 3.7]}}, "groups.tip: a list of whole numbers is allowed"),
+        ({"groups": {"tip": [True, False]}}, "groups.tip: a mask of 12 truth values is allowed"),
+        ({"groups": {"tip": ["a"]}}, "groups.tip: "),
+        ({"groups": {"tip": [[0, 1], [2, 3]]}}, "groups.tip: a list of whole numbers"),
+        ({"groups": {"tip": [np.nan]}}, "groups.tip: a list of whole numbers"),
+        ({"node": given.node + 0.5, "direction": given.direction}, "node: a list of whole numbers"),
+        ({"K": given.K * 1j}, "K: real numbers are allowed"),
+        ({"points": [[0.0, 1.0, 2.0], [0.0]]}, "points: "),
     ):
         with pytest.raises(InputError, match=says):
             from_matrices(**{"M": given.M, "K": given.K, "points": given.points, **arguments})

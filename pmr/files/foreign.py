@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files import labelled
-from pmr.files.matrices import DIRECTIONS, GivenMatrices
+from pmr.files.matrices import DIRECTIONS, GivenMatrices, whole_numbers
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -134,7 +134,7 @@ def _symmetric(A: sp.spmatrix) -> sp.csr_matrix:
 
 def _triplets(path: Path) -> sp.csr_matrix:
     table = labelled.table(path, 3, "row, column and entry")
-    rows, columns = table[:, 0].astype(np.int64) - 1, table[:, 1].astype(np.int64) - 1
+    rows, columns = whole_numbers(table[:, 0]) - 1, whole_numbers(table[:, 1]) - 1
     n = int(max(rows.max(), columns.max())) + 1
     return _symmetric(sp.coo_matrix((table[:, 2], (rows, columns)), shape=(n, n)))
 

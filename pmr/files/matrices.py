@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -92,9 +92,9 @@ class GivenMatrices:
             M, K = (sp.csr_matrix(tuple(found[f"{name}.{part}"] for part in _PARTS), (n, n)) for name in ("M", "K"))
             for A in (M, K):
                 A.check_format()
-            groups = {str(name): found[f"groups.{k}"].astype(np.int64) for k, name in enumerate(header["groups"])}
+            groups = {str(name): whole_numbers(found[f"groups.{k}"]) for k, name in enumerate(header["groups"])}
             points = found["points"].astype(float)
-            node, direction = (found[name].astype(np.int64) for name in ("node", "direction"))
+            node, direction = (whole_numbers(found[name]) for name in ("node", "direction"))
         except InputError:
             raise
         except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError) as error:
@@ -140,15 +140,15 @@ def from_matrices(
     points : (N, 3) array, m
         z up, the axis along x.
     groups : mapping of name to sequence of int, optional
-        Numbers of nodes, from 0: the faces that pads slide on, tail and tip.
+        Numbers of nodes, from 0, or a mask, an array of N truth values: the faces that pads slide on, tail and tip.
     node, direction : sequences of int, optional
         Of each coordinate, its node and 0 to 5 for x, y, z, rx, ry, rz.  Without them all nodes have the same three or
         six coordinates, node by node.
 
     Raises InputError as `GivenMatrices`.
     """
-    points = np.asarray(points, dtype=float)
-    M, K = (sp.csr_matrix(A, dtype=float) for A in (M, K))
+    points = _numbers("points", points, lambda A: np.asarray(A, dtype=float))
+    M, K = (_numbers(name, A, _real) for name, A in (("M", M), ("K", K)))
     n, count = K.shape[0], max(len(points), 1)
     if node is None and direction is None:
         each = n // count
@@ -158,5 +158,43 @@ def from_matrices(
         node, direction = np.repeat(np.arange(count), each), np.tile(np.arange(each), count)
     if node is None or direction is None:
         raise InputError("matrices", "node", None, "node and direction are allowed together")
-    named = {name: np.asarray(members, dtype=np.int64) for name, members in (groups or {}).items()}
-    return GivenMatrices(M, K, points, np.asarray(node, np.int64), np.asarray(direction, np.int64), named)
+    named = {
+        name: _numbers(f"groups.{name}", members, lambda A: _members(np.asarray(A), len(points)))
+        for name, members in (groups or {}).items()
+    }
+    node, direction = (_numbers(name, A, whole_numbers) for name, A in (("node", node), ("direction", direction)))
+    return GivenMatrices(M, K, points, node, direction, named)
+
+
+def whole_numbers(values: ArrayLike) -> Indices:
+    """The same as integers; raises ValueError if one is none, or truth values are given."""
+    values = np.asarray(values)
+    found = values.astype(np.int64)
+    if values.dtype.kind not in "iuf" or values.ndim != 1 or not np.array_equal(found, values):
+        raise ValueError("a list of whole numbers is allowed")
+    return found
+
+
+def _members(values: NDArray[Any], count: int) -> Indices:
+    """Numbers of nodes, ascending and each once, of a list or a mask."""
+    if values.dtype == bool:
+        if values.shape != (count,):
+            raise ValueError(f"a mask of {count} truth values is allowed, not of {values.shape}")
+        return np.flatnonzero(values)
+    return np.unique(whole_numbers(values))
+
+
+def _real(A: Any) -> sp.csr_matrix:
+    found = sp.csr_matrix(A)
+    if found.dtype.kind not in "iuf":
+        raise ValueError(f"real numbers are allowed, not {found.dtype}")
+    return found.astype(float)
+
+
+def _numbers(key: str, values: Any, read: Callable[[Any], Any]) -> Any:
+    """What is read of values; an InputError of the key if they are not what they should be."""
+    try:
+        with np.errstate(invalid="ignore"):  # of casts, which are checked
+            return read(values)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise InputError("matrices", key, None, str(error)) from None

@@ -209,7 +209,8 @@ def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, travel:
     if support.direction not in model.directions:
         allowed = f"{', '.join(model.directions)} are allowed"
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
-    measured = model.motion(support.on)[model.directions.index(support.direction)]
+    measure = model.displacement if support.direction in ("x", "y", "z") else model.motion  # points have no rotation
+    measured = measure(support.on)[model.directions.index(support.direction)]
     left = sp.csr_matrix(measured @ T)
     if np.abs(left.data).max(initial=0.0) <= 1e-12 * np.abs(measured.data).max(initial=0.0):
         allowed = f"a support of all points holds {support.on} along it already; one of the two is allowed"

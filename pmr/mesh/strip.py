@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 
 #: Cosine of the largest angle between a face's cells.
 FLAT = 0.9999
+#: A face that is so much beside the body's middle, as a share of its extent, lies in it.
+BESIDE = 1e-6
+#: Faces that have a name: the component of the outward normal, and its sign; z is up.
+FACES = {"bottom": (2, -1.0), "top": (2, 1.0), "left": (1, 1.0), "right": (1, -1.0)}
 #: Cells of a strip are cut into pieces that a pad resolves; more of them take gigabytes.
 MOST_PIECES = 500_000
 
@@ -134,10 +138,24 @@ def _normal(mesh: NamedMesh, group: Group, face: str) -> Array:
     a, b, c = (mesh.points[group.entities[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    outward = a.mean(axis=0) - (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
     normals *= np.sign(normals @ normals[0])[:, None]
     mean = normals.mean(axis=0)
     mean /= np.linalg.norm(mean)
     if np.any(normals @ mean < FLAT):
         raise InputError("scene", "pads.on", face, "this face is not flat; flat faces are allowed")
-    return np.asarray(mean * np.sign(mean @ outward)) + 0.0
+    return outward(face, mean, a.mean(axis=0), mesh.points)
+
+
+def outward(face: str, normal: Array, middle: Array, points: Array) -> Array:
+    """A face's normal (3,) that points out of the body of these points (N, 3), where the middle (3,) of the face is.
+
+    That of a face in the middle of a flat body points where its name says.  Raises an `InputError` if it says nothing.
+    """
+    along = float(normal @ (middle - (points.min(axis=0) + points.max(axis=0)) / 2.0))
+    if abs(along) <= BESIDE * np.ptp(points, axis=0).max():
+        component, sign = FACES.get(face, (0, 0.0))
+        along = sign * normal[component]
+        if abs(along) <= np.sqrt(0.5):
+            allowed = "this face lies in the middle of the body, where its name says which side is outside: "
+            raise InputError("scene", "pads.on", face, f"{allowed}bottom and top are along z, left and right along y")
+    return np.asarray(normal * np.sign(along)) + 0.0

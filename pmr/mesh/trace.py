@@ -44,6 +44,7 @@ class Trace:
     points: Array  # (q, 3) m
     weights: Array  # (q,) m^dim, Jacobian included: they add up to the group's measure (points: to their number)
     values: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]  # (q, n) each: displacement along x, y, z
+    beside: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the points' centroid to the place that is measured
 
     @property
     def measure(self) -> float:
@@ -52,14 +53,24 @@ class Trace:
 
     @property
     def centroid(self) -> Array:
-        """(3,) m."""
-        return np.asarray(self.weights @ self.points / self.measure)
+        """(3,) m, or the place beside it."""
+        return np.asarray(self.weights @ self.points / self.measure + self.beside)
 
     @cached_property
     def mean(self) -> sp.csr_matrix:
-        """Mean displacement as rows (3, n)."""
+        """Mean displacement as rows (3, n), or that of a place that follows the mean motion.
+
+        Raises an `InputError` as `rotation` if it does.
+        """
         mean = sp.csr_matrix(self.weights / self.weights.sum())
-        return sp.vstack([mean @ component for component in self.values], format="csr")
+        found = sp.vstack([mean @ component for component in self.values], format="csr")
+        return found + sp.csr_matrix(-_cross(np.array(self.beside))) @ self.rotation if any(self.beside) else found
+
+    def at(self, axis: int, place: float) -> Trace:
+        """The same of a place on an axis, m, where the points' centroid is beside it."""
+        beside = np.eye(3)[axis] * (place - self.centroid[axis])
+        close = np.abs(beside).max() <= 1e-9 * np.abs(self.points - self.centroid).max(initial=0.0)
+        return self if close else replace(self, beside=tuple(beside.tolist()))
 
     def motion(self, about: Array | None = None) -> sp.csr_matrix:
         """Displacement of a point that follows the group (by default its centroid), and rotation: rows (6, n).
@@ -75,7 +86,7 @@ class Trace:
 
         Raises an `InputError` if the group's points lie on a line, which leaves a rotation open.
         """
-        r, w = self.points - self.centroid, self.weights
+        r, w = self.points - self.centroid + self.beside, self.weights
         J = np.eye(3) * (w @ (r**2).sum(axis=1)) - (r.T * w) @ r
         if np.linalg.eigvalsh(J)[0] <= 1e-9 * max(np.trace(J), 1e-300):
             allowed = "points of this group lie on a line, which leaves the rotation about it open; an area is allowed"
@@ -120,8 +131,7 @@ def trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: int = 1)
 def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
     """Displacements of the cross-section at a distance from the origin along the mesh's longest extent, m.
 
-    Weighted by a hat over the cells around it, as a mesh need not have nodes there; beside the ends its centroid is
-    therefore a little off.
+    Weighted by a hat over the cells around it, as a mesh need not have nodes there.
 
     Raises an `InputError` if the mesh does not reach there.
     """
@@ -138,7 +148,8 @@ def section(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
     name, dim = f"section at {at:g} m", 2 if mesh.cell == "triangle" else 3
     cut = replace(mesh, groups={name: Group(dim, mesh.cells[near])}, regions={name: near})
     whole = trace(cut, nodes, name, degree, parts=2 if dim == 2 else 1)
-    return replace(whole, weights=whole.weights * np.maximum(0.0, 1.0 - np.abs(whole.points[:, axis] - at) / reach))
+    hat = np.maximum(0.0, 1.0 - np.abs(whole.points[:, axis] - at) / reach)
+    return replace(whole, weights=whole.weights * hat).at(axis, at)
 
 
 def coordinates_on(mesh: NamedMesh, nodes: Nodes, name: str, components: Sequence[int]) -> Indices:

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import cellwise, constant, hermite_space
 from pmr.fields.stress import StressRows
-from pmr.mesh.strip import Extent, Strip, Window, line_points
+from pmr.mesh.strip import FACES, Extent, Strip, Window, line_points
 from pmr.models import DIRECTIONS, Forms
 from pmr.models.beam import HERMITE, Beam
 from pmr.models.box_section import box_section, stress_rows
@@ -45,9 +45,6 @@ from pmr.scene.structures import Beam3DBody, BeamSection
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-
-#: Faces of the section: the component of the outward normal, and its sign.
-FACES = {"bottom": (2, -1.0), "top": (2, 1.0), "left": (1, 1.0), "right": (1, -1.0)}
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from scipy.spatial import Delaunay
 
 from pmr.errors import InputError
 from pmr.files.matrices import GivenMatrices
-from pmr.mesh.strip import Extent, Strip, Window
+from pmr.mesh.strip import Extent, Strip, Window, outward
 from pmr.mesh.trace import Trace
 from pmr.models import DIRECTIONS, rigid_motions
 from pmr.models.meshed import Traced
@@ -23,8 +23,10 @@ Indices = NDArray[np.int64]
 
 #: A face's nodes lie in a plane within this share of the face's extent.
 FLAT = 1e-3
-#: A section reaches so many levels of nodes to either side.
-REACH = 1.01
+#: Of all rigid motions together, the share that one of them has at least.
+RIGID = 1e-9
+#: Nodes around a place make up its section if they spread over this share of the body's breadth and height.
+WHOLE = 0.5
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,18 @@ class Matrices(Traced):
     """
 
     given: GivenMatrices
+
+    def __post_init__(self) -> None:
+        points, known = self.given.points - self.given.points.mean(axis=0), list[int]()
+        R = rigid_motions(points[self.given.node], self.given.direction)
+        R /= np.maximum(np.linalg.norm(R, axis=0), RIGID * np.linalg.norm(R))
+        for k in range(R.shape[1]):
+            if np.linalg.matrix_rank(R[:, [*known, k]], tol=np.sqrt(RIGID)) > len(known):
+                known.append(k)
+        missing = ", ".join(DIRECTIONS[k] for k in range(R.shape[1]) if k not in known)
+        if missing:
+            allowed = f"coordinates that move and turn in space are allowed: these know no rigid motion along {missing}"
+            raise InputError(self.given.source, "direction", None, allowed)
 
     @property
     def size(self) -> int:
@@ -99,6 +113,9 @@ class Matrices(Traced):
         rows = np.repeat(np.arange(len(places)), 3)
         interpolation = sp.csr_matrix((shares.ravel(), (rows, corners.ravel())), shape=(len(places), len(nodes)))
         value = sum(c * self._values(nodes)[k] for k, c in enumerate(normal))
+        if not value.count_nonzero():
+            allowed = "a face is allowed whose nodes have coordinates along its normal: a pad would hold nothing here"
+            raise InputError("scene", "pads.on", face, allowed)
         weights = np.full(len(places), width * breadth)
         return Strip(places[:, 0], places[:, 1], weights, sp.csr_matrix(interpolation @ value), extent)
 
@@ -131,10 +148,16 @@ class Matrices(Traced):
         levels = np.unique(np.round(x / max(slack, 1e-300)).astype(np.int64)) * slack
         gaps = np.diff(levels)
         near = (levels[1:] >= place - slack) & (levels[:-1] <= place + slack)
-        reach = REACH * float(gaps[near].max())
-        nodes = np.flatnonzero(np.abs(x - place) < reach)
+        reach, points = float(gaps[near].max()) + slack, self.given.points
+        while True:
+            nodes = np.flatnonzero(np.abs(x - place) < reach)
+            across = np.ptp(points[nodes], axis=0) >= WHOLE * np.ptp(points, axis=0)
+            if np.delete(across, self.axis).all() or len(nodes) == len(x):
+                break
+            reach *= 2.0  # nodes that lie in no levels: a few of them are no section
         weights = 1.0 - np.abs(x[nodes] - place) / reach
-        return Trace(f"section at {place:g} m", self.given.points[nodes], weights, self._values(nodes))
+        name = f"section at {place:g} m"
+        return Trace(name, points[nodes], weights, self._values(nodes)).at(self.axis, place)
 
     def _normal(self, face: str, points: Array) -> Array:
         """Unit vector out of the body, of nodes that lie in a plane."""
@@ -142,9 +165,7 @@ class Matrices(Traced):
         _, sizes, ways = np.linalg.svd(points - middle, full_matrices=False)
         if len(points) < 3 or sizes[1] <= FLAT * sizes[0] or sizes[2] > FLAT * sizes[1]:
             raise InputError("scene", "pads.on", face, "nodes that lie in a plane, not on a line, are allowed")
-        whole = self.given.points
-        outward = middle - (whole.min(axis=0) + whole.max(axis=0)) / 2.0
-        return np.asarray(ways[2] * np.sign(ways[2] @ outward)) + 0.0
+        return outward(face, ways[2], middle, self.given.points)
 
 
 def _middles(start: float, end: float, spacing: float) -> tuple[Array, float]:

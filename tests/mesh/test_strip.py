@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from boxes import HEIGHT, WIDTH, block, box
+from surfaces import mapped
 
 from pmr.errors import InputError
-from pmr.mesh.named import NamedMesh
+from pmr.mesh.named import Group, NamedMesh
 from pmr.mesh.strip import Window
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
@@ -82,3 +85,15 @@ def test_beside_a_face_there_are_no_points_and_the_face_says_what_it_offers() ->
     strip = shell(box()).strip("top", Window((2.1, 2.4), (-0.1, 0.1), (0.01, 0.01)))
     assert len(strip.along) == 0 and strip.normal.shape[0] == 0
     assert str(strip.extent) == "0 to 2 m along the axis, -0.15 to 0.15 m across"
+
+
+def test_a_face_of_a_flat_shell_points_where_its_name_says() -> None:
+    """It lies in the middle of the body, from where it is seen from neither side."""
+    mesh = mapped((4, 2), lambda u, v: np.stack([2.0 * u, 0.4 * v - 0.2, 0.0 * u], axis=1))
+    groups = dict.fromkeys(("bottom", "top", "left"), Group(2, mesh.cells))
+    model = shell(replace(mesh, groups={**mesh.groups, **groups}))
+    for face, sign in {"bottom": -1.0, "top": 1.0}.items():
+        strip = model.strip(face, WINDOW)
+        assert strip.normal @ model.rigid_motions()[:, 2] == pytest.approx(sign, abs=1e-12)
+    with pytest.raises(InputError, match="pads.on = 'left': this face lies in the middle of the body"):
+        model.strip("left", WINDOW)

@@ -9,7 +9,7 @@ from surfaces import mapped
 
 from pmr.errors import InputError
 from pmr.mesh.nodes import number_nodes
-from pmr.mesh.trace import coordinates_on, trace
+from pmr.mesh.trace import coordinates_on, section, trace
 
 SHELL = {0: (0, 1, 2), 1: (0, 1, 2, 3, 4, 5)}
 
@@ -65,6 +65,19 @@ def test_mean_and_rotation_are_those_of_a_rigid_motion(name: str) -> None:
     assert motion[:3] == pytest.approx(translation + np.cross(rotation, about), abs=1e-12)
     assert motion[3:] == pytest.approx(rotation, abs=1e-12)
     assert found.mean @ q == pytest.approx(translation + np.cross(rotation, found.centroid), abs=1e-13)
+
+
+@pytest.mark.parametrize("at", [0.0, 0.01, 0.7, 1.93, 2.0])
+def test_a_section_is_where_it_was_asked_for(at: float) -> None:
+    """Beside the ends too, where all cells lie on one side."""
+    mesh = mapped((7, 4), lambda u, v: np.stack([2 * u**2, 0.2 * np.sin(v), 0.2 * np.cos(v)], axis=1))
+    nodes = number_nodes("triangle", mesh.points, mesh.cells, SHELL)
+    found = section(mesh, nodes, at, 2)
+    assert found.centroid[0] == pytest.approx(at, abs=1e-12)
+    q = field(nodes, lambda x: np.array([0.3, -1.0, 2.0]) + np.cross([0.2, 0.5, -0.7], x))
+    assert found.motion()[3:] @ q == pytest.approx([0.2, 0.5, -0.7], abs=1e-11)
+    expected = np.array([0.3, -1.0, 2.0]) + np.cross([0.2, 0.5, -0.7], found.centroid)
+    assert found.mean @ q == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_rotation_is_the_nearest_one() -> None:

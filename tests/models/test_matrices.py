@@ -11,6 +11,7 @@ from gathering import gathered
 
 from pmr.errors import InputError
 from pmr.files.matrices import GivenMatrices
+from pmr.fullmodel.pads import Pads, Support, restrain
 from pmr.fullmodel.structure import Structure, structural_model
 from pmr.mesh.strip import Window
 from pmr.models.matrices import Matrices
@@ -48,7 +49,80 @@ def test_places_follow_rigid_motions(model: Matrices, place: str | float) -> Non
     expected = np.vstack([motion(model, about), np.hstack([np.zeros((3, 3)), np.eye(3)])])
     np.testing.assert_allclose(model.motion(place, about) @ R, expected, atol=1e-12)
     if isinstance(place, float):
-        assert centre[0] == pytest.approx(place, abs=0.05)
+        assert centre[0] == pytest.approx(place, abs=1e-12)
+
+
+@pytest.mark.parametrize("levels", ["graded", "scattered"])
+def test_a_place_is_where_it_was_asked_for(levels: str) -> None:
+    """Levels of nodes that get closer, or none at all, as tetrahedra have; at the ends, on levels and between them."""
+    x, y, z = np.meshgrid(2.0 * np.linspace(0.0, 1.0, 9) ** 2, [-0.2, 0.2], [-0.1, 0.0, 0.1], indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    inner = (points[:, 0] > 0.0) & (points[:, 0] < 2.0)
+    if levels == "scattered":
+        points[inner, 0] += np.random.default_rng(1).uniform(-0.01, 0.01, inner.sum())
+    node, direction = np.repeat(np.arange(len(points)), 3), np.tile(np.arange(3), len(points))
+    one = sp.identity(len(node), format="csr")
+    found = Matrices(GivenMatrices(one, one, points, node, direction, {}))
+    for place in (0.0, 0.01, 0.3286, 0.5, 1.999, 2.0):
+        trace = found.trace(place)
+        assert trace.centroid[0] == pytest.approx(place, abs=1e-8)  # a billionth of the extent is no distance
+        assert np.ptp(trace.points[:, 1]) == pytest.approx(0.4) and np.ptp(trace.points[:, 2]) >= 0.1
+        np.testing.assert_allclose(
+            found.displacement(place) @ found.rigid_motions(), motion(found, trace.centroid), atol=1e-12
+        )
+        assert np.abs(trace.points[:, 0] - place).max() < 0.5
+
+
+def flat(**groups: np.ndarray) -> Matrices:
+    """Nodes of a plate of 2 x 0.4 m in the plane z = 0, with all six coordinates."""
+    x, y = np.meshgrid(np.linspace(0.0, 2.0, 9), np.linspace(-0.2, 0.2, 5), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    node, direction = np.repeat(np.arange(len(points)), 6), np.tile(np.arange(6), len(points))
+    one = sp.identity(len(node), format="csr")
+    whole = np.arange(len(points))
+    known = {"bottom": whole, "top": whole, "middle": whole, "tail": whole[points[:, 0] == 0.0]}
+    return Matrices(GivenMatrices(one, one, points, node, direction, known | groups))
+
+
+def test_a_face_of_a_flat_body_points_where_its_name_says() -> None:
+    """Its middle is that of the body, which says nothing: every row of a pad was zero."""
+    model, window = flat(), Window((0.5, 0.7), (-0.05, 0.05), (0.02, 0.01))
+    for face, sign in {"bottom": -1.0, "top": 1.0}.items():
+        np.testing.assert_allclose(model.strip(face, window).normal @ model.rigid_motions()[:, 2], sign, rtol=1e-12)
+    with pytest.raises(InputError, match=r"pads.on = 'middle': this face lies in the middle of the body"):
+        model.strip("middle", window)
+
+
+def test_a_face_without_coordinates_along_its_normal_is_refused() -> None:
+    model = flat()
+    kept = (model.given.direction != 2) | ~np.isin(model.given.node, model.given.groups["bottom"][10:])
+    one = sp.identity(int(kept.sum()), format="csr")
+    given = replace(model.given, M=one, K=one, node=model.given.node[kept], direction=model.given.direction[kept])
+    given = replace(given, groups={"bottom": model.given.groups["bottom"][10:]})
+    with pytest.raises(InputError, match="coordinates along its normal: a pad would hold nothing here"):
+        Matrices(given).strip("bottom", Window((0.7, 0.9), (-0.05, 0.05), (0.02, 0.01)))
+
+
+def test_a_line_of_nodes_is_held_along_the_axes() -> None:
+    """Its rotation about itself is open, and nobody asks for it."""
+    model = flat()
+    held = restrain(Pads(supports=(Support("a", "tail", "x"),)), model, sp.eye(model.size, format="csr"))
+    measured = (held.rows[0].at(0.0) @ model.rigid_motions()).ravel()
+    assert measured == pytest.approx([1.0, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-12)
+    with pytest.raises(InputError, match="points of this group lie on a line"):
+        restrain(Pads(supports=(Support("a", "tail", "ry"),)), model, sp.eye(model.size, format="csr"))
+
+
+@pytest.mark.parametrize(
+    ("directions", "missing"), [((2, 3, 4), "x, y, rz"), ((0, 2, 4), "y, rx, rz"), ((0, 1, 2), "rx")]
+)
+def test_a_body_that_does_not_move_in_space_is_refused(directions: tuple[int, ...], missing: str) -> None:
+    """A plate that bends (its scale of frequency was 0/0), a plane frame, nodes with displacements on a line."""
+    points = np.column_stack([np.linspace(0.0, 30.0, 5), np.zeros(5), np.zeros(5)])
+    node, direction = np.repeat(np.arange(5), len(directions)), np.tile(directions, 5)
+    one = sp.identity(len(node), format="csr")
+    with pytest.raises(InputError, match=f"direction: coordinates .* these know no rigid motion along {missing}$"):
+        Matrices(GivenMatrices(one, one, points, node, direction, {}))
 
 
 def test_a_strip_is_the_face(model: Matrices) -> None:
