@@ -147,23 +147,23 @@ def from_matrices(
 
     Raises InputError as `GivenMatrices`.
     """
-    points = _numbers("points", points, lambda A: np.asarray(A, dtype=float))
+    at = _numbers("points", points, lambda A: np.asarray(A, dtype=float))
     M, K = (_numbers(name, A, _real) for name, A in (("M", M), ("K", K)))
-    n, count = K.shape[0], max(len(points), 1)
+    n, count = K.shape[0], max(len(at), 1)
     if node is None and direction is None:
         each = n // count
         if each not in (3, 6) or each * count != n:
-            allowed = f"three or six times the {len(points)} nodes is allowed, or node and direction of each coordinate"
+            allowed = f"three or six times the {len(at)} nodes is allowed, or node and direction of each coordinate"
             raise InputError("matrices", "K", n, allowed)
         node, direction = np.repeat(np.arange(count), each), np.tile(np.arange(each), count)
     if node is None or direction is None:
         raise InputError("matrices", "node", None, "node and direction are allowed together")
     named = {
-        name: _numbers(f"groups.{name}", members, lambda A: _members(np.asarray(A), len(points)))
+        name: _numbers(f"groups.{name}", members, lambda A: _members(np.asarray(A), len(at)))
         for name, members in (groups or {}).items()
     }
-    node, direction = (_numbers(name, A, whole_numbers) for name, A in (("node", node), ("direction", direction)))
-    return GivenMatrices(M, K, points, node, direction, named)
+    whose, along = (_numbers(name, A, whole_numbers) for name, A in (("node", node), ("direction", direction)))
+    return GivenMatrices(M, K, at, whose, along, named)
 
 
 def whole_numbers(values: ArrayLike) -> Indices:
