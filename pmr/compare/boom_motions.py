@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pmr.compare import responses
 from pmr.compare.boom_figures import CURVES, frequencies
 from pmr.compare.booms import Said, respond, response_of, with_friction
-from pmr.compare.made_for import check_directions
+from pmr.compare.made_for import check_made_for
 from pmr.compare.responses import agreement
 from pmr.compare.trust import distrust
 from pmr.environment import Clock
@@ -93,7 +93,7 @@ def simulate_either(scene: Scene | Boom, reduced: ReducedModel | Mapping[str, Re
             if model.section is None or model.section.name != name:
                 is_of = "a whole body" if model.section is None else f"section {model.section.name}"
                 raise InputError("pmr.simulate", f"models.{name}", is_of, f"the model of section {name} is allowed")
-            check_directions(replace(model, section=None), section_scene(scene, number))
+            check_made_for(replace(model, section=None), section_scene(scene, number))
             loads = {load.name for load in scene.sections[number].loads}
             if loads != set(model.input_names) - {"gravity", DRIVEN}:
                 allowed = f"the inputs of its model are allowed: {', '.join(model.input_names)}"
