@@ -60,8 +60,15 @@ endef
 help: ## say what there is
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
+# $(call pinned,VENV,STACK): what pip installs into an environment later leaves the versions that fit together.
+define pinned
+@sed -n '/==/{s/ *#.*//;p}' requirements/{common,$2,constraints}.txt >$1/pins.txt
+@printf '[install]\nconstraint = file://%s/$1/pins.txt\n' "$${PWD// /%20}" >$1/pip.conf
+endef
+
 .PHONY: setup
-setup: .venv/.ready ## install what is missing: Debian packages, then the pinned Python ones into .venv
+setup: .venv/.ready ## install what is missing or changed: Debian packages, then the pinned Python ones into .venv
+	@.venv/bin/python .ci/versions .venv/pins.txt || { rm $<; $(MAKE) --no-print-directory $<; }
 
 .venv/.ready: $(PINS)
 	@. /etc/os-release 2>/dev/null; [ "$$ID-$$VERSION_ID" = debian-12 ] || { \
@@ -74,6 +81,7 @@ setup: .venv/.ready ## install what is missing: Debian packages, then the pinned
 	    $$as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends $$missing >/dev/null; }
 	@echo "installing Python packages into .venv"
 	@/usr/bin/python3 -m venv --system-site-packages .venv
+	$(call pinned,.venv,debian)
 	@.venv/bin/python -m pip install -q -r requirements/debian.txt
 	@.venv/bin/python -m pip install -q --no-deps --no-build-isolation -e .
 	@touch $@
@@ -187,6 +195,7 @@ python312:
 	@[ -n "$(PYTHON312)" ] || { echo "the wheel stack needs Python 3.12 or newer: none found" >&2; exit 1; }
 	@echo "installing Python packages into .venv-wheel"
 	@"$(PYTHON312)" -m venv .venv-wheel
+	$(call pinned,.venv-wheel,wheel)
 	@.venv-wheel/bin/python -m pip install -q -r requirements/wheel.txt
 	@.venv-wheel/bin/python -m pip install -q --no-deps --no-build-isolation -e .
 	@touch $@

@@ -9,6 +9,7 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -28,11 +29,14 @@ _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "we
 _NUMERICAL = ("numpy", "scipy", "numba", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
 
 
-_REPORTS = 'pip install "pmr[report]" installs it and what else reports need'
+_REPORTS = "pip install jinja2 matplotlib fonttools weasyprint installs what reports need"
 #: Packages that write reports.
 REPORT = ("jinja2", "matplotlib", "fontTools", "weasyprint")
 #: Packages that only a part of the work needs: what for, and how to get them.
 _NEEDED = {
+    "dolfinx": (
+        "FEniCSx makes models from forms, all but matrices: apt, conda or pip install '.[fenicsx]' in a checkout has it"
+    ),
     "exudyn": (
         "it simulates beside march and makes the ANCF reference; pip install exudyn installs it (or do without: "
         'simulation.simulators = ["march"], and no "ancf" in compare.against)'
@@ -70,6 +74,24 @@ def check_report() -> None:
     """The same for all that reports need."""
     for name in REPORT:
         check_installed(name)
+
+
+def unfit(error: Exception) -> str:
+    """What to say where packages can't be loaded, because one is missing or another version than theirs is there."""
+    said = f"installation: {' '.join(str(error).split())}; NumPy is {_version('numpy')}, SciPy {_version('scipy')}"
+    return f"{said}: `make setup` puts the versions back that fit together, elsewhere install pmr anew"
+
+
+def check_temporary() -> None:
+    """Raise InputError unless the folder for temporary files, if the environment names one, can be written to."""
+    named = {key: os.environ[key] for key in ("TMPDIR", "TEMP", "TMP") if os.environ.get(key)}
+    for key, folder in tuple(named.items())[:1]:
+        try:
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            allowed = f"a folder that can be written to is allowed ({error.strerror})"
+            raise InputError("environment", key, folder, allowed) from None
 
 
 def available_memory() -> int | None:

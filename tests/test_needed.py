@@ -76,7 +76,8 @@ def test_without_a_library_of_weasyprint_all_but_the_report_is_there(tmp_path: P
     found = run_without(tmp_path, "weasyprint", content, "run", scene, "--out", "results", *short)
     assert found.returncode == 1 and "Traceback" not in found.stderr
     assert "installation: weasyprint: not found (cannot load library libpango)" in found.stderr
-    assert 'pip install "pmr[report]"' in found.stderr and "the results themselves are in results" in found.stderr
+    assert "pip install jinja2 matplotlib fonttools weasyprint" in found.stderr
+    assert "the results themselves are in results" in found.stderr
     names = {file.name for file in (tmp_path / "results").iterdir()}
     assert {"summary.json", "reduced.npz", "trajectories.npz"} <= names and "report.pdf" not in names
 
@@ -113,4 +114,4 @@ def test_a_light_installation_simulates_a_saved_model(tmp_path: Path) -> None:
     assert found.returncode == 0, found.stderr
     assert (tmp_path / "shorter" / "tables" / "forces.csv").exists()
     found = subprocess.run([sys.executable, "-c", hidden, "run", "boom_beam"], capture_output=True, text=True)
-    assert found.returncode == 2 and 'pip install "pmr[report]"' in found.stderr
+    assert found.returncode == 2 and found.stderr.startswith("pmr: installation: dolfinx: not found; FEniCSx makes")

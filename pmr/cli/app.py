@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from typing import Annotated, Any
 
 import typer
@@ -10,7 +11,7 @@ from rich.logging import RichHandler
 from typer.core import TyperGroup
 
 from pmr import environment
-from pmr.cli.console import VisibleText, err, leave, out, ranks, say
+from pmr.cli.console import VisibleText, err, leave, out, plain_letters, ranks, say
 from pmr.cli.export import export
 from pmr.cli.flexible import flexible
 from pmr.cli.info import info
@@ -75,6 +76,8 @@ def _before_any_command(
 
 def main() -> None:
     """Entry point: a line and exit code 2 for bad input, 1 for a solver that failed."""
+    plain_letters()
+    warnings.filterwarnings("ignore", "A NumPy version")  # of SciPy; what comes of it is said below
     handler = RichHandler(console=err, show_path=False)
     handler.setFormatter(VisibleText("%(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
@@ -89,6 +92,8 @@ def main() -> None:
             leave(f"no room for compiled code (XDG_CACHE_HOME) or temporary files (TMPDIR): {error.strerror}", 1)
         if any(kind.__name__ == "VerificationError" for kind in type(error).__mro__):  # CFFI's
             leave("a form was not compiled: a C compiler and room for what it writes (XDG_CACHE_HOME) are needed", 1)
+        if isinstance(error, ImportError) or "numpy.dtype size changed" in str(error):
+            leave(environment.unfit(error), 2)
         if ranks() > 1:  # the others would wait for this rank for ever
             err.print_exception()
             leave("a rank failed", 1)

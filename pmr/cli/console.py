@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import sys
 import tempfile
-import tomllib
+from collections.abc import Sequence
+from io import TextIOWrapper
+from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -14,6 +16,7 @@ from rich.console import Console
 
 from pmr.errors import InputError
 from pmr.errors.text import visible
+from pmr.files.whole import NotWrittenError, ensure_ordinary
 
 Model = Annotated[Path, typer.Argument(metavar="reduced.npz", help="A reduced model that `pmr run` wrote.")]
 Overrides = Annotated[
@@ -46,22 +49,29 @@ def no_report(error: Exception, folder: Path) -> str:
     return f"the report can't be drawn ({reason}); the results themselves are in {folder}"
 
 
-def ensure_writable(folder: Path) -> None:
-    """Make sure of the folder before anything is computed."""
+def ensure_writable(folder: Path, ours: Sequence[str] = ()) -> None:
+    """Make sure of the folder, and of the files in it that results replace, before anything is computed."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
+        for pattern in ours:
+            for old in folder.glob(pattern):
+                ensure_ordinary(old)
     except OSError as error:
-        allowed = f"a folder that can be written to is allowed ({error.strerror})"
+        allowed = f"a folder that can be written to is allowed ({error.strerror or error})"
         raise InputError("command line", "--out", str(folder), allowed) from None
 
 
-def ensure_file(file: Path) -> None:
-    """The same of a file that is to be written."""
-    if file.is_dir():
-        raise InputError("command line", "--out", str(file), "the name of a file is allowed")
+def ensure_file(file: Path, *read: Path) -> None:
+    """The same of a file that is to be written: it takes the place of an ordinary file, which none is that is read."""
     ensure_writable(file.parent)
+    try:
+        ensure_ordinary(file)
+        if any(file.exists() and isfile(one) and file.samefile(one) for one in read):
+            raise NotWrittenError("another name is allowed: it is read")
+    except OSError as error:
+        raise InputError("command line", "--out", str(file), error.strerror or str(error)) from None
 
 
 def scene_file(asked: Path) -> Path:
@@ -89,10 +99,18 @@ def _found(asked: Path, within: str) -> Path:
 
 def _keys(file: Path) -> dict[str, object]:
     """What stands in a file; nothing where it can't be read, which its reader says better."""
+    from pmr.scene.tomlfiles import tables
+
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return tables(file, "file")
+    except InputError:
         return {}
+
+
+def plain_letters() -> None:
+    """Let the terminal's own encoding do: letters that it lacks are spelled out by numbers, as on standard error."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def leave(message: str, code: int) -> NoReturn:

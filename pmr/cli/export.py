@@ -44,7 +44,7 @@ def export(
 
         pmr export reports/boom_shell/reduced.npz --to matlab --at 1.5,2.5,4
     """
-    ensure_file(out_file) if out_file else ensure_writable(model.parent)
+    ensure_file(out_file, model) if out_file else ensure_writable(model.parent)
     finished(model.parent)
     written = write(to, model, out_file, Options(fmi, at, section))
     if section is not None:

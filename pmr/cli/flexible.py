@@ -43,10 +43,9 @@ def flexible(
         raise InputError("command line", "--modes", modes, "1 or more is allowed")
     chosen = BODY_FORMATS[to]
     target = out_file or Path(chosen.file_name)
-    ensure_file(target)
     file = scene_file(scene)
     asked = scenes.load(file, overrides or ())
-
+    ensure_file(target, file, *filter(None, (asked.mesh.file,)))
     try:
         body = (framed_body if chosen.by == "frame" else held_body)(asked, at, modes)
     except InputError as error:

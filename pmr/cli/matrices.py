@@ -52,7 +52,8 @@ def matrices(
     target = out_file or stiffness.with_name(f"{stiffness.stem}-matrices.npz")
     if target.suffix != ".npz":
         raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")
-    ensure_file(target)
-    found = read_foreign(foreign_files(stiffness, mass, dofs, nodes))
+    files = foreign_files(stiffness, mass, dofs, nodes)
+    ensure_file(target, files.stiffness, files.mass, files.dofs, files.nodes)
+    found = read_foreign(files)
     say(out, f"{found.size} coordinates of {len(found.points)} nodes; groups: {', '.join(found.groups) or 'none'}")
     say(out, str(found.save(target)))

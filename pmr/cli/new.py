@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import resources
+from os.path import lexists
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ import typer
 
 from pmr.cli.console import ensure_writable, out, say
 from pmr.errors import InputError
-from pmr.errors.text import hint
+from pmr.errors.text import hint, visible
 
 SCHEMA = "scene.schema.json"
 TEMPLATES = resources.files("pmr.cli") / "templates"
@@ -35,10 +36,10 @@ def new(
 
     if kind not in kinds():
         raise InputError("command line", "KIND", kind, f"{hint(kind, kinds())}{', '.join(kinds())} are allowed")
-    if name.exists():
+    if lexists(name):
         raise InputError("command line", "NAME", str(name), "the name of a folder that is not there yet is allowed")
     ensure_writable(name)
-    title = name.name.replace("\\", "").replace('"', "")
+    title = visible(name.name).replace("\\", "").replace('"', "")
     scene = (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8").replace('title = "NAME"', f'title = "{title}"')
     (name / "scene.toml").write_text(f"#:schema {SCHEMA}\n{scene}", encoding="utf-8")
     (name / SCHEMA).write_text(scene_schema(), encoding="utf-8")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from os.path import isdir
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
@@ -76,7 +77,7 @@ def run(
     asked = [*(overrides or ())]
     if simulators is not None:
         asked.append(f"simulation.simulators={json.dumps([name.strip() for name in simulators.split(',')])}")
-    names = [file.resolve().name if file.is_dir() else file.stem for file in scene_files]
+    names = [file.resolve().name if isdir(file) else file.stem for file in scene_files]
     files = [scene_file(file) for file in scene_files]
     loaded = [
         (name, found, scenes.load_any(found, [*([] if tolerance is None else _to(tolerance, found)), *asked]))
@@ -84,16 +85,19 @@ def run(
     ]
     if len(set(names)) != len(names):
         raise InputError("command line", "SCENE", names, "names must differ")
+    bodies: list[Any] = [one for *_, scene in loaded for one in getattr(scene, "sections", (scene,))]
+    if any(one.body.model != "matrices" for one in bodies):
+        environment.check_installed("dolfinx")
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])
-    ensure_writable(folder)
+    from pmr.results import RESULT_FILES
+
+    for where in {folder, *(folder / name for name in names if len(names) > 1)}:
+        ensure_writable(where, RESULT_FILES)
     import numpy as np
 
-    try:
-        from pmr.fem.compat import MPI
-    except ImportError as error:
-        leave(f"FEniCSx is not installed ({error}); reduced models simulate without it, new ones need it", 1)
     from pmr.environment import Clock
+    from pmr.fem.compat import MPI
     from pmr.report.document import REPORT_FILES, write_report
     from pmr.run.booms import run_either
     from pmr.simulate.petsc import Checkpoint

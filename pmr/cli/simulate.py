@@ -45,7 +45,7 @@ def simulate(
     asked, folder = scenes.load(file, overrides or ()), out_dir or Path("reports", scene.stem)
     if folder.resolve() == model.parent.resolve():
         raise InputError("command line", "--out", str(folder), "a folder other than the model's is allowed")
-    ensure_writable(folder)
+    ensure_writable(folder, RESULT_FILES)
     try:
         result = simulate_saved(reduced, asked)
     except InputError as error:

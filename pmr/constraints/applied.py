@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# NaN and infinity stay visible, while sums may be reordered.
-_compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+
+def _compiled(function: Callable[..., Any]) -> Any:
+    """Compiled on the first call; NaN and infinity stay visible, while sums may be reordered."""
+    dispatcher = njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})(function)
+    with suppress(RuntimeError):  # no folder can be written to: it is compiled anew in each process
+        dispatcher.enable_caching()
+    return dispatcher
 
 
 @_compiled

@@ -82,6 +82,8 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
     data = target.with_suffix(".mat")
     if data == target or not target.stem.isidentifier():
         raise InputError("command line", "--out", str(target), "a name that Python can import, .py, is allowed")
+    if data.exists() and data.samefile(npz_path):
+        raise InputError("command line", "--out", str(target), f"another name is allowed: {data.name} is read")
     _written(held_at(npz_path, options), data)
     with replaced(target) as part:
         part.write_text(_SCRIPT.format(module=target.stem, data=data.name), encoding="utf-8")

@@ -26,6 +26,8 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
+from pmr.environment import check_temporary, launched
+
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
 
@@ -33,6 +35,7 @@ with contextlib.suppress(ImportError):
 HAS_PETSC = all(find_spec(name) is not None for name in ("petsc4py", "slepc4py", "mpi4py"))
 
 if HAS_PETSC:
+    check_temporary()  # Open MPI says pages where it has no room
     import petsc4py
 
     # PETSc's handlers turn a closed pipe (`pmr info | head`) into a page of advice on debuggers.
@@ -71,9 +74,9 @@ else:
 
     SLEPc = None
 
-from pmr.environment import launched
 from pmr.errors import InputError
 from pmr.files.built import stored
+from pmr.files.whole import FULL
 
 __all__ = [
     "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_dofs", "cell_topology", "cellwise",
@@ -355,8 +358,10 @@ def _compiled(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any
     name = hashlib.sha256(repr(decides).encode()).hexdigest()[:32]
     try:
         return stored(place / name, _is_whole, lambda folder: create(**{keyword: {"cache_dir": folder}}), comm)
-    except PermissionError as error:
-        allowed = f"a folder that can be written to is allowed, for compiled forms ({error.strerror})"
+    except OSError as error:
+        if error.errno in FULL:
+            raise
+        allowed = f"a folder that can be written to is allowed, for compiled forms ({error.strerror or error})"
         raise InputError("environment", "XDG_CACHE_HOME", str(place), allowed) from None
 
 

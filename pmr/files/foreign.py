@@ -10,6 +10,7 @@ import warnings
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from os.path import isfile
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -103,7 +104,7 @@ def _guarded(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
     suffix = path.suffix.lower()
     if suffix not in readers:
         raise InputError(str(path), "", None, f"files that end in {', '.join(readers)} are allowed")
-    if not path.is_file():
+    if not isfile(path):
         raise InputError(str(path), "", None, "no such file")
     try:
         with warnings.catch_warnings():  # of SciPy's, about classes that it will return and keys of Harwell-Boeing

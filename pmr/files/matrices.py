@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from os.path import isfile
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,7 @@ class GivenMatrices:
     @classmethod
     def load(cls, path: Path) -> GivenMatrices:
         """Read what `save` wrote; raises InputError if the file is missing, another one, or what it holds unsound."""
-        if not path.is_file():
+        if not isfile(path):
             raise InputError(str(path), "", None, "no such file; pmr matrices writes one")
         try:
             found = npz.read(path)

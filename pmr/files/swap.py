@@ -18,7 +18,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from pmr.errors import InputError
-from pmr.files.whole import NotWrittenError, flushed, locked, said_in_a_line
+from pmr.files.whole import ensure_ordinary, flushed, locked, said_in_a_line
 
 _NEW, _COMPLETE, _LIST = ".pmr-new-", ".pmr-complete", ".moves.json"
 
@@ -109,8 +109,7 @@ def _names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:
     if unknown:
         raise ValueError(f"{', '.join(unknown)}: not among {', '.join(ours)}")
     for name in names:
-        if (folder / name).is_dir():
-            raise NotWrittenError(f"{folder / name} is a folder; a file of this name is to be written")
+        ensure_ordinary(folder / name)
     return names
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module, util
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 PART = ".part"
 #: No room, or none for this user, or a file larger than allowed.
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EACCES, errno.EPERM, errno.EISDIR}
+_NO_ROOM |= {errno.ENAMETOOLONG, errno.ENOTDIR, errno.ELOOP}
 #: The disk is full, whatever was to be written: compiled code and drawn meshes too.
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _fcntl: Any = import_module("fcntl") if util.find_spec("fcntl") else None  # Windows has none
@@ -27,12 +28,20 @@ class NotWrittenError(OSError):
     reason = ""  #: The system's own words; empty where it was not asked
 
 
+def ensure_ordinary(path: Path) -> None:
+    """Raise NotWrittenError unless `path` is an ordinary file or not there: links, devices and folders are kept."""
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        kind = "a link" if path.is_symlink() else "a folder" if path.is_dir() else "a device or a pipe"
+        raise NotWrittenError(f"{path} is {kind}, which is not replaced; a file, or a name that is free, is allowed")
+
+
 @contextmanager
 def replaced(path: Path) -> Iterator[Path]:
     """A name to write to, which takes the place of `path` in one step when the block ends without an error.
 
-    Raises NotWrittenError if there is no room; nothing of the new file is left.
+    Raises NotWrittenError as `ensure_ordinary`, or if there is no room; nothing of the new file is left.
     """
+    ensure_ordinary(path)
     part = path.with_name(f"{path.name}.{os.getpid()}{PART}")
     try:
         with said_in_a_line(path):
@@ -40,7 +49,8 @@ def replaced(path: Path) -> Iterator[Path]:
             flushed(part)
             os.replace(part, path)
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # not there, or on a disk that can't be written to
+            part.unlink()
 
 
 @contextmanager

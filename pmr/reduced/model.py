@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os.path import isfile
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -261,7 +262,7 @@ class ReducedModel:
             format.
         """
         path = Path(path)
-        if not path.is_file():
+        if not isfile(path):
             raise InputError(str(path), "", None, "no such file; `pmr run` writes reduced.npz")
         try:
             data = npz.read(path)

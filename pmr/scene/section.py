@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 
 from pmr.errors import InputError
-from pmr.scene.tomlfiles import is_file
 
 
 class Section(BaseModel):
@@ -64,7 +64,7 @@ Switch = Annotated[bool, Field(strict=True)]
 
 
 def _exists(file: Path) -> Path:
-    if not is_file(file):
+    if not isfile(file):
         raise ValueError(f"no such file: {file}")
     try:
         with file.open("rb") as stream:

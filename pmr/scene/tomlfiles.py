@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field
+from os.path import isfile
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,6 +25,12 @@ Model = TypeVar("Model", bound=BaseModel)
 OPTION = "--set"
 #: So deep tables and lists may stand within each other, and so many files extend one another.
 DEEPEST = 40
+LARGEST = 10**8  # bytes of a file
+LONGEST = 2**63  # TOML's integers have 64 bits
+#: A key of more parts than that; tomllib takes memory by the square of their number.
+_DEEP_KEY = re.compile(
+    rf"""(?:^|[{{,])[ \t]*(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}""", re.MULTILINE | re.ASCII
+)
 
 
 @dataclass(frozen=True)
@@ -94,15 +101,11 @@ class TomlFile:
 
     def _with_base(self, path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
         what = self.dialect.name
-        text = _text(path, what)
+        data = tables(path, what)
         if path.resolve() in seen:
             raise InputError(str(path), "extends", None, "a file must not extend itself")
         if len(seen) > DEEPEST:
             raise InputError(str(path), "extends", None, f"at most {DEEPEST} files that extend one another are allowed")
-        try:
-            data = _parsed(text)
-        except ValueError as error:
-            raise InputError(str(path), "", None, f"not valid TOML: {error}") from None
         _anchor(data, path.parent, self.dialect.references)
         base: dict[str, Any] = {}
         if "extends" in data:
@@ -110,7 +113,7 @@ class TomlFile:
             if not isinstance(extends, str):
                 raise InputError(str(path), "extends", extends, f"the name of a {what} is allowed")
             beside = path.parent / extends
-            base_file = beside if is_file(beside) else workflow(extends)
+            base_file = beside if isfile(beside) else workflow(extends)
             if base_file is None:
                 allowed = f"{hint(extends, workflows())}the name of a {what} is allowed; there is none"
                 raise InputError(str(path), "extends", extends, allowed)
@@ -157,37 +160,34 @@ def laid_over(base: Mapping[str, Any], update: Mapping[str, Any]) -> dict[str, A
     return found
 
 
-def is_file(path: Path) -> bool:
-    """Whether there is a file of this name; False too for names that no file can have."""
-    try:
-        return path.is_file()
-    except OSError:  # too long, for one
-        return False
-
-
-def _text(path: Path, what: str) -> str:
-    if not is_file(path):
+def tables(path: Path, what: str) -> dict[str, Any]:
+    """What one file says, nothing merged; raises InputError if there is no such file, or it is no TOML."""
+    if not isfile(path):
         close = hint(path.stem, workflows()) if path.name == str(path) else ""
         close = f"a change of a key stands behind {OPTION}" if "=" in path.name else close
         raise InputError(str(path), "", None, f"no such {what}; {close}".removesuffix("; ").rstrip())
     try:
-        return path.read_text(encoding="utf-8")
+        if path.stat().st_size > LARGEST:
+            raise ValueError(f"a file of at most {LARGEST // 10**6} MB is allowed")
+        return _parsed(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(str(path), "", None, f"can't be read: {error.strerror}") from None
-    except UnicodeDecodeError as error:
+    except ValueError as error:
         raise InputError(str(path), "", None, f"not valid TOML: {error}") from None
 
 
 def _parsed(text: str) -> dict[str, Any]:
-    """What TOML says; ValueError for what is none or too deep."""
+    """What TOML says; ValueError for what is none, too deep or too long."""
     with suppress(RecursionError):
-        if not _is_deep(data := tomllib.loads(text)):
+        if not _DEEP_KEY.search(text) and not _is_deep(data := tomllib.loads(text)):
             return data
     raise ValueError(f"at most {DEEPEST} tables or lists within each other are allowed")
 
 
 def _is_deep(data: Any, left: int = DEEPEST) -> bool:
-    """Whether tables and lists stand deeper within each other than allowed."""
+    """Whether tables and lists stand deeper within each other than allowed; ValueError at integers of over 64 bits."""
+    if isinstance(data, int) and not -LONGEST <= data < LONGEST:
+        raise ValueError("integers of 64 bits are allowed")
     inner = data.values() if isinstance(data, dict) else data if isinstance(data, list) else None
     return inner is not None and (left < 0 or any(_is_deep(one, left - 1) for one in inner))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -12,6 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from waiting import PATIENCE, wait_until
+
+from pmr.errors import InputError
+from pmr.fem import compat
 
 SCRIPT = Path(__file__).with_name("compiling.py")
 #: Twenty interruptions take two minutes; `PMR_SWEEP=full` has them all.
@@ -86,3 +90,15 @@ def test_a_damaged_cache_is_made_anew(tmp_path: Path) -> None:
     next(modules[-1].parent.glob("*.c.cached")).unlink()
     assert finished(start(tmp_path)) == MASS
     assert finished(start(tmp_path)) == MASS
+
+
+@pytest.mark.parametrize("code", [errno.EROFS, errno.EACCES, errno.ENOTDIR])
+def test_a_folder_for_compiled_forms_that_is_only_read_is_refused(code: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stored(*_: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    def create(jit_params: object = None, jit_options: object = None) -> None: ...
+
+    monkeypatch.setattr(compat, "stored", stored)
+    with pytest.raises(InputError, match=f"XDG_CACHE_HOME = .* is allowed, for compiled forms .{os.strerror(code)}"):
+        compat._compiled(compat.MPI.COMM_SELF, "form", create)

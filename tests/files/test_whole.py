@@ -17,6 +17,18 @@ def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
     assert file.read_text() == "new" and list(tmp_path.iterdir()) == [file]
 
 
+def test_a_disk_that_is_only_read_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """There neither a file can be made nor one that is not there be removed."""
+
+    def refused(*_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(Path, "unlink", refused)
+    with pytest.raises(NotWrittenError, match="file could not be written: Read-only file system"):
+        with replaced(tmp_path / "file") as part:
+            refused(part)
+
+
 @pytest.mark.parametrize(
     ("error", "seen"),
     [

@@ -124,6 +124,8 @@ def test_a_file_that_opens_and_can_not_be_read_is_refused(tmp_path: Path) -> Non
         "a = " + 5000 * "{a = " + "1" + 5000 * "}",
         "[" + ".".join(3000 * "a") + "]\nb = 1",
         "a = " + 41 * "[" + 41 * "]",
+        ".".join(100_000 * "a") + " = 1",
+        "a = { b = 1, " + " . ".join(["b", '"c.d"', "'e'"] * 20_000) + " = 1 }",
     ],
 )
 def test_deep_nests_are_refused(tmp_path: Path, text: str) -> None:
@@ -131,6 +133,23 @@ def test_deep_nests_are_refused(tmp_path: Path, text: str) -> None:
     assert "at most 40 tables or lists within each other are allowed" in refused(tmp_path / "deep.toml")
     with pytest.raises(InputError, match="at most 40 tables"):
         studies.load(tmp_path / "deep.toml")
+
+
+def test_dots_in_text_are_no_deep_key(tmp_path: Path) -> None:
+    assert scenes.load(extending(tmp_path, f'title = "{"a." * 100}"')).title == "a." * 100
+
+
+@pytest.mark.parametrize("number", [f"0x{'f' * 4000}", str(2**63), str(-(2**63) - 1), "9" * 5000])
+def test_integers_of_more_than_64_bits_are_refused(number: str, tmp_path: Path) -> None:
+    for key in ("title", "time.end", "a.b"):
+        assert "not valid TOML" in refused(extending(tmp_path, f"{key} = {number}"))
+        assert f"--set: {key}" in refused(PAPER, f"{key}={number}")
+
+
+def test_a_file_larger_than_any_scene_is_refused(tmp_path: Path) -> None:
+    with (tmp_path / "large.toml").open("wb") as file:
+        file.truncate(10**9)
+    assert "at most 100 MB" in refused(tmp_path / "large.toml")
 
 
 def test_deep_options_are_refused() -> None:

@@ -93,7 +93,7 @@ def develop(shots: Sequence[Shot]) -> list[bytes]:
         If pyvista is not there or can't render.
     """
     if find_spec("pyvista") is None:
-        raise NoPictureError('pyvista is not installed: pip install "pmr[pictures]" installs it')
+        raise NoPictureError("pyvista is not installed: pip install pyvista pillow installs it")
     command = [sys.executable, "-m", "pmr.report.motion.render_process"]
     try:
         done = subprocess.run(command, input=pickle.dumps(list(shots)), capture_output=True, timeout=LONGEST)

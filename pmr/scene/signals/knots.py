@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from os.path import isfile
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +13,6 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from scipy.interpolate import Akima1DInterpolator, PPoly
 
 from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase
-from pmr.scene.tomlfiles import is_file
 
 #: s, between knots; the shortest step that is allowed.  Slopes between closer ones overflow.
 CLOSEST = 1e-12
@@ -130,7 +130,7 @@ class Table(_Knots):
         if "times" in given or "values" in given:
             raise ValueError("give either file or times and values")
         path = Path(str(given.pop("file")))
-        if not is_file(path):
+        if not isfile(path):
             raise ValueError(f"no such file: {path}")
         try:
             text = path.read_text(encoding="utf-8")

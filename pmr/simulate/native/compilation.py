@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import pkgutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,8 @@ def compiled_for_python(function: Callable[..., Any]) -> Any:
 
 
 def _cached(dispatcher: Any) -> Any:
-    dispatcher._cache = _Cache(dispatcher.py_func)
+    with suppress(RuntimeError):  # no folder for it can be written to: it is compiled anew in each process
+        dispatcher._cache = _Cache(dispatcher.py_func)
     return dispatcher
 
 
