@@ -38,10 +38,11 @@ def add_sliding_body(mbs, model, slider_position, loads):
         # Called once before each step, with the time at its end: there the equations have to hold.
         mbs.SetObjectParameter(oSlider, "scalingMarker1", model.C(slider_position(t)))
         mbs.SetObjectParameter(oBody, "forceVector", force(t))
+        mbs.variables[int(oBody)] = t
         return True
 
     mbs.SetPreStepUserFunction(update)
-    return SimpleNamespace(nBody=nBody, oBody=oBody, oSlider=oSlider)
+    return SimpleNamespace(update=update, nBody=nBody, oBody=oBody, oSlider=oSlider)
 
 
 def simulate(model, slider_position, loads, end, step, rho_inf):

@@ -56,10 +56,11 @@ def add_sliding_body(mbs, model, slider_position, loads):
         stiffness, inputs = system(model, slider_position(t))
         mbs.SetObjectParameter(oBody, "stiffnessMatrix", stiffness)
         mbs.SetObjectParameter(oBody, "forceVector", inputs @ [load(t) for load in loads])
+        mbs.variables[int(oBody)] = t
         return True
 
     mbs.SetPreStepUserFunction(update)
-    return SimpleNamespace(nBody=nBody, oBody=oBody)
+    return SimpleNamespace(update=update, nBody=nBody, oBody=oBody)
 
 
 def simulate(model, slider_position, loads, end, step, rho_inf):

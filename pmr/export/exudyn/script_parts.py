@@ -27,7 +27,13 @@ def add_body(mbs, model, stiffness, force):
         )
     )
     # Exudyn adds K and D to the Jacobian itself; told that there is nothing else, it needs no differences.
-    nothing_else = exu.MatrixContainer(np.zeros((r, r)))
+    zero = exu.MatrixContainer(np.zeros((r, r)))
+
+    def nothing_else(mbs, t, item, *others):
+        if t > mbs.variables.get(item, 0.0):
+            raise ValueError("another SetPreStepUserFunction took the place of `update`: call both from one function")
+        return zero
+
     oBody = mbs.AddObject(
         ObjectGenericODE2(
             nodeNumbers=[nBody],
@@ -35,7 +41,7 @@ def add_body(mbs, model, stiffness, force):
             dampingMatrix=model.D,
             stiffnessMatrix=stiffness,
             forceVector=force,
-            jacobianUserFunction=lambda *arguments: nothing_else,
+            jacobianUserFunction=nothing_else,
         )
     )
     return nBody, oBody

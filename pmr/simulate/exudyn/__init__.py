@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 from pmr.environment import needed
 
 if TYPE_CHECKING:
-    from pmr.simulate.exudyn.simulator import Formulation, add_sliding_body, simulate
+    from pmr.simulate.exudyn.simulator import Formulation, add_pre_step_function, add_sliding_body, simulate
     from pmr.simulate.exudyn.system import simulate_system
 
-__all__ = ["Formulation", "add_sliding_body", "simulate", "simulate_system"]
+__all__ = ["Formulation", "add_pre_step_function", "add_sliding_body", "simulate", "simulate_system"]
 
 
 def __getattr__(name: str) -> Any:

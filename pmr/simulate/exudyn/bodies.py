@@ -17,7 +17,7 @@ from exudyn.itemInterface import MarkerNodeCoordinates, ObjectGenericODE2
 from numpy.typing import NDArray
 
 from pmr.simulate.exudyn.inputs import Inputs, moving_rows
-from pmr.simulate.exudyn.items import SlidingBodyItems, add_body, add_coordinates, matrix, updated, with_rows
+from pmr.simulate.exudyn.items import SlidingBodyItems, Steps, add_body, add_coordinates, matrix, with_rows
 from pmr.simulate.start import InitialState
 from pmr.system.body import SlidingBody
 from pmr.system.compliant_rows import CompliantRows
@@ -43,9 +43,9 @@ def add_updated_body(mbs: Any, body: SlidingBody, inputs: Inputs, start: Initial
         return np.asarray(B @ np.array(inputs.loads(t)))
 
     stiffness = {"stiffnessMatrix": matrix(system(0.0)[:, :n])} if compliant.numbers else {}
-    items = add_body(
-        mbs, body, start, forceVector=force(0.0), jacobianUserFunction=_nothing_beyond_matrices(body), **stiffness
-    )
+    steps = Steps(held=bool(firm))
+    jacobian = _nothing_beyond_matrices(body, steps)
+    items = add_body(mbs, body, start, forceVector=force(0.0), jacobianUserFunction=jacobian, **stiffness)
     items = with_rows(mbs, items, firm, scalingMarker1=rows(0.0))
     s_set, loads_set = inputs.position(0.0), inputs.loads(0.0)
 
@@ -61,7 +61,7 @@ def add_updated_body(mbs: Any, body: SlidingBody, inputs: Inputs, start: Initial
         s_set, loads_set = s, loads
         return True
 
-    return updated(mbs, items, update)
+    return steps.updated(mbs, items, update)
 
 
 def add_body_with_multipliers(mbs: Any, body: SlidingBody, inputs: Inputs, start: InitialState) -> SlidingBodyItems:
@@ -93,13 +93,9 @@ def add_body_with_multipliers(mbs: Any, body: SlidingBody, inputs: Inputs, start
     C, F, offset = parts(0.0)
     forces = np.zeros(m)
     forces[gives] = np.linalg.solve(F[np.ix_(gives, gives)], (C @ start.q - offset)[gives])
-    items = add_body(
-        mbs,
-        body,
-        start,
-        forceVector=body.B @ np.array(inputs.loads(0.0)),
-        jacobianUserFunction=_nothing_beyond_matrices(body),
-    )
+    steps = Steps(held=bool(numbers))
+    jacobian, force = _nothing_beyond_matrices(body, steps), body.B @ np.array(inputs.loads(0.0))
+    items = add_body(mbs, body, start, forceVector=force, jacobianUserFunction=jacobian)
     name = f"{mbs.GetMarker(items.mBody)['name']}Rows"
     nRows = add_coordinates(mbs, name, InitialState(forces, np.zeros(m)))
     nothing = exu.MatrixContainer(np.zeros((m, m)))
@@ -124,7 +120,7 @@ def add_body_with_multipliers(mbs: Any, body: SlidingBody, inputs: Inputs, start
         mbs.SetObjectParameter(items.oBody, "forceVector", body.B @ np.array(inputs.loads(t)))
         return True
 
-    return updated(mbs, items, update)
+    return steps.updated(mbs, items, update)
 
 
 def add_called_body(mbs: Any, body: SlidingBody, inputs: Inputs, start: InitialState) -> SlidingBodyItems:
@@ -151,11 +147,12 @@ def add_called_body(mbs: Any, body: SlidingBody, inputs: Inputs, start: InitialS
     )
 
 
-def _nothing_beyond_matrices(body: SlidingBody) -> Any:
+def _nothing_beyond_matrices(body: SlidingBody, steps: Steps) -> Any:
     """Jacobian of the body's forces beyond K and D, which Exudyn adds itself; without it, it would difference K q."""
     no_more = matrix(sp.csr_matrix(body.K.shape) if sp.issparse(body.K) else np.zeros_like(body.K))
 
     def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
+        steps.check(t)
         return no_more
 
     return jacobian

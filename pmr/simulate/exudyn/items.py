@@ -28,6 +28,7 @@ from exudyn.itemInterface import (
 )
 from numpy.typing import NDArray
 
+from pmr.errors import InputError
 from pmr.simulate.start import InitialState
 from pmr.system.body import SlidingBody
 
@@ -119,10 +120,41 @@ def with_rows(
     return replace(items, oSlider=mbs.AddObject(connector), rows=tuple(rows))
 
 
-def updated(mbs: Any, items: SlidingBodyItems, update: PreStep) -> SlidingBodyItems:
-    """The same items with `update` called before each step."""
-    add_pre_step_function(mbs, update)
-    return replace(items, update=update)
+class Steps:
+    """The update of a body before each step; refuses steps that it is not called for, or not right for.
+
+    `held` says whether constraints of the body move.  What is refused comes out of Exudyn as an error of its own, with
+    the line of an `InputError` in it.
+    """
+
+    def __init__(self, held: bool) -> None:
+        self._held, self._update, self._reached = held, _nothing, 0.0
+
+    def updated(self, mbs: Any, items: SlidingBodyItems, update: PreStep) -> SlidingBodyItems:
+        """The items, with ``update(mbs, t)`` called before each step that ends at t."""
+        self._update = update
+        add_pre_step_function(mbs, self._begin)
+        return replace(items, update=self._begin)
+
+    def check(self, t: float) -> None:
+        """Within a step that ends at t."""
+        if t > self._reached + 1e-9 * abs(t):
+            allowed = (
+                "it replaced the function by which path and loads change; add_pre_step_function(mbs, function) of "
+                "pmr.simulate.exudyn keeps both"
+            )
+            raise InputError("Exudyn", "SetPreStepUserFunction", None, allowed)
+
+    def _begin(self, mbs: Any, t: float) -> bool:
+        if isinstance(mbs.sys.get("dynamicSolver"), exu.MainSolverExplicit):
+            allowed = "an implicit one is allowed: path and loads are set once a step, to those at its end"
+            raise InputError("Exudyn", "solverType", "explicit", allowed)
+        settings = mbs.sys.get("simulationSettings")
+        if self._held and settings is not None and settings.timeIntegration.generalizedAlpha.useIndex2Constraints:
+            allowed = "false (GeneralizedAlpha) is allowed: rigid rows that move are fulfilled by positions"
+            raise InputError("Exudyn", "generalizedAlpha.useIndex2Constraints", True, allowed)
+        self._reached = t
+        return self._update(mbs, t)
 
 
 def _fix(mbs: Any, name: str, nBody: Any, coordinate: int, nGround: Any) -> Any:

@@ -70,8 +70,10 @@ def add_sliding_body(
     Parameters
     ----------
     mbs : exudyn.MainSystem
-        A pre-step function that is already set stays in place and is called first.  Setting one later with
-        ``mbs.SetPreStepUserFunction`` would replace the update: use `add_pre_step_function`.
+        A pre-step function that is already set stays in place and is called first.  One that is set later with
+        ``mbs.SetPreStepUserFunction`` replaces the update and is refused in the first step (but where Newton's method
+        differentiates numerically): use `add_pre_step_function`.  Explicit solvers, and index 2 where rigid rows move,
+        are refused in ``mbs.SolveDynamic``.
     body, initial
         As for `pmr.simulate.Simulator`.  A velocity that violates the rows is corrected M-orthogonally.
     path : signal

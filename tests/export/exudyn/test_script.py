@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import exudyn as exu
 import numpy as np
 import pytest
 from driving import driven
@@ -89,6 +90,23 @@ def test_the_script_moves_as_pmr_does(model: ReducedModel, script: Path) -> None
     np.testing.assert_allclose(t, expected.t, atol=1e-12)
     assert np.abs(w).max() > 1e-5
     np.testing.assert_allclose(w, expected.q @ model.outputs.T, rtol=0.0, atol=1e-9 * np.abs(w).max())
+
+
+@pytest.mark.parametrize("gives_way", [False, True])
+def test_another_pre_step_function_is_never_taken_in_silence(
+    model: ReducedModel, tmp_path: Path, gives_way: bool
+) -> None:
+    body = replace(model, pads=np.array([2e-6, 3e-6])) if gives_way else model
+    names = runpy.run_path(str(write_exudyn_script(body.save(tmp_path / "own.npz"), tmp_path / "own.py")))
+    read = names["read_model"](tmp_path / "own.npz")
+    container = exu.SystemContainer()
+    mbs = container.AddSystem()
+    items = names["add_sliding_body"](mbs, read, names["slider_position"], names["LOADS"])
+    mbs.SetPreStepUserFunction(lambda mbs, t: True)
+    with pytest.raises(ValueError, match="took the place of `update`"):
+        names["solve"](mbs, items.nBody, 0.01, 1e-3, 0.8)
+    mbs.SetPreStepUserFunction(lambda mbs, t: items.update(mbs, t))
+    names["solve"](mbs, items.nBody, 0.01, 1e-3, 0.8)
 
 
 def test_it_runs_alone_and_tells_the_tip(script: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from driving import driven, named
 from exudyn.itemInterface import SensorNode
 from numpy.typing import NDArray
-from oracle import full_body, generalized_alpha, project
+from oracle import flexible, full_body, generalized_alpha, project
 
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
@@ -131,7 +131,7 @@ def test_progress_is_told_about_a_hundred_times_and_ends_at_one(rich: FullBody) 
 
 
 def test_wrong_input_is_refused_before_anything_runs(rich: FullBody, simulate: Simulator) -> None:
-    with pytest.raises(InputError, match="0 to 4.2 m is allowed; left at t = 0.05 s"):
+    with pytest.raises(InputError, match="0 to 4.2 m is allowed; left at t = 0.051 s"):
         simulate(rich, driven(Ramp(times=(0.0, 0.1), values=(4.0, 4.4 + 1e-6)), LOADS, STEPPING))
     with pytest.raises(InputError, match="loads: F given, one for each input is allowed: F, T"):
         simulate(rich, driven(PATH, LOADS[:1], STEPPING))
@@ -203,7 +203,7 @@ class OwnSystem:
         self.mbs.Assemble()
         return self.solve_again(sensors)
 
-    def solve_again(self, sensors: list[Any]) -> list[Array]:
+    def solve_again(self, sensors: list[Any], solver: Any = None) -> list[Array]:
         settings = exu.SimulationSettings()
         settings.solution.file.write = False
         settings.solution.sensors.writePeriod = STEPPING.step
@@ -211,7 +211,7 @@ class OwnSystem:
         settings.timeIntegration.numberOfSteps = STEPPING.steps
         settings.timeIntegration.generalizedAlpha.spectralRadius = STEPPING.rho_inf
         settings.timeIntegration.newton.useModifiedNewton = False
-        self.mbs.SolveDynamic(settings)
+        self.mbs.SolveDynamic(settings, solverType=solver)
         return [self.mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors]
 
 
@@ -240,6 +240,36 @@ def test_any_pre_step_function_stops_the_simulation(rich: FullBody) -> None:
     own.mbs.SetPreStepUserFunction(lambda mbs, t: t < 0.05)
     (q,) = own.solve(simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS)))
     assert len(q) == 51
+
+
+@pytest.mark.parametrize("formulation", ["springs", "multipliers"])
+def test_a_users_own_pre_step_function_never_replaces_the_bodys_in_silence(
+    rich: FullBody, formulation: Formulation
+) -> None:
+    """The slider would stay where it is, and the loads as they are."""
+    for body in (rich, flexible(rich, 6)):
+        own = OwnSystem()
+        simulator.add_sliding_body(own.mbs, body, PATH, named(LOADS, body.input_names), formulation=formulation)
+        own.mbs.SetPreStepUserFunction(lambda mbs, t: True)
+        own.mbs.Assemble()
+        with pytest.raises(ValueError, match=r"SetPreStepUserFunction: .* add_pre_step_function\(mbs, function\)"):
+            own.solve_again([])
+
+
+def test_solvers_that_a_body_cannot_follow_are_refused(rich: FullBody) -> None:
+    """Explicit ones evaluate within a step; velocities of index 2 know nothing of rows that move."""
+    explicit = exu.DynamicSolverType.DOPRI5, flexible(rich, 6), "solverType = 'explicit': an implicit one"
+    index_2 = exu.DynamicSolverType.TrapezoidalIndex2, rich, r"useIndex2Constraints = True: false \(GeneralizedAlpha\)"
+    for solver, body, says in (explicit, index_2):
+        own = OwnSystem()
+        simulator.add_sliding_body(own.mbs, body, PATH, named(LOADS, body.input_names))
+        own.mbs.Assemble()
+        with pytest.raises(ValueError, match=says):
+            own.solve_again([], solver)
+    without_rows = OwnSystem()
+    simulator.add_sliding_body(without_rows.mbs, explicit[1], PATH, named(LOADS, explicit[1].input_names))
+    without_rows.mbs.Assemble()
+    without_rows.solve_again([], index_2[0])
 
 
 def test_update_rewinds_for_a_second_solve(rich: FullBody) -> None:
