@@ -128,7 +128,8 @@ class Steps:
     """
 
     def __init__(self, held: bool) -> None:
-        self._held, self._update, self._reached = held, _nothing, 0.0
+        self._held, self._reached = held, 0.0
+        self._update: PreStep = _nothing
 
     def updated(self, mbs: Any, items: SlidingBodyItems, update: PreStep) -> SlidingBodyItems:
         """The items, with ``update(mbs, t)`` called before each step that ends at t."""
