@@ -1,95 +1,174 @@
-r"""Rigid motions that supports and pads leave free, from the geometry alone.
+r"""Rigid motions of a system of bodies that nothing resists, from the geometry alone.
 
-With the rigid motions R of a body, translations and rotations, what holds it at s measures C(s) R of them: pads,
-springs or not, cylinders and clamped coordinates.  Motions in the null space of that meet no resistance.
+Body b moves as the next outer one does, and by :math:`d_b` more: displacements along and rotations about x, y and z,
+about the origin of the base.  With the rigid motions R of each body, what holds them measures
+
+.. math:: C(s) R\, A(s)\, d, \qquad m_b = d_1 + \dots + d_b
+
+of them, A with how far each tail is ahead: supports and pads, springs or not, clamped coordinates, and what joins two
+bodies.  Motions in the null space of that are free.  Pads that only push hold, too, as long as something presses on
+them; whether it does, a static start says.  What keeps a body straight measures none of its rigid motions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row
-from pmr.fullmodel.pads import Pads, fixed_pad, restrain
-from pmr.fullmodel.structure import Structure
-from pmr.models import DIRECTIONS
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.system import BODY, FullSystem
+from pmr.models import DIRECTIONS, StructuralModel
+from pmr.models.matrices import Matrices
 
 Array = NDArray[np.float64]
 
-#: Places along the path at which the body is looked at.
-PLACES = 33
 #: Motions that are held by less than this share of what holds the others are free; pads measure them to 1e-12.
 FREE = 1e-7
+#: What is left of a row by less than this share of its terms is round-off: it measures no rigid motion.
+ROUND_OFF = 1e-9
 AXES = "xyz"
-_SAID = "supports and pads leave the body free to {}{}: loads along that move it without limit"
 
 
 @dataclass(frozen=True)
-class Freedom:
-    """Motions (6, k) that nothing resists: displacements of the origin and rotations; with s at `s` m."""
+class Way:
+    """Where a system is looked at: at T positions."""
 
-    motions: Array
-    s: float
-
-
-def warnings(structure: Structure, path: tuple[float, float]) -> list[str]:
-    """What to say of motions that are free somewhere on the path, from s to s in m; nothing if there are none."""
-    found = [(freedom.s, described(freedom.motions)) for freedom in freedoms(structure, path)]
-    s, most = max(found, key=lambda pair: len(pair[1]))  # the first of several
-    if not most:
-        return []
-    always = all(words == most for _, words in found)
-    return [_SAID.format(", ".join(most), "" if always else f" with s at {s:.4g} m")]
+    s: Mapping[str, Array]  # path coordinates (T,) m
+    ahead: Mapping[str, Array]  # (T,) m of each body: how far its tail is ahead of the base's
+    said: Sequence[str]  # each position in words
 
 
-def freedoms(structure: Structure, path: tuple[float, float]) -> list[Freedom]:
-    """What is free at places along the path, from its one end to the other, m."""
-    model, pads = structure.model, structure.pads
-    R, whole = model.rigid_motions(), sp.eye(structure.model.size, format="csr")
-    still = restrain(replace(pads, moving=(), sliders=(), straight=()), model, whole)
-    points = restrain(Pads(sliders=pads.sliders), model, whole).rows
-    held = [_measured((*still.rows, *still.springs), R)]
-    held += [R[model.coordinates_on(clamp.on, clamp.directions)] for clamp in structure.clamps]
-    first, last = (
-        _measured([fixed_pad(replace(pad, at=pad.at + s), model, whole, pads.travel) for pad in pads.moving], R)
-        for s in path
+@dataclass(frozen=True)
+class Body:
+    """What the rows of a body measure of its rigid motions, six: those that its model has not are zero."""
+
+    on_carriers: Array  # (K, 6)
+    terms: Array  # (K, 6): the same of the sizes of all numbers, which round-off is a share of
+    held: Array  # (h, 6): what always holds it, whatever slides
+    reach: float  # m: by how much a rotation of 1 moves it at most
+
+    @classmethod
+    def of(cls, model: FullModel, structural: StructuralModel) -> Body:
+        """Collective.  Raises ValueError if the model does not know its rigid motions."""
+        if model.rigid is None:
+            raise ValueError("a model is needed that knows its rigid motions")
+        R, comm = model.rigid.coordinates, model.comm
+        U = model.carriers.carriers[:, model.share]
+        own = [DIRECTIONS.index(direction) for direction in structural.directions]
+        space = np.eye(6)[own]
+        missing = np.delete(np.eye(6), own, axis=0)
+        held = [model.rigid.held @ space, missing]
+        if isinstance(structural, Matrices):
+            held.append(_resisted(structural) @ space)
+        turning = np.array([direction.startswith("r") for direction in structural.directions])
+        reach = float(np.max(comm.allgather(np.abs(R[:, turning]).max(initial=0.0))))
+        measured, terms = (np.asarray(comm.allreduce(part)) @ space for part in (U @ R, abs(U) @ np.abs(R)))
+        return cls(measured, terms, _fewest(np.vstack(held), reach), reach)
+
+
+def _fewest(rows: Array, reach: float) -> Array:
+    """At most six rows (h, 6) that hold what all of them do, however many points a clamp has."""
+    scale = np.repeat([1.0, reach or 1.0], 3)
+    rows = rows / scale
+    size = np.linalg.norm(rows, axis=1)
+    found = np.linalg.qr(rows[size > 0.0] / size[size > 0.0, None], mode="r")
+    return np.asarray(found[np.linalg.norm(found, axis=1) > ROUND_OFF] * scale)
+
+
+def _resisted(structural: Matrices) -> Array:
+    """Rigid motions (h, k) that given matrices resist by themselves: some of their nodes may stand still."""
+    K, R = structural.given.K, structural.rigid_motions()
+    size = np.sqrt(np.einsum("nk,nk->k", np.abs(R), abs(K) @ np.abs(R)))
+    share, motions = np.linalg.eigh(R.T @ (K @ R) / np.outer(size, size))
+    return np.asarray((motions[:, share > ROUND_OFF] * size[:, None]).T)
+
+
+def freedoms(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> list[dict[str, Array]]:
+    """At each position the free motions (6, f) of each body beside the next outer one: of those that have any.
+
+    Collective.
+    """
+    bodies = {name: Body.of(model, structural[name]) for name, model in system.bodies.items()}
+    shifts = {name: _shifts(ahead) for name, ahead in way.ahead.items()}
+    scale = np.ones(6)
+    scale[3:] = max(float(np.max(way.ahead[name])) + body.reach for name, body in bodies.items())
+    rows = np.concatenate([_contacts(system, bodies, way, shifts), *_supports(bodies, shifts)], axis=1) / np.tile(
+        scale, len(bodies)
     )
-    found = []
-    for share in np.linspace(0.0, 1.0, PLACES):
-        moving = first + share * (last - first)  # lines in s: pads measure rigid motions as such
-        s = (1.0 - share) * path[0] + share * path[1]
-        free = _null_space(np.vstack([*held, moving, _measured(points, R, s)]), R)
-        found.append(Freedom(_in_space(free, model.directions), s))
+    size = np.linalg.norm(rows, axis=2, keepdims=True)
+    rows = np.divide(rows, size, out=np.zeros_like(rows), where=size > 0.0)
+    relative = np.kron(np.tril(np.ones((len(bodies), len(bodies)))), np.eye(6))  # m of d
+    return [_split(_null_space(at @ relative), tuple(bodies), scale) for at in rows]
+
+
+def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Way) -> str:
+    """What is free where most is: ``"fly free to move along x at t = 2 s"``; empty if nothing ever is.  Collective."""
+    found = [{name: described(motions) for name, motions in at.items()} for at in freedoms(system, structural, way)]
+    counts = [sum(map(len, at.values())) for at in found]
+    most, last = int(np.argmax(counts)), list(system.bodies)[-1]
+    if not counts[most]:
+        return ""
+    said = "; ".join(
+        f"{'the body' if name == BODY else name if name == last else f'{name} with what it carries'} free to "
+        + ", ".join(motions)
+        for name, motions in found[most].items()
+    )
+    always = all(at == found[most] for at in found)
+    return said if always else f"{said} {way.said[most]}"
+
+
+def _contacts(system: FullSystem, bodies: Mapping[str, Body], way: Way, shifts: Mapping[str, Array]) -> Array:
+    """What each contact measures of the motions of all bodies, (T, m, 6 b); zero where that is round-off."""
+    names, x = list(bodies), system.coordinates(way.s)
+    rows, terms = np.zeros((2, len(way.said), len(system.contacts), 6 * len(names)))
+    for side, row, at in zip(system.sides, system.side_rows, x.T, strict=True):
+        name = side.place.body
+        own, weights = slice(6 * names.index(name), 6 * names.index(name) + 6), row.weights(at)
+        rows[:, side.contact, own] = side.sign * _times(weights @ bodies[name].on_carriers, shifts[name])
+        terms[:, side.contact, own] = _times(abs(weights) @ bodies[name].terms, np.abs(shifts[name]))
+    counts = np.linalg.norm(rows, axis=2) > ROUND_OFF * np.linalg.norm(terms, axis=2)
+    return rows * counts[:, :, None]
+
+
+def _supports(bodies: Mapping[str, Body], shifts: Mapping[str, Array]) -> Iterator[Array]:
+    """What always holds each body, likewise."""
+    for k, (name, body) in enumerate(bodies.items()):
+        rows = np.einsum("hk,tkl->thl", body.held, shifts[name])
+        yield np.pad(rows, ((0, 0), (0, 0), (6 * k, 6 * (len(bodies) - k - 1))))
+
+
+def _times(rows: Array, shifts: Array) -> Array:
+    """Rows (T, 6) times matrices (T, 6, 6)."""
+    return np.asarray(np.einsum("tk,tkl->tl", rows, shifts))
+
+
+def _shifts(ahead: Array) -> Array:
+    """A motion about the base's origin as one about a tail so far ahead of it, (T, 6, 6)."""
+    A = np.tile(np.eye(6), (len(ahead), 1, 1))
+    A[:, 2, 4], A[:, 1, 5] = -ahead, ahead
+    return A
+
+
+def _split(free: Array, names: tuple[str, ...], scale: Array) -> dict[str, Array]:
+    """Orthonormal motions (6 b, f), those of each body beside the next outer one, by the first body that moves."""
+    found = {}
+    for k, name in enumerate(names):
+        own = free[6 * k : 6 * k + 6]
+        _, sigma, Vt = np.linalg.svd(own, full_matrices=True)
+        count = int(np.sum(sigma > FREE))
+        if count:
+            found[name] = own @ Vt[:count].T / scale[:, None]
+        free = free @ Vt[count:].T
     return found
 
 
-def _measured(rows: Sequence[Row], R: Array, s: float | None = None) -> Array:
-    """What rows measure of each rigid motion at s, (m, k); for those that stay s plays no role."""
-    measured = [row.at(row.breaks[0] if s is None else s) @ R for row in rows]
-    return np.array(measured).reshape(-1, R.shape[1])
-
-
-def _null_space(C: Array, R: Array) -> Array:
-    """Combinations (k, f) of the rigid motions of which C (m, k) measures nothing."""
-    scale = np.abs(R).max(axis=0)  # rotations in units that move the body's far end as far as translations do
-    C = C / scale
-    size = np.linalg.norm(C, axis=1)
-    C = C[size > 0.0] / size[size > 0.0, None]
-    if not len(C):
-        return np.diag(1.0 / scale)
-    _, sigma, Vt = np.linalg.svd(C, full_matrices=True)
-    return np.asarray(Vt[int(np.sum(sigma > FREE * sigma[0])) :].T / scale[:, None])
-
-
-def _in_space(motions: Array, directions: Sequence[str]) -> Array:
-    """As displacements along and rotations about x, y, z, (6, f)."""
-    space = np.zeros((6, motions.shape[1]))
-    space[[DIRECTIONS.index(direction) for direction in directions]] = motions
-    return space
+def _null_space(C: Array) -> Array:
+    """Orthonormal motions (n, f) of which C (m, n) measures nothing; n where there are no rows."""
+    _, sigma, Vt = np.linalg.svd(np.linalg.qr(C, mode="r"), full_matrices=True)
+    return np.asarray(Vt[int(np.sum(sigma > FREE * sigma.max(initial=0.0))) :].T)
 
 
 def described(motions: Array) -> list[str]:

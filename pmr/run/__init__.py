@@ -35,12 +35,12 @@ from pmr.errors import ConvergenceError, InputError, on_first
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fem.distributed import free_dropped
-from pmr.fullmodel import free_motions
-from pmr.fullmodel.build import Built, build, full_model
+from pmr.fullmodel.build import Built, build, full_model, left_free
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
+from pmr.fullmodel.system import BODY
 from pmr.recover.coordinates import Recovery, chosen_states
 from pmr.recover.framed import framed_body as framed_body
 from pmr.recover.from_scene import Recovered, recover, recovered_steps
@@ -143,7 +143,7 @@ def run(
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
         Part(warnings=build_warnings(built.structure)),
-        Part(warnings=free_motions.warnings(built.structure, scene.path_bounds)),
+        Part(warnings=left_free(scene, {BODY: built})),
         pads(scene, responses["reduced"]),
         Part(places({"": built.structure.outputs})),
         contact(reduced, excitation),

@@ -23,7 +23,7 @@ from pmr.errors import InputError, on_first
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fullmodel import probes
-from pmr.fullmodel.build import Built, build_sections
+from pmr.fullmodel.build import Built, build_sections, left_free
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.recover.from_scene import Recovered, recover_sections, recovered_steps, states_of
 from pmr.reduce.cache import cache_in
@@ -82,6 +82,7 @@ class _Run:
         self.boom, self.comm, self.clock = boom, comm, clock
         with clock.stage("assemble"):
             self.built = build_sections(boom, comm)
+            self.free = left_free(boom, self.built)
         with clock.stage("reduce"):
             self.caches = (
                 {} if cache is None else {name: cache_in(cache, one.model) for name, one in self.built.items()}
@@ -130,6 +131,7 @@ class _Run:
             Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
             trusted({"full": whole.missing} if whole.missing else {}, responses),
             *(Part(warnings=build_warnings(structure)) for structure in structures.values()),
+            Part(warnings=self.free),
             Part(warnings=large_motion(float(reach.max()), responses.values())),
         ]
         loads, fields = excitation.forces(system.input_names), {name: one.reduced.fields for name, one in seen.items()}

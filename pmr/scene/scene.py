@@ -7,7 +7,7 @@ import json
 from abc import abstractmethod
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -52,6 +52,11 @@ class Whole(Section):
     recovery: asked.Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
     simulation: asked.Simulation = Field(default=asked.Simulation(), description="Who simulates")
     compare: asked.Compare = Field(default=asked.Compare(), description="What the reduced model is compared with")
+    free_motions: Literal["refused", "allowed"] = Field(
+        default="refused",
+        description="Motions of the whole or a section that no support, pad or cylinder resists somewhere on the way: "
+        "loads move it along them without limit; pads that only push count as holding",
+    )
 
     def __hash__(self) -> int:
         return hash(self.hash)  # some sections hold tables

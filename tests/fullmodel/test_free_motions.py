@@ -2,20 +2,40 @@
 
 from __future__ import annotations
 
+import os
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pmr import scene as scenes
+from pmr.errors import InputError
+from pmr.fem.compat import MPI
 from pmr.fullmodel import free_motions
-from pmr.fullmodel.build import build
-from pmr.fullmodel.from_scene import structure_of
+from pmr.fullmodel.build import build, build_sections, left_free
 from pmr.run import run
+from pmr.run.booms import run_either
+from pmr.scene import Boom, Scene
+from pmr.scene.boom_checks import check_boom
+from pmr.scene.checks import check
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 VERTICAL = "loads=[{name='F',signal=1.0}]"
 NOTHING = "supports=[]"
+ALLOWED = "free_motions=allowed"
+
+
+def refused(scene: Scene | Boom) -> list[str]:
+    """The line in which its free motions are refused, if they are."""
+    try:
+        build_sections(scene, MPI.COMM_SELF) if isinstance(scene, Boom) else build(scene, MPI.COMM_SELF)
+    except InputError as error:
+        assert error.key == "free_motions"
+        return [str(error)]
+    return []
 
 
 def pads(tail: str, mouth: str) -> str:
@@ -47,7 +67,7 @@ AT = " with s at 1.5 m"
 def test_what_is_free_is_found_and_named(model: str, changes: tuple[str, ...], free: list[str], where: str) -> None:
     file = WORKFLOWS / f"boom_{model.removesuffix('3d')}.toml"
     scene = scenes.load(file, ["mesh.size=0.2", "mesh.along=0.5", *changes])
-    said = free_motions.warnings(structure_of(scene), scene.path_bounds)
+    said = refused(scene)
     assert len(said) == (1 if free else 0)
     for line in said:
         assert all(words in line for words in free) and f"{where}: loads along that" in line
@@ -58,19 +78,18 @@ def test_what_holds_in_one_place_only_is_named_with_the_place() -> None:
     """The mouth begins where the tail's pads are: both hold the same place, and the boom can turn about it."""
     rings = "{name='tail',at=1.5,faces={bottom=[0.0,0.1],left=[0.0]}},{name='mouth',moving=true,faces={bottom=[0.0]}}"
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"pads=[{rings}]"])
-    (said,) = free_motions.warnings(structure_of(scene), scene.path_bounds)
+    (said,) = refused(scene)
     assert "turn about y through (1.5, 0, 0) m, turn about z through (1.5, 0, 0) m with s at 1.5 m" in said
 
 
 def test_a_planar_beam_is_told_in_the_words_of_the_scene() -> None:
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", ["body.model=beam2d", VERTICAL, pads("", "bottom=[0.0]")])
-    (said,) = free_motions.warnings(structure_of(scene), scene.path_bounds)
+    (said,) = refused(scene)
     assert "free to turn about y through (1.5, 0, 0) m with s at 1.5 m" in said
     rolling = ["body.profile.axial=true", "supports=[{on=0.0,kind='roller'}]"]
     planar = scenes.load(WORKFLOWS / "paper_simple.toml", rolling + ["compare.against=['full']"])
-    assert "free to move along x:" in free_motions.warnings(build(planar).structure, planar.path_bounds)[0]
-    pinned = scenes.load(WORKFLOWS / "paper_simple.toml")
-    assert free_motions.warnings(build(pinned).structure, pinned.path_bounds) == []
+    assert "the body free to move along x:" in refused(planar)[0]
+    assert refused(scenes.load(WORKFLOWS / "paper_simple.toml")) == []
 
 
 def test_free_motions_do_not_depend_on_where_the_origin_is() -> None:
@@ -85,10 +104,133 @@ def test_free_motions_do_not_depend_on_where_the_origin_is() -> None:
         assert found == pytest.approx(at, abs=1e-3)
 
 
-def test_a_run_says_what_is_free() -> None:
+def test_a_run_says_what_is_free_where_that_is_allowed() -> None:
     """A boom free along its axis runs, for nothing pushes it there."""
     short = ["time.end=0.1", "time.step=0.01", "recovery.every=0.05", "recovery.stress=false", "compare.against=[]"]
-    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*short, "mesh.elements=20", NOTHING])
+    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*short, "mesh.elements=20", NOTHING, ALLOWED])
     outcome = run(scene)
     assert outcome is not None
     assert any("free to move along x:" in line for line in outcome.result.summary["warnings"])
+
+
+PIVOT, LUFFING = 0.4, 1.6
+SIDES = ("bottom=[-0.08,0.08]", "top=[-0.08,0.08]", "left=[0.0]")
+SWEEP = range(30) if os.environ.get("PMR_SWEEP") == "full" else range(0, 30, 4)
+
+
+def ring(faces: Sequence[str], at: float = 0.2) -> str:
+    return f"{{at={at},width=0.04,stiffness=1e8,faces={{{','.join(faces)}}}}}"
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine that lacks a support, and what that leaves free."""
+
+    scene: Scene | Boom
+    section: str
+    free: tuple[str, ...]
+
+
+def without_a_support(seed: int) -> Machine:
+    """A boom of two to five sections on a pivot and a luffing cylinder, or a beam on a pivot and a slider."""
+    rng = np.random.default_rng(seed)
+    if rng.random() < 0.2:
+        return beam_without_a_support(rng)
+    planar, count, lengths = rng.random() < 0.4, int(rng.integers(2, 6)), rng.uniform(6.0, 7.0, 5)
+    extensions = rng.uniform(1.2, 2.5, 5)
+    held = {d: PIVOT for d in (("x", "z") if planar else ("x", "y", "z", "rx", "rz"))} | {"luffing": LUFFING}
+    at = int(rng.integers(0, count))
+    joints = [[list(SIDES), list(SIDES)] for _ in range(count)]  # at tail and mouth
+    if at == 0:
+        lost = str(rng.choice(list(held)))
+        del held[lost]
+        free = {"x": "move along x", "y": "move along y", "z": turn("y", LUFFING), "rx": "turn about x",
+                "rz": turn("z", PIVOT), "luffing": turn("y", PIVOT)}[lost]  # fmt: skip
+        lacking = (free,)
+    else:
+        tail = float(extensions[1 : at + 1].sum())
+        mouth = float(extensions[1:at].sum() + lengths[at - 1]) - 0.2
+        places, end = (mouth, tail + 0.2), int(rng.integers(0, 2))  # without the tail's it turns about the mouth's
+        if planar:
+            joints[at][end], lacking = [SIDES[2]], (turn("y", places[end]),)
+        elif (kind := int(rng.integers(0, 3))) == 0:
+            joints[at][end], lacking = list(SIDES[:2]), (turn("z", places[end]),)
+        elif kind == 1:
+            joints[at], lacking = [list(SIDES[:2]), list(SIDES[:2])], ("move along y", "turn about z")
+        else:
+            one = ["bottom=[0.0]", "top=[0.0]", "left=[0.0]"]
+            joints[at], lacking = [one, one], ("turn about x",)
+    supports = [
+        f"{{name='{d}',on={x},directions=['{'z' if d == 'luffing' else d}']"
+        + (",stiffness=5e7}" if d == "luffing" and rng.random() < 0.5 else "}")
+        for d, x in held.items()
+    ]
+    sections = []
+    for k in range(count):
+        box = f"{{length={lengths[k]},width={0.36 - 0.03 * k},height={0.4 - 0.03 * k},wall=0.005}}"
+        parts = [f"name='part {k}'", f"body={{model='{'beam2d' if planar else 'beam3d'}',box={box}}}"]
+        if k:
+            value = f"{{kind='smooth_ramp',times=[0.1,0.9],values=[{extensions[k]},{extensions[k] + 0.5}]}}"
+            rings = [f"{end}=[{ring(faces)}]" for end, faces in zip(("tail", "mouth"), joints[k], strict=True)]
+            parts.append(f"joint={{extension={value},{','.join(rings)}}}")
+        else:
+            parts.append(f"supports=[{','.join(supports)}]")
+        sections.append(f"{{{','.join(parts)}}}")
+    content = f"title='machine'\nsection={{mesh={{elements=6}}}}\nsections=[{','.join(sections)}]\n"
+    boom = Boom.model_validate(tomllib.loads(content + "time={end=1.0,step=1e-3}"))
+    check_boom(boom)
+    return Machine(boom, f"part {at}", lacking)
+
+
+def beam_without_a_support(rng: np.random.Generator) -> Machine:
+    lost, start = str(rng.choice(["x", "z"])), round(float(rng.uniform(1.0, 3.0)), 3)
+    left = "z" if lost == "x" else "x"
+    content = (
+        "title='beam'\nbody.profile={length=6.0,bending_stiffness=1e5,mass_per_length=50.0,axial=true,axial_stiffness=1e8}\n"
+        f"mesh.elements=8\nloads=[{{signal=1.0}}]\nsupports=[{{on=0.0,directions=['{left}']}}]\ntime={{end=1.0,step=1e-3}}\n"
+        f"slider.path={{kind='ramp',times=[0.0,1.0],values=[{start},4.0]}}"
+    )
+    scene = Scene.model_validate(tomllib.loads(content))
+    check(scene)
+    return Machine(scene, "the body", ("move along x" if lost == "x" else turn("y", start),))
+
+
+def turn(axis: str, x: float) -> str:
+    return f"turn about {axis} through ({x:.4g}, 0, 0) m"
+
+
+@pytest.mark.parametrize("seed", SWEEP)
+def test_a_machine_without_one_of_its_supports_is_refused_before_it_is_reduced(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What moves, and how, follows from what was taken away."""
+    machine = without_a_support(seed)
+    monkeypatch.setattr("pmr.run.booms.reduce_sections", None)
+    monkeypatch.setattr("pmr.run._reduce", None)
+    with pytest.raises(InputError) as error:
+        run_either(machine.scene, MPI.COMM_SELF)
+    said = str(error.value)
+    assert error.value.key == "free_motions" and "\n" not in said
+    assert f"leave {machine.section} " in said and all(words in said for words in machine.free)
+    assert said.count("move along") + said.count("turn about") == len(machine.free)
+
+
+def test_a_boom_on_a_pivot_and_a_cylinder_is_held_where_its_pin_is() -> None:
+    """In space a point and a cylinder leave it free to turn about two axes; in the plane they hold it."""
+    space = ("section.body.model=beam3d", *(f"section.joint.{end}=[{ring(SIDES)}]" for end in ("tail", "mouth")))
+    luffing = "{directions=['z'],on=1.5,stiffness=5e7}"
+    point = f"sections.base.supports=[{{kind='pinned'}},{luffing}]"
+    pin = f"sections.base.supports=[{{directions=['x','y','z','rx','rz']}},{luffing}]"
+    file, few = WORKFLOWS / "boom_two.toml", "section.mesh.elements=6"
+    assert refused(scenes.load_any(file, [few, point])) == []
+    assert refused(scenes.load_any(file, [few, *space, pin])) == []
+    (said,) = refused(scenes.load_any(file, [few, *space, point]))
+    assert "leave base with what it carries free to turn about x through (0, 0, 0) m, turn about z" in said
+
+
+def test_a_boom_may_be_free_where_its_scene_allows_it() -> None:
+    rollers = "sections.base.supports=[{kind='roller'},{kind='roller',on=2.0}]"
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ["section.mesh.elements=6", rollers, ALLOWED])
+    assert isinstance(boom, Boom)
+    (said,) = left_free(boom, build_sections(boom, MPI.COMM_SELF))
+    assert "leave base with what it carries free to move along x: loads" in said

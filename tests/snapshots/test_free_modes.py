@@ -23,7 +23,7 @@ BENDING = {"pinned": PINNED_FREE, "clamped": CLAMPED_FREE}
 
 
 def model(load_scene, *overrides: str) -> FullModel:
-    return full_model(load_scene("paper_simple", ["compare.against=[]", *overrides]))
+    return full_model(load_scene("paper_simple", ["compare.against=[]", "free_motions=allowed", *overrides]))
 
 
 def local(snapshots: Snapshots) -> np.ndarray:
