@@ -129,9 +129,10 @@ class FullRun:
 
 @dataclass(frozen=True)
 class FullBoom:
-    """All sections in full order, and `system` of the same on rank 0 where they are few enough to be diagonalised."""
+    """All sections in full order, who simulates them, and `system` of the same on rank 0 where these are diagonalised."""
 
     whole: FullSystem
+    simulator: str
     system: System | None
 
     @classmethod
@@ -139,12 +140,9 @@ class FullBoom:
         """Collective."""
         bodies = {name: one.model for name, one in built.items()}
         whole = FullSystem(bodies, contacts_of(boom, bodies))
-        return cls(whole, whole.gather() if whole.size <= MARCHED_UP_TO else None)
-
-    @property
-    def simulator(self) -> str:
-        """Who simulates it."""
-        return "march" if self.whole.size <= MARCHED_UP_TO else "petsc"
+        fastest = "march" if whole.size <= MARCHED_UP_TO else "petsc"
+        simulator = fastest if boom.simulation.full == "auto" else boom.simulation.full
+        return cls(whole, simulator, whole.gather() if simulator == "march" else None)
 
     def frequencies(self, boom: Boom, steps: NDArray[np.int64]) -> Array:
         """The lowest natural frequencies (S, f) in Hz at some steps, every contact closed; collective."""

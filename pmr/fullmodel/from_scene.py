@@ -122,7 +122,7 @@ def _planar_beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
 
 
 def _planar_profile(box: Box, material: Material) -> Profile:
-    section = box_section(BoxProfile(width=box.width, height=box.height, wall=box.wall), material.poisson)
+    section = box_section(_profile(box), material.poisson)
     return Profile(
         length=box.length,
         bending_stiffness=material.young * section.second_moment_y,
@@ -132,11 +132,15 @@ def _planar_profile(box: Box, material: Material) -> Profile:
     )
 
 
+def _profile(box: Box) -> BoxProfile:
+    return BoxProfile(width=box.width, height=box.height, wall=box.wall, radius=box.radius)
+
+
 def _beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
     from pmr.models.beam3d import Beam3D
 
     box, body = _box(scene), scene.body
-    profile = None if body.section else BoxProfile(width=box.width, height=box.height, wall=box.wall)
+    profile = None if body.section else _profile(box)
     return Beam3D(
         Beam3DBody(
             length=box.length,

@@ -46,14 +46,14 @@ class BoxBoom:
             "size": 0.0 < self.size <= self.length,
             "size_along": 0.0 <= self.size_along <= self.length,
             "tail_layer": self.tail_layer == 0.0 or thinnest <= self.tail_layer <= self.layer,
-            "wall": 0.0 < self.wall < side,
+            "wall": 0.0 < self.wall < side / 2.0,
             "radius": self.radius == 0.0 or self.wall / 2.0 < self.radius < side / 2.0,
             "frames": bool(np.all(np.diff([0.0, *self.frames, self.length]) >= thinnest)),
             "frame_depth": not self.frames
             or THINNEST * self.size <= self.frame_depth < (self.radius if self.radius > 0.0 else side / 2.0),
         }
         words = {
-            "wall": "less than width and height",
+            "wall": "less than half of width and height",
             "size": "more than 0 and up to the length",
             "radius": "0, or more than half the wall and less than half of width and height",
             "frames": "ascending places between tail and tip, at least a ten-thousandth of a cell apart,",

@@ -15,11 +15,11 @@ from pmr.scene.section import (
     Count,
     Distance,
     Frequency,
+    Friction,
     Length,
     Place,
     Quantity,
     Section,
-    Share,
     Size,
     Speed,
     Stiffness,
@@ -48,7 +48,7 @@ class JointPads(Section):
     stiffness: Stiffness | Literal["rigid"] = Field(default=3e8, description="Of each pad")
     unilateral: Switch = Field(default=True, description="Whether they only push")
     clearance: Distance = Field(default=0.0, description="Between pads that only push and the section at rest")
-    friction: Share = Field(default=0.0, description="Coulomb's coefficient along the boom, part of cylinder forces")
+    friction: Friction = Field(default=0.0, description="Coulomb's coefficient along the boom, part of cylinder forces")
 
     @model_validator(mode="after")
     def _only_what_pushes_has_play(self) -> JointPads:
@@ -161,6 +161,8 @@ class Boom(Whole):
         common = data.get("section", {})
         if not isinstance(common, dict):
             return data
+        if isinstance(data.get("gravity"), dict):  # motions begin in equilibrium: nothing has to come up
+            data = {**data, "gravity": {"rise": 0.0} | data["gravity"]}
         base = {key: value for key, value in common.items() if key != "joint"}  # which slides in nothing
         return {
             **data,

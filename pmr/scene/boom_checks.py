@@ -29,6 +29,7 @@ def check_boom(boom: Boom) -> None:
         _fits(boom, number)
         _slides(boom, number)
     for number in range(len(boom.sections)):
+        _held_while_sliding(boom, number)
         _pads(boom, number)
         _by_itself(boom, number)
     planar = [is_planar(boom, number) for number in range(len(boom.sections))]
@@ -84,10 +85,11 @@ def _driven(boom: Boom, number: int) -> None:
 
 
 def _fits(boom: Boom, number: int) -> None:
-    """The inner box within the outer one."""
+    """The inner box within the outer one, and the play of its pads within the gap between them."""
     inner, outer = boom.sections[number].body.box, boom.sections[number - 1].body.box
     if inner is None or outer is None:
         return
+    gaps = {}
     for side in ("width", "height"):
         has, room = getattr(inner, side) + inner.wall, getattr(outer, side) - outer.wall
         if has >= room:
@@ -96,6 +98,32 @@ def _fits(boom: Boom, number: int) -> None:
                 "a section has to fit into the one before it"
             )
             raise refusal(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
+        gaps[side] = (room - has) / 2.0
+    for seat in seats(boom, number):
+        faces = seat.ring.faces or ("bottom", "top")  # points stand above and below
+        gap = min(gaps["height" if face in ("bottom", "top") else "width"] for face in faces)
+        if seat.joint == number and seat.ring.clearance > gap * (1.0 + SLACK):
+            allowed = (
+                f"at most {gap:.6g} m is allowed: so wide is the gap between {boom.names[number]} and "
+                f"{boom.names[number - 1]} there"
+            )
+            raise refusal(f"sections[{number}].joint.{seat.key}.clearance", seat.ring.clearance, allowed)
+
+
+def _held_while_sliding(boom: Boom, number: int) -> None:
+    """What slides is not held along the boom by the ground."""
+    ranges = {name: path.bounds(0.0, boom.time.end) for name, path in list(boom.paths.items())[:number]}
+    moves = next((name for name, (low, high) in ranges.items() if high - low > SLACK * boom.length(number)), None)
+    for i, support in enumerate(boom.sections[number].supports):
+        if moves and "x" in support.held:
+            key = f"sections[{number}].supports[{i}]"
+            key, value = (f"{key}.kind", support.kind) if support.directions is None else (f"{key}.directions", None)
+            allowed = f"directions without x are allowed: {boom.names[number]} travels with the extension of {moves}"
+            raise refusal(key, value, allowed)
+    for i, ring in enumerate(boom.sections[number].pads):
+        if ring.moving:
+            key, allowed = f"sections[{number}].pads[{i}].moving", "false is allowed: pads that move belong to a joint"
+            raise refusal(key, True, allowed)
 
 
 def _slides(boom: Boom, number: int) -> None:
@@ -197,6 +225,8 @@ def _ordered(boom: Boom) -> None:
 
 
 def _simulators(boom: Boom) -> None:
+    if boom.simulation.full == "exudyn":
+        raise refusal("simulation.full", "exudyn", "auto, march and petsc are allowed for sections")
     if "ancf" in boom.compare.against:
         raise refusal("compare.against", list(boom.compare.against), "['full'] or [] is allowed for sections")
     for name in boom.simulation.simulators:

@@ -54,6 +54,7 @@ Frequency = Annotated[float, _Positive, Quantity("Hz", 1e-9, 1e12)]
 Speed = Annotated[float, _Positive, Quantity("m/s", 1e-12, 1e9)]
 Time = Annotated[float, _Positive, Quantity("s", 1e-12, 1e9)]
 Share = Annotated[float, _NotNegative, Quantity("1", 0.0, 1e9)]
+Friction = Annotated[float, _NotNegative, Quantity("1", 0.0, 1.0)]  # dry steel on steel has 0.8
 Count = Annotated[int, _Count, Quantity("1", 1, 1_000_000)]
 Component = Annotated[float, _Strict, Quantity("1", -1e300, 1e300)]
 

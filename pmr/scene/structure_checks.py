@@ -111,10 +111,13 @@ def _body(scene: Scene) -> None:
         raise refusal("recovery", None, "given matrices have no cells and no stresses: leave it out")
     if file is not None and model == "shell" and body.thickness is None:
         raise refusal("body.thickness", None, "a thickness in m is needed for a shell that is read")
-    if body.box is not None and body.box.wall >= min(body.box.width, body.box.height):
-        raise refusal("body.box.wall", body.box.wall, "less than width and height is allowed")
-    if body.box is not None and body.box.radius >= min(body.box.width, body.box.height) / 2.0:
-        raise refusal("body.box.radius", body.box.radius, "less than half of width and height is allowed")
+    if body.box is not None:
+        half = min(body.box.width, body.box.height) / 2.0
+        if body.box.wall >= half:
+            raise refusal("body.box.wall", body.box.wall, f"less than {half:g} m, half of width and height, is allowed")
+        if body.box.radius and not body.box.wall / 2.0 < body.box.radius < half:
+            allowed = f"0 is allowed, or more than {body.box.wall / 2.0:g} m, half the wall, and less than {half:g} m"
+            raise refusal("body.box.radius", body.box.radius, allowed)
     if body.section is not None and body.model != "beam3d":
         raise refusal("body.section", None, "a section goes with body.model = 'beam3d'")
     if body.section is not None and body.shear and None in (body.section.shear_area_y, body.section.shear_area_z):

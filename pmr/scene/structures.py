@@ -11,6 +11,7 @@ from pmr.scene.section import (
     Area,
     Count,
     Density,
+    Distance,
     Inertia,
     Length,
     Mass,
@@ -107,11 +108,15 @@ class BoxProfile(Section):
     width: Length = Field(description="Along y")
     height: Length = Field(description="Along z")
     wall: Length = Field(description="Thickness")
+    radius: Distance = Field(default=0.0, description="Radius of the corners, 0 or more than half the wall")
 
     @model_validator(mode="after")
     def _hollow(self) -> BoxProfile:
-        if self.wall >= min(self.width, self.height):
-            raise ValueError("the wall must be thinner than width and height")
+        half = min(self.width, self.height) / 2.0
+        if self.wall >= half:
+            raise ValueError("the wall must be thinner than half of width and height")
+        if self.radius and not self.wall / 2.0 < self.radius <= half:
+            raise ValueError("the radius must be 0, or more than half the wall and at most half of width and height")
         return self
 
 

@@ -82,7 +82,7 @@ def test_a_solid_has_the_volume_of_its_wall(tmp_path: Path, hexahedra: bool, rad
 @pytest.mark.parametrize(
     ("dimensions", "says"),
     [
-        ({"wall": 0.3}, "wall = 0.3: less than width and height"),
+        ({"wall": 0.3}, "wall = 0.3: less than half of width and height"),
         ({"radius": 0.2}, "radius = 0.2"),
         ({"frames": (7.0,), "frame_depth": 0.1}, "frames"),
         ({"frames": (1.0,)}, "frame_depth"),

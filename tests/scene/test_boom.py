@@ -57,6 +57,15 @@ def test_pads_measure_a_section_wherever_joints_take_them() -> None:
 REFUSED = [
     ("sections.fly.loads.0.name=gravity", r"sections\[2\].loads\[0\].name = 'gravity': another name is allowed"),
     ("sections.fly.loads.0.name=extension", r"sections\[2\].loads\[0\].name = 'extension': another name is allowed"),
+    ("sections.fly.joint.mouth.0.clearance=0.5", r"joint.mouth\[0\].clearance = 0\.5: at most 0\.0135 m is allowed: so wide"),
+    ("section.joint.tail.0.clearance=0.0136", r"sections\[1\].joint.tail\[0\].clearance = 0.0136: at most 0\.0125 m"),
+    ("section.joint.tail.0.clearance=0.0124", ""),
+    ("section.joint.tail.0.friction=50", r"sections\[1\].joint.tail\[0\].friction = 50.0: a number from 0 to 1 is allowed"),
+    ("sections.fly.supports=[{on='tip',kind='clamped'}]", r"sections\[2\].supports\[0\].kind = 'clamped': directions"),
+    ("sections.middle.supports=[{on='tip',directions=['x'],stiffness=1e5}]", r"supports\[0\].directions: directions without x"),
+    ("sections.fly.supports=[{on='tip',kind='roller'}]", ""),
+    ("sections.base.pads=[{name='p',moving=true,faces={bottom=[0.0]}}]", r"sections\[0\].pads\[0\].moving = True: false"),
+    ("simulation.full=exudyn", r"simulation.full = 'exudyn': auto, march and petsc are allowed"),
     ("sections.fly.joint.extension=6.2", r"sections\[2\].joint.extension: it pulls fly out of middle: .* 5\.7 m"),
     ("sections.fly.joint.extension=5.75", r"joint.extension: the overlap of fly and middle gets down to 0\.25 m"),
     ("sections.fly.joint.extension=-0.1", r"the tail of fly gets 0\.1 m behind that of middle"),
@@ -96,6 +105,23 @@ def test_what_contradicts_itself_is_refused_with_key_and_numbers(change: str, sa
     with pytest.raises(InputError, match=said) as told:
         load(change)
     assert "\n" not in str(told.value)
+
+
+def test_sections_are_held_along_the_boom_where_nothing_slides() -> None:
+    """A clamped fly that stays, and one that is clamped while the section before it slides."""
+    clamped = ["sections.fly.supports=[{on='tip',kind='clamped'}]", "sections.fly.joint.extension=1.0"]
+    assert load(*clamped, "sections.middle.joint.extension=1.0").sections[2].supports[0].kind == "clamped"
+    with pytest.raises(InputError, match="fly travels with the extension of middle"):
+        load(*clamped)
+
+
+def test_the_weight_of_sections_is_there_from_the_start_with_or_without_a_table() -> None:
+    without = load().model_dump(mode="json", exclude={"section"})
+    del without["gravity"]
+    for gravity in ({}, {"gravity": {}}, {"gravity": {"rise": 0.0}}):
+        boom = Boom.model_validate(without | gravity)
+        assert boom.gravity.rise == 0.0 and boom.hash == load().hash
+    assert Boom.model_validate(without | {"gravity": {"rise": 0.5}}).gravity.rise == 0.5
 
 
 def test_pads_in_space_need_faces() -> None:

@@ -147,7 +147,8 @@ def test_a_wall_is_a_long_plate() -> None:
     [
         ("body.model=plate", "body.model"),
         ("mesh.file=nowhere.msh", "mesh.file = 'nowhere.msh': no such file"),
-        ("body.box.wall=0.5", "body.box.wall = 0.5: less than width and height is allowed"),
+        ("body.box.wall=0.15", "body.box.wall = 0.15: less than 0.15 m, half of width and height, is allowed"),
+        ("body.box.radius=0.003", "body.box.radius = 0.003: 0 is allowed, or more than 0.004 m, half the wall"),
         ("slider.offsets=[0.1]", "slider.offsets"),
         ("pads=[]", "nothing slides"),
         (f"pads=[{{{MOUTH},clearance=1e-3}}]", "pads[0].clearance = 0.001: 0 is allowed unless unilateral = true"),
@@ -159,7 +160,7 @@ def test_a_wall_is_a_long_plate() -> None:
         ("body.thickness=0.01", "give box.wall or thickness, one of them"),
         ("body.shape=1", "unknown key; did you mean"),
         ("gravity.direction=[0.0,0.0,0.0]", "gravity.direction: a direction is allowed: three numbers, not all of"),
-        ("body.box.radius=0.2", "body.box.radius = 0.2: less than half of width and height is allowed"),
+        ("body.box.radius=0.2", "body.box.radius = 0.2: 0 is allowed, or more than 0.004 m, half the wall, and less"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(load, override, message) -> None:
