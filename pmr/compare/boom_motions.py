@@ -129,7 +129,7 @@ class FullRun:
 
 @dataclass(frozen=True)
 class FullBoom:
-    """All sections in full order, who simulates them, and `system` of the same on rank 0 where these are diagonalised."""
+    """All sections in full order, who simulates them, and on rank 0 the `system` of those that are diagonalised."""
 
     whole: FullSystem
     simulator: str

@@ -1,8 +1,9 @@
 r"""The box section of a beam: its properties from the dimensions of its mid-surface, and the stresses at its corners.
 
-Area and second moments are those of the hollow rectangle, exactly, its corners sharp or quarters of a ring.  The torsion
-constant is Bredt's for one closed cell, :math:`4 A_m^2 / \oint ds / t` (Young, Budynas, Sadegh: Roark's Formulas for
-Stress and Strain, 8th ed., 2012, section 10.3).  Warping is free and neglected: a box of unequal walls warps a little.
+Area and second moments are those of the hollow rectangle, exactly, its corners sharp or quarters of a ring.  The
+torsion constant is Bredt's for one closed cell, :math:`4 A_m^2 / \oint ds / t` (Young, Budynas, Sadegh: Roark's
+Formulas for Stress and Strain, 8th ed., 2012, section 10.3).  Warping is free and neglected: a box of unequal walls
+warps a little.
 
 The shear areas are kappa A with Cowper's coefficient of the thin-walled box, :math:`m = b t_f / (h t_w)`,
 :math:`n = b / h`, h along the force:
