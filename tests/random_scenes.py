@@ -156,3 +156,53 @@ def random_boom(seed: int) -> Boom:
     )
     check_boom(boom)
     return boom
+
+
+def driven_boom(seed: int) -> Boom:
+    """Two to five sections that their cylinders push out fast or with kinks, stiffly or rigidly; most are planar."""
+    rng = np.random.default_rng([seed, 21])
+    planar, count, length = rng.random() < 0.75, int(rng.integers(2, 6)), float(rng.uniform(4.0, 7.0))
+    sides = {"bottom": [0.0], "top": [0.0]} if planar else {"bottom": [-0.05, 0.05], "top": [0.0], "left": [0.0]}
+    material = {"young": 70e9, "density": 2700.0} if rng.random() < 0.4 else {"young": 210e9, "density": 7850.0}
+    sections = []
+    for k in range(count):
+        box = {"length": length, "width": 0.34 - 0.04 * k, "height": 0.44 - 0.04 * k, "wall": 0.009 - 0.001 * k}
+        body = {"model": "beam2d" if planar else "beam3d", "box": box, "material": material}
+        least = (3 if planar else 6) if k else 0
+        part = {"name": f"section {k}", "body": body, "mesh": {"elements": int(rng.integers(12, 21))}}
+        part["reduction"] = {"coordinates": least + int(rng.integers(2, 5))}
+        if k == 0:
+            part["supports"] = [{"kind": "clamped"}]
+        else:
+            ring = {"at": 0.15, "stiffness": float(10.0 ** rng.uniform(7.0, 9.0)), "faces": sides, "unilateral": False}
+            stiffness = "rigid" if rng.random() < 0.5 else float(10.0 ** rng.uniform(6.5, 9.0))
+            follows = k > 1 and rng.random() < 0.3
+            driven = {"follows": f"section {k - 1}"} if follows else {"extension": _extension(rng, length)}
+            part["joint"] = {"tail": [ring], "mouth": [ring], "cylinder": {"stiffness": stiffness}, **driven}
+        if k == count - 1:
+            part["masses"] = [{"name": "payload", "on": "tip", "mass": float(rng.uniform(50.0, 400.0))}]
+            part["loads"] = [{"name": "F", "on": "tip", "signal": random_signal(rng, 1000.0, 10.0)}]
+        sections.append(part)
+    ratio = float(rng.choice([0.0, 0.003, 0.005, 0.01, 0.03]))
+    boom = Boom.model_validate(
+        {
+            "title": "driven boom",
+            "sections": sections,
+            "gravity": {"rise": 0.0, "inclination": float(rng.choice([0.0, rng.uniform(0.0, 60.0)]))},
+            "damping": {"ratio": ratio, "frequencies": [1.0, 30.0]},
+            "time": {
+                "end": 1.6,
+                "step": float(rng.choice([5e-4, 1e-3])),
+                "rho_inf": float(rng.choice([0.8, 1.0])),
+            },
+        }
+    )
+    check_boom(boom)
+    return boom
+
+
+def _extension(rng: np.random.Generator, length: float) -> dict:
+    """In half a second to one, with kinks or without, some of them there and back."""
+    values = rng.uniform(0.1 * length, 0.7 * length, int(rng.integers(2, 4))).tolist()
+    times = (0.1 + np.cumsum([0.0, *rng.uniform(0.4, 0.7, len(values) - 1)])).tolist()
+    return {"kind": str(rng.choice(["ramp", "smooth_ramp"])), "times": times, "values": values}

@@ -22,6 +22,7 @@ from pmr.compare.boom_estimate import response_from_rest, with_loads_answered
 from pmr.compare.booms import quantities
 from pmr.compare.estimate import MARGIN_OF_ALL_MODES
 from pmr.errors import InputError, SimulationError
+from pmr.reduced.attachment import with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated
 from pmr.scene import Boom
@@ -35,7 +36,7 @@ Sizes = Mapping[str, int]
 class BoomChoice:
     """The model of each section, and what they are off by together."""
 
-    models: Mapping[str, ReducedModel]
+    models: Mapping[str, ReducedModel]  # on free modes
     errors: Mapping[str, float]  # by kind of output: fractions, with margin
     holds: bool  # whether these are within the tolerance
     seconds: float  # of the search
@@ -48,9 +49,10 @@ class _Search:
         self._boom, self._excitation, self._known = boom, excitation, dict[tuple[int, ...], dict[str, float]]()
         self.wholes = {name: extended(model) for name, model in models.items()}
         self.fewest = {name: 1 + _rigid(model) for name, model in self.wholes.items()}
+        self.of_cylinders = sum(model.cylinder_modes for model in _driven(self.wholes).values())
         self.most = {name: model.size - 1 for name, model in self.wholes.items()}
-        whole = system_of(boom, self.wholes)
-        self._best = response_from_rest(with_loads_answered(whole, excitation), excitation)
+        whole = system_of(boom, _driven(self.wholes))
+        self._best = response_from_rest(with_loads_answered(whole, self.wholes, excitation), excitation)
 
     def models(self, sizes: Sizes) -> dict[str, ReducedModel]:
         return {name: truncated(model, sizes[name]) for name, model in self.wholes.items()}
@@ -61,7 +63,7 @@ class _Search:
         assert asked is not None
         if key not in self._known:
             try:
-                found = response_from_rest(system_of(self._boom, self.models(sizes)), self._excitation)
+                found = response_from_rest(system_of(self._boom, _driven(self.models(sizes))), self._excitation)
                 pair, measured = {"reduced": found, "full": self._best}, quantities(self._boom, found)
                 off = errors.errors(pair, errors.relative_error, quantities=measured)["reduced_vs_full"]
                 self._known[key] = {kind: MARGIN_OF_ALL_MODES * off[kind] for kind in asked.outputs}
@@ -92,7 +94,7 @@ def choose(boom: Boom, models: Mapping[str, ReducedModel], excitation: Excitatio
         holds = search.worst(sizes) <= boom.accuracy.tolerance
     else:
         assert boom.budget is not None
-        sizes, holds = _best(search, boom.budget.coordinates), True
+        sizes, holds = _best(search, boom.budget.coordinates - search.of_cylinders), True
     return BoomChoice(search.models(sizes), search.of(sizes), holds, time.perf_counter() - begin)
 
 
@@ -116,8 +118,9 @@ def _fewest(search: _Search, tolerance: float) -> dict[str, int]:
 def _best(search: _Search, coordinates: int) -> dict[str, int]:
     sizes = dict(search.fewest)
     if sum(sizes.values()) > coordinates:
-        allowed = f"at least {sum(sizes.values())} are needed: rigid-body motions, and one mode of each section"
-        raise InputError("scene", "budget.coordinates", coordinates, allowed)
+        least = sum(sizes.values()) + search.of_cylinders
+        allowed = f"at least {least} are needed: rigid-body motions, one mode of each section, those of cylinders"
+        raise InputError("scene", "budget.coordinates", coordinates + search.of_cylinders, allowed)
     while sum(sizes.values()) < coordinates:
         more = [sizes | {name: size + 1} for name, size in sizes.items() if size < search.most[name]]
         if not more:
@@ -126,16 +129,22 @@ def _best(search: _Search, coordinates: int) -> dict[str, int]:
     return sizes
 
 
+def _driven(models: Mapping[str, ReducedModel]) -> dict[str, ReducedModel]:
+    """As they are simulated: with the modes of their cylinders."""
+    return {name: with_cylinder_modes(model) for name, model in models.items()}
+
+
 def _rigid(model: ReducedModel) -> int:
     stiffness = np.diagonal(model.K)
     return int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1]))
 
 
 def summary(boom: Boom, choice: BoomChoice) -> dict[str, Any]:
-    """``accuracy`` and ``budget`` of summary.json, as of one body; `chosen` has those of each section."""
+    """``accuracy`` and ``budget`` of summary.json, as of one body; `chosen` has what each section's reduction takes."""
     asked, sizes = boom.ordered, {name: model.size for name, model in choice.models.items()}
     assert asked is not None
-    chosen = {"coordinates": sum(sizes.values()), "sections": sizes, "step": boom.time.step}
+    count = sum(model.size for model in _driven(choice.models).values())
+    chosen = {"coordinates": count, "sections": sizes, "step": boom.time.step}
     accuracy = {
         "tolerance": boom.accuracy.tolerance if boom.accuracy else None,
         "outputs": list(asked.outputs),

@@ -42,15 +42,15 @@ Array = NDArray[np.float64]
 class BoomEstimate:
     """Estimated errors of a boom's reduced model, with margin."""
 
-    errors: Mapping[str, float]  # fractions: ``tip``, ``beam`` (all sections), ``pad_force``, and probes by their names
+    errors: Mapping[str, float]  # fractions: of `pmr.compare.booms.quantities`, and of probes by their names
     sections: Mapping[str, float]  # along each section
     largest: float  # m: largest error of any output at any time
     seconds: float
 
 
-def no_estimate(system: System) -> str | None:
-    """Why the errors of a boom can't be estimated, in words; None where they can."""
-    for name, body in models_of(system).items():
+def no_estimate(modal: Mapping[str, ReducedModel]) -> str | None:
+    """Why the errors of a boom of such sections can't be estimated, in words; None where they can."""
+    for name, body in modal.items():
         if body.carriers is None or body.carriers.flexibility is None:
             return f"{name} has no residual flexibility, and what its modes leave out is lost"
         if body.carriers.inertia is None or body.enrichment is None:
@@ -60,21 +60,25 @@ def no_estimate(system: System) -> str | None:
     return None
 
 
-def estimate(boom: Boom, system: System, excitation: Excitation, run: SystemTrajectory) -> BoomEstimate:
+def estimate(
+    boom: Boom, modal: Mapping[str, ReducedModel], system: System, excitation: Excitation, run: SystemTrajectory
+) -> BoomEstimate:
     """From the run of the boom's reduced model; one or two more are made here, in as many parts of a step.
+
+    `modal` are the sections on their free modes, those of the system before they had modes of their cylinders.
 
     Raises ValueError if there is no estimate (`no_estimate`); InputError or SimulationError as `multibody.simulate`;
     SimulationError too if what two richer models say of an impact differs.
     """
     begin = time.perf_counter()
-    if why := no_estimate(system):
+    if why := no_estimate(modal):
         raise ValueError(f"no estimate: {why}")
-    bodies, loads = models_of(system), _borne(system, run)
-    richer = {name: with_attachment_modes(extended(body), loads[name]) for name, body in bodies.items()}
+    loads = _borne(system, run)
+    richer = {name: with_attachment_modes(extended(body), loads[name]) for name, body in modal.items()}
     own = with_friction(boom, system.contacts, respond(system, run))
     better = _rubbing(boom, replace(system, bodies=richer), excitation)
     if lifting(run.forces[:, ~np.isnan(system.clearance)]):
-        other = {name: with_attachment_modes(body, loads[name]) for name, body in bodies.items()}
+        other = {name: with_attachment_modes(body, loads[name]) for name, body in modal.items()}
         _check_settled(own, better, _rubbing(boom, replace(system, bodies=other), excitation))
     measured = quantities(boom, own)
     found = errors.errors({"reduced": own, "full": better}, errors.relative_error, quantities=measured)
@@ -114,10 +118,10 @@ def _along(columns: Sequence[int], own: Response, better: Response) -> float:
     return errors.relative_error(own.displacement[:, columns], better.displacement[:, columns])
 
 
-def with_loads_answered(system: System, excitation: Excitation) -> System:
-    """With attachment modes for what its bodies bear in a run from rest."""
+def with_loads_answered(system: System, modal: Mapping[str, ReducedModel], excitation: Excitation) -> System:
+    """Of the `modal` bodies with attachment modes for what those of the system bear in a run from rest."""
     loads = _borne(system, _run(system, excitation))
-    bodies = {name: with_attachment_modes(body, loads[name]) for name, body in models_of(system).items()}
+    bodies = {name: with_attachment_modes(body, loads[name]) for name, body in modal.items()}
     return replace(system, bodies=bodies)
 
 
@@ -143,19 +147,26 @@ class BoomError:
     sections: Mapping[str, float] = field(default_factory=dict)
 
 
-def boom_error(boom: Boom, system: System, excitation: Excitation, run: SystemTrajectory, clock: Clock) -> BoomError:
+def boom_error(
+    boom: Boom,
+    modal: Mapping[str, ReducedModel],
+    system: System,
+    excitation: Excitation,
+    run: SystemTrajectory,
+    clock: Clock,
+) -> BoomError:
     """Of the reduction of all sections, as their enrichment modes and inertia tell it, and what is not in it."""
     if not all(part.reduction.estimate for part in boom.sections):
         return BoomError(Part())
-    why = no_estimate(system)
+    why = no_estimate(modal)
     if why is None:
         try:
             with clock.stage("estimate"):
-                found = estimate(boom, system, excitation, run)
+                found = estimate(boom, modal, system, excitation, run)
         except (SimulationError, InputError) as error:
             why = str(error).removeprefix("estimate: ")  # the clock's stage
     if why is not None:
-        nothing = dict.fromkeys(("tip", "beam", "pad_force", "largest", "seconds", "not_covered"))
+        nothing = dict.fromkeys(("tip", "beam", "pad_force", "cylinder_force", "largest", "seconds", "not_covered"))
         return BoomError(Part({"estimate": nothing | {"reason": why}}))
     damped = any(body.rayleigh is None and body.D.any() for body in models_of(system).values())
     left_out = [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped]

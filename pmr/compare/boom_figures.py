@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.booms import columns_of, friction
-from pmr.compare.errors import nrms
+from pmr.compare.errors import relative_error
 from pmr.compare.pad_forces import PULLED, newton
 from pmr.compare.summary import Part
 from pmr.results import BoomFrequencies, FrequencyMap, Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Boom
+from pmr.scene.boom_parts import DRIVEN
 from pmr.scene.built import force_of
 from pmr.system.assembly import Assembly
+from pmr.system.body import SlidingBody
 from pmr.system.booms import cylinder
 from pmr.system.contacts import Contact
 from pmr.system.system import System
@@ -104,7 +106,7 @@ def sections(
     for name in boom.names:
         columns, said = columns_of(name, reduced), {"name": name, "coordinates": dict(sizes[name])}
         if full is not None:
-            error = nrms(reduced.displacement[:, columns], full.displacement[:, columns])
+            error = relative_error(reduced.displacement[:, columns], full.displacement[:, columns])
             said |= {"errors": {"reduced_vs_full": {"beam": error}}}
         found.append(said | dict(more.get(name, {})))
     peaks = [(one["name"], one["stress_peak"]) for one in found if "stress_peak" in one]
@@ -118,11 +120,12 @@ def sections(
     return Part({"sections": found, "max_von_mises": most, "stress_peak": highest})
 
 
-def joints(boom: Boom, response: Response, contacts: Sequence[Contact]) -> Part:
+def joints(boom: Boom, response: Response, system: System) -> Part:
     """``pads`` and ``cylinders`` of summary.json, smallest and largest force with their times; pads that are pulled.
 
-    Of cylinders also the largest ``friction`` that they overcome, where there is any.
+    Of cylinders also the largest ``friction`` that they overcome, and ``kinks``, where there are any.
     """
+    contacts, at_kinks = system.contacts, impulses(boom, system)
     driven = {force_of(cylinder(name)) for name in boom.names[1:]} & set(response.force_names)
     reach = boom.reach(response.t)
     loads: list[dict[str, Any]] = [
@@ -132,11 +135,54 @@ def joints(boom: Boom, response: Response, contacts: Sequence[Contact]) -> Part:
     pads = [load for name, load in zip(response.force_names, loads, strict=True) if name not in driven]
     resisting = {cylinder(name): values for name, values in friction(boom, contacts, response).items()}
     cylinders = [
-        load | ({"friction": float(np.abs(resisting[load["name"]]).max())} if load["name"] in resisting else {})
+        load
+        | ({"friction": float(np.abs(resisting[load["name"]]).max())} if load["name"] in resisting else {})
+        | ({"kinks": kinks} if (kinks := at_kinks.get(load["name"])) else {})
         for name, load in zip(response.force_names, loads, strict=True)
         if name in driven
     ]
-    return Part({"pads": pads, "cylinders": cylinders}, _pulled(boom, contacts, pads))
+    warnings = _pulled(boom, contacts, pads) + _kinked(cylinders)
+    return Part({"pads": pads, "cylinders": cylinders}, warnings)
+
+
+def impulses(boom: Boom, system: System) -> dict[str, list[dict[str, float]]]:
+    r"""Of each cylinder by its name, what it has to give at each kink: ``t`` in s, ``impulse`` in N s.
+
+    .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
+
+    with the masses m of the section that it pushes and of those beyond, which lean on it.
+    """
+    jumps = [path.kinks(boom.time.end) for path in boom.paths.values()]
+    masses = [_moved(system.bodies[name]) for name in boom.names[1:]]
+    found = dict[str, list[dict[str, float]]]()
+    for i, name in enumerate(boom.names[1:]):
+        at = {t: 0.0 for kinks in jumps for t in sorted(kinks)}
+        for t in at:
+            speeds = np.cumsum([kinks.get(t, 0.0) for kinks in jumps])
+            at[t] = float(np.dot(masses[i:], speeds[i:]))
+        found[cylinder(name)] = [{"t": t, "impulse": impulse} for t, impulse in sorted(at.items())]
+    return found
+
+
+def _moved(body: SlidingBody) -> float:
+    """Mass in kg that an extension accelerates; 0 where there is none."""
+    if DRIVEN not in body.input_names:
+        return 0.0
+    B = np.asarray(body.B)[:, body.input_names.index(DRIVEN)]
+    return float(B @ np.linalg.solve(np.asarray(body.M), B))
+
+
+def _kinked(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
+    """That forces at kinks are none to size by, in a line."""
+    given = [(abs(kink["impulse"]), kink["t"], one["name"]) for one in cylinders for kink in one.get("kinks", ())]
+    if not given:
+        return []
+    most, t, name = max(given)
+    return [
+        f"extensions have kinks, where cylinders give impulses, up to {most:.4g} N s: {name} at {t:g} s; how high its "
+        "force is there depends on the step and on stiffnesses, so it is none to size by (cylinders in summary.json "
+        "have all impulses; a smooth_ramp has no kinks)"
+    ]
 
 
 def _pulled(boom: Boom, contacts: Sequence[Contact], pads: list[dict[str, Any]]) -> list[str]:

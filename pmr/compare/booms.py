@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,9 @@ from pmr.system.contacts import Contact
 from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
+
+#: Steps beside a kink whose forces are left out.
+BESIDE_KINK = 2.0
 
 
 @dataclass(frozen=True)
@@ -148,13 +152,49 @@ def with_friction(boom: Boom, contacts: Sequence[Contact], response: Response) -
 
 
 def quantities(boom: Boom, response: Response) -> Mapping[str, Quantity]:
-    """What is compared: the last section's tip, all lines, all forces."""
-    tips = tip_columns(boom, response)
-    return {
+    """What is compared: the last section's tip, all lines, the forces of each kind, and these between kinks.
+
+    At a kink of an extension a force is as high as its step is short or its cylinder stiff: such steps are left out
+    ``_between_kinks``, where there are any.
+    """
+    tips, t = tip_columns(boom, response), response.t
+    at = [kink for path in boom.paths.values() for kink in path.kinks(boom.time.end)]
+    away = np.all([np.abs(t - kink) > BESIDE_KINK * boom.time.step for kink in at], axis=0)
+    found: dict[str, Quantity] = {
         "tip": lambda one: one.displacement[:, tips],
         "beam": lambda one: one.displacement,
-        "pad_force": lambda one: one.slider_force,
     }
+    for kind in dict.fromkeys(force_kinds(boom, response.force_names)):
+        found[kind] = partial(_forces, boom, kind, slice(None))
+        if at:
+            found[f"{kind}_between_kinks"] = partial(_forces, boom, kind, away)
+    return found
+
+
+def _forces(boom: Boom, kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
+    which = np.array(force_kinds(boom, response.force_names)) == kind
+    return response.slider_force[steps][:, which]
+
+
+def force_kinds(boom: Boom, names: Sequence[str]) -> list[str]:
+    """Of each force by its name: ``pad_force``, ``cylinder_force`` or, of supports that give way, ``support_force``."""
+    cylinders = {force_of(cylinder(name)) for name in boom.names[1:]}
+    joints = tuple(force_of(f"{name} {end}") for name in boom.names[1:] for end in ("tail", "mouth"))
+    pads = {
+        called
+        for part in boom.sections
+        for ring in part.pads
+        for pad, _, _ in ring.places
+        for called in (f"{part.name}: {force_of(pad)}", force_of(f"{part.name} {pad}"))
+    }
+    return [
+        "cylinder_force"
+        if name in cylinders
+        else "pad_force"
+        if name in pads or name.startswith(joints)
+        else "support_force"
+        for name in names
+    ]
 
 
 def tip_columns(boom: Boom, response: Response) -> list[int]:

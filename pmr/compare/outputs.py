@@ -30,8 +30,6 @@ Array = NDArray[np.float64]
 
 #: Kinds of outputs by the names that scenes and summaries give them.
 KINDS = ("beam", "tip", "pad_force", "velocity", "probe")
-#: Share of the path's largest rate by which this has to jump for a blow.
-KINK = 1e-6
 #: Share of the largest probe in the same unit below which a probe's error is one of that share instead of its own.
 LITTLE = 0.01
 _HISTORIES = ("displacement", "velocity", "force", "probe")
@@ -159,7 +157,4 @@ def impulsive(model: ReducedModel, excitation: Excitation) -> bool:
     rigid = np.flatnonzero(model.row_compliance == 0.0)
     if not set(rigid.tolist()) & set(model.moving):
         return False
-    path = excitation.path
-    at = np.array([b for b in path.breaks if 0.0 < b < excitation.stepping.end])
-    before, after = np.asarray(path.rate(np.nextafter(at, -np.inf))), np.asarray(path.rate(at))
-    return bool(np.any(np.abs(after - before) > KINK * np.abs(excitation.path_rate).max()))
+    return bool(excitation.path.kinks(excitation.stepping.end))

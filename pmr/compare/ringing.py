@@ -29,7 +29,7 @@ CAUSES = (
 )
 ALTERNATES = "change their sign with every step"
 REMEDY = "time.rho_inf = 0.8 or less, a smooth path or pads that give way damp it"
-_QUANTITIES = {"pad_force": "forces of sliders and pads"}
+_QUANTITIES = {"pad_force": "forces of sliders and pads", "cylinder_force": "forces of cylinders"}
 
 
 def alternating(signal: Array) -> float:

@@ -18,8 +18,6 @@ from pmr.results import Response
 from pmr.scene import Boom, Scene
 from pmr.simulate import Excitation, contact_step, resolution
 
-_MEASURES = {"errors": errors.nrms, "absolute_errors": errors.absolute_error}
-
 
 @dataclass(frozen=True)
 class Part:
@@ -64,7 +62,10 @@ def simulated(seconds: Mapping[str, float], agreement: Mapping[str, float], stag
 
 
 def compared(
-    responses: Mapping[str, Response], measured: Mapping[str, errors.Quantity], simulators: Mapping[str, str]
+    responses: Mapping[str, Response],
+    measured: Mapping[str, errors.Quantity],
+    simulators: Mapping[str, str],
+    measure: errors.Measure = errors.nrms,
 ) -> Part:
     """Errors beside the references, of what is `measured`; who simulated ``reduced`` and ``full``.
 
@@ -72,7 +73,8 @@ def compared(
     """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
-    kinds = {kind: errors.errors(responses, one, quantities=measured) for kind, one in _MEASURES.items()}
+    measures = {"errors": measure, "absolute_errors": errors.absolute_error}
+    kinds = {kind: errors.errors(responses, one, quantities=measured) for kind, one in measures.items()}
     unjudged = dict[str, ringing.NotJudged]()
     if full is not None:
         for name, both in errors.pairs(responses, quantities=measured)["reduced_vs_full"].items():

@@ -24,6 +24,7 @@ from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduced.model import ReducedModel
+from pmr.scene.boom_parts import TAIL
 from pmr.snapshots.free_body import FreeBody
 from pmr.system.body import Trajectory
 
@@ -77,7 +78,7 @@ class Recovery:
     ----------
     model : FullModel
     V : (n_local, k) array
-        This rank's rows of the basis; its first r columns are the reduced model's.
+        This rank's rows of the basis; its first columns are the reduced model's modes, without those of a cylinder.
     reduced : ReducedModel
         The same on every rank.
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
@@ -95,17 +96,30 @@ class Recovery:
         rows: Sequence[str] | None = None,
     ) -> None:
         self.reduced = reduced
-        self._model, self._V = model, np.ascontiguousarray(V[:, : reduced.size])
+        self._model, modes = model, reduced.size - reduced.cylinder_modes
+        self._V = np.ascontiguousarray(V[:, :modes])
         self._share = slice(*model.M.getOwnershipRange())
         self._residual: ResidualFlexibility | None = None
         if reduced.flexibility is not None:
             self._rows = [model.rows.rows[model.rows.names.index(name)] for name in rows or reduced.row_names]
             self._inputs = local_csr(model.inputs)
-            self._residual = ResidualFlexibility(FreeBody(model, solver), self._V)
+            body = FreeBody(model, solver)
+            self._residual = ResidualFlexibility(body, self._V)
+            if reduced.cylinder_modes:
+                self._V = np.hstack([self._V, self._of_cylinder(self._residual)])
+                self._residual = ResidualFlexibility(body, self._V)
 
     @property
     def comm(self) -> Any:
         return self._model.comm
+
+    def _of_cylinder(self, modal: ResidualFlexibility) -> Array:
+        """The coordinates after the modes, this rank's rows: what answers the force at the body's tail."""
+        carriers, model = self.reduced.carriers, self._model
+        assert carriers is not None and carriers.answers is not None
+        tail = model.rows.rows[model.rows.names.index(TAIL)]
+        turned = carriers.answers.turned
+        return modal.powers(tail.at(tail.breaks[0]).toarray()[0, self._share], len(turned)) @ turned
 
     def positions(self, states: ReducedStates) -> Array:
         """This rank's rows of q, (S, n_local), of states that are the same on every rank.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from pmr.reduce.cache import Cache, Reduced
 from pmr.reduce.from_scene import ENRICHMENT_MODES, provenance
 from pmr.reduce.reactions import support_motions, with_reactions
 from pmr.reduce.residual.model import section_model
+from pmr.reduced.attachment import with_cylinder_modes
 from pmr.reduced.model import ReducedModel, SectionOf
 from pmr.scene import Boom, Reduction
 from pmr.scene.boom_parts import joint_rows, section_scene
@@ -27,10 +29,15 @@ SEARCHED = 12
 
 @dataclass(frozen=True)
 class ReducedSection:
-    """A section's reduced model, and this rank's rows V (n_local, r) of its basis."""
+    """A section's model on free modes, and this rank's rows V (n_local, r) of its basis."""
 
-    model: ReducedModel
+    modal: ReducedModel
     V: NDArray[np.float64]
+
+    @cached_property
+    def model(self) -> ReducedModel:
+        """What is simulated: with the modes of its cylinder."""
+        return with_cylinder_modes(self.modal)
 
 
 def reduce_sections(
@@ -69,12 +76,12 @@ def _reduced(built: Built, choice: Reduction, beyond: int, cache: Cache | None) 
         snapshots = free_modes(built.model, choice.coordinates, choice.solver, enrichment, body)
         basis = modal_basis(snapshots)
         motions = support_motions(body)
-        model = section_model(body, basis, {}, choice.coordinates)
+        model = section_model(body, basis, {}, choice.coordinates, motions)
         return Reduced(snapshots, basis, with_reactions(model, body, np.array(basis.V.getDenseArray()), motions))
 
     found = make() if cache is None else cache.reduced(choice.model_dump(mode="json") | {"section": enrichment}, make)
     model = found.model
     if not choice.flexibility:
         assert model.carriers is not None  # as section models have
-        model = replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None))
+        model = replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None, answers=None))
     return model, found.basis

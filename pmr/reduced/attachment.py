@@ -9,6 +9,15 @@ inertia too, and since R K R = R
 are known from what the carriers tell of R and R M R; what is then left out is R - X (X^T K X)^{-1} X^T.  So it takes no
 full model to have the inertia of the residual part in the directions of loads that are known.  Craig and Chang: On the
 use of attachment modes in substructure coupling for dynamic analysis, AIAA paper 77-405, 1977.
+
+The force c of a cylinder, which an extension with kinks makes ring, has modes of its own in every run of a boom:
+
+.. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
+
+(Ritz vectors: Wilson, Yuan, Dickens: Dynamic analysis by direct superposition of Ritz vectors, Earthquake Engineering
+and Structural Dynamics 10, 1982).  They have the section's frequencies and damping along the boom.  Residual
+flexibility has neither inertia nor damping: a section would ring on it for ever.  What they leave out gives way to no
+cylinder.
 """
 
 from __future__ import annotations
@@ -19,46 +28,124 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import stacked
-from pmr.reduced.carriers import CarrierFlexibility
+from pmr.reduced.carriers import Answers, CarrierFlexibility
 from pmr.reduced.flexibility import EnrichmentModes
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.reactions import Reactions
 from pmr.reduced.truncation import extended
 
 Array = NDArray[np.float64]
 
 #: Share of the inertia of all answers that directions among the loads may leave out, and most directions.
 LEFT_OUT, MOST = 1e-5, 64
+#: Modes of a cylinder in a model, and in the richer one by which its error is estimated.
+CYLINDER, RICHER = 2, 3
+#: Inertia of a direction beside the others of unit inertia below which it is a combination of these.
+DEPENDENT = 1e-9
+
+
+def with_cylinder_modes(model: ReducedModel, count: int = CYLINDER) -> ReducedModel:
+    """The model with `count` modes of its cylinder as coordinates, its last ones; as it is where it has no cylinder."""
+    carriers = model.carriers
+    if carriers is None or carriers.answers is None:
+        return model
+    answers = carriers.answers
+    if not answers.inertia.any():
+        return _rigid_along(model, answers)
+    turned, stiffness = _turned(answers.stiffness[:count, :count], answers.inertia[:count, :count])
+    measured = np.vstack([answers.rows[:, :count], answers.inputs[:, :count]]) @ turned
+    found = _extended(model, stiffness, measured, answers.outputs[:, :count] @ turned)
+    assert found.carriers is not None
+    reactions = None if model.reactions is None else _borne(model, model.reactions, answers, turned)
+    on_modes = replace(found.carriers, answers=replace(answers, turned=turned))
+    return replace(found, carriers=on_modes, reactions=reactions)
+
+
+def _borne(model: ReducedModel, known: Reactions, answers: Answers, turned: Array) -> Reactions:
+    """Reactions of the model with combinations of the answers as its last coordinates."""
+    assert model.carriers is not None
+    r, count, of_all = model.size, len(turned), answers.supports
+    if model.enrichment is not None:  # the modes that the largest basis has beside the model's
+        joined = known.inertia[:, r : r + model.enrichment.count]
+        of_all = of_all + joined @ answers.shares(model.carriers.enrichment, model.enrichment)
+    inertia = of_all[:, :count] @ turned
+    damping = (0.0 if model.rayleigh is None else model.rayleigh.alpha) * inertia
+    return replace(
+        known,
+        inertia=np.hstack([known.inertia[:, :r], inertia]),
+        damping=np.hstack([known.damping[:, :r], damping]),
+        stiffness=np.hstack([known.stiffness[:, :r], np.zeros_like(inertia)]),
+    )
 
 
 def with_attachment_modes(model: ReducedModel, loads: Array) -> ReducedModel:
     """The model with the principal answers to loads (T, K + i) in N, on its carriers and inputs, as coordinates.
 
-    They are those with the most inertia: at rest nothing is missing.  Without loads, and where none moves what is left
-    out, the model stays as it is.
+    They are those with the most inertia: at rest nothing is missing.  Where there is a cylinder, `RICHER` modes of it
+    are among them.  Without either, and where none moves what is left out, the model stays as it is.
 
     A ValueError is raised where it does not know flexibility and inertia of what it leaves out on its carriers.
     """
     carriers = model.carriers
     if carriers is None or carriers.flexibility is None or carriers.inertia is None:
         raise ValueError("attachment modes need flexibility and inertia on carriers, as section_model gives them")
-    R, K = _on_loads(carriers.flexibility), len(carriers.values)
-    G = _principal(_on_loads(carriers.inertia), loads)
-    if not G.shape[1]:
-        return model
-    stiffness, turned = np.linalg.eigh(G.T @ R @ G)
-    G = G @ turned
-    measured = R @ G
+    R, S, answers = _on_loads(carriers.flexibility), _on_loads(carriers.inertia), carriers.answers
+    G = _principal(S, loads)
+    measured, moved = R @ G, S @ G  # of the answers, and of what their inertia moves
+    outputs = np.hstack([carriers.flexibility.outputs, carriers.flexibility.direct]) @ G
+    K, M = G.T @ measured, G.T @ moved
+    if answers is not None and answers.inertia.any():
+        x, n = np.vstack([answers.rows, answers.inputs]), RICHER
+        K = np.block([[K, G.T @ x[:, :n]], [x[:, :n].T @ G, answers.stiffness[:n, :n]]])
+        M = np.block([[M, G.T @ x[:, 1 : n + 1]], [x[:, 1 : n + 1].T @ G, answers.inertia[:n, :n]]])
+        measured, outputs = np.hstack([measured, x[:, :n]]), np.hstack([outputs, answers.outputs[:, :n]])
+    if not len(K):
+        return model if answers is None else _rigid_along(model, answers)
+    turned, stiffness = _turned(K, M)
+    return _extended(model, stiffness, measured @ turned, outputs @ turned)
+
+
+def _turned(K: Array, M: Array) -> tuple[Array, Array]:
+    """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,)."""
+    scale = 1.0 / np.sqrt(np.diagonal(M))
+    size, Q = np.linalg.eigh(scale[:, None] * M * scale)
+    kept = size > DEPENDENT
+    apart = scale[:, None] * Q[:, kept] / np.sqrt(size[kept])
+    stiffness, turned = np.linalg.eigh(apart.T @ K @ apart)
+    return apart @ turned, stiffness
+
+
+def _extended(model: ReducedModel, stiffness: Array, measured: Array, outputs: Array) -> ReducedModel:
+    """With M-orthonormal vectors that measure so much on carriers and inputs (K + i, a) and outputs (o, a)."""
+    carriers = model.carriers
+    assert carriers is not None
+    K = len(carriers.values)
     on_rows = replace(carriers, values=measured[:K])
     rows = [on_rows.row(k, name).project(np.eye(len(stiffness))) for k, name in enumerate(model.row_names)]
     modes = EnrichmentModes(
         stiffness=stiffness,
         damping=np.zeros_like(stiffness) if model.rayleigh is None else model.rayleigh.modal(stiffness),
         B=measured[K:].T,
-        outputs=np.hstack([carriers.flexibility.outputs, carriers.flexibility.direct]) @ G,
+        outputs=outputs,
         rows=stacked(rows, model.domain),
     )
-    on_modes = replace(carriers, enrichment=measured[:K], inertia=None)
-    return extended(replace(model, enrichment=modes, carriers=on_modes, reactions=None))  # which know nothing of them
+    on_modes = replace(carriers, enrichment=measured[:K], inertia=None, answers=None)
+    found = extended(replace(model, enrichment=modes, carriers=on_modes, reactions=None))  # which know nothing of them
+    return found if carriers.answers is None else _rigid_along(found, carriers.answers)
+
+
+def _rigid_along(model: ReducedModel, answers: Answers) -> ReducedModel:
+    """Without what round-off leaves of residual flexibility under a cylinder whose answers are coordinates."""
+    carriers, others = model.carriers, answers.load == 0.0
+    assert carriers is not None and carriers.flexibility is not None
+    known = carriers.flexibility
+    left = replace(
+        known,
+        rows=np.where(np.outer(others, others), known.rows, 0.0),
+        inputs=np.where(others[:, None], known.inputs, 0.0),
+        outputs=np.where(others, known.outputs, 0.0),
+    )
+    return replace(model, carriers=replace(carriers, flexibility=left))
 
 
 def _on_loads(part: CarrierFlexibility) -> Array:

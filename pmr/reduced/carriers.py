@@ -12,7 +12,7 @@ tables of `pmr.reduced.flexibility` are these products, multiplied out.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -52,6 +52,46 @@ class CarrierFlexibility:
 
 
 @dataclass(frozen=True)
+class Answers:
+    r"""What answers a force on one row c that stays, at rest and by inertia, n vectors.
+
+    .. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
+
+    With eigenmodes phi joining R (or leaving it) each :math:`x_k` gains :math:`\varphi\, (c \varphi) / \omega^{2k}`.
+    """
+
+    AXES: ClassVar = {"load": "K", "rows": "Kn", "inputs": "in", "outputs": "on", "stiffness": "nn", "inertia": "nn"}
+    AXES |= {"supports": "hn", "turned": "ka"}
+
+    load: Array  # c on the carriers (K,)
+    rows: Array  # U x (K, n) m/N and, for each k more, s^2 more
+    inputs: Array  # B^T x (i, n)
+    outputs: Array  # O x (o, n)
+    stiffness: Array  # x^T K x (n, n)
+    inertia: Array  # x^T M x (n, n)
+    supports: Array  # Phi^T M x (h, n) with the motions of `pmr.reduced.reactions`, of none but the largest basis
+    # (k, a): combinations of the first k that are the model's last a coordinates; none where no such are
+    turned: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def shares(self, U: Array, modes: EnrichmentModes) -> Array:
+        """How much of each mode (c, n) the vectors gain; the modes measure U (K, c) on the carriers."""
+        powers = np.arange(1, self.rows.shape[1] + 1)
+        return np.asarray((self.load @ U)[:, None] / modes.stiffness[:, None] ** powers)
+
+    def joined(self, U: Array, modes: EnrichmentModes, sign: float) -> Answers:
+        """With the modes among what is left out, or without them where `sign` is -1; arguments as for `shares`."""
+        shares = self.shares(U, modes)
+        return replace(
+            self,
+            rows=self.rows + sign * U @ shares,
+            inputs=self.inputs + sign * modes.B.T @ shares,
+            outputs=self.outputs + sign * modes.outputs @ shares,
+            stiffness=self.stiffness + sign * shares.T @ (modes.stiffness[:, None] * shares),
+            inertia=self.inertia + sign * shares.T @ shares,
+        )
+
+
+@dataclass(frozen=True)
 class CarriedRows:
     """m rows of a body of r coordinates on K carriers."""
 
@@ -66,6 +106,8 @@ class CarriedRows:
     flexibility: CarrierFlexibility | None = None  # what the coordinates leave out between the carriers
     # the same of R M R, in s^2 m/N: what the inertia of that part moves (`pmr.compare.boom_estimate`)
     inertia: CarrierFlexibility | None = None
+    # what answers the cylinder of a boom's section (`pmr.reduced.attachment`)
+    answers: Answers | None = None
 
     @classmethod
     def of(cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None) -> CarriedRows:
@@ -112,7 +154,8 @@ class CarriedRows:
         assert self.flexibility is not None
         flexibility = self.flexibility.joined(U, modes, sign / modes.stiffness)
         inertia = None if self.inertia is None else self.inertia.joined(U, modes, sign / modes.stiffness**2)
-        return replace(self, flexibility=flexibility, inertia=inertia)
+        answers = None if self.answers is None else self.answers.joined(U, modes, sign)
+        return replace(self, flexibility=flexibility, inertia=inertia, answers=answers)
 
     def contradiction(self, m: int) -> str | None:
         """What is wrong with b(x) of the m rows, in words; None where all is sound."""

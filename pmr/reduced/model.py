@@ -124,6 +124,12 @@ class ReducedModel:
         return len(self.M)
 
     @property
+    def cylinder_modes(self) -> int:
+        """How many of the last coordinates are modes of the section's cylinder (`pmr.reduced.attachment`)."""
+        known = None if self.carriers is None else self.carriers.answers
+        return 0 if known is None else known.turned.shape[1]
+
+    @property
     def row_compliance(self) -> Array:
         """1/k of each row's pad, (m,) in m/N."""
         return np.zeros(len(self.row_names)) if self.pads is None else self.pads

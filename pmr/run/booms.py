@@ -15,6 +15,7 @@ from pmr.compare import pad_forces
 from pmr.compare.boom_estimate import BoomError, boom_error
 from pmr.compare.boom_motions import BoomSimulations, FullBoom, FullRun, simulate_reduced
 from pmr.compare.booms import quantities, with_friction
+from pmr.compare.errors import relative_error
 from pmr.compare.responses import check_installed
 from pmr.compare.summary import Part, compared, driven, gathered, made_with, simulated, trusted
 from pmr.compare.trust import large_motion
@@ -91,7 +92,7 @@ class _Run:
         self.choice = _chosen(boom, self.sections, comm, clock)
         if self.choice is not None:
             models = self.choice.models
-            self.sections = {name: replace(one, model=models[name]) for name, one in self.sections.items()}
+            self.sections = {name: replace(one, modal=models[name]) for name, one in self.sections.items()}
         self.reduced = {name: one.model for name, one in self.sections.items()}
         self.system = system_of(boom, self.reduced)
         self.excitation = excitation_of(boom, self.system)
@@ -119,7 +120,8 @@ class _Run:
         found |= {"reduced": simulations.response}
         responses = {name: with_friction(boom, system.contacts, one) for name, one in found.items()}
         curves |= {"reduced": figures.frequencies(system, x[steps])}
-        error = boom_error(boom, system, excitation.with_stepping(made), simulations.first, clock)
+        modal = {name: one.modal for name, one in self.sections.items()}
+        error = boom_error(boom, modal, system, excitation.with_stepping(made), simulations.first, clock)
         reach, over_joints = boom.reach(excitation.times), figures.frequency_map(boom, system)
         frequencies = BoomFrequencies(reach[steps], excitation.s[steps], curves, over_joints)
         structures = {id(one): one.structure for one in self.built.values()}
@@ -180,12 +182,12 @@ class _Run:
             made_with(boom, fenicsx_versions()),
             Part({"coordinates": {kind: sum(size[kind] for size in sizes.values()) for kind in ("full", "reduced")}}),
             Part({"basis": {"kind": "free modes of every section, with residual flexibility"}}),
-            compared(responses, quantities(boom, reduced), simulators),
+            compared(responses, quantities(boom, reduced), simulators, relative_error),
             simulated(seconds, simulations.agreement, stages),
             error.part,
             Part() if choice is None else Part(order.summary(boom, choice), order.warnings(boom, choice)),
             figures.sections(boom, responses, sizes, more),
-            figures.joints(boom, reduced, self.system.contacts),
+            figures.joints(boom, reduced, self.system),
             Part(pad_forces.reactions(reduced, boom.reach(self.excitation.times))),
         ]
 
@@ -196,7 +198,7 @@ def _chosen(
     """Coordinates for the boom's tolerance or within its budget, if it has one; the same on every rank."""
     if boom.ordered is None:
         return None
-    models = {name: one.model for name, one in sections.items()}
+    models = {name: one.modal for name, one in sections.items()}
     with clock.stage("search"):
         found = on_first(comm, lambda: order.choose(boom, models, excitation_of(boom, system_of(boom, models))))
         choice: order.BoomChoice = comm.bcast(found)

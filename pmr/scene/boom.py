@@ -121,7 +121,7 @@ class BoomSection(OneBody):
     joint: Joint | None = Field(default=None, description="How it slides in the section before it")
 
 
-Outputs = Annotated[tuple[Literal["beam", "tip", "pad_force"], ...], Field(min_length=1)]
+Outputs = Annotated[tuple[Literal["beam", "tip", "pad_force", "cylinder_force"], ...], Field(min_length=1)]
 
 
 class BoomAccuracy(Section):

@@ -38,6 +38,8 @@ class Acceleration(SignalBase):
     r"""The sum of some paths twice differentiated, m/s^2, as a step of h sees it: a kink is spread over one.
 
     .. math:: a(t) = \big(\dot s(t + h/2) - \dot s(t - h/2)\big) / h
+
+    What moves at t = 0 has moved so before: no kink is there.
     """
 
     paths: tuple[SignalBase, ...]
@@ -45,8 +47,9 @@ class Acceleration(SignalBase):
 
     def value(self, t: ArrayLike) -> Array:
         t, half = np.asarray(t, float), self.step / 2.0
-        changes = [path.rate(t + half) - path.rate(t - half) for path in self.paths]
-        return np.asarray(np.sum(changes, axis=0) / self.step)
+        before = np.maximum(t - half, 0.0)
+        changes = [path.rate(t + half) - path.rate(before) for path in self.paths]
+        return np.asarray(np.sum(changes, axis=0) / (t + half - before))
 
     def rate(self, t: ArrayLike) -> Array:
         t, half = np.asarray(t, float), self.step / 2.0

@@ -58,10 +58,10 @@ def outcome() -> BoomOutcome:
 
 def test_summary_says_what_each_section_and_joint_does(outcome: BoomOutcome) -> None:
     summary = outcome.result.summary
-    assert summary["coordinates"] == {"full": 117, "reduced": 15}
+    assert summary["coordinates"] == {"full": 117, "reduced": 19}
     assert max(summary["errors"]["reduced_vs_full"][of] for of in ("tip", "beam", "pad_force")) < 5e-3
     assert [one["name"] for one in summary["sections"]] == ["base", "middle", "fly"]
-    assert summary["sections"][2]["coordinates"] == {"full": 39, "reduced": 6}
+    assert summary["sections"][2]["coordinates"] == {"full": 39, "reduced": 8}
     assert len(summary["pads"]) == 8 and len(summary["cylinders"]) == 2
     assert [row["reach"] for row in summary["published_frequencies"]] == [9.0]
     assert any("at a reach of 30 m are left out: this boom reaches 8 to 9.2 m" in said for said in summary["warnings"])
@@ -357,7 +357,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
         assert np.abs(added - resisting).max() < 1e-3 * np.abs(resisting).max()
     drives = [name.startswith("force of cylinder") for name in found.force_names]
     assert np.array_equal(rubbing.slider_force[:, np.invert(drives)], found.slider_force[:, np.invert(drives)])
-    told = {one["name"]: one for one in joints(boom, rubbing, system.contacts).figures["cylinders"]}
+    told = {one["name"]: one for one in joints(boom, rubbing, system).figures["cylinders"]}
     assert told["cylinder of fly"]["max"] == rubbing.force("force of cylinder of fly", 0).max()
     assert told["cylinder of middle"]["friction"] == pytest.approx(np.abs(resisting).max(), rel=1e-3)
 

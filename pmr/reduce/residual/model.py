@@ -21,11 +21,13 @@ from pmr.reduce.basis import Basis
 from pmr.reduce.galerkin import RANK_CHECKS, galerkin, without_rows
 from pmr.reduce.residual.inertia import InertiaOnCarriers, PathProducts, with_inertia
 from pmr.reduce.residual.operator import ResidualFlexibility
-from pmr.reduce.residual.tables import any_two, load_flexibility, meeting, tables
-from pmr.reduced.carriers import CarriedRows
+from pmr.reduce.residual.tables import LoadFlexibility, any_two, load_flexibility, meeting, tables
+from pmr.reduced.attachment import RICHER
+from pmr.reduced.carriers import Answers, CarriedRows
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncated
+from pmr.scene.boom_parts import TAIL
 from pmr.snapshots.free_body import FreeBody
 
 Array = NDArray[np.float64]
@@ -95,11 +97,15 @@ def modal_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordi
     return _with_coordinates(replace(flexible, flexibility=inertia), coordinates)
 
 
-def section_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int) -> ReducedModel:
+def section_model(
+    body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int, motions: Array | None = None
+) -> ReducedModel:
     """The same with `carriers`: of a body of a system, whose rows each have a path coordinate of their own, or of one
     whose rows only push.
 
     Modes beyond `coordinates` come with the residual part's inertia on the carriers, by which errors are estimated.
+    Where a cylinder holds its tail, what answers that comes along, and what of it rigid supports bear, by their
+    `motions` (`pmr.reduce.reactions.support_motions`).
 
     Raises an `InputError` or a `ValueError` as `modal_model`.
     """
@@ -107,6 +113,7 @@ def section_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coor
     reduced, pattern = _projected(residual, basis, provenance), any_two(shared, len(model.input_names))
     inertia = InertiaOnCarriers(residual, shared.carriers, pattern) if coordinates < basis.size else None
     flexibility = load_flexibility(residual, shared.carriers, pattern, inertia)
+    answers = _answers(residual, shared, flexibility, motions)
     body.drop()
     free_dropped(model.comm)
     values = model.comm.allreduce(shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray()))
@@ -116,9 +123,32 @@ def section_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coor
     return _with_coordinates(
         replace(
             flexible,
-            carriers=replace(carriers, inertia=None if inertia is None else inertia.result()),
+            carriers=replace(carriers, inertia=None if inertia is None else inertia.result(), answers=answers),
         ),
         coordinates,
+    )
+
+
+def _answers(
+    residual: ResidualFlexibility, shared: SharedCarriers, flexibility: LoadFlexibility, motions: Array | None
+) -> Answers | None:
+    """What answers the cylinder that holds the body's tail along it: nothing where supports do; None without a row."""
+    tail, model = next((row for row in shared.rows if row.name == TAIL), None), residual.model
+    if tail is None:
+        return None
+    U, comm = shared.carriers[:, model.share], model.comm
+    load = tail.weights(tail.breaks[0]).toarray()[0]
+    x, R = residual.powers(load @ U, RICHER + 1), flexibility.between_any_two().rows
+    if load @ R @ load <= HELD * np.diagonal(R).max():
+        x[:] = 0.0
+    return Answers(
+        load=load,
+        rows=comm.allreduce(U @ x),
+        inputs=comm.allreduce(local_csr(model.inputs).T @ x),
+        outputs=comm.allreduce(local_csr(model.outputs).T @ x),
+        stiffness=inner(x, times(model.K, x), comm),
+        inertia=inner(x, times(model.M, x), comm),
+        supports=inner(x[:, :0] if motions is None else motions, times(model.M, x), comm),
     )
 
 

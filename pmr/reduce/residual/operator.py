@@ -72,6 +72,13 @@ class ResidualFlexibility:
         subtract(x, self._basis, inner(self._dual, x, self._comm))
         return x
 
+    def powers(self, c: Array, count: int) -> Array:
+        """R c, R M R c, ..., (n_local, count), of one load by this rank's rows c (n_local,); collective."""
+        found = [self.apply(np.array(c)[:, None])]
+        while len(found) < count:
+            found.append(self.apply(times(self.model.M, found[-1])))
+        return np.asfortranarray(np.hstack(found))
+
 
 def _orthonormal(X: Array, AX: Array, comm: object) -> Array:
     """Columns of X made A-orthonormal by Cholesky's factor of X^T A X."""

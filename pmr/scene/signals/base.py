@@ -16,6 +16,8 @@ Seconds = Annotated[float, Field(strict=True, json_schema_extra={"unit": "s"})]
 Hertz = Annotated[float, Field(strict=True, json_schema_extra={"unit": "Hz"})]
 Radians = Annotated[float, Field(strict=True, json_schema_extra={"unit": "rad"})]
 Floats = tuple[Real, ...]
+#: Share of a signal's mean rate, from its least value to its largest, that a jump of its rate exceeds.
+KINK = 1e-6
 
 
 class SignalBase(BaseModel):
@@ -35,6 +37,15 @@ class SignalBase(BaseModel):
     def breaks(self) -> Floats:
         """Times in s at which the value or its rate may jump."""
         return ()
+
+    def kinks(self, end: float) -> dict[float, float]:
+        """By how much its rate jumps, at each time in s within (0, end) at which it does."""
+        at = np.array([b for b in self.breaks if 0.0 < b < end])
+        if not len(at):
+            return {}
+        low, high = self.bounds(0.0, end)
+        change = self.rate(at) - self.rate(np.nextafter(at, -np.inf))
+        return {float(t): float(c) for t, c in zip(at, change, strict=True) if abs(c) > KINK * (high - low) / end}
 
     @property
     def parts(self) -> tuple[SignalBase, ...]:

@@ -1,0 +1,92 @@
+"""Forces of cylinders that push sections out with kinks, beside full models and beside the momentum they give."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.integrate
+
+from pmr import scene as scenes
+from pmr.compare.estimate import MARGIN
+from pmr.results import BoomResult
+from pmr.run.booms import run_boom
+from pmr.scene import Boom
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+KINK, RATE = 0.1, 0.4
+QUICK = (
+    "time={end=0.5,step=1e-3,rho_inf=1.0}",
+    "section.mesh.elements=12",
+    "section.reduction.coordinates=5",
+    f"section.joint.extension={{kind='ramp',times=[{KINK},0.45],values=[1.0,{1.0 + 0.35 * RATE}]}}",
+    "section.joint.tail.0.unilateral=false",
+    "section.joint.mouth.0.unilateral=false",
+)
+
+
+@cache
+def result(workflow: str, *changes: str) -> BoomResult:
+    boom = scenes.load_any(WORKFLOWS / workflow, (*QUICK, *changes))
+    assert isinstance(boom, Boom)
+    outcome = run_boom(boom)
+    assert outcome is not None
+    return outcome.result
+
+
+@pytest.mark.parametrize("stiffness", ["'rigid'", "5e7"])
+def test_at_a_constant_rate_a_cylinder_pushes_as_the_full_model_says(stiffness: str) -> None:
+    """Both ring alike behind a kink; the second model of the estimate has one mode of each cylinder more."""
+    found = result("boom_three.toml", f"section.joint.cylinder.stiffness={stiffness}")
+    true, estimated = found.summary["errors"]["reduced_vs_full"], found.summary["estimate"]
+    for kind in ("cylinder_force", "cylinder_force_between_kinks", "pad_force", "pad_force_between_kinks"):
+        assert true[kind] < 0.05 and estimated[kind] == pytest.approx(MARGIN * true[kind], rel=0.2)
+    reduced, full = (
+        np.array([found.responses[model].force(f"force of cylinder of {name}", 0) for name in ("middle", "fly")])
+        for model in ("reduced", "full")
+    )
+    settled = (found.responses["full"].t > 0.3) & (found.responses["full"].t < 0.44)
+    assert np.abs(reduced - full)[:, settled].max() < 1e-3 * np.abs(full).max()
+
+
+def test_impulses_at_kinks_are_what_forces_add_up_to() -> None:
+    """By the trapezoidal rule with which steps change momentum, until the ringing is damped away."""
+    found = result("boom_three.toml", "section.joint.cylinder.stiffness='rigid'", "damping.ratio=0.04")
+    response, speeds = found.responses["reduced"], [RATE, 2.0 * RATE]  # of the tails
+    boxes = [part.body.box for part in found.scene.sections[1:]]
+    middle, fly = (7850.0 * 6.0 * 2.0 * box.wall * (box.width + box.height) for box in boxes if box is not None)
+    expected = {"fly": speeds[1] * (fly + 250.0)}
+    expected["middle"] = speeds[0] * middle + expected["fly"]
+    before = response.t < 0.44
+    for cylinder in found.summary["cylinders"]:
+        name = cylinder["name"].removeprefix("cylinder of ")
+        first, second = cylinder["kinks"]
+        assert (first["t"], second["t"]) == (KINK, 0.45)
+        assert first["impulse"] == pytest.approx(expected[name], rel=1e-9)
+        assert second["impulse"] == pytest.approx(-expected[name], rel=1e-9)
+        given = float(
+            scipy.integrate.trapezoid(response.force(f"force of cylinder of {name}", 0)[before], response.t[before])
+        )
+        assert given == pytest.approx(expected[name], rel=1e-4)
+    (line,) = [one for one in found.summary["warnings"] if "kinks" in one]
+    assert f"{expected['middle']:.4g} N s: cylinder of middle" in line
+
+
+def test_smooth_extensions_have_no_kinks() -> None:
+    smooth = "section.joint.extension={kind='smooth_ramp',times=[0.1,0.45],values=[1.0,1.5]}"
+    found = result("boom_two.toml", smooth).summary
+    assert not any("kink" in text for text in [*found["warnings"], *found["errors"]["reduced_vs_full"]])
+    assert "kinks" not in found["cylinders"][0] and found["errors"]["reduced_vs_full"]["cylinder_force"] < 1e-3
+
+
+def test_a_base_that_gives_way_along_the_boom_passes_impulses_on_to_its_support() -> None:
+    """Held 1.5 m ahead of the tail that the cylinder leans on."""
+    pivot = "[{name='pivot',kind='pinned',on=1.5},{name='foot',directions=['z'],on='tail',stiffness=5e7}]"
+    found = result("boom_two.toml", f"sections.base.supports={pivot}")
+    true, response = found.summary["errors"]["reduced_vs_full"], found.responses["reduced"]
+    assert true["cylinder_force"] < 0.05 and true["support_force"] < 0.05
+    reaction, before = response.other("reaction of base: pivot x"), response.t < 0.44
+    borne = float(scipy.integrate.trapezoid((reaction - reaction[0])[before], response.t[before]))
+    assert abs(borne) == pytest.approx(found.summary["cylinders"][0]["kinks"][0]["impulse"], rel=1e-3)
