@@ -85,6 +85,11 @@ class Recovery:
         As for the residual flexibility's tables.
     rows : sequence of str, optional
         The row of each of the states' multipliers; by default those of the reduced model.
+
+    Attributes
+    ----------
+    V : (n_local, r) array
+        This rank's rows of all coordinates of the reduced model.
     """
 
     def __init__(
@@ -97,17 +102,17 @@ class Recovery:
     ) -> None:
         self.reduced = reduced
         self._model, modes = model, reduced.size - reduced.cylinder_modes
-        self._V = np.ascontiguousarray(V[:, :modes])
+        self.V = np.ascontiguousarray(V[:, :modes])
         self._share = slice(*model.M.getOwnershipRange())
         self._residual: ResidualFlexibility | None = None
         if reduced.flexibility is not None:
             self._rows = [model.rows.rows[model.rows.names.index(name)] for name in rows or reduced.row_names]
             self._inputs = local_csr(model.inputs)
             body = FreeBody(model, solver)
-            self._residual = ResidualFlexibility(body, self._V)
+            self._residual = ResidualFlexibility(body, self.V)
             if reduced.cylinder_modes:
-                self._V = np.hstack([self._V, self._of_cylinder(self._residual)])
-                self._residual = ResidualFlexibility(body, self._V)
+                self.V = np.hstack([self.V, self._of_cylinder(self._residual)])
+                self._residual = ResidualFlexibility(body, self.V)
 
     @property
     def comm(self) -> Any:
@@ -126,12 +131,12 @@ class Recovery:
 
         For many states of a large model ask for `blocks`.
         """
-        parts = [np.empty((0, len(self._V))), *self.blocks(states)]
+        parts = [np.empty((0, len(self.V))), *self.blocks(states)]
         return np.concatenate(parts)
 
     def velocities(self, states: ReducedStates) -> Array:
         """V p', this rank's rows (S, n_local): without the residual part's."""
-        return np.asarray(states.v @ self._V.T)
+        return np.asarray(states.v @ self.V.T)
 
     def blocks(self, states: ReducedStates) -> Iterator[Array]:
         """The same as `positions`, at most `BLOCK` states at a time, one block after the other."""
@@ -139,7 +144,7 @@ class Recovery:
             yield self._block(states[k : k + BLOCK])
 
     def _block(self, states: ReducedStates) -> Array:
-        q = states.p @ self._V.T
+        q = states.p @ self.V.T
         if self._residual is not None:
             q += self._residual.apply(self._loads(states)).T
         return np.asarray(q)

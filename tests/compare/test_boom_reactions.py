@@ -14,6 +14,7 @@ from pmr import scene as scenes
 from pmr.compare.booms import respond
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built, build_sections
+from pmr.recover.coordinates import Recovery
 from pmr.reduce.sections import ReducedSection, reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
@@ -118,8 +119,9 @@ def balance(found: Run) -> dict[str, Array]:
     for name, body in found.system.bodies.items():
         ahead = ahead + paths[name].value(moved.t) if name in paths else ahead
         built, motion = found.built[name], moved.bodies[name]
-        full, V = built.model.gather(), found.sections[name].V[:, : body.size]
-        assert full is not None and built.model.rigid is not None and isinstance(body, ReducedModel)
+        assert isinstance(body, ReducedModel) and built.model.rigid is not None
+        full, V = built.model.gather(), Recovery(built.model, found.sections[name].V, body).V
+        assert full is not None
         R, A = built.model.rigid.coordinates, shifted(built.structure.model.directions, ahead)
         f = moved.loads[:, first : first + len(body.input_names)]
         first += len(body.input_names)
