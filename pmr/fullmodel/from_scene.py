@@ -71,7 +71,12 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         outputs=(*line, *tip, *forces, *turned, *gauges(scene, model)),
         damping=scene.damping,
         pads=replace(pads, supports=supports),
+        ports=tuple(_port(model, place, d) for place in scene.reduction.ports for d in model.directions),
     )
+
+
+def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
+    return Action(f"{place if isinstance(place, str) else f'{place:g} m'} {direction}", place, direction)
 
 
 def _pads(scene: Scene) -> Pads:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -51,6 +52,8 @@ class FullModel(WithRows):
     node_stations: Array | None = None  # (N,) m: places of a beam's nodes along its axis
     # (n, n): planes of symmetry (`pmr.fullmodel.symmetry`), the same on every rank
     mirrors: tuple[sp.csr_matrix, ...] = ()
+    # rows (1, n) by place and direction, the same on every rank: what moves where something may be attached
+    ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
 
     @property
     def rayleigh(self) -> Rayleigh | None:

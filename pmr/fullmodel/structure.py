@@ -97,6 +97,7 @@ class Structure:
     outputs: tuple[Action | PadForce | Gauge, ...] = ()
     damping: Damping = Damping()
     pads: Pads = Pads()
+    ports: tuple[Action, ...] = ()
 
 
 def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
@@ -136,6 +137,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         rigid=_rigid_motions(coupling, restraints, operators.M),
         node_stations=model.node_stations,
         mirrors=mirror_images(model, coupling.T, operators.M, operators.K),
+        ports={port.name: coupling.rows([port]) for port in structure.ports},
     )
 
 

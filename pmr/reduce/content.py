@@ -30,6 +30,8 @@ def content_of(model: FullModel) -> str:
         for part in parts:
             digest.update(part.tobytes())
         digest.update(repr((row.name, row.compliance, row.clearance)).encode())
+    for name, row in model.ports.items():
+        digest.update(repr((name, row.indices.tolist(), row.data.tolist())).encode())
     if model.rigid is not None:
         for part in (model.rigid.coordinates, model.rigid.held, model.output_positions):
             digest.update(part.tobytes())

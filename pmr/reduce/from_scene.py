@@ -128,6 +128,7 @@ def description(scene: Scene, basis: Basis) -> str:
         rigid = "rigid-body modes of the body without its sliders and " if choice.flexibility else ""
         kind = f"{rigid}POD of eigenmodes with the slider held, orthonormal in the {basis.product} product"
     inertia = " and inertia" if choice.residual_inertia else ""
-    added = f"; residual flexibility{inertia} of what they leave out" if choice.flexibility else ""
+    ports = f", attachment modes of {', '.join(map(str, choice.ports))}" if choice.ports else ""
+    added = f"{ports}; residual flexibility{inertia} of what they leave out" if choice.flexibility else ""
     units = "m and rad" + (" times sqrt(kg)" if basis.product == "mass" else "")
     return f"{kind}{added}; coordinates carry {units}"

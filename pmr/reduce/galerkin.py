@@ -79,6 +79,7 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
         pads=pads if pads.any() else None,
         clearance=None if np.isnan(model.rows.clearance).all() else model.rows.clearance,
         rayleigh=model.rayleigh,
+        ports={name: np.asarray(comm.allreduce(row[:, model.share] @ V))[0] for name, row in model.ports.items()},
     )
 
 

@@ -91,6 +91,8 @@ class ReducedModel:
         What tells the forces of rigid supports.
     section : SectionOf, optional
         Of which boom this is a section.
+    ports : mapping of str to (r,) array
+        How coordinates move a place where something may be attached: m along ``"tip z"``, rad about ``"tip ry"``.
     """
 
     AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
@@ -117,6 +119,7 @@ class ReducedModel:
     carriers: CarriedRows | None = None
     reactions: Reactions | None = None
     section: SectionOf | None = None
+    ports: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -242,6 +245,7 @@ class ReducedModel:
             K=np.ascontiguousarray(self.K[:r, :r]),
             B=self.B[:r],
             outputs=np.ascontiguousarray(self.outputs[:, :r]),
+            ports={name: row[:r] for name, row in self.ports.items()},
             rows=columns(self.rows, slice(r)),
             carriers=None if self.carriers is None else self.carriers.on(np.eye(self.size, r)),
         )
@@ -299,6 +303,9 @@ class ReducedModel:
         clearance = self.row_clearance
         if clearance.shape != (m,) or not np.all(np.isnan(clearance) | (clearance >= 0.0) & np.isfinite(clearance)):
             return f"clearance has shape {clearance.shape} or values that are no lengths, {(m,)} from 0 on are allowed"
+        for name, row in self.ports.items():
+            if row.shape != (self.size,) or not np.isfinite(row).all():
+                return f"ports.{name} has shape {row.shape} or is not finite, {(self.size,)} is allowed"
         if self.enrichment is not None and not np.all(self.enrichment.stiffness > 0.0):
             return "enrichment.stiffness is not positive"
         if self.reactions is not None and self.reactions.inertia.shape[1] < self.size:

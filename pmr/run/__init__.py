@@ -49,6 +49,7 @@ from pmr.reduce.basis import Basis
 from pmr.reduce.cache import Cache, Reduced, cache_in, with_provenance
 from pmr.reduce.from_scene import build_basis, project, provenance, take_snapshots
 from pmr.reduce.from_scene import summary as describe_basis
+from pmr.reduce.ports import with_ports
 from pmr.reduce.reactions import support_motions, with_reactions
 from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, Response, RunResult, Shapes
@@ -182,6 +183,8 @@ def reduce_with(
     with clock.stage("pod"):
         body = body or FreeBody(model, scene.reduction.solver)
         basis, motions = build_basis(scene, model, snapshots), support_motions(body)
+        if scene.reduction.ports:
+            basis = with_ports(body, basis)
         reduced = project(scene, body, basis, provenance(scene, basis))
         reduced = with_reactions(reduced, body, np.array(basis.V.getDenseArray()), motions)
     free_dropped(model.comm)

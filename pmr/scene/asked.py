@@ -132,6 +132,9 @@ class Reduction(Section):
     For free modes with flexibility, `estimate` adds an error estimate that needs no full model but a second simulation
     with four modes more, and `residual_inertia` adds the inertia of what the modes leave out: the same coordinates, an
     order more accurate for smooth motions, at two to three times the cost of a step.
+
+    `ports` are places where something is to be hung on the reduced body, in Exudyn say: attachment modes for all forces
+    and moments there join the coordinates, which then answer to them exactly at rest.
     """
 
     basis: Literal["free_modes", "eigenmodes", "paper", "file"] = Field(default="free_modes", description="See above")
@@ -146,6 +149,9 @@ class Reduction(Section):
     coordinates: Count = Field(default=20, description="Of the reduced model; 6 for free modes with flexibility")
     positions: Literal["nodes", "path"] | Annotated[tuple[Distance, ...], Field(min_length=1)] = Field(
         default="path", description="Evenly over the path, at a beam's nodes, or as listed"
+    )
+    ports: tuple[str | Place, ...] = Field(
+        default=(), description="Named groups or places along x, for attachment modes"
     )
     solver: Literal["auto", "dense", "slepc"] = Field(default="auto", description="Of eigenproblems")
     product: Literal["euclidean", "mass"] = Field(default="euclidean", description="In which a basis is orthonormal")
@@ -166,7 +172,8 @@ class Reduction(Section):
     @property
     def needs_inertia(self) -> bool:
         """Whether tables of the residual part's inertia are needed: to add it, or to estimate what it would do."""
-        return self.basis == "free_modes" and self.flexibility and (self.estimate or self.residual_inertia)
+        free = self.basis == "free_modes" and self.flexibility and not self.ports
+        return free and (self.estimate or self.residual_inertia)
 
 
 class Simulation(Section):

@@ -63,6 +63,8 @@ def _reduction(boom: Boom, number: int) -> None:
         raise refusal(where, True, "false is allowed for sections of a boom")
     if choice.residual_inertia:
         raise refusal(f"{key}.residual_inertia", True, "false is allowed for sections of a boom")
+    if choice.ports:
+        raise refusal(f"{key}.ports", list(choice.ports), "no ports are allowed for sections of a boom")
     if boom.length(number) <= 0.0:
         allowed = "observe.start and observe.end are needed where a mesh that is read says how long a section is"
         raise refusal(f"sections[{number}].observe", None, allowed)

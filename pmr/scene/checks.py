@@ -107,6 +107,13 @@ def _reduction(scene: Scene) -> None:
     if choice.residual_inertia and not (choice.basis == "free_modes" and choice.flexibility):
         allowed = "free modes with flexibility = true are allowed to have the inertia of what they leave out"
         raise refusal("reduction.residual_inertia", True, allowed)
+    if choice.ports and (choice.basis != "free_modes" or not choice.flexibility or choice.residual_inertia):
+        allowed = "free modes with flexibility and without residual_inertia are allowed to have ports"
+        raise refusal("reduction.ports", list(choice.ports), allowed)
+    if choice.ports and scene.ordered is not None:
+        raise refusal(
+            "reduction.ports", list(choice.ports), "a number of coordinates is allowed with them, no tolerance"
+        )
     if choice.pooled:
         _pool(scene)
     if not choice.flexibility and choice.coordinates < fewest_rows(scene):
