@@ -46,7 +46,8 @@ class SlidingBodyItems:
 
     nBody: Any  # NodeGenericODE2 with the n coordinates
     oBody: Any  # ObjectGenericODE2 with M, D and K
-    mBody: Any  # all coordinates of the body; attach further connectors here
+    # all coordinates of the body; connectors attached here feel the full flexibility at the model's ports alone
+    mBody: Any
     nGround: Any
     mGround: Any
     # ObjectConnectorCoordinateVector of `rows`; its output variable Force is their lambda in N; None where there are
