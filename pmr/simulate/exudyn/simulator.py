@@ -75,9 +75,9 @@ def add_sliding_body(
         differentiates numerically): use `add_pre_step_function`.  Explicit solvers, and index 2 where rigid rows move,
         are refused in ``mbs.SolveDynamic``.
     body, initial
-        As for `pmr.simulate.Simulator`.  A velocity that violates the rows is corrected M-orthogonally.  What is attached
-        to its coordinates feels the flexibility that these have: all of it at the model's `ports`, elsewhere without
-        the residual part.
+        As for `pmr.simulate.Simulator`.  A velocity that violates the rows is corrected M-orthogonally.  What is
+        attached to its coordinates feels the flexibility that these have: all of it at the model's `ports`, elsewhere
+        without the residual part.
     path : signal
         Slider path s(t) in m.
     loads : mapping of str to signal
