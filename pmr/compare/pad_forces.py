@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from pmr.results import Response
 from pmr.results.extremes import Extremes
 from pmr.results.tables import reaction_extremes
-from pmr.scene import Scene
+from pmr.scene import Boom, Scene
+from pmr.scene.boom_parts import is_axial
 from pmr.scene.built import PadRing, force_of, reaction_of
+from pmr.scene.choice import directions
 
 Array = NDArray[np.float64]
 
@@ -26,11 +28,35 @@ def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
     return {name: Extremes.of(force, response.t, s) for name in names if (force := _force(response, name)) is not None}
 
 
-def reactions(response: Response, path: Array) -> dict[str, object]:
-    """``reactions`` of summary.json: ``name``, ``unit``, and what `Extremes.summary` says; empty without any."""
+def reactions(scene: Scene | Boom, response: Response, path: Array) -> dict[str, object]:
+    """``reactions`` of summary.json: ``name``, ``unit``, and what `Extremes.summary` says; empty without any.
+
+    Of all supports, rigid or not, of a body or of the sections of a boom, whose names begin with the section's.
+    """
     found = reaction_extremes(response, path)
     said = [{"name": of.support, "unit": of.unit, **one.summary()} for of, one in found.items()]
+    bodies = {f"{one.name}: ": one for one in scene.sections} if isinstance(scene, Boom) else {"": scene}
+    for section, part in bodies.items():
+        for name, unit in part.springs.items():
+            if (force := section + force_of(name)) in response.force_names:
+                one = Extremes.of(response.force(force, 0), response.t, path)
+                said.append({"name": section + name, "unit": unit, **one.summary()})
     return {"reactions": said} if said else {}
+
+
+def not_along(scene: Scene | Boom) -> list[str]:
+    """In a line, that forces along x are unknown of beams without coordinates along it, where there may be any."""
+    if isinstance(scene, Boom):
+        names = [name for number, name in enumerate(scene.names) if not is_axial(scene, number)]
+    else:
+        pulled = scene.gravity is not None and scene.gravity.direction[0] != 0.0
+        names = ["the body"] if pulled and "x" not in directions(scene) else []
+    if not names:
+        return []
+    return [
+        f"{', '.join(names)}: planar beams without coordinates along x (body.profile.axial is false), so that "
+        "reactions and cylinder forces along it are not computed"
+    ]
 
 
 def _force(response: Response, name: str) -> Array | None:
@@ -48,7 +74,7 @@ def summary(scene: Scene, response: Response) -> dict[str, object]:
 
 def warnings(scene: Scene, response: Response) -> list[str]:
     """What a user should know of the pads, a line each."""
-    return pulled(scene, response) + unknown(scene, response)
+    return pulled(scene, response) + unknown(scene, response) + not_along(scene)
 
 
 def pulled(scene: Scene, response: Response) -> list[str]:

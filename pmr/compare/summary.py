@@ -117,7 +117,7 @@ def driven(excitation: Excitation) -> Part:
 
 def pads(scene: Scene, response: Response) -> Part:
     """Forces of the pads and of rigid supports."""
-    reactions = pad_forces.reactions(response, np.asarray(scene.slider.path.value(response.t)))
+    reactions = pad_forces.reactions(scene, response, np.asarray(scene.slider.path.value(response.t)))
     return Part(pad_forces.summary(scene, response) | reactions, pad_forces.warnings(scene, response))
 
 

@@ -42,6 +42,12 @@ class OneBody(Section):
         """SHA-256 of what these files hold."""
         return {section: hashlib.sha256(file.read_bytes()).hexdigest() for section, file in self.files.items()}
 
+    @property
+    def springs(self) -> dict[str, str]:
+        """Supports that give way, in each direction, by name: the unit of their force, or moment."""
+        held = [(one, d) for one in self.supports if one.stiffness != "rigid" for d in one.held]
+        return {one.row_name(d): "N m" if d.startswith("r") else "N" for one, d in held}
+
 
 class Whole(Section):
     """What a scene of one body and a boom of several sections have in common; equal `hash`, equal results."""

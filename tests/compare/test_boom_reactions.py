@@ -18,9 +18,11 @@ from pmr.recover.coordinates import Recovery
 from pmr.reduce.sections import ReducedSection, reduce_sections
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
+from pmr.run.booms import run_boom
 from pmr.scene import Boom
+from pmr.scene.boom_parts import TAIL
 from pmr.scene.built import force_of, reaction_of
-from pmr.simulate import Excitation, SystemSimulator
+from pmr.simulate import Excitation, SystemSimulator, exudyn
 from pmr.simulate.booms import excitation_of
 from pmr.simulate.native import multibody
 from pmr.system.body import force_outputs
@@ -135,7 +137,7 @@ def balance(found: Run) -> dict[str, Array]:
             row = built.model.carriers.row(full.row_names.index(side.place.row), side.place.row)
             measured = np.asarray(row.at(x) @ np.hstack([R, V]))
             force -= multiplier[:, None] * measured[:, R.shape[1] :]
-            if found.system.contacts[side.contact].outer is None:
+            if found.system.contacts[side.contact].outer is None and side.place.row != TAIL:  # pads on the ground
                 add("ground", -multiplier[:, None] * measured[:, : R.shape[1]])
         acceleration = np.linalg.solve(body.M, force.T).T
         add("loads", f @ (R.T @ full.B).T)
@@ -158,3 +160,48 @@ def test_what_the_ground_holds_with_is_in_balance_with_all_else(case: str) -> No
     left = np.sum(list(parts.values()), axis=0)
     for kind in (slice(0, 3), slice(3, 6)):
         assert np.abs(left[:, kind]).max() <= 1e-9 * np.abs(parts["loads"][:, kind]).max()
+
+
+def test_exudyn_tells_the_same_reactions() -> None:
+    parts = balance(run(CASES["pivot"], exudyn.simulate_system))
+    left, loads = np.sum(list(parts.values()), axis=0), parts["loads"]
+    assert np.abs(left).max() <= 1e-9 * np.abs(loads).max()
+
+
+def test_a_summary_has_all_supports_whether_they_give_way_or_not() -> None:
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, *CASES["pivot"]])
+    outcome = run_boom(boom)
+    assert outcome is not None
+    found = {one["name"]: one for one in outcome.result.summary["reactions"]}
+    assert set(found) == {"base: pivot x", "base: pivot z", "base: luffing"}
+    luffing = outcome.result.responses["reduced"].force("base: force of luffing", 0)
+    assert found["base: luffing"]["min"] == luffing.min() and found["base: luffing"]["unit"] == "N"
+    assert not any("along x" in line for line in outcome.result.summary["warnings"])
+
+
+def test_what_beams_without_axial_coordinates_do_not_know_is_said() -> None:
+    """A boom of them has neither cylinders nor reactions along it."""
+    ring = [{"at": 0.15, "unilateral": False}]
+    profile = {"length": 6.0, "bending_stiffness": 1e7, "mass_per_length": 80.0}
+    joint = {
+        "extension": {"kind": "smooth_ramp", "times": [0.0, 0.1], "values": [0.6, 0.7]},
+        "tail": ring,
+        "mouth": ring,
+    }
+    boom = Boom.model_validate(
+        {
+            "title": "no axial coordinates",
+            "section": {"body": {"profile": profile}, "mesh": {"elements": 10}, "reduction": {"coordinates": 4}},
+            "sections": [
+                {"name": "base", "supports": [{"name": "clamp", "kind": "clamped"}]},
+                {"name": "fly", "joint": joint},
+            ],
+            "time": {"end": 0.1, "step": 2e-3},
+            "compare": {"against": []},
+        }
+    )
+    outcome = run_boom(boom)
+    assert outcome is not None
+    assert {one["name"] for one in outcome.result.summary["reactions"]} == {"base: clamp z", "base: clamp ry"}
+    said = "base, fly: planar beams without coordinates along x"
+    assert any(line.startswith(said) for line in outcome.result.summary["warnings"])
