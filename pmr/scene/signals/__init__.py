@@ -8,7 +8,7 @@ A signal is written in a scene as a table with a ``kind`` (or as a plain number,
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -24,8 +24,8 @@ __all__ = [
 
 #: Samples in which a sum of signals is searched for its extremes: a period of its fastest tone, at least, at most.
 SAMPLES_A_PERIOD, FEWEST_SAMPLES, MOST_SAMPLES = 64, 20_000, 1_000_000
-#: Share of all values by which a crest may be lower at the samples and still be the highest; thirds taken off about it.
-RISE, THIRDS = 0.01, 40
+#: Crests between samples that are looked at, the highest ones, and how often a third of the way is taken off.
+CRESTS, THIRDS = 256, 40
 
 
 class Sum(SignalBase):
@@ -62,9 +62,10 @@ class Sum(SignalBase):
             (fast if samples > MOST_SAMPLES else slow).append(part)
         low, high = np.sum([part.bounds(start, end) for part in fast], axis=0) if fast else (0.0, 0.0)
         if slow:
-            t = np.sort(self._samples(slow, start, end))
-            high += _largest(lambda t: np.sum([part.value(t) for part in slow], axis=0), t)
-            low -= _largest(lambda t: -np.sum([part.value(t) for part in slow], axis=0), t)
+            t = np.sort(self._samples(slow, start, end), kind="stable")
+            values = _total(slow, t)
+            high += _largest(lambda t: _total(slow, t), t, values)
+            low -= _largest(lambda t: -_total(slow, t), t, -values)
         return float(low), float(high)
 
     def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
@@ -76,17 +77,22 @@ class Sum(SignalBase):
         return np.concatenate([np.linspace(start, end, count), breaks, before])
 
 
-def _largest(f: Callable[[Array], Array], t: Array) -> float:
-    """The largest value of f: of those between ascending samples t (S,), where one is the largest of its neighbours."""
-    values = f(t)
-    best, neighbours = float(values.max()), np.maximum(np.append(values[1:], -np.inf), np.append(-np.inf, values[:-1]))
-    # Between samples a tone rises by (pi / 64)^2 / 2 of its amplitude at most: other crests are lower.
-    near = np.flatnonzero((values >= neighbours) & (values >= best - RISE * (best - values.min())))
-    first, last = t[np.maximum(near - 1, 0)], t[np.minimum(near + 1, len(t) - 1)]
+def _total(parts: Sequence[SignalBase], t: Array) -> Array:
+    return np.asarray(np.sum([part.value(t) for part in parts], axis=0))
+
+
+def _largest(f: Callable[[Array], Array], t: Array, values: Array) -> float:
+    """The largest value of f, of its `values` at ascending t (S,) and about the highest crests among these."""
+    before, at, after = values[:-2], values[1:-1], values[2:]
+    crests = np.flatnonzero((at >= before) & (at >= after))
+    bend = np.minimum(before[crests] - 2.0 * at[crests] + after[crests], -np.finfo(float).tiny)
+    heights = at[crests] - np.minimum((after[crests] - before[crests]) ** 2, bend**2) / (8.0 * bend)  # of a parabola
+    crests = crests[np.argsort(heights)[-CRESTS:]]
+    first, last, best = t[crests], t[crests + 2], float(values.max())
     for _ in range(THIRDS):
         third = (last - first) / 3.0
         a, b = f(first + third), f(last - third)
-        best = max(best, float(a.max()), float(b.max()))
+        best = max(best, float(a.max(initial=best)), float(b.max(initial=best)))
         first, last = np.where(a < b, first + third, first), np.where(a < b, last, last - third)
     return best
 
