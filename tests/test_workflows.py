@@ -100,3 +100,15 @@ def test_residual_inertia_halves_the_error_of_six_coordinates() -> None:
     summary = outcome.result.summary
     assert summary["coordinates"]["reduced"] == 6 and summary["errors"]["reduced_vs_full"]["beam"] <= 0.0012
     assert_estimated(summary)
+
+
+def test_a_folder_of_results_does_not_hide_the_workflow_of_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As `pmr run boom_two --out boom_two` leaves it; one with a scene is what was asked for."""
+    monkeypatch.chdir(tmp_path)
+    Path("boom_two").mkdir()
+    Path("boom_two", "summary.json").write_text("{}")
+    assert scene.load_any("boom_two").title == "Boom of two sections"
+    Path("boom_two", "scene.toml").write_text('extends = "boom_two"\ntitle = "Mine"')
+    assert scene.load_any("boom_two").title == "Mine"

@@ -64,9 +64,21 @@ def settled(told: float, apart: float) -> bool:
     return apart <= SETTLED * told or told <= ROUND_OFF
 
 
-def unsettled(told: float, apart: float) -> SimulationError:
-    """What is said where they may not."""
-    return SimulationError(
-        "pads land and lift off, and an impact a moment earlier changes all that follows: two richer models "
-        f"differ by {100.0 * apart:.2g} % where they tell an error of {100.0 * told:.2g} %"
+def scatter(peaks: Sequence[float]) -> str:
+    """What is said of the largest forces, in N, that nearly equal models have of pads that land and lift off."""
+    least, most = (f"{1e-3 * find(peaks):.3g} kN" for find in (min, max))
+    return (
+        f"pads land and lift off again and again, and their peak forces scatter: {least} to {most} with models that "
+        "are nearly alike, and as much with another time step; they are a range, not a figure"
     )
+
+
+class UnsettledError(SimulationError):
+    """Two richer models differ by as much as they tell; `warning` says how far `peaks`, in N, scatter by it."""
+
+    def __init__(self, told: float, apart: float, peaks: Sequence[float]) -> None:
+        super().__init__(
+            "pads land and lift off, and an impact a moment earlier changes all that follows: two richer models "
+            f"differ by {100.0 * apart:.2g} % where they tell an error of {100.0 * told:.2g} %"
+        )
+        self.warning = scatter(peaks)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare import coverage, errors
-from pmr.compare.attached import borne, lifting, settled, unsettled
+from pmr.compare.attached import UnsettledError, borne, lifting, settled
 from pmr.compare.booms import columns_of, quantities, respond, with_friction
 from pmr.compare.estimate import MARGIN
 from pmr.compare.summary import Part
@@ -31,6 +31,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended
 from pmr.results import Response
 from pmr.scene import Boom
+from pmr.scene.built import force_of
 from pmr.simulate import Excitation
 from pmr.simulate.native import multibody
 from pmr.system.system import System, SystemTrajectory
@@ -79,7 +80,8 @@ def estimate(
     better = _rubbing(boom, replace(system, bodies=richer), excitation)
     if lifting(run.forces[:, ~np.isnan(system.clearance)]):
         other = {name: with_attachment_modes(body, loads[name]) for name, body in modal.items()}
-        _check_settled(own, better, _rubbing(boom, replace(system, bodies=other), excitation))
+        pushing = [force_of(one.name) for one in system.contacts if one.clearance is not None]
+        _check_settled(own, better, _rubbing(boom, replace(system, bodies=other), excitation), pushing)
     measured = quantities(boom, own)
     found = errors.errors({"reduced": own, "full": better}, errors.relative_error, quantities=measured)
     return BoomEstimate(
@@ -106,12 +108,13 @@ def _borne(system: System, run: SystemTrajectory) -> dict[str, Array]:
     return found
 
 
-def _check_settled(own: Response, better: Response, other: Response) -> None:
+def _check_settled(own: Response, better: Response, other: Response, pushing: Sequence[str]) -> None:
     for kind in ("displacement", "slider_force"):
         one, second, third = (getattr(response, kind) for response in (own, better, other))
         told, apart = (errors.relative_error(response, second) for response in (one, third))
         if not settled(told, apart):
-            raise unsettled(told, apart)
+            peaks = [max(float(one.force(name, 0).max()) for name in pushing) for one in (own, better, other)]
+            raise UnsettledError(told, apart, peaks)
 
 
 def _along(columns: Sequence[int], own: Response, better: Response) -> float:
@@ -158,16 +161,17 @@ def boom_error(
     """Of the reduction of all sections, as their enrichment modes and inertia tell it, and what is not in it."""
     if not all(part.reduction.estimate for part in boom.sections):
         return BoomError(Part())
-    why = no_estimate(modal)
+    why, said = no_estimate(modal), list[str]()
     if why is None:
         try:
             with clock.stage("estimate"):
                 found = estimate(boom, modal, system, excitation, run)
         except (SimulationError, InputError) as error:
             why = str(error).removeprefix("estimate: ")  # the clock's stage
+            said = [error.warning] if isinstance(error, UnsettledError) else []
     if why is not None:
         nothing = dict.fromkeys(("tip", "beam", "pad_force", "cylinder_force", "largest", "seconds", "not_covered"))
-        return BoomError(Part({"estimate": nothing | {"reason": why}}))
+        return BoomError(Part({"estimate": nothing | {"reason": why}}, said))
     damped = any(body.rayleigh is None and body.D.any() for body in models_of(system).values())
     left_out = [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped]
     figures = {"largest": found.largest, "seconds": found.seconds, "not_covered": left_out}

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare import coverage
-from pmr.compare.attached import lifting, settled, unsettled, with_loads_answered
+from pmr.compare.attached import UnsettledError, lifting, scatter, settled, with_loads_answered
 from pmr.compare.indicators import chi, kappa
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, lagging, outputs, probe_differences
 from pmr.compare.ringing import rings
@@ -66,6 +66,7 @@ class Estimate:
     error: Array  # (T, o) m: what is missing in the outputs, as far as these runs know, without margin
     seconds: float  # wall time of the estimate, all runs included
     unknown: Mapping[str, str] = field(default_factory=dict)  # kinds without an estimate, and why, in words
+    scatter: str = ""  # what is to be said of peak forces where these are not settled
 
     @property
     def probe(self) -> float | None:
@@ -119,6 +120,7 @@ class _Told:
     better: _Simulated
     kappa: float | None = None
     unsettled: Collection[str] = ()
+    scatter: str = ""
 
 
 def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Estimate:
@@ -155,6 +157,7 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
         error=missing[by].displacement,
         seconds=time.perf_counter() - begin,
         unknown=unknown,
+        scatter=told.scatter,
     )
 
 
@@ -185,10 +188,11 @@ def _pushed(model: ReducedModel, own: _Simulated, excitation: Excitation, floors
     other = _Simulated.of(with_loads_answered(model, own.run, loads), excitation, tips)
     told, apart = (differences(one.outputs, better.outputs, floors) for one in (own, other))
     unknown = [kind for kind in KINDS if not settled(told[kind], apart[kind])]
+    peaks = [float(one.outputs.force.max()) for one in (own, better, other)]
     for kind in unknown:
         if kind in ("beam", "tip"):
-            raise unsettled(told[kind], apart[kind])
-    return _Told(missing, better, unsettled=unknown)
+            raise UnsettledError(told[kind], apart[kind], peaks)
+    return _Told(missing, better, unsettled=unknown, scatter=scatter(peaks) if "pad_force" in unknown else "")
 
 
 def _with_lag(one: _Simulated, excitation: Excitation) -> Outputs:

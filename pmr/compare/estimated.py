@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from pmr.compare import coverage, estimate, step_error
+from pmr.compare.attached import UnsettledError
 from pmr.compare.summary import Part
 from pmr.environment import Clock
 from pmr.errors import InputError, SimulationError
@@ -57,7 +58,7 @@ def reduction_error(
 ) -> ReductionError:
     """The reduction's error as the enrichment modes tell it, or an `other` model, and what is not in it."""
     excitation, found, failed, left_out = Excitation.of(scene), None, None, list[str]()
-    telling, tips = other or reduced, len(transverse(scene))
+    telling, tips, scattered = other or reduced, len(transverse(scene)), list[str]()
     if scene.reduction.estimate and estimate.no_estimate(telling) is None:
         with clock.stage("estimate"):
             try:
@@ -67,12 +68,14 @@ def reduction_error(
                     found = estimate.by_other(reduced, other, excitation, tips)
                 left_out = coverage.not_covered(telling, excitation.signals, excitation.stepping)
                 left_out += found.unknown.values()
+                scattered = [found.scatter] if found.scatter else []
             except (SimulationError, InputError) as error:  # other simulators may do what march refuses
                 failed = str(error).removeprefix("estimate: ")  # the clock's stage
+                scattered = [error.warning] if isinstance(error, UnsettledError) else []
     figures: dict[str, Any] = {}
     if scene.reduction.estimate:
         figures = {"estimate": summary(reduced, found, left_out, failed)}
-    said = warnings(reduced, excitation.stepping, found) + coverage.warnings(left_out)
+    said = warnings(reduced, excitation.stepping, found) + coverage.warnings(left_out) + scattered
     band = None if found is None else envelope(estimate.MARGIN * found.error[:, -tips:])
     return ReductionError(Part(figures, said), band)
 

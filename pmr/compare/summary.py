@@ -16,6 +16,7 @@ from pmr.files import jsonfile
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Boom, Scene
+from pmr.scene.scene import OneBody
 from pmr.simulate import Excitation, contact_step, resolution
 
 
@@ -131,11 +132,15 @@ def trusted(missing: Mapping[str, str], responses: Mapping[str, Response]) -> Pa
     return Part({"no_reference": dict(missing)}, trust.warnings(missing, responses["reduced"]))
 
 
-def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
-    """Motions beyond what the models' theory describes, and materials of which nothing is built."""
-    materials = {"body.material": scene.body.material} | {
-        f"body.regions.{name}.material": region.material
-        for name, region in scene.body.regions.items()
+def theory(bodies: Mapping[str, OneBody], length: float, responses: Mapping[str, Response]) -> Part:
+    """Motions beyond what the models' theory describes, of a body or boom of a length in m, and unusual materials.
+
+    Bodies are by what stands before their keys.
+    """
+    materials = {f"{key}body.material": body.body.material for key, body in bodies.items()} | {
+        f"{key}body.regions.{name}.material": region.material
+        for key, body in bodies.items()
+        for name, region in body.body.regions.items()
         if region.material is not None
     }
-    return Part(warnings=[*trust.unusual(materials), *trust.large_motion(scene.length, responses.values())])
+    return Part(warnings=[*trust.unusual(materials), *trust.large_motion(length, responses.values())])

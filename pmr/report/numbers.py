@@ -22,9 +22,9 @@ class Unit:
 def unit_for(largest: float, base: str) -> Unit:
     """The prefix with which the value `largest`, given in the unit `base`, reads as 1 to 1000.
 
-    Lengths stay below km and units that hold a product or a quotient are left as they are.
+    Lengths stay below km, and units that hold a quotient, or a product other than a moment's, are left as they are.
     """
-    if largest == 0.0 or not isfinite(largest) or not base.isalpha():
+    if largest == 0.0 or not isfinite(largest) or not (base.isalpha() or base == "N m"):
         return Unit(1.0, base)
     sizes = [size for size in _PREFIXES if size <= 1.0 or base not in ("m", "s")]
     size = next((size for size in sizes if abs(largest) >= 0.9995 * size), sizes[-1])

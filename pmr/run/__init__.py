@@ -149,7 +149,7 @@ def run(
         Part(places({"": built.structure.outputs})),
         contact(reduced, excitation),
         trusted(found.missing, responses),
-        theory(scene, responses),
+        theory({"": scene}, scene.length, responses),
         frequency_part(in_frequency),
         Part() if seen is None else Part(seen.summary()),
     ]

@@ -17,8 +17,7 @@ from pmr.compare.boom_motions import BoomSimulations, FullBoom, FullRun, simulat
 from pmr.compare.booms import quantities, with_friction
 from pmr.compare.errors import relative_error
 from pmr.compare.responses import check_installed
-from pmr.compare.summary import Part, compared, driven, gathered, made_with, simulated, trusted
-from pmr.compare.trust import large_motion
+from pmr.compare.summary import Part, compared, driven, gathered, made_with, simulated, theory, trusted
 from pmr.environment import Clock
 from pmr.errors import InputError, on_first
 from pmr.fem.compat import MPI
@@ -134,7 +133,7 @@ class _Run:
             trusted({"full": whole.missing} if whole.missing else {}, responses),
             *(Part(warnings=build_warnings(structure)) for structure in structures.values()),
             Part(warnings=self.free),
-            Part(warnings=large_motion(float(reach.max()), responses.values())),
+            theory({f"sections.{part.name}.": part for part in boom.sections}, float(reach.max()), responses),
         ]
         loads, fields = excitation.forces(system.input_names), {name: one.reduced.fields for name, one in seen.items()}
         result = BoomResult(boom, gathered(parts), responses, excitation.s, reach, loads, frequencies, fields)

@@ -20,11 +20,14 @@ def workflow(name: str) -> Path | None:
 
 
 def found(asked: Path, within: str) -> Path:
-    """The file itself, the one called `within` in a folder, or a workflow by its name; else what was asked for."""
+    """The file itself, the one called `within` in a folder, or a workflow by its name; else what was asked for.
+
+    A folder of results that is called as a workflow doesn't hide it.
+    """
     try:
         if asked.is_dir() and (asked / within).is_file():
             return asked / within
-        there = asked.exists()
+        there = asked.exists() and not asked.is_dir()
     except OSError:  # a name that no file can have
         there = True
     return asked if there else workflow(str(asked)) or asked  # what is wrong with it, its reader says

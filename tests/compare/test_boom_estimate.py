@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -128,3 +129,27 @@ def test_none_is_made_where_none_is_asked_for() -> None:
     outcome = run_boom(load("compare.against=[]", "time.end=0.02", "section.reduction.estimate=false"))
     assert outcome is not None and "estimate" not in outcome.result.summary
     assert outcome.reduced["fly"].enrichment is None
+
+
+def test_peaks_of_pads_that_rattle_are_a_range_and_an_odd_material_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no richer model tells the error; the material of which section is named by its key."""
+    monkeypatch.setattr(boom_estimate, "settled", lambda told, apart: False)
+    outcome = run_boom(load("compare.against=[]", "section.body.material.density=7.85"))
+    assert outcome is not None
+    summary, response = outcome.result.summary, outcome.result.responses["reduced"]
+    assert summary["estimate"]["beam"] is None and "an impact a moment earlier" in summary["estimate"]["reason"]
+    (said,) = [line for line in summary["warnings"] if "peak forces scatter" in line]
+    least, most = (float(number) for number in re.findall(r"([0-9.]+) kN", said))
+    peak = max(response.force(f"force of {one['name']}", 0).max() for one in summary["pads"]) / 1e3
+    assert least <= most and least <= peak * 1.005 and peak <= most * 1.005  # as printed
+    odd = [line for line in summary["warnings"] if "no structure is of such a material" in line]
+    assert [line.split(" = ")[0] for line in odd] == [f"sections.{k}.body.material.density" for k in ("base", "fly")]
+
+
+def test_the_full_model_goes_through_the_simulator_that_is_named() -> None:
+    found = {}
+    for name in ("march", "petsc"):
+        outcome = run_boom(load(f"simulation.full={name}", "time.end=0.02", "section.joint.extension=1.0"))
+        assert outcome is not None and outcome.result.summary["simulators"]["full"] == name
+        found[name] = outcome.result.responses["full"].displacement
+    np.testing.assert_allclose(found["petsc"], found["march"], rtol=0.0, atol=1e-6 * np.abs(found["march"]).max())

@@ -32,7 +32,8 @@ def test_significant(value: float, digits: int, text: str) -> None:
         (0.99999, "m", Unit(1.0, "m")),  # would print as 1000 mm
         (2500.0, "m", Unit(1.0, "m")),
         (2500.0, "N", Unit(1e3, "kN")),
-        (2500.0, "N m", Unit(1.0, "N m")),
+        (564e3, "N m", Unit(1e3, "kN m")),
+        (2500.0, "N/m", Unit(1.0, "N/m")),
         (3e-20, "J", Unit(1e-12, "pJ")),
         (-0.002, "J", Unit(1e-3, "mJ")),
     ],
