@@ -23,10 +23,7 @@ ROOT = Path(__file__).parents[1]
 SAYS = r"#:schema \S*schemas/(scene|study)\.json\n# "
 STUDIES = [file for file in (ROOT / "workflows").rglob("*.toml") if "kind" in tomllib.loads(file.read_text())]
 SIX = sorted({*(ROOT / "workflows" / "residual").glob("*.toml")} - {ROOT / "workflows" / "residual" / "base.toml"})
-HOLDOUT = sorted((ROOT / "workflows" / "holdout").glob("*.toml"))
-COMPLETE = (
-    sorted({*(ROOT / "workflows").glob("*.toml")} - {*STUDIES, ROOT / "workflows" / "paper_base.toml"}) + SIX + HOLDOUT
-)
+COMPLETE = sorted({*(ROOT / "workflows").glob("*.toml")} - {*STUDIES, ROOT / "workflows" / "paper_base.toml"}) + SIX
 RESIDUAL = [ROOT / "workflows" / f"{name}_residual.toml" for name in ("simple", "evolved")] + SIX
 
 COORDINATES = (5, 6, 10)

@@ -25,7 +25,6 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare.errors import nrms
-from pmr.compare.spectrum import band
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.simulate import Excitation, TimeStepping
@@ -33,9 +32,9 @@ from pmr.simulate.modal import modal_form
 from pmr.studies import bases, shared
 from pmr.studies.bases import observed, stepped
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
-from pmr.studies.recommended import RECOMMENDED, holding, tried
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
+from pmr.studies.tolerances import TOLERANCES, holding
 from pmr.system.body import length_outputs
 
 Array = NDArray[np.float64]
@@ -56,8 +55,6 @@ class Study(StudyBase):
 
     Figures: ``<scene>.<method>.<tolerance>``, as ``"6 x 0.5"``: the fewest coordinates that hold the tolerance with any
     of the steps, and the longest one with which they do, as a multiple of the scene's.
-    ``<scene>.recommended.<tolerance>``: error of residual flexibility as `RECOMMENDED`, with the nearest size and step
-    among those simulated that are no less.
     """
 
     kind: Literal["trade"]
@@ -99,11 +96,7 @@ class Study(StudyBase):
         found: dict[str, Scalar] = {}
         for run in results.runs:
             scene, method = run.parameters["scene"], run.parameters["method"]
-            if method == "flexibility":
-                found |= {
-                    f"{scene}.recommended.{tolerance:g}": tried(run.figures, tolerance) for tolerance in RECOMMENDED
-                }
-            for tolerance in RECOMMENDED if method in self.methods else ():
+            for tolerance in TOLERANCES if method in self.methods else ():
                 best = holding(run.figures, tolerance)
                 found[f"{scene}.{method}.{tolerance:g}"] = None if best is None else f"{best[0]} x {best[1]:g}"
         return found
@@ -120,17 +113,14 @@ def without_axial(scene: Scene) -> Scene:
 def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: ``y`` (T, o) in m, the full model's motion with a step `FINER` than all that are tried.
 
-    Figures: ``step``, what its own step is off by, as a fraction; ``band`` in Hz, above which 1 % of the tip's motion
-    lies, and ``below``, how many natural frequencies of the free body are lower, those of rigid motions included.
+    Figures: ``step``, what its own step is off by, as a fraction.
     """
     scene, steps = shared.scene_of(arguments), arguments["steps"]
     form, given, finest = modal_form(shared.body_of(scene)), Excitation.of(scene), FINER * steps[-1]
     coarser, y = (
         observed(form, stepped(given, factor * finest), round(steps[0] / (factor * finest))) for factor in (2.0, 1.0)
     )
-    f = np.sqrt(np.maximum(form.omega2, 0.0)) / (2.0 * np.pi)
-    highest = band(y[:, -1:], steps[0] * given.stepping.step)
-    return TaskResult({"step": nrms(coarser, y) / 3.0, "band": highest, "below": int(np.sum(f < highest))}, {"y": y})
+    return TaskResult({"step": nrms(coarser, y) / 3.0}, {"y": y})
 
 
 def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -139,8 +129,7 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     Figures: ``total.<r>.<factor>``, e_NRMS of all displacements against the reference with the scene's step times a
     factor; ``reduction.<r>``, the same against the full model with the scene's own step; ``energy.<r>``, the largest
     difference to that one's energy while the slider moves, over its largest energy; ``reference``, what the reference's
-    step is off by, and its ``band`` and ``below``; ``scene step`` in s and the number of ``steps``.  None where no
-    model can be simulated.
+    step is off by; ``scene step`` in s and the number of ``steps``.  None where no model can be simulated.
     Seconds: ``offline``, of the processor, ``step.<r>`` and ``full``, of one step.
     """
     scene, truth = shared.scene_of(arguments), needs["truth"]
@@ -152,7 +141,6 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     stored = bases.full_energy(case)
     moving = np.abs(case.excitation.path_rate) > 0.0
     record: dict[str, Scalar] = {"reference": truth.record["step"]}
-    record |= {name: truth.record[name] for name in ("band", "below")}
     record |= {"scene step": scene.time.step, "steps": scene.time.steps}
     for r, one in tried:
         names = [f"total.{r}.{factor:g}" for factor in arguments["steps"]]

@@ -14,7 +14,7 @@ from pmr.scene import load
 from pmr.simulate import Excitation
 from pmr.simulate.modal import modal_form
 from pmr.simulate.native import simulator as march
-from pmr.studies import bases, files, recommended, shared
+from pmr.studies import bases, files, shared, tolerances
 from pmr.studies.engine.task import number
 from pmr.studies.kinds import trade
 from pmr.studies.results import StudyResults
@@ -78,9 +78,9 @@ def test_what_holds_a_tolerance_holds_it_with_shorter_steps_too() -> None:
         "total.8.1": 0.02,
         "total.8.0.5": 0.004,
     }
-    assert recommended.holding(found, 0.01) == (8, 0.5)
-    assert recommended.holding(found, 0.02) == (4, 1.0)
-    assert recommended.holding(found, 0.001) is None
+    assert tolerances.holding(found, 0.01) == (8, 0.5)
+    assert tolerances.holding(found, 0.02) == (4, 1.0)
+    assert tolerances.holding(found, 0.001) is None
 
 
 def test_steps_that_do_not_meet_are_refused(tmp_path: Path) -> None:

@@ -15,8 +15,8 @@ from pmr.report.numbers import percent, plain, quantity
 from pmr.report.studies.curves import dots, log_x
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.engine.task import number
-from pmr.studies.recommended import RECOMMENDED, points
 from pmr.studies.results import RunRecord
+from pmr.studies.tolerances import TOLERANCES, points
 
 NAMES = {
     "pod": "POD, slider at nodes",
@@ -32,8 +32,7 @@ COLUMNS = 2
 
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
-    """Fronts, tolerances, and what is recommended."""
-    tried = [value for name, value in study.figures.items() if ".recommended." in name and value is not None]
+    """Fronts, and what holds a tolerance."""
     fronts_caption = (
         "Error along the body against the full model with a far shorter step, over the time of one simulation: of each "
         "method the models and steps that none of its others beats in both."
@@ -43,7 +42,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
         anchor=prefix,
         title=study.title,
         headline="How much time an error costs, by method, number of coordinates and step.",
-        key_numbers=[KeyNumber(plain(len(study.scenes)), "scenes"), KeyNumber(plain(len(tried)), "tolerances tried")],
+        key_numbers=[KeyNumber(plain(len(study.scenes)), "scenes")],
         paragraphs=[
             "Coordinates and steps each have their part of the error. What holds a tolerance here holds it with all "
             "shorter steps too, so that no two parts cancel by chance.",
@@ -54,7 +53,7 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
             Block(
                 "Error over time",
                 ((drawing(f"{prefix}-fronts", fronts, fronts_caption, study),),),
-                grids=(_offline(study), *([_recommended(study)] if tried else [])),
+                grids=(_offline(study),),
             ),
             Block("What holds a tolerance", grids=tuple(_holding(study, scene) for scene in study.scenes)),
             Block(energy, grids=tuple(_energies(study, scene) for scene in study.scenes[:2])),
@@ -116,20 +115,11 @@ def _timed(run: RunRecord) -> list[tuple[float, float]]:
 def _holding(study: FinishedStudy, scene: str) -> Grid:
     rows = []
     for method, name in NAMES.items():
-        cells = [study.figures.get(f"{scene}.{method}.{tolerance:g}") for tolerance in RECOMMENDED]
+        cells = [study.figures.get(f"{scene}.{method}.{tolerance:g}") for tolerance in TOLERANCES]
         if study.runs(scene=scene, method=method):
             rows.append((name, *("–" if cell is None else str(cell).replace(" x ", " × ") for cell in cells)))
     caption = f"{scene.replace('_', ' ')}: coordinates × step (as a multiple of the scene's) that hold a tolerance."
-    return Grid(caption, ("method", *(percent(tolerance) for tolerance in RECOMMENDED)), tuple(rows))
-
-
-def _recommended(study: FinishedStudy) -> Grid:
-    rows = []
-    for scene in study.scenes:
-        cells = [study.figures.get(f"{scene}.recommended.{tolerance:g}") for tolerance in RECOMMENDED]
-        rows.append((scene.replace("_", " "), *("–" if cell is None else percent(number(cell)) for cell in cells)))
-    caption = "Error of what is recommended for a tolerance; – where no model or step of this study is as fine."
-    return Grid(caption, ("scene", *(percent(tolerance) for tolerance in RECOMMENDED)), tuple(rows))
+    return Grid(caption, ("method", *(percent(tolerance) for tolerance in TOLERANCES)), tuple(rows))
 
 
 def _offline(study: FinishedStudy) -> Grid:

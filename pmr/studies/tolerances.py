@@ -1,4 +1,4 @@
-"""What a tolerance takes: by the errors of models that were simulated, and as it is recommended (docs/trade.md)."""
+"""What a tolerance takes, by the errors of models that were simulated."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from collections.abc import Mapping
 
 from pmr.studies.engine.task import Scalar, number
 
-#: By tolerance what docs/trade.md recommends for free modes with residual flexibility: coordinates beyond the natural
-#: frequencies of the free body in the motion's band, and steps in a period of its highest frequency.
-RECOMMENDED = {0.05: (3, 110.0), 0.01: (5, 280.0), 0.001: (11, 1100.0), 0.0001: (15, 7000.0)}
+#: Of errors along the body.
+TOLERANCES = (0.05, 0.01, 0.001, 0.0001)
 
 
 def points(figures: Mapping[str, Scalar]) -> list[tuple[int, float, float]]:
@@ -31,17 +30,3 @@ def holding(figures: Mapping[str, Scalar], tolerance: float) -> tuple[int, float
         if longest is not None:
             return r, longest
     return None
-
-
-def tried(figures: Mapping[str, Scalar], tolerance: float) -> float | None:
-    """Error of what is recommended for a tolerance; None where no model is as large, or no step as short."""
-    if not figures.get("band"):
-        return None
-    more, steps = RECOMMENDED[tolerance]
-    fits = [
-        (r, -h, error)
-        for r, h, error in points(figures)
-        if r >= number(figures["below"]) + more
-        and h * number(figures["scene step"]) * number(figures["band"]) * steps <= 1.0
-    ]
-    return min(fits)[2] if fits else None
