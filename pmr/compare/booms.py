@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.errors import Quantity
+from pmr.compare.errors import RELATIVE_FLOOR, Quantity
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
 from pmr.scene import Boom
@@ -172,8 +172,11 @@ def quantities(boom: Boom, response: Response) -> Mapping[str, Quantity]:
 
 
 def _forces(boom: Boom, kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
+    """Zero where a force is nothing beside the largest one of any kind, as that of a cylinder that holds still."""
     which = np.array(force_kinds(boom, response.force_names)) == kind
-    return response.slider_force[steps][:, which]
+    size = np.abs(response.slider_force).max(axis=0)
+    counts = size > RELATIVE_FLOOR * size.max()
+    return np.where(counts, response.slider_force, 0.0)[steps][:, which]
 
 
 def force_kinds(boom: Boom, names: Sequence[str]) -> list[str]:

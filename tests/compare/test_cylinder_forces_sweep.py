@@ -23,6 +23,6 @@ def test_forces_agree_to_a_per_cent_or_the_estimate_is_near_their_error(seed: in
     summary = outcome.result.summary
     true, estimated = summary["errors"]["reduced_vs_full"], summary["estimate"]
     kinds = [kind for kind in true if kind.startswith(("pad_force", "cylinder_force"))]
-    assert {"pad_force", "cylinder_force"} <= set(kinds)
+    assert {"pad_force", "cylinder_force"} <= {*kinds, *summary["not_judged"]}
     for kind in kinds:
         assert true[kind] <= 0.01 or 0.8 <= estimated[kind] / true[kind] <= 5.0
