@@ -148,6 +148,9 @@ class Steps:
             raise InputError("Exudyn", "SetPreStepUserFunction", None, allowed)
 
     def _begin(self, mbs: Any, t: float) -> bool:
+        if "staticSolver" in mbs.sys and "dynamicSolver" not in mbs.sys:
+            allowed = "SolveDynamic is allowed: a static solution takes its load factor for the time in s"
+            raise InputError("Exudyn", "SolveStatic", None, allowed)
         if isinstance(mbs.sys.get("dynamicSolver"), exu.MainSolverExplicit):
             allowed = "an implicit one is allowed: path and loads are set once a step, to those at its end"
             raise InputError("Exudyn", "solverType", "explicit", allowed)

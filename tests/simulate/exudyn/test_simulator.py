@@ -266,6 +266,11 @@ def test_solvers_that_a_body_cannot_follow_are_refused(rich: FullBody) -> None:
         own.mbs.Assemble()
         with pytest.raises(ValueError, match=says):
             own.solve_again([], solver)
+    still = OwnSystem()
+    simulator.add_sliding_body(still.mbs, rich, PATH, named(LOADS))
+    still.mbs.Assemble()
+    with pytest.raises(ValueError, match="SolveStatic: SolveDynamic is allowed"):
+        still.mbs.SolveStatic(exu.SimulationSettings())
     without_rows = OwnSystem()
     simulator.add_sliding_body(without_rows.mbs, explicit[1], PATH, named(LOADS, explicit[1].input_names))
     without_rows.mbs.Assemble()
