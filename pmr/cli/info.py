@@ -113,6 +113,7 @@ def described_model(model: ReducedModel) -> dict[str, str]:
         "outputs": _describe_outputs(model),
         "rows": f"{', '.join(rows)}; s from {low:g} to {high:g} m",
         "rows left out": ", ".join(model.left_out) or "none",
+        **({"ports": ", ".join(model.ports)} if model.ports else {}),
         "made with": ", ".join(
             f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
         ),

@@ -141,6 +141,8 @@ def _method(scene: Scene) -> Rows:
         yield "basis", f"POD, {reduction.coordinates} vectors, {reduction.product} product"
         if reduction.basis == "paper":
             yield "rows of supports", "each takes a coordinate, as published"
+    if reduction.ports:
+        yield "attachment modes", f"of {', '.join(map(str, reduction.ports))}, as ports"
     if reduction.flexibility:
         yield "residual flexibility", "added, with its inertia" if reduction.residual_inertia else "added, quasi-static"
     if "ancf" in scene.compare.against:
