@@ -100,6 +100,8 @@ def with_held_coordinates(model: ReducedModel) -> ReducedModel:
         rows=PPoly(np.concatenate([held, model.rows.c], axis=2), model.rows.x),
         row_names=(*(f"{name} (holds coordinate {model.size - i})" for i, name in enumerate(model.left_out)),
                    *model.row_names),
+        pads=None if model.pads is None else np.r_[np.zeros(count), model.pads],
+        clearance=None if model.clearance is None else np.r_[np.full(count, np.nan), model.clearance],
         left_out=(),
     )  # fmt: skip
 

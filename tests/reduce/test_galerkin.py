@@ -74,6 +74,14 @@ def test_held_rows_freeze_the_last_coordinates_and_keep_the_slider(load_scene) -
         assert np.array_equal(held.C(s, 1)[:2], np.zeros((2, 20)))
 
 
+def test_held_rows_are_rigid_beside_pads_that_give_way_and_push(load_scene) -> None:
+    reduced, _ = reduce(load_scene)
+    held = with_held_coordinates(replace(reduced, pads=np.array([1e-8]), clearance=np.array([1e-3])))
+    assert held.pads is not None and held.contradiction() is None
+    assert held.pads.tolist() == [0.0, 0.0, 1e-8] and held.row_clearance[2] == 1e-3
+    assert np.isnan(held.row_clearance[:2]).all()
+
+
 def test_a_sliders_row_is_never_taken_for_round_off(load_scene) -> None:
     """Even where the singular values say that the last vectors are nothing but noise; the pin still drops out."""
     scene = load_scene("paper_simple", ["mesh.elements=10"])
