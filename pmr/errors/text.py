@@ -14,6 +14,10 @@ _STEERING = re.compile(
     "\ud800-\udfff\U000e0000-\U000e0fff\U000ffffe-\U0010ffff]"
 )
 
+NAME_SIGNS = " _-.,:()+#/"
+LONGEST_NAME = 100
+NAMED = f"letters, digits and {' '.join(NAME_SIGNS.strip())} are allowed, {LONGEST_NAME} at most, a letter first"
+
 
 def visible(text: str) -> str:
     r"""The text in one line, with characters that steer written as Python escapes them, ``\x1b`` or ``\u202e``.
@@ -21,6 +25,17 @@ def visible(text: str) -> str:
     Everything else stays: letters of any script, symbols, brackets and what some programs take for markup.
     """
     return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
+
+def is_name(text: str, longest: int = LONGEST_NAME) -> bool:
+    """Whether all that reads a file (a table, a deck, a script, a page, a path) takes the text for a name, no more.
+
+    That is letters, digits and signs of any script, of ASCII's punctuation only what `NAME_SIGNS` says, in one line
+    that begins with a letter, a digit or _ and leads to no folder above.
+    """
+    plain = all(sign.isalnum() or sign in NAME_SIGNS for sign in text if sign.isascii())
+    begins = text[:1].isalnum() or text[:1] == "_"
+    return plain and begins and ".." not in text and len(text) <= longest and visible(text) == text == text.strip()
 
 
 def hint(name: object, known: Iterable[str]) -> str:

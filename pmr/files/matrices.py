@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import InputError
+from pmr.errors.text import NAMED, is_name
 from pmr.files import npz
 
 Array = NDArray[np.float64]
@@ -60,6 +61,8 @@ class GivenMatrices:
         if len(np.unique(self.node * len(DIRECTIONS) + self.direction)) != n:
             raise self._refusal("node", None, "one coordinate for each node and direction is allowed")
         for name, nodes in self.groups.items():
+            if not is_name(name):
+                raise self._refusal("groups", name, NAMED)
             if not nodes.size or nodes.min() < 0 or nodes.max() >= len(self.points):
                 raise self._refusal(
                     f"groups.{name}", None, f"at least one node, 0 to {len(self.points) - 1}, is allowed"

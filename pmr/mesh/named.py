@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.errors.text import NAMED, is_name
 from pmr.fem.compat import MPI, create_mesh
 from pmr.mesh.soundness import unsound
 
@@ -155,6 +156,8 @@ def named_mesh(
     offsets = np.cumsum([0] + [len(vertices) if dim == top else 0 for _, dim, vertices in blocks])
     groups, regions = {}, {}
     for name, members in memberships.items():
+        if not is_name(name):
+            raise InputError(source, "groups", name, NAMED)
         parts = [(b, np.asarray(m, np.int64)) for b, m in enumerate(members) if len(m)]
         dims = {blocks[b][1] for b, _ in parts}
         if len(dims) != 1:

@@ -31,7 +31,7 @@ from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.flexibility import EnrichmentModes, Flexibility
 from pmr.reduced.reactions import Reactions
-from pmr.reduced.soundness import asymmetry, misfit
+from pmr.reduced.soundness import asymmetry, misfit, misnamed
 
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
@@ -296,6 +296,9 @@ class ReducedModel:
         o, m = len(self.output_positions), len(self.row_names)
         if not {len(self.output_names), len(self.output_units)} <= {0, o}:
             return f"{len(self.output_names)} names and {len(self.output_units)} units are given for {o} outputs"
+        for names in ("output_names", "output_units", "left_out"):
+            if wrong := misnamed(names, tuple(name.replace("^", "") for name in getattr(self, names))):
+                return wrong
         if wrong := misfit(self, {}) or asymmetry({"M": self.M, "D": self.D, "K": self.K}):
             return wrong
         if np.any(self.row_compliance < 0.0):

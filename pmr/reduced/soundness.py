@@ -10,8 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.errors.text import LONGEST_NAME, is_name
+
 #: Share of the largest entry up to which a matrix may be asymmetric, or an eigenvalue negative: far above round-off.
 SYMMETRIC = 1e-6
+#: Letters of a name made of several.
+LONGEST = 4 * LONGEST_NAME
 
 
 def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
@@ -25,6 +29,8 @@ def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
         found = getattr(part, name)
         if found is None:
             continue
+        if wrong := misnamed(name, found):
+            return prefix + wrong
         values, has = (found.c, found.c.shape[2:]) if isinstance(found, PPoly) else (found, np.shape(found))
         if len(has) != len(axes):
             return f"{prefix}{name} has shape {has}, {len(axes)} axes are allowed"
@@ -39,6 +45,12 @@ def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
     parts = {field.name: getattr(part, field.name) for field in fields(part)}
     within = (misfit(one, sizes, f"{prefix}{name}.") for name, one in parts.items() if hasattr(one, "AXES"))
     return next((wrong for wrong in within if wrong), None)
+
+
+def misnamed(field: str, found: Any) -> str | None:
+    """What is wrong with a field's names, in words, where one is none (`pmr.errors.text.is_name`)."""
+    wrong = [name for name in found if not is_name(name, LONGEST)] if isinstance(found, tuple) else []
+    return f"{field} holds {wrong[0]!r:.60}, which is no name" if wrong else None
 
 
 def symmetric(A: NDArray[np.float64]) -> NDArray[np.float64]:

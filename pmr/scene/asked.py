@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from pmr.scene.section import Count, Distance, ExistingFile, Place, Quantity, Section, Share, Switch, Time
+from pmr.scene.section import Count, Distance, ExistingFile, Name, Place, Quantity, Section, Share, Switch, Time
 
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
 OutputKind = Literal["beam", "tip", "pad_force", "velocity", "probe"]
@@ -84,7 +84,7 @@ class Observe(Section):
     count: Annotated[int, Field(ge=1, strict=True), Quantity("1", 1, 10_000)] = Field(
         default=29, description="How many places there are from start to end"
     )
-    tip: str = Field(default="tip", description="The group at the end")
+    tip: Name = Field(default="tip", description="The group at the end")
     rotation: Switch = Field(default=False, description="Whether the tip's rotation is observed too")
     frequency_response: Switch = Field(
         default=False, description="Whether the tip's response to each load in frequency is found along the path"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from pmr.errors.text import LONGEST_NAME
 from pmr.scene.built import Face, Gravity
 from pmr.scene.scene import OneBody, Whole
 from pmr.scene.section import (
@@ -17,6 +18,7 @@ from pmr.scene.section import (
     Frequency,
     Friction,
     Length,
+    NameOrNone,
     Place,
     Quantity,
     Section,
@@ -29,7 +31,7 @@ from pmr.scene.signals import Signal, SignalBase
 from pmr.scene.signals.base import Array, Floats
 from pmr.scene.tomlfiles import laid_over
 
-Name = Annotated[str, Field(pattern=r"^\w[\w -]*$")]
+FileName = Annotated[str, Field(pattern=r"^\w[\w -]*$", max_length=LONGEST_NAME)]
 
 
 class JointPads(Section):
@@ -38,7 +40,7 @@ class JointPads(Section):
     Without `faces` they are points on the axes of planar beams; ones that only push then stand above and below.
     """
 
-    name: str = Field(default="", description="Tells several rings at one end apart")
+    name: NameOrNone = Field(default="", description="Tells several rings at one end apart")
     at: Distance = Field(description="Of their centre from the tail or the mouth that they sit at")
     faces: dict[Face, tuple[Place, ...]] | None = Field(
         default=None, description="Places across each face; none: points on planar beams"
@@ -117,7 +119,7 @@ class PublishedBoom(Section):
 class BoomSection(OneBody):
     """A section of a boom; the first one is the base, all others have a joint."""
 
-    name: Name = Field(description="What it is called")
+    name: FileName = Field(description="What it is called")
     joint: Joint | None = Field(default=None, description="How it slides in the section before it")
 
 

@@ -15,6 +15,8 @@ from pmr.scene.section import (
     Distance,
     ExistingFile,
     Length,
+    Name,
+    NameOrNone,
     Place,
     Quantity,
     Section,
@@ -75,7 +77,7 @@ class Body(Section):
     box: Box | None = Field(default=None, description="A box boom by its dimensions")
     profile: Profile | None = Field(default=None, description="A planar beam by its stiffnesses")
     thickness: Length | None = Field(default=None, description="Of a shell that is read from a file")
-    regions: dict[str, Region] = Field(default={}, description="Named regions of the mesh that differ from the rest")
+    regions: dict[Name, Region] = Field(default={}, description="Named regions of the mesh that differ from the rest")
     shear: Switch = Field(default=True, description="Shear deformation and rotary inertia of beams in space")
     shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
         default=5.0 / 6.0, description="Shear correction factor kappa of shells"
@@ -124,8 +126,8 @@ class Support(Section):
     On a beam, whose places are points, both is the same but for the coordinates, which ``all`` leaves out.
     """
 
-    name: str = Field(default="", description="What its rows are called by")
-    on: str | Place = Field(default="tail", description="A named group, or a place along x in m")
+    name: NameOrNone = Field(default="", description="What its rows are called by")
+    on: Name | Place = Field(default="tail", description="A named group, or a place along x in m")
     kind: Literal["pinned", "clamped", "roller"] = Field(default="pinned", description="Directions in one word")
     directions: tuple[Direction, ...] | None = Field(default=None, description="Directions, in place of the kind")
     stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Of each direction")
@@ -173,7 +175,7 @@ class PadRing(Section):
     `faces` says where they are across each face, m: y on bottom and top, z on the sides; 0 is the middle.
     """
 
-    name: str = Field(description="What its pads are called by")
+    name: Name = Field(description="What its pads are called by")
     at: Place = Field(default=0.0, description="Centre along the axis; of moving pads the distance ahead of s")
     moving: Switch = Field(default=False, description="Whether they move along the body")
     faces: Annotated[dict[Face, tuple[Place, ...]], Field(min_length=1)] = Field(description="Places across each face")
@@ -213,8 +215,8 @@ def reaction_of(name: str) -> str:
 class Load(Section):
     """A force in N (moment in N m) along a direction, spread over a named group or at a place along the axis."""
 
-    name: str = Field(default="F", description="What the input is called")
-    on: str | Place = Field(default="tip", description="A named group, or a place along x in m")
+    name: Name = Field(default="F", description="What the input is called")
+    on: Name | Place = Field(default="tip", description="A named group, or a place along x in m")
     direction: Direction = Field(default="z", description="Of the force, or the axis that a moment turns about")
     signal: Signal = Field(description="Over time, in N or N m")
 

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from pmr.scene import asked
 from pmr.scene.built import ENDS, WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
-from pmr.scene.section import Section
+from pmr.scene.section import Section, Text
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass, Probe
 
@@ -52,7 +52,7 @@ class OneBody(Section):
 class Whole(Section):
     """What a scene of one body and a boom of several sections have in common; equal `hash`, equal results."""
 
-    title: str = Field(description="For reports")
+    title: Text = Field(description="For reports")
     damping: asked.Damping = Field(default=asked.Damping(), description="Of the material")
     time: asked.TimeChoice = Field(description="Simulated time and its steps")
     recovery: asked.Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")

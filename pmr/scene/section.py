@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 
 from pmr.errors import InputError
+from pmr.errors.text import NAMED, is_name, visible
 
 
 class Section(BaseModel):
@@ -57,6 +58,20 @@ Share = Annotated[float, _NotNegative, Quantity("1", 0.0, 1e9)]
 Friction = Annotated[float, _NotNegative, Quantity("1", 0.0, 1.0)]  # dry steel on steel has 0.8
 Count = Annotated[int, _Count, Quantity("1", 1, 1_000_000)]
 Component = Annotated[float, _Strict, Quantity("1", -1e300, 1e300)]
+
+
+def _named(text: str) -> str:
+    if not is_name(text):
+        raise ValueError(NAMED)
+    return text
+
+
+#: What something is called, in files that other programs read too.
+Name = Annotated[str, AfterValidator(_named)]
+#: The same where nothing need be said.
+NameOrNone = Annotated[str, AfterValidator(lambda text: _named(text) if text else text)]
+#: Free text, for people: what steers a terminal is spelled out.
+Text = Annotated[str, AfterValidator(visible)]
 
 Vector = tuple[Component, Component, Component]
 Point = tuple[Place, Place, Place]

@@ -15,6 +15,7 @@ from pmr.scene.section import (
     Inertia,
     Length,
     Mass,
+    Name,
     Point,
     Pressure,
     Quantity,
@@ -67,8 +68,8 @@ class PointMass(Section):
     as one with it.
     """
 
-    name: str = Field(description="For messages")
-    on: str = Field(description="A named group")
+    name: Name = Field(description="For messages")
+    on: Name = Field(description="A named group")
     mass: Mass = Field(description="Of the body")
     inertia: tuple[Inertia, Inertia, Inertia] = Field(
         default=(0.0, 0.0, 0.0), description="Moments about x, y, z through its own centre"
@@ -83,9 +84,11 @@ class Probe(Section):
     Probes are outputs of the full model and of the reduced one: signed, at every step, without a simulation more.
     """
 
-    name: str = Field(min_length=1, description="What its columns are called by")
+    name: Name = Field(description="What its columns are called by")
     at: Point | None = Field(default=None, description="A point on the body, x along it, z up")
-    on: str | None = Field(default=None, description="A named group in place of a point: of stresses, a group of cells")
+    on: Name | None = Field(
+        default=None, description="A named group in place of a point: of stresses, a group of cells"
+    )
     measures: tuple[Measured, ...] = Field(default=("stress",), min_length=1, description="What is followed there")
     face: str = Field(
         default="",
@@ -146,7 +149,7 @@ class ShellBody(Section):
     """A shell: its plate, and other ones in named regions of the mesh."""
 
     plate: Plate = Field(description="Of all that no region says otherwise of")
-    regions: dict[str, Plate] = Field(default={}, description="Named regions of the mesh that differ")
+    regions: dict[Name, Plate] = Field(default={}, description="Named regions of the mesh that differ")
     shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
         default=5.0 / 6.0, description="kappa; large: rigid in transverse shear"
     )
@@ -156,7 +159,7 @@ class SolidBody(Section):
     """A solid: its material, and other ones in named regions of the mesh."""
 
     material: Material = Field(default=Material(), description="Of all that no region says otherwise of")
-    regions: dict[str, Material] = Field(default={}, description="Named regions of the mesh that differ")
+    regions: dict[Name, Material] = Field(default={}, description="Named regions of the mesh that differ")
 
 
 class BeamSection(Section):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from pmr.errors import InputError
+from pmr.errors.text import visible
 from pmr.reduced.model import ReducedModel
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
@@ -54,7 +55,7 @@ def recorded(model: ReducedModel, source: str) -> Recorded:
             signals.append(gravity.signal)
         end, step, rho_inf = (float(scene["time"][key]) for key in ("end", "step", "rho_inf"))
         stepping = TimeStepping(end, step, rho_inf)
-        title = str(scene.get("title", "Sliding body"))
+        title = visible(str(scene.get("title", "Sliding body")))
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         allowed = f"a reduced model that holds its scene (slider.path, loads, time) is allowed: {error!r}"
         raise InputError(source, "provenance.scene", None, allowed) from None

@@ -1,8 +1,9 @@
-"""Names of all kinds, as titles, of loads, pads and files: shown as they are, in pages, scripts and on terminals."""
+"""Titles and files' names of all kinds are shown as they are; of names of loads and pads what a name may hold."""
 
 from __future__ import annotations
 
 import re
+import zlib
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,7 +15,7 @@ from fuzz.scenes import prepare as warm
 from fuzz.verdict import NonsenseError, strictly_read
 
 from pmr import scene as scenes
-from pmr.errors.text import visible
+from pmr.errors.text import LONGEST_NAME, is_name, visible
 
 RANGES = (
     (0, 32),
@@ -39,16 +40,16 @@ def case(number: int, rng: Random, folder: Path) -> str:
     from pmr.report.sections import chapter as report_case
     from pmr.run import run
 
-    name, other = _name(rng), _name(rng)
+    title, name, other = f"{hostile(rng)}{hostile(rng)}", fit(hostile(rng)), fit(hostile(rng))
     base = BOOM if number % 4 == 0 else BEAM
     loads = [base["loads"][0] | {"name": name}, base["loads"][0] | {"name": other}]
-    data = base | {"title": f"{name}{other}", "loads": loads}
+    data = base | {"title": title, "loads": loads}
     if base is BOOM:
         data["pads"] = [
             pad | {"name": f"{part}{i}"} for i, (pad, part) in enumerate(zip(BOOM["pads"], (name, other), strict=True))
         ]
         data["supports"], data["masses"] = [BOOM["supports"][0] | {"name": other}], [BOOM["masses"][0] | {"name": name}]
-    file = folder / f"{_file_name(name)}.toml"
+    file = folder / f"{_file_name(title)}.toml"
     file.write_text(toml.written(data), encoding="utf-8")
     outcome = run(coarse(scenes.load(file)), MPI.COMM_SELF)
     assert outcome is not None
@@ -69,12 +70,13 @@ def case(number: int, rng: Random, folder: Path) -> str:
     names: dict = {}
     code = compile(script.read_text(encoding="utf-8"), "script.py", "exec")
     exec(code, names)
-    if names["TITLE"] != data["title"].replace("\ud800", "?"):
+    if names["TITLE"] != visible(title.replace("\ud800", "?")):
         raise NonsenseError(f"the script's title is {names['TITLE']!r}")
     return "shown"
 
 
-def _name(rng: Random) -> str:
+def hostile(rng: Random) -> str:
+    """Letters of any script, what steers, and pieces of code."""
     if rng.random() < 0.3:
         return STRANGE[int(rng.integers(len(STRANGE)))]
     parts = []
@@ -84,6 +86,12 @@ def _name(rng: Random) -> str:
         if rng.random() < 0.2:
             parts.append(STRANGE[int(rng.integers(len(STRANGE)))][:20])
     return "".join(parts)
+
+
+def fit(name: str) -> str:
+    """What is left of a name where what no name may hold is taken out; never nothing, and never the same."""
+    left = "".join(letter for letter in name if is_name(f"a{letter}a"))[: LONGEST_NAME // 2].strip()
+    return f"n{zlib.crc32(name.encode('utf-8', 'replace'))} {left.replace('..', '.')}".strip()
 
 
 def _file_name(name: str) -> str:

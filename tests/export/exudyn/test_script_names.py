@@ -13,6 +13,7 @@ import pytest
 from oracle import project
 
 from pmr.errors import InputError
+from pmr.errors.text import is_name, visible
 from pmr.export.exudyn.script import exudyn_script, write_exudyn_script
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SignalBase, Sine, SmoothRamp, Step, Table
@@ -69,7 +70,7 @@ def named(model: ReducedModel, name: str) -> ReducedModel:
         load["name"] = load["direction"] = name
     return replace(
         model,
-        input_names=(name, f"{name}'"),
+        input_names=(name, f"{name} 2"),
         row_names=(name, f"{name} 0.8"),
         left_out=(name,),
         output_names=tuple(name for _ in model.output_positions),
@@ -81,12 +82,16 @@ def named(model: ReducedModel, name: str) -> ReducedModel:
 @pytest.mark.parametrize("kind", NAMES)
 def test_a_name_is_never_run(plain: ReducedModel, kind: str, compliant: bool, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    model = named(plain, NAMES[kind])
+    model, rows = named(plain, NAMES[kind]), [NAMES[kind], f"{NAMES[kind]} 0.8"]
     if compliant:
         model = replace(model, pads=np.array([2e-6, 3e-6]))
+    if not is_name(NAMES[kind]):  # a file with such names is refused; a title may be anything
+        with pytest.raises(InputError, match="which is no name"):
+            write_exudyn_script(model.save(tmp_path / "refused.npz"), tmp_path / "script.py")
+        model, rows = replace(plain, provenance=model.provenance, pads=model.pads), list(plain.row_names)
     script = write_exudyn_script(model.save(tmp_path / "beam.npz"), tmp_path / "script.py")
     names = runpy.run_path(str(script))
-    assert names["TITLE"] == NAMES[kind] and names["ROWS"] == [NAMES[kind], f"{NAMES[kind]} 0.8"]
+    assert names["TITLE"] == visible(NAMES[kind]) and names["ROWS"] == rows
     assert [load.__name__ for load in names["LOADS"]] == list(dict.fromkeys(f.__name__ for f in names["LOADS"]))
     t = 0.123
     assert [load(t) for load in names["LOADS"]] == pytest.approx([float(SINE.value(t)), float(TABLE.value(t))])
@@ -104,17 +109,15 @@ def test_a_files_name_is_never_run(plain: ReducedModel, kind: str, tmp_path: Pat
     assert said.startswith("Displacement at x = 5 m over 0.2 s:\n") and not (tmp_path / "ran").exists()
 
 
-def test_a_crafted_model_is_exported_as_data(plain: ReducedModel, tmp_path: Path, monkeypatch) -> None:
+def test_a_crafted_model_is_refused(plain: ReducedModel, tmp_path: Path) -> None:
     """A file that no `save` wrote: its header says what it likes."""
-    monkeypatch.chdir(tmp_path)
     model = replace(plain, provenance={"scene": scene(SINE, STEP)})
     with np.load(model.save(tmp_path / "beam.npz")) as data:
         arrays = dict(data)
     names = [f'"""\n{CODE}\n"""', f"\\\n{CODE}"]
     np.savez(tmp_path / "crafted.npz", **(arrays | {"row_names": np.array(names)}))
-    script = write_exudyn_script(tmp_path / "crafted.npz", tmp_path / "crafted.py")
-    assert runpy.run_path(str(script))["ROWS"] == names
-    assert not (tmp_path / "ran").exists()
+    with pytest.raises(InputError, match="row_names holds .*, which is no name"):
+        write_exudyn_script(tmp_path / "crafted.npz", tmp_path / "crafted.py")
 
 
 @pytest.mark.parametrize(
