@@ -10,10 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bricks import on_pads
 
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
+from pmr.files.matrices import GivenMatrices, from_matrices
 from pmr.fullmodel import free_motions
 from pmr.fullmodel.build import build, build_sections, left_free
 from pmr.run import run
@@ -234,3 +236,36 @@ def test_a_boom_may_be_free_where_its_scene_allows_it() -> None:
     assert isinstance(boom, Boom)
     (said,) = left_free(boom, build_sections(boom, MPI.COMM_SELF))
     assert "leave base with what it carries free to move along x: loads" in said
+
+
+def test_what_given_matrices_hold_by_themselves_is_not_free(tmp_path: Path) -> None:
+    """Nodes without rows stand still: the same bar is free where all of its nodes move."""
+    file = on_pads(tmp_path)
+    bare = ["supports=[]", "pads.0.faces={bottom=[0.0]}"]
+    (said,) = refused(scenes.load(file, bare))
+    assert "the body free to move along x, turn about x" in said
+    bar = GivenMatrices.load(tmp_path / "bar.npz")
+    moves = np.flatnonzero(bar.points[bar.node, 0] > 0.0)
+    M, K = (A[moves][:, moves] for A in (bar.M, bar.K))
+    held = from_matrices(M, K, bar.points, bar.groups, node=bar.node[moves], direction=bar.direction[moves])
+    held.save(tmp_path / "bar.npz")
+    assert refused(scenes.load(file, bare)) == []
+
+
+def test_supports_close_to_each_other_and_short_overlaps_hold() -> None:
+    """Pins 10 mm apart, 0.35 m of overlap in every joint of a boom of five sections; one pin of them is too few."""
+    pins = [f"{{name='{d} {x}',on={x},directions=['{d}']}}" for d, x in (("x", 0.0), ("z", 0.0), ("z", 0.01))]
+    pads = ring(SIDES[:2], 0.15)
+    joint = f"joint={{extension=11.65,tail=[{pads}],mouth=[{pads}]}}}}"
+    parts = [
+        f"{{name='{k}',body.box={{width={0.36 - 0.03 * k},height={0.4 - 0.03 * k}}},"
+        + (joint if k else "supports=PINS}")
+        for k in range(5)
+    ]
+    common = "{mesh={elements=6},body={model='beam2d',box={length=12.0,wall=0.005}}}"
+    for count in (3, 2):
+        text = f"title='long'\nsection={common}\nsections=[{','.join(parts)}]\ntime={{end=1.0,step=1e-3}}"
+        boom = Boom.model_validate(tomllib.loads(text.replace("PINS", f"[{','.join(pins[:count])}]")))
+        check_boom(boom)
+        said = refused(boom)
+        assert len(said) == 3 - count and all("0 with what it carries free to turn about y" in one for one in said)
