@@ -14,6 +14,7 @@ from pmr.scene import Boom, Scene
 from pmr.scene.boom_parts import is_axial
 from pmr.scene.built import PadRing, force_of, reaction_of
 from pmr.scene.choice import directions
+from pmr.scene.scene import OneBody
 
 Array = NDArray[np.float64]
 
@@ -35,8 +36,7 @@ def reactions(scene: Scene | Boom, response: Response, path: Array) -> dict[str,
     """
     found = reaction_extremes(response, path)
     said = [{"name": of.support, "unit": of.unit, **one.summary()} for of, one in found.items()]
-    bodies = {f"{one.name}: ": one for one in scene.sections} if isinstance(scene, Boom) else {"": scene}
-    for section, part in bodies.items():
+    for section, part in _bodies(scene).items():
         for name, unit in part.springs.items():
             if (force := section + force_of(name)) in response.force_names:
                 one = Extremes.of(response.force(force, 0), response.t, path)
@@ -44,19 +44,27 @@ def reactions(scene: Scene | Boom, response: Response, path: Array) -> dict[str,
     return {"reactions": said} if said else {}
 
 
-def not_along(scene: Scene | Boom) -> list[str]:
-    """In a line, that forces along x are unknown of beams without coordinates along it, where there may be any."""
+def missing(scene: Scene | Boom) -> list[str]:
+    """Reactions that the models can't tell, a line each: along x of beams that don't move so, and of all points."""
     if isinstance(scene, Boom):
-        names = [name for number, name in enumerate(scene.names) if not is_axial(scene, number)]
+        still = [name for number, name in enumerate(scene.names) if not is_axial(scene, number)]
     else:
         pulled = scene.gravity is not None and scene.gravity.direction[0] != 0.0
-        names = ["the body"] if pulled and "x" not in directions(scene) else []
-    if not names:
-        return []
-    return [
-        f"{', '.join(names)}: planar beams without coordinates along x (body.profile.axial is false), so that "
-        "reactions and cylinder forces along it are not computed"
+        still = ["the body"] if pulled and "x" not in directions(scene) else []
+    points = [
+        f"{section}{one.on}" for section, part in _bodies(scene).items() for one in part.supports if one.points == "all"
     ]
+    along = (
+        f"{', '.join(still)}: planar beams without coordinates along x (body.profile.axial is false), so that "
+        "reactions and cylinder forces along it are not computed"
+    )
+    of_points = f"what supports of all points ({', '.join(points)}) bear is not computed; points = 'mean' tells it"
+    return [along] * bool(still) + [of_points] * bool(points)
+
+
+def _bodies(scene: Scene | Boom) -> Mapping[str, OneBody]:
+    """By what the names of their forces begin with."""
+    return {f"{one.name}: ": one for one in scene.sections} if isinstance(scene, Boom) else {"": scene}
 
 
 def _force(response: Response, name: str) -> Array | None:
@@ -74,7 +82,7 @@ def summary(scene: Scene, response: Response) -> dict[str, object]:
 
 def warnings(scene: Scene, response: Response) -> list[str]:
     """What a user should know of the pads, a line each."""
-    return pulled(scene, response) + unknown(scene, response) + not_along(scene)
+    return pulled(scene, response) + unknown(scene, response) + missing(scene)
 
 
 def pulled(scene: Scene, response: Response) -> list[str]:

@@ -187,7 +187,7 @@ class _Run:
             Part() if choice is None else Part(order.summary(boom, choice), order.warnings(boom, choice)),
             figures.sections(boom, responses, sizes, more),
             figures.joints(boom, reduced, self.system),
-            Part(pad_forces.reactions(boom, reduced, boom.reach(self.excitation.times)), pad_forces.not_along(boom)),
+            Part(pad_forces.reactions(boom, reduced, boom.reach(self.excitation.times)), pad_forces.missing(boom)),
         ]
 
 

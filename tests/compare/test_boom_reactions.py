@@ -205,3 +205,11 @@ def test_what_beams_without_axial_coordinates_do_not_know_is_said() -> None:
     assert {one["name"] for one in outcome.result.summary["reactions"]} == {"base: clamp z", "base: clamp ry"}
     said = "base, fly: planar beams without coordinates along x"
     assert any(line.startswith(said) for line in outcome.result.summary["warnings"])
+
+
+def test_what_a_clamp_of_all_points_bears_is_said_to_be_missing() -> None:
+    clamp = "sections.base.supports=[{kind='clamped',points='all'}]"
+    outcome = run_boom(scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, clamp]))
+    assert outcome is not None and "reactions" not in outcome.result.summary
+    said = "what supports of all points (base: tail) bear is not computed"
+    assert any(line.startswith(said) for line in outcome.result.summary["warnings"])
