@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
+
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.boom import Boom, Linear
 from pmr.scene.boom_parts import DRIVEN, footprint, is_axial, is_planar, seats, section_scene
@@ -32,6 +34,8 @@ def check_boom(boom: Boom) -> None:
         _held_while_sliding(boom, number)
         _pads(boom, number)
         _by_itself(boom, number)
+    for number in range(1, len(boom.sections)):
+        _held_at_the_start(boom, number)
     planar = [is_planar(boom, number) for number in range(len(boom.sections))]
     if len(set(planar)) > 1:
         names = ", ".join(name for name, flat in zip(boom.names, planar, strict=True) if flat)
@@ -110,6 +114,25 @@ def _fits(boom: Boom, number: int) -> None:
                 f"{boom.names[number - 1]} there"
             )
             raise refusal(f"sections[{number}].joint.{seat.key}.clearance", seat.ring.clearance, allowed)
+
+
+def _held_at_the_start(boom: Boom, number: int) -> None:
+    """A run begins in equilibrium: play across the boom is taken up by a load, or some pads have none."""
+    joint, beyond = boom.joint(number), boom.sections[number:]
+    for axis, turn, faces in (("y", "rz", {"left", "right"}), ("z", "ry", {"bottom", "top"})):
+        weight = boom.gravity.direction["xyz".index(axis)] if boom.gravity.rise == 0.0 else 0.0
+        loads = [load.signal.value(0.0) for part in beyond for load in part.loads if load.direction in (axis, turn)]
+        if weight or np.any(loads) or (axis == "y" and is_planar(boom, number)):
+            continue
+        for end in ("tail", "mouth"):
+            rings = {k: ring for k, ring in enumerate(getattr(joint, end)) if faces & set(ring.faces or ("top",))}
+            if rings and all(ring.clearance for ring in rings.values()):
+                (k, ring), *_ = rings.items()
+                allowed = (
+                    f"0 is allowed, here or in another ring: no load along {axis} takes up the play of "
+                    f"{boom.names[number]} at t = 0, where motions begin in equilibrium"
+                )
+                raise refusal(f"sections[{number}].joint.{end}[{k}].clearance", ring.clearance, allowed)
 
 
 def _held_while_sliding(boom: Boom, number: int) -> None:

@@ -13,6 +13,7 @@ from pmr.scene.boom_checks import check_boom
 from pmr.scene.checks import check
 from pmr.scene.scene import Scene
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
+from pmr.scene.unused import check_unused
 from pmr.scene.workflows import found
 
 Whole = TypeVar("Whole", Scene, Boom)
@@ -108,6 +109,7 @@ def _scene(file: TomlFile) -> Scene:
 def _checked(file: TomlFile, whole: Whole, check_it: Callable[[Whole], None]) -> Whole:
     try:
         check_it(whole)
+        check_unused(file, whole)
     except InputError as error:
         raise error.found_in(file.origin(error.key)) from None
     return whole

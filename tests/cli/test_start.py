@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 import meshio
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -15,7 +16,7 @@ from pmr import __version__
 from pmr import scene as scenes
 from pmr.cli.app import app
 from pmr.cli.console import scene_file, study_file
-from pmr.cli.new import kinds
+from pmr.cli.new import TEMPLATES, kinds
 from pmr.errors import InputError
 
 RUN = CliRunner()
@@ -102,3 +103,12 @@ def test_version_and_quiet() -> None:
     assert RUN.invoke(app, ["--version"]).stdout.strip() == f"pmr {__version__}"
     assert "beam" in RUN.invoke(app, ["info", "boom_beam"]).stdout
     assert not RUN.invoke(app, ["--quiet", "info", "boom_beam"]).stdout
+
+
+def test_the_cranes_load_pulls_straight_down() -> None:
+    """As the weight does, of a boom that is raised."""
+    crane = scenes.load(Path(str(TEMPLATES / "crane.toml")))
+    assert crane.gravity is not None
+    pull = {load.direction: float(load.signal.value(2.0)) for load in crane.loads if load.name.startswith("hoisting")}
+    force = np.array([pull["x"], 0.0, pull["z"]])
+    assert force / np.linalg.norm(force) == pytest.approx(crane.gravity.direction, abs=1e-4)

@@ -115,6 +115,32 @@ def test_sections_are_held_along_the_boom_where_nothing_slides() -> None:
         load(*clamped)
 
 
+def test_play_across_the_boom_that_no_load_takes_up_is_refused_before_anything_is_built() -> None:
+    """It was after a minute, as contacts that hold nothing at the start."""
+    faces = "faces={bottom=[-0.06,0.06],top=[-0.06,0.06],left=[0.0],right=[0.0]}"
+    play = [f"section.joint.{end}=[{{at=0.15,{faces},clearance=0.005}}]" for end in ("tail", "mouth")]
+    space = "section.body.model=beam3d"
+    with pytest.raises(InputError, match=r"sections\[1\].joint.tail\[0\].clearance = 0.005: .* no load along y"):
+        load(space, *play)
+    load(space, *play, "sections.fly.loads.0.direction=y", "sections.fly.loads.0.signal=10.0")
+    held = f"sections.fly.joint.tail=[{{at=0.15,{faces}}}]"
+    with pytest.raises(InputError, match=r"sections\[2\].joint.mouth\[0\].clearance = 0.005"):
+        load(
+            space,
+            play[1],
+            held,
+            f"sections.middle.joint.mouth=[{{at=0.15,{faces}}}]",
+            f"section.joint.tail=[{{at=0.15,{faces}}}]",
+        )
+    load(*(one.replace(",left=[0.0],right=[0.0]", "") for one in play))  # in plane the weight takes it up
+    with pytest.raises(InputError, match="no load along z"):
+        load(
+            *(one.replace(",left=[0.0],right=[0.0]", "") for one in play),
+            "gravity.rise=0.5",
+            "sections.fly.loads.0.signal=0",
+        )
+
+
 def test_the_weight_of_sections_is_there_from_the_start_with_or_without_a_table() -> None:
     without = load().model_dump(mode="json", exclude={"section"})
     del without["gravity"]
