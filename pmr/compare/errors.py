@@ -173,7 +173,8 @@ def with_common_forces(one: Response, other: Response) -> tuple[Response, Respon
 def _without_round_off(one: Response, other: Response, least: float, force: float) -> tuple[Response, Response]:
     """Both with zeros where neither exceeds round-off: such displacements (m) and forces (N) are nobody's error."""
     x, y = settled(one.displacement, other.displacement, least)
-    f, g = settled(one.slider_force, other.slider_force, force)
+    largest = max(float(np.abs(response.slider_force).max(initial=0.0)) for response in (one, other))
+    f, g = settled(one.slider_force, other.slider_force, max(force, FORCE_ROUND_OFF * largest))
     return replace(one, displacement=x, slider_force=f), replace(other, displacement=y, slider_force=g)
 
 

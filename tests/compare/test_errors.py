@@ -96,6 +96,14 @@ def test_all_pairs_are_compared_the_later_one_being_the_reference() -> None:
     assert set(errors({"full": response(1.0), "reduced": response(1.0)})) == {"reduced_vs_full"}
 
 
+def test_forces_that_are_round_off_beside_others_are_nobodys_error() -> None:
+    """A cylinder of a boom that lies level bears nothing, which no two models have to the last digit."""
+    pads = np.sin(8 * T)
+    full, reduced = (replace(response(1.0), slider_force=np.stack([pads, one], axis=1)) for one in (1e-15 * T, 0.0 * T))
+    level = {"cylinder_force": lambda one: one.slider_force[:, 1:]}
+    assert errors({"full": full, "reduced": reduced}, quantities=level)["reduced_vs_full"]["cylinder_force"] == 0.0
+
+
 def test_outputs_in_other_units_are_compared_by_their_names() -> None:
     turned = {"others": np.sin(5 * T)[:, None], "other_names": ("tip ry",), "other_units": ("rad",)}
     full = replace(response(1.0), **turned)
