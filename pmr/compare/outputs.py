@@ -157,4 +157,5 @@ def impulsive(model: ReducedModel, excitation: Excitation) -> bool:
     rigid = np.flatnonzero(model.row_compliance == 0.0)
     if not set(rigid.tolist()) & set(model.moving):
         return False
-    return bool(excitation.path.kinks(excitation.stepping.end))
+    end = excitation.stepping.end
+    return any(t < end for t in excitation.path.kinks(end))

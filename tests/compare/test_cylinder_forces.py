@@ -11,9 +11,16 @@ import scipy.integrate
 
 from pmr import scene as scenes
 from pmr.compare.estimate import MARGIN
+from pmr.fullmodel.build import build_sections
+from pmr.recover.coordinates import Recovery
+from pmr.recover.from_scene import states_of
+from pmr.reduce.sections import reduce_sections
 from pmr.results import BoomResult
 from pmr.run.booms import run_boom
 from pmr.scene import Boom
+from pmr.simulate.booms import excitation_of
+from pmr.simulate.native import multibody
+from pmr.system.booms import system_of
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 KINK, RATE = 0.1, 0.4
@@ -90,3 +97,45 @@ def test_a_base_that_gives_way_along_the_boom_passes_impulses_on_to_its_support(
     reaction, before = response.other("reaction of base: pivot x"), response.t < 0.44
     borne = float(scipy.integrate.trapezoid((reaction - reaction[0])[before], response.t[before]))
     assert abs(borne) == pytest.approx(found.summary["cylinders"][0]["kinks"][0]["impulse"], rel=1e-3)
+
+
+def test_an_extension_that_moves_from_the_start_on_has_no_kink_there() -> None:
+    """A boom at a constant rate stands still in the frames that move along: there is no force but of its weight."""
+    constant = "section.joint.extension={kind='ramp',times=[0.0,0.6],values=[1.0,1.2]}"
+    found = result("boom_two.toml", constant, "sections.fly.loads.0.signal=0.0", "compare.against=[]")
+    force = found.responses["reduced"].force("force of cylinder of fly", 0)
+    assert "kinks" not in found.summary["cylinders"][0]
+    assert np.abs(force).max() < 1e-6 * np.abs(found.responses["reduced"].slider_force).max()
+
+
+def test_simulators_agree_behind_a_kink() -> None:
+    """To Newton's tolerance, at the tip along the boom's own axis and across."""
+    both = "simulation.simulators=['march','exudyn']"
+    found = result("boom_two.toml", both, "compare.against=[]", "time.end=0.15")
+    (apart,) = found.summary["agreement"].values()
+    assert apart < 1e-9 * found.summary["max_displacement"]
+
+
+def test_full_coordinates_are_recovered_from_modes_of_cylinders_too() -> None:
+    """What the model says of its outputs is O q, right behind a kink; along the axis q is the full model's."""
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, "time.end=0.15"))
+    assert isinstance(boom, Boom)
+    built = build_sections(boom)
+    reduced = reduce_sections(boom, built)
+    runs, steps = [], np.array([50, 102, 104, 130])
+    for bodies in (
+        {name: one.model for name, one in reduced.items()},
+        {n: one.model.gather() for n, one in built.items()},
+    ):
+        system = system_of(boom, bodies)
+        given = excitation_of(boom, system)
+        runs.append((system, multibody.simulate(system, given, multibody.static_start(system, given))))
+    (system, motion), (whole, full) = runs
+    states = states_of(system, motion, steps)["fly"]
+    recovery = Recovery(built["fly"].model, reduced["fly"].V, reduced["fly"].model, rows=states.rows)
+    q, body = recovery.positions(states.states), whole.bodies["fly"]
+    y = multibody.displacements(system, motion)["fly"][steps]
+    assert (body.outputs @ q.T).T == pytest.approx(y, abs=1e-12 * np.abs(y).max())
+    along = np.flatnonzero(np.asarray(built["fly"].model.rigid.coordinates)[:, 0] > 0.5)
+    expected = full.bodies["fly"].q[np.ix_(steps, along)]
+    assert np.abs(q[:, along] - expected).max() < 0.02 * np.abs(expected).max()

@@ -163,3 +163,13 @@ def test_the_fastest_tone_within_a_time() -> None:
     assert both.highest_frequency(4.0, 5.0) == 3.0 and len(both.parts) == 2
     assert Sine(amplitude=0.0, frequency=3.0).highest_frequency(0.0, 1.0) == 0.0
     assert Ramp(times=(0.0, 1.0), values=(0.0, 1.0)).highest_frequency(0.0, 1.0) == 0.0
+
+
+def test_kinks_are_jumps_of_the_rate_that_a_smooth_ramp_has_none_of() -> None:
+    """Not at the start, where what moves has moved before; a sum has those of its terms."""
+    ramp = Ramp(times=(0.0, 1.0, 3.0), values=(1.0, 3.0, 2.0))
+    assert ramp.kinks(4.0) == {1.0: pytest.approx(-2.5), 3.0: pytest.approx(0.5)}
+    assert ramp.kinks(1.0) == {1.0: pytest.approx(-2.5)}
+    assert SmoothRamp(times=(0.4166772, 0.8166772, 1.3), values=(1.9, 0.8, 0.9)).kinks(2.0) == {}
+    assert Sum(terms=(Sine(amplitude=1.0, frequency=2.0), ramp)).kinks(2.0).keys() == {1.0}
+    assert Sine(amplitude=1.0, frequency=2.0).kinks(2.0) == {}

@@ -39,8 +39,8 @@ class SignalBase(BaseModel):
         return ()
 
     def kinks(self, end: float) -> dict[float, float]:
-        """By how much its rate jumps, at each time in s within (0, end) at which it does."""
-        at = np.array([b for b in self.breaks if 0.0 < b < end])
+        """By how much its rate jumps, at each time in s within (0, end] at which it does."""
+        at = np.array([b for b in self.breaks if 0.0 < b <= end])
         if not len(at):
             return {}
         low, high = self.bounds(0.0, end)
