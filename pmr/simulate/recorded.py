@@ -57,7 +57,8 @@ def recorded(model: ReducedModel, source: str) -> Recorded:
         stepping = TimeStepping(end, step, rho_inf)
         title = visible(str(scene.get("title", "Sliding body")))
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        allowed = f"a reduced model that holds its scene (slider.path, loads, time) is allowed: {error!r}"
+        why = "this one has none" if error.args == ("scene",) else repr(error)
+        allowed = f"a reduced model that holds its scene (slider.path, loads, time) is allowed: {why}"
         raise InputError(source, "provenance.scene", None, allowed) from None
     if stepping.steps > MOST_STEPS:
         raise InputError(source, "provenance.scene.time", stepping.steps, f"at most {MOST_STEPS:,} steps are allowed")

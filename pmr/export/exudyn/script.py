@@ -109,8 +109,9 @@ def exudyn_script(model: ReducedModel, file_name: str) -> str:
     Raises InputError if the model's provenance has no usable scene, only some of its rows give way, it keeps residual
     inertia or has rows that only push.
     """
-    scene, compliant = scene_text(model, file_name), compliant_rows(model)
+    model.ensure_whole(file_name)
     refuse("exudyn", needs_of(model, model.domain[0]), Asked(file_name, "", None))
+    scene, compliant = scene_text(model, file_name), compliant_rows(model)
     moved = np.flatnonzero(~force_outputs(model))
     if not moved.size:
         raise InputError(file_name, "outputs", None, "at least one displacement is allowed in a script")
