@@ -6,18 +6,20 @@ What a step is off by is known from runs with ever shorter ones,
     y_h - y \approx \frac{y_h - y_{h/4}}{1 - \rho^2}, \qquad
     \rho = \lVert y_{h/2} - y_{h/4} \rVert / \lVert y_h - y_{h/2} \rVert
 
-as a geometric series (`pmr.compare.step_error`); rho is 1/4 for a scheme of second order, 1/2 behind a kink.
+as a geometric series (`pmr.compare.step_error`); rho is 1/4 for a scheme of second order, 1/2 behind a kink.  What the
+scheme's own damping takes away comes on top, the difference of two runs with the step h.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pmr.accuracy.family import Family, Member
-from pmr.compare.estimate import MARGIN_OF_ALL_MODES
+from pmr.compare.estimate import MARGIN, MARGIN_OF_ALL_MODES
 from pmr.compare.halved_steps import ROUGH
 from pmr.compare.outputs import Outputs, differences
 from pmr.errors import SimulationError
@@ -34,6 +36,11 @@ class Demand:
     tolerance: float  # largest error in each of the `kinds`, a fraction
     kinds: Sequence[str]  # of `pmr.compare.outputs.KINDS`
     inertia: bool  # whether the residual inertia may be kept, which only ``march`` simulates
+    taken: Mapping[str, float] = field(default_factory=dict)  # by kind what the mesh takes of it
+
+    def share(self, errors: Mapping[str, float]) -> float:
+        """The largest error, as a share of what is left of the tolerance for it."""
+        return max(errors[kind] / (self.tolerance - self.taken.get(kind, 0.0)) for kind in self.kinds)
 
 
 class Errors:
@@ -69,7 +76,7 @@ class Errors:
         return self._unsure[steps]
 
     def reduction(self, member: Member, steps: int) -> dict[str, float]:
-        """Error of the reduction by kind, with margin and what is unsure; infinite where there is no motion.
+        """Error of the reduction by kind, with an estimate's margin and what is unsure; infinite where nothing moves.
 
         Modes that all members lack move at other frequencies than those that this one lacks, so squares are added.
         """
@@ -77,13 +84,13 @@ class Errors:
         if missing is None:
             return dict.fromkeys(self.demand.kinds, float("inf"))
         unsure = self.unsure(steps)
-        return {kind: float(np.hypot(size, unsure[kind])) for kind, size in self.size(missing, steps).items()}
+        return {kind: float(np.hypot(size, unsure[kind])) for kind, size in self.size(missing, steps, MARGIN).items()}
 
-    def size(self, missing: Outputs, steps: int) -> dict[str, float]:
+    def size(self, missing: Outputs, steps: int, margin: float = MARGIN_OF_ALL_MODES) -> dict[str, float]:
         """Error by kind, with margin."""
         best = self.best(steps)
         found = differences(best.minus(missing), best, self._floors, self.demand.kinds)
-        return {kind: MARGIN_OF_ALL_MODES * share for kind, share in found.items()}
+        return {kind: margin * share for kind, share in found.items()}
 
     def total(self, member: Member, rung: Rung, steps: int) -> dict[str, float]:
         """Both parts together, by kind; no less than the larger one."""
@@ -100,8 +107,8 @@ class Errors:
 
 #: Steps of a run up to which shorter ones are tried.
 LONGEST = 2_100_000
-#: The same of a model that keeps its residual inertia.
-LONGEST_WITH_INERTIA = 32_000
+#: The same of a model that keeps its residual inertia, a step of which costs ten times as much.
+LONGEST_WITH_INERTIA = 256_000
 #: How often the step that a scene names is doubled at most.
 COARSER = 6
 #: Steps that a motion has at least.
@@ -141,36 +148,9 @@ def coarsest(family: Family, every: float | None = None) -> int:
 def rungs(family: Family, member: Member, coarse: int, kinds: Sequence[str]) -> Iterator[Rung]:
     """From the coarsest one on, each half the step of the one before, until runs become too long.
 
-    A step with which the motion can't be computed is passed over.  Residual inertia costs ten times as much: where runs
-    become long what a step leaves out is that of the model without.
+    A step with which the motion can't be computed is passed over.
     """
-    limits = [(member, LONGEST)]
-    if member.residual_inertia:
-        limits = [(member, LONGEST_WITH_INERTIA), (Member(member.coordinates), LONGEST)]
-    first = coarse
-    for one, longest in limits:
-        for rung in _rungs(family, one, (first, coarse, longest), kinds):
-            yield rung
-            first = 2 * rung.steps
-
-
-def coarser(family: Family, rung: Rung, coarse: int) -> Iterator[Rung]:
-    """All rungs before one that is settled, from the coarsest on: what they leave out is known from that one.
-
-    Some of them are not settled by themselves, and good enough all the same.
-    """
-    exact = family.motion(rung.member, rung.steps, coarse).plus(rung.missing)
-    steps = coarse
-    while steps < rung.steps:
-        try:
-            yield Rung(rung.member, steps, exact.minus(family.motion(rung.member, steps, coarse)), True)
-        except SimulationError:
-            pass
-        steps *= 2
-
-
-def _rungs(family: Family, member: Member, range_: tuple[int, int, int], kinds: Sequence[str]) -> Iterator[Rung]:
-    steps, coarse, longest = range_
+    steps, longest = coarse, LONGEST_WITH_INERTIA if member.residual_inertia else LONGEST
     floors, runs = family.floors(coarse), list[tuple[int, Outputs]]()
 
     def apart(one: Outputs, other: Outputs) -> float:
@@ -187,4 +167,22 @@ def _rungs(family: Family, member: Member, range_: tuple[int, int, int], kinds: 
         (count, first), (_, second), (_, third) = runs[-3:]
         before, after = apart(first, second), apart(second, third)
         ratio = after / before if before > 0.0 else 0.0
-        yield Rung(member, count, third.minus(first).times(1.0 / (1.0 - min(ratio, ROUGH) ** 2)), ratio <= ROUGH)
+        missing = third.minus(first).times(1.0 / (1.0 - min(ratio, ROUGH) ** 2))
+        with suppress(SimulationError):
+            damped = first.minus(family.own(member, count, coarse))
+            yield Rung(member, count, missing.plus(damped), ratio <= ROUGH)
+
+
+def coarser(family: Family, rung: Rung, coarse: int) -> Iterator[Rung]:
+    """All rungs before one that is settled, from the coarsest on: what they leave out is known from that one.
+
+    Some of them are not settled by themselves, and good enough all the same.
+    """
+    exact = family.own(rung.member, rung.steps, coarse).plus(rung.missing)
+    steps = coarse
+    while steps < rung.steps:
+        try:
+            yield Rung(rung.member, steps, exact.minus(family.own(rung.member, steps, coarse)), True)
+        except SimulationError:
+            pass
+        steps *= 2

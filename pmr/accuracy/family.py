@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.attached import with_loads_answered
+from pmr.compare.estimate import Estimate, estimate
+from pmr.compare.halved_steps import reference_rho
 from pmr.compare.outputs import Floors, Outputs, lagging, observed, outputs, without_rates
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
@@ -48,7 +50,8 @@ class Family:
     """The models with 1, 2, ... of the modes of one reduction, of which `pmr.compare.estimate.no_estimate` says None.
 
     The time grid of the excitation is where searches begin, the last `tips` displacements are the tip's; `rates` says
-    whether velocities are wanted, which cost more than the motion.
+    whether velocities are wanted, which cost more than the motion.  Motions are compared with hardly any damping by the
+    scheme (`pmr.compare.halved_steps.reference_rho`); what a run is off by has that of its own rho_inf (`own`).
     """
 
     def __init__(self, model: ReducedModel, excitation: Excitation, tips: int, rates: bool = False) -> None:
@@ -59,7 +62,8 @@ class Family:
         self.size = whole.size
         self.fewest = max(1, int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1])))
         self._forms: dict[Member, ModalForm] = {}
-        self._motions: dict[tuple[Member, int, int], Outputs] = {}
+        self._motions: dict[tuple[Member, int, int, float], Outputs] = {}
+        self._given, self._rho = excitation.stepping.rho_inf, reference_rho(whole, excitation.stepping.rho_inf)
 
     @property
     def end(self) -> float:
@@ -90,10 +94,10 @@ class Family:
     def _run(self) -> Trajectory:
         return march.simulate_modal(self._form, self.excitation)
 
-    def with_steps(self, steps: int) -> Excitation:
-        """The same excitation on so many equal steps."""
-        given = self.excitation.stepping
-        return self.excitation.with_stepping(TimeStepping(given.end, given.end / steps, given.rho_inf))
+    def with_steps(self, steps: int, rho_inf: float | None = None) -> Excitation:
+        """The same excitation on so many equal steps, with the given rho_inf or another one."""
+        end, rho = self.end, self._given if rho_inf is None else rho_inf
+        return self.excitation.with_stepping(TimeStepping(end, end / steps, rho))
 
     def form(self, member: Member) -> ModalForm:
         """A member in its modal coordinates, which are the modes themselves."""
@@ -115,12 +119,27 @@ class Family:
 
         Raises InputError or SimulationError as for `pmr.simulate.Simulator`.
         """
-        if (member, steps, times) not in self._motions:
-            self._motions[member, steps, times] = self._simulated(member, steps, times)
-        return self._motions[member, steps, times]
+        return self._motion(member, steps, times, self._rho)
 
-    def _simulated(self, member: Member, steps: int, times: int) -> Outputs:
-        form, excitation, every = self.form(member), self.with_steps(steps), steps // times
+    def own(self, member: Member, steps: int, times: int) -> Outputs:
+        """The same with the given rho_inf, as a run has it."""
+        return self._motion(member, steps, times, self._given)
+
+    def estimate(self, member: Member, steps: int) -> Estimate | None:
+        """What a run of this member with so many steps estimates of itself; None where it can't, as after impacts."""
+        try:
+            return estimate(member_of(self.model, member), self.with_steps(steps), self.tips)
+        except SimulationError:
+            return None
+
+    def _motion(self, member: Member, steps: int, times: int, rho_inf: float) -> Outputs:
+        key = member, steps, times, rho_inf
+        if key not in self._motions:
+            self._motions[key] = self._simulated(member, steps, times, rho_inf)
+        return self._motions[key]
+
+    def _simulated(self, member: Member, steps: int, times: int, rho_inf: float | None = None) -> Outputs:
+        form, excitation, every = self.form(member), self.with_steps(steps, rho_inf), steps // times
         if self.rates or member.residual_inertia:
             recorder, seen = Recorder(np.arange(0, steps + 1, every)), self.with_steps(times)
             run = recorder.trajectory(march.follow(form, excitation, recorder))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pmr.accuracy.errors import Demand, Errors, Rung, rungs
 from pmr.accuracy.family import Family, Member
-from pmr.accuracy.search import Found, comparable
+from pmr.accuracy.search import Found, comparable, judged
 from pmr.errors import InputError
 from pmr.errors.text import rounded
 from pmr.scene.asked import Budget
@@ -51,19 +51,12 @@ def best_within(family: Family, demand: Demand, budget: Budget, coarse: int) -> 
     best = min(options, key=lambda option: max(total(option).values()))
     at, took = comparable(best.rung.steps, coarse), seconds_a_step(family, best.member)
     ratio = family.end / (took * best.rung.steps)
-    return Found(
-        member=best.member,
-        steps=best.rung.steps,
-        reduction=errors.reduction(best.member, at),
-        step=errors.size(best.rung.missing, at),
-        total=total(best),
-        holds=True,
-        reasons=(
-            f"{best.member.coordinates} coordinates are what the budget allows",
-            f"a step takes {rounded(took * 1e6)} us here: {rounded(ratio)} times real time",
-        ),
-        seconds=time.perf_counter() - begin,
+    reasons = (
+        f"{best.member.coordinates} coordinates are what the budget allows",
+        f"a step takes {rounded(took * 1e6)} us here: {rounded(ratio)} times real time",
     )
+    found = judged(errors, best.member, best.rung, at, reasons)
+    return replace(found, holds=True, seconds=time.perf_counter() - begin)
 
 
 def seconds_a_step(family: Family, member: Member) -> float:

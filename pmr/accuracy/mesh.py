@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.halved_steps import reference_rho
 from pmr.compare.outputs import Floors, Outputs, differences, outputs
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
@@ -37,8 +38,10 @@ def finer(scene: Scene) -> Scene | None:
     cells = scene.mesh
     if cells.file is not None:
         return None
-    along = None if cells.along is None else cells.along / CELLS
-    changed = {"elements": int(BEAM * cells.elements), "size": cells.size / CELLS, "along": along}
+    along, count = None if cells.along is None else cells.along / CELLS, int(BEAM * cells.elements)
+    # Lengths that grow by the root of what they grew by have the same nodes, and one more in each element.
+    grading = cells.grading ** ((count - 1) / (BEAM * max(1, cells.elements - 1)))
+    changed = {"elements": count, "grading": grading, "size": cells.size / CELLS, "along": along}
     mesh = cells.model_copy(update=changed | {"tail_layer": cells.tail_layer / CELLS})
     return scene.model_copy(update={"mesh": mesh, "accuracy": None, "budget": None})
 
@@ -48,12 +51,19 @@ def mesh_error(
 ) -> dict[str, float]:
     """Part of the mesh by kind, fractions: of `model`, from the one with as many coordinates on the finer mesh.
 
-    Raises InputError or SimulationError as for `pmr.simulate.Simulator`.
+    Both are hardly damped by the scheme, as what runs are compared with (`pmr.compare.halved_steps`).  Raises
+    InputError or SimulationError as for `pmr.simulate.Simulator`.
     """
     excitation = Excitation.of(scene)
-    own, better = (_motion(one, excitation, tips) for one in (model, on_finer))
-    places = _places(model, on_finer)
-    better = replace(better, displacement=better.displacement[:, places], velocity=better.velocity[:, places])
+    stepping = excitation.stepping
+    undamped = replace(stepping, rho_inf=reference_rho(model, stepping.rho_inf))
+    excitation = excitation.with_stepping(undamped)
+    own, better = (
+        replace(motion, displacement=motion.displacement[:, places], velocity=motion.velocity[:, places])
+        for motion, places in zip(
+            (_motion(one, excitation, tips) for one in (model, on_finer)), _common(model, on_finer), strict=True
+        )
+    )
     by = BEAM if model_of(scene) in ("beam2d", "beam3d") else CELLS
     found = differences(own, better, Floors.of(model, excitation), kinds)
     return {kind: share / (1.0 - by**-ORDER) for kind, share in found.items()}
@@ -64,11 +74,12 @@ def _motion(model: ReducedModel, excitation: Excitation, tips: int) -> Outputs:
     return outputs(form.body, march.simulate_modal(form, excitation), excitation, tips)
 
 
-def _places(model: ReducedModel, on_finer: ReducedModel) -> NDArray[np.intp]:
-    """Which displacements of the finer model are those of the other one: nodes of a beam are twice as many there."""
-    x, finer_x = (one.output_positions[length_outputs(one)] for one in (model, on_finer))
-    if len(x) == len(finer_x):
-        return np.arange(len(x))
-    nearest = np.abs(finer_x[None, :] - x[:, None]).argmin(axis=1)
-    assert np.all(np.abs(finer_x[nearest] - x) <= SAME * np.ptp(x))
-    return np.asarray(nearest)
+def _common(model: ReducedModel, on_finer: ReducedModel) -> tuple[list[int], list[int]]:
+    """Numbers of the displacements that both models have: of many nodes not all are observed."""
+    (own, x), (finer, finer_x) = (
+        (np.array(one.output_names)[moved], one.output_positions[moved])
+        for one, moved in ((one, length_outputs(one)) for one in (model, on_finer))
+    )
+    at, near = {name: k for k, name in enumerate(finer)}, SAME * np.ptp(x)
+    common = [(k, at[name]) for k, name in enumerate(own) if name in at and abs(finer_x[at[name]] - x[k]) <= near]
+    return [one for one, _ in common], [other for _, other in common]

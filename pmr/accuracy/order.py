@@ -12,7 +12,7 @@ from pmr.accuracy import mesh
 from pmr.accuracy.errors import Demand, coarsest
 from pmr.accuracy.family import Family, member_of
 from pmr.accuracy.limits import best_within
-from pmr.accuracy.search import Found, search
+from pmr.accuracy.search import Found, comparable, search
 from pmr.compare.coverage import BLOWS
 from pmr.compare.estimate import no_estimate
 from pmr.compare.outputs import impulsive
@@ -25,6 +25,8 @@ from pmr.scene.choice import transverse
 from pmr.simulate import Excitation
 from pmr.system.body import other_outputs
 
+#: Share of a tolerance that a mesh may take for the rest to be searched beside it.
+MOST_OF_MESH = 0.9
 #: Coordinates of the reduction from which the search takes away, or to which it adds its enrichment modes.
 COORDINATES = 6
 _CALLED = {
@@ -46,6 +48,17 @@ class Choice:
     mesh: Mapping[str, float] | None = None  # by kind what the mesh is off by, a fraction (`with_mesh`)
     mesh_reason: str | None = "the scene leaves it out"  # why that isn't known
 
+    @property
+    def sum(self) -> dict[str, float]:
+        """What all parts are together, by kind: reduction and step as signals, and the mesh as far as it is known."""
+        return {kind: share + (self.mesh or {}).get(kind, 0.0) for kind, share in self.found.total.items()}
+
+    @property
+    def holds(self) -> bool:
+        """Whether that is within the tolerance, if there is one."""
+        asked = self.scene.accuracy
+        return self.found.holds and (asked is None or max(self.sum.values()) <= asked.tolerance)
+
 
 def prepared(scene: Scene) -> Scene:
     """The scene whose reduction holds all models among which is chosen; as it is where it orders none."""
@@ -55,11 +68,11 @@ def prepared(scene: Scene) -> Scene:
     return scene.model_copy(update={"reduction": reduction})
 
 
-def choose(scene: Scene, reduced: ReducedModel) -> Choice:
+def choose(scene: Scene, reduced: ReducedModel, taken: Mapping[str, float] | None = None) -> Choice:
     """The smallest model and the longest step that hold a `prepared` scene's tolerance; or the best within its budget.
 
-    Raises InputError if errors of this model, or of the outputs that are asked for, can't be estimated; SimulationError
-    if its motion can't be computed.
+    Of the tolerance so much is `taken` by the mesh, by kind.  Raises InputError if errors of this model, or of the
+    outputs that are asked for, can't be estimated; SimulationError if its motion can't be computed.
     """
     asked, excitation = scene.ordered, Excitation.of(scene)
     assert asked is not None
@@ -75,7 +88,7 @@ def choose(scene: Scene, reduced: ReducedModel) -> Choice:
     recovery = scene.recovery
     coarse, inertia = coarsest(family, recovery.every if recovery else None), scene.simulation.simulators == ("march",)
     if isinstance(asked, Accuracy):
-        found = search(family, Demand(asked.tolerance, asked.outputs, inertia), coarse)
+        found = search(family, Demand(asked.tolerance, asked.outputs, inertia, taken or {}), coarse)
     else:
         found = best_within(family, Demand(1.0, asked.outputs, inertia), asked, coarse)
     member = found.member
@@ -89,11 +102,16 @@ def choose(scene: Scene, reduced: ReducedModel) -> Choice:
     return Choice(chosen, member_of(reduced, member), found)
 
 
-def with_mesh(choice: Choice, reduced_of: Callable[[Scene], ReducedModel]) -> Choice:
-    """The choice with the part of its mesh, if that is asked for; `reduced_of` makes the reduction of a scene.
+def with_mesh(
+    choice: Choice, asked: Scene, reduced: ReducedModel, reduced_of: Callable[[Scene], ReducedModel]
+) -> Choice:
+    """What `choose` found for the scene `asked`, with the part of its mesh, if the scene wants that.
 
-    That scene has shorter cells, and `COORDINATES` or twice as many until they suffice: most choices share it.  Raises
-    InputError or SimulationError as for `pmr.simulate.Simulator`.
+    `reduced_of` makes the reduction of a scene.
+
+    That scene has shorter cells, and `COORDINATES` or twice as many until they suffice: most choices share it.  Where
+    the mesh leaves some of the tolerance, the rest is searched with that much.  Raises InputError or SimulationError as
+    for `pmr.simulate.Simulator`.
     """
     scene, member = choice.scene, choice.found.member
     if scene.ordered is None or not scene.ordered.mesh:
@@ -106,8 +124,14 @@ def with_mesh(choice: Choice, reduced_of: Callable[[Scene], ReducedModel]) -> Ch
     if finer is None:
         return replace(choice, mesh_reason="a mesh that is read from a file has no finer one")
     better = member_of(reduced_of(finer), member)
-    found = mesh.mesh_error(choice.reduced, better, scene, len(transverse(scene)), scene.ordered.outputs)
-    return replace(choice, mesh=found, mesh_reason=None)
+    steps = comparable(choice.found.steps, 1)
+    compared = scene.model_copy(update={"time": scene.time.model_copy(update={"step": scene.time.end / steps})})
+    found = mesh.mesh_error(choice.reduced, better, compared, len(transverse(scene)), scene.ordered.outputs)
+    choice = replace(choice, mesh=found, mesh_reason=None)
+    allowed = scene.ordered.tolerance if isinstance(scene.ordered, Accuracy) else 0.0
+    if choice.found.holds and not choice.holds and max(found.values()) <= MOST_OF_MESH * allowed:
+        return replace(choose(asked, reduced, found), mesh=found, mesh_reason=None)
+    return choice
 
 
 def summary(choice: Choice) -> dict[str, Any]:
@@ -115,7 +139,8 @@ def summary(choice: Choice) -> dict[str, Any]:
 
     ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,residual_inertia,step}``, ``reasons``,
     ``seconds`` of the search; ``budget``: ``reduction``, ``step`` and ``mesh`` by kind of output (fractions), their
-    ``sum`` and which is ``first`` to be improved; ``mesh_reason`` says why the part of the mesh isn't known.
+    ``sum`` and which is ``first`` to be improved; ``mesh_reason`` says why the part of the mesh isn't known.  A
+    tolerance ``holds`` where the sum is within it.
     """
     found, asked = choice.found, choice.scene.ordered
     assert asked is not None
@@ -128,7 +153,7 @@ def summary(choice: Choice) -> dict[str, Any]:
     accuracy = {
         "tolerance": asked.tolerance if isinstance(asked, Accuracy) else None,
         "outputs": list(asked.outputs),
-        "holds": found.holds,
+        "holds": choice.holds,
         "chosen": chosen,
         "reasons": list(found.reasons),
         "seconds": found.seconds,
@@ -136,7 +161,7 @@ def summary(choice: Choice) -> dict[str, Any]:
     budget = parts | {
         "mesh": choice.mesh,
         "mesh_reason": choice.mesh_reason,
-        "sum": {kind: sum(part[kind] for part in parts.values()) for kind in asked.outputs},
+        "sum": choice.sum,
         "first": max(parts, key=lambda name: max(parts[name].values())),
     }
     return {"accuracy": accuracy, "budget": budget}
@@ -158,6 +183,12 @@ def warnings(choice: Choice) -> list[str]:
     if beyond := [_beside(asked.tolerance, kind, share) for kind, share in shares if share > asked.tolerance]:
         said.append(
             f"the mesh can't hold the tolerance of {limit}: it is off by {', '.join(beyond)}; shorter cells help"
+        )
+    elif found.holds and not choice.holds:
+        sizes = ", ".join(_beside(asked.tolerance, kind, share) for kind, share in choice.sum.items())
+        of_mesh = _percent(max((choice.mesh or {}).values()))
+        said.append(
+            f"the tolerance of {limit} isn't held: all is off by {sizes}, {of_mesh} by the mesh; shorter cells help"
         )
     return said
 

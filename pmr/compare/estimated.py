@@ -54,18 +54,24 @@ def other_of(scene: Scene, reduced: ReducedModel) -> Scene:
 
 
 def reduction_error(
-    scene: Scene, reduced: ReducedModel, clock: Clock, other: ReducedModel | None = None
+    scene: Scene,
+    reduced: ReducedModel,
+    clock: Clock,
+    other: ReducedModel | None = None,
+    found: estimate.Estimate | None = None,
 ) -> ReductionError:
-    """The reduction's error as the enrichment modes tell it, or an `other` model, and what is not in it."""
-    excitation, found, failed, left_out = Excitation.of(scene), None, None, list[str]()
+    """The reduction's error as the enrichment modes tell it, or an `other` model, and what is not in it.
+
+    One that is `found` already is not computed again.
+    """
+    excitation, failed, left_out = Excitation.of(scene), None, list[str]()
     telling, tips, scattered = other or reduced, len(transverse(scene)), list[str]()
     if scene.reduction.estimate and estimate.no_estimate(telling) is None:
         with clock.stage("estimate"):
             try:
-                if other is None:
-                    found = estimate.estimate(reduced, excitation, tips)
-                else:
+                if other is not None:
                     found = estimate.by_other(reduced, other, excitation, tips)
+                found = found or estimate.estimate(reduced, excitation, tips)
                 left_out = coverage.not_covered(telling, excitation.signals, excitation.stepping)
                 left_out += found.unknown.values()
                 scattered = [found.scatter] if found.scatter else []

@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 from pmr.compare.errors import relative_error, round_off, settled
 from pmr.compare.spectrum import band
 from pmr.errors import SimulationError
+from pmr.reduced.model import ReducedModel
 from pmr.simulate import contact_step
 from pmr.simulate.excitation import Excitation
 from pmr.simulate.modal import ModalForm
 from pmr.simulate.native import simulator as march
 from pmr.simulate.resolution import aliased
 from pmr.simulate.stepping import TimeStepping
-from pmr.system.body import displacement, length_outputs, pushing_rows
+from pmr.system.body import SlidingBody, displacement, length_outputs, pushing_rows
 
 Array = NDArray[np.float64]
 
@@ -36,16 +37,29 @@ LONGEST = 4_000_000
 MOST_RECORDED = 20_000_000
 #: Steps at which runs are compared, at most.
 COMPARED = 20_000
+#: Least rho_inf of runs that others are compared with.  With less, steps damp what they don't resolve, so that runs
+#: which all lack it agree; with 1, rows that move can make it grow.
+UNDAMPED = 0.95
+
+
+def reference_rho(body: SlidingBody, rho_inf: float) -> float:
+    """`rho_inf` of the runs that one with this value is compared with: at least `UNDAMPED`.
+
+    Rows without residual flexibility grow with more damping than others, and what only pushes bounces otherwise.
+    """
+    known = isinstance(body, ReducedModel) and body.flexibility is not None and not pushing_rows(body)
+    return max(rho_inf, UNDAMPED) if known else rho_inf
 
 
 class Runs:
-    """One model with the given step, half of it, and so on."""
+    """One model with the given step, half of it, and so on, as little damped by the scheme as `reference_rho` says."""
 
     def __init__(self, form: ModalForm, excitation: Excitation) -> None:
         self._form, self._excitation, stepping = form, excitation, excitation.stepping
         self._moved = np.flatnonzero(length_outputs(form.body))
         # As many parts a step in every run: were they fewer in a shorter step, impacts would be the same in all.
         self._given = contact_step.with_parts(form.body, excitation)
+        self._rho = reference_rho(form.body, stepping.rho_inf)
         self._stride = -(-stepping.steps // COMPARED)
         self._round_off = round_off(form.body, excitation.forces(form.body.input_names), stepping.end)
         self._budget = BUDGET_OF_IMPACTS if pushing_rows(form.body) else BUDGET
@@ -55,7 +69,7 @@ class Runs:
     def stepping(self) -> TimeStepping:
         """Of the last run."""
         given = self._given
-        return TimeStepping(given.end, given.step / 2**self.halved, given.rho_inf, given.parts)
+        return TimeStepping(given.end, given.step / 2**self.halved, self._rho, given.parts)
 
     @property
     def _work(self) -> int:
@@ -72,6 +86,13 @@ class Runs:
         """Whether one more run is to be made."""
         steps = 2 * self._work
         return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
+
+    def given(self, first: Array) -> Array:
+        """Displacements (T, o) in m with the given step and rho_inf, beside the `first` run; raises as `next`."""
+        if self._rho == self._given.rho_inf:
+            return first
+        self.taken += self._work
+        return self._outputs(self._moved, self._stride, self._given)
 
     def next(self) -> Array:
         """Displacements (T, o) in m of the next run, where runs are compared.
@@ -97,8 +118,8 @@ class Runs:
             y = self._outputs(self._moved, 1)
         return band(y, self.stepping.step)
 
-    def _outputs(self, which: NDArray[np.intp], every: int) -> Array:
-        body, excitation = self._form.body, self._excitation.with_stepping(self.stepping)
+    def _outputs(self, which: NDArray[np.intp], every: int, stepping: TimeStepping | None = None) -> Array:
+        body, excitation = self._form.body, self._excitation.with_stepping(stepping or self.stepping)
         recorded = excitation.stepping.steps * (2 * body.size + len(body.row_names))
         if recorded > MOST_RECORDED and not (body.flexibility is not None and body.flexibility.keeps_inertia):
             y = march.observe(self._form, excitation, which.tolist(), every).y
@@ -114,10 +135,13 @@ class Runs:
 
 
 class Ladder:
-    """Outputs of the runs, from the given step to the smallest one, and how fast they approach each other."""
+    """Outputs of the runs, from the first step to the smallest one, and how fast they approach each other.
 
-    def __init__(self, first: Array) -> None:
-        self.first, self.last = first, first
+    Their error is that of the `given` outputs, by default those of the first run itself.
+    """
+
+    def __init__(self, first: Array, given: Array | None = None) -> None:
+        self.first, self.last = first if given is None else given, first
         self.differences: list[float] = []
 
     def add(self, y: Array) -> None:
@@ -155,5 +179,6 @@ class Ladder:
             return None
         rest = self.rest if np.isfinite(self.rest) else self.differences[-1]
         errors = np.append(np.cumsum(self.differences[::-1])[::-1], 0.0) + rest
+        errors *= max(1.0, relative_error(self.first, self.last) / errors[0]) if errors[0] > 0.0 else 1.0
         below = np.flatnonzero(errors <= limit)
         return int(below[0]) if len(below) else None

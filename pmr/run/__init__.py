@@ -128,7 +128,8 @@ def run(
         return None
     responses = simulations.responses
     excitation, reduced = Excitation.of(scene), reduction.reduced
-    estimated = reduction_error(scene, reduced, clock, other)
+    known = None if choice is None else choice.found.estimate
+    estimated = reduction_error(scene, reduced, clock, other, known)
     in_frequency = frequency_response(scene, reduced)
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     parts = [
@@ -251,7 +252,7 @@ def _chosen(scene: Scene, reduction: Reduction, clock: Clock, cached: Cache | No
         return make() if cached is None else cached.model_of(finer, make)
 
     with clock.stage("finer mesh"):
-        return order.with_mesh(choice, reduced_of)
+        return comm.bcast(order.with_mesh(choice, scene, reduction.reduced, reduced_of))
 
 
 def _other(scene: Scene, reduction: Reduction, cached: Cache | None) -> ReducedModel | None:

@@ -64,7 +64,7 @@ def test_the_tolerance_holds_and_two_coordinates_fewer_do_not(kinds: tuple[str, 
 
 def test_without_inertia_it_takes_more_coordinates_and_keeps_none() -> None:
     family = Family(MODEL, driven(), 1)
-    plain, any_ = (search(family, Demand(1e-3, ("beam",), inertia), coarsest(family)) for inertia in (False, True))
+    plain, any_ = (search(family, Demand(1e-4, ("beam",), inertia), coarsest(family)) for inertia in (False, True))
     assert any_.member.residual_inertia and not plain.member.residual_inertia
     assert plain.member.coordinates >= any_.member.coordinates + 2 and plain.holds
 
@@ -111,10 +111,10 @@ def test_a_step_with_which_nothing_can_be_computed_is_passed_over(monkeypatch: p
     family = Family(MODEL, driven(), 1)
     coarse, own = coarsest(family), Family._simulated
 
-    def fails(self: Family, member: Member, steps: int, times: int) -> Outputs:
+    def fails(self: Family, member: Member, steps: int, times: int, rho_inf: float) -> Outputs:
         if steps <= 2 * coarse:
             raise SimulationError("march failed")
-        return own(self, member, steps, times)
+        return own(self, member, steps, times, rho_inf)
 
     monkeypatch.setattr(Family, "_simulated", fails)
     assert next(rungs(family, Member(6), coarse, ("beam",))).steps == 4 * coarse
@@ -134,7 +134,7 @@ def test_members_are_those_of_the_reduction() -> None:
     assert model.size == 4 and model.flexibility is not None and model.flexibility.keeps_inertia
     excitation = driven(100, Constant(amount=5.0))
     own = outputs(model, march.simulate(model, excitation), excitation, 1)
-    assert np.allclose(own.displacement, family.motion(Member(4, True), 100, 100).displacement, rtol=0.0, atol=1e-12)
+    assert np.allclose(own.displacement, family.own(Member(4, True), 100, 100).displacement, rtol=0.0, atol=1e-12)
 
 
 def test_what_more_time_allows_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,4 +159,4 @@ def test_of_what_a_budget_allows_the_best_is_taken() -> None:
         for inertia in (False, True)
     )
     assert plain.member == Member(6, False) and best.member == Member(6, True)
-    assert best.total["beam"] < 0.8 * plain.total["beam"]
+    assert best.reduction["beam"] < 0.8 * plain.reduction["beam"] and best.total["beam"] < plain.total["beam"]
