@@ -123,17 +123,18 @@ def _along(columns: Sequence[int], own: Response, better: Response) -> float:
 
 def with_loads_answered(system: System, modal: Mapping[str, ReducedModel], excitation: Excitation) -> System:
     """Of the `modal` bodies with attachment modes for what those of the system bear in a run from rest."""
-    loads = _borne(system, _run(system, excitation))
+    loads = _borne(system, run_from_rest(system, excitation))
     bodies = {name: with_attachment_modes(body, loads[name]) for name, body in modal.items()}
     return replace(system, bodies=bodies)
 
 
 def response_from_rest(system: System, excitation: Excitation) -> Response:
     """Of a run from static equilibrium."""
-    return respond(system, _run(system, excitation))
+    return respond(system, run_from_rest(system, excitation))
 
 
-def _run(system: System, excitation: Excitation) -> SystemTrajectory:
+def run_from_rest(system: System, excitation: Excitation) -> SystemTrajectory:
+    """From static equilibrium."""
     return multibody.simulate(system, excitation, multibody.static_start(system, excitation))
 
 

@@ -29,7 +29,7 @@ from pmr.simulate.native import simulator as march
 
 SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(2)
 #: Steps of a reference for each that was chosen, and at most; its scheme damps only what these steps don't resolve.
-FINER, MOST, RHO = 8, 4_000_000, 0.95
+FINER, MOST, RHO = 4, 2_400_000, 0.95
 
 
 def ordered_scene(seed: int) -> Scene:
@@ -159,7 +159,7 @@ def case(seed: int) -> Case:
         times //= 2
     form = modal_form(build(scene, MPI.COMM_SELF).model.gather())
     fine = chosen
-    while fine < FINER * max(chosen, 50_000) and 2 * fine <= MOST:
+    while fine < FINER * max(chosen, 25_000) and 2 * fine <= MOST:
         fine *= 2
     finest, half = (_full_motion(form, scene, family, steps, times) for steps in (fine, fine // 2))
     own, floors = result.responses["reduced"], family.floors(times)
