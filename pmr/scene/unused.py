@@ -43,7 +43,8 @@ class Unused:
 def check_unused(file: TomlFile, whole: Scene | Boom) -> None:
     """Refuse the first key without effect that stands beside the key that decides so, or in an option.
 
-    What a file takes over from one that it extends, and sections from what all have in common, may be of use to others.
+    What a file takes over from one that it extends, sections from what all have in common, and runs from the grid of a
+    study may be of use to others.
     """
     if isinstance(whole, Scene):
         bodies = [("", whole, file.data)]
@@ -64,7 +65,7 @@ def _refuse_any(file: TomlFile, prefix: str, own: Mapping[str, Any], found: Iter
             continue
         writer, decided = file.origin(prefix + one.key), _stands(own, one.by) or not prefix
         decider = file.origin(prefix + one.by if decided else f"section.{one.by}") if one.by else writer
-        if writer in (OPTION, decider):
+        if writer == OPTION or writer == decider == str(file.path):
             raise refusal(f"{prefix}{one.key}", None, f"leave it out: {one.why}")
 
 
