@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 #: Names of outputs of one unit that are listed; of more the first and the last.
 LISTED = 8
+_TABLES = ("versions", "scene")  # of a model's provenance
 _PLACES = {"tip": "at the tip", "beam": "along the beam"}
 
 
@@ -100,14 +101,13 @@ def described_model(model: ReducedModel) -> dict[str, str]:
     import numpy as np
 
     low, high = model.domain
-    made_with = model.provenance.get("versions", {})
-    scene, holds = model.provenance.get("scene", {}), np.isnan(model.row_clearance)
+    made_with, scene = ({} if not isinstance(found := model.provenance.get(key), dict) else found for key in _TABLES)
+    holds = np.isnan(model.row_clearance)
     rows = [name if both else f"{name} (only pushes)" for name, both in zip(model.row_names, holds, strict=True)]
     of = "" if model.section is None else f" of section {model.section.name}, without what joins it to the others"
     return {
         "reduced model": f"{model.size} coordinates{of}",
-        "scene": f"{scene.get('title', 'unknown') if isinstance(scene, dict) else 'unknown'} "
-        f"({model.provenance.get('scene_hash', 'no hash')})",
+        "scene": f"{scene.get('title', 'unknown')} ({model.provenance.get('scene_hash', 'no hash')})",
         "basis": str(model.provenance.get("basis", "unknown")),
         "inputs": ", ".join(f"{n} in {unit}" for n, unit in zip(model.input_names, model.input_units, strict=True)),
         "outputs": _describe_outputs(model),

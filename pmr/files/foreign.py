@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 #: What readers of SciPy and NumPy raise at files that are cut off or changed; a bad format of Fortran is a SyntaxError.
-_OF_VALUES = (ValueError, TypeError, LookupError, OverflowError, NotImplementedError, SyntaxError)
+_OF_VALUES = (ValueError, TypeError, LookupError, AttributeError, OverflowError, NotImplementedError, SyntaxError)
 DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
 
 

@@ -10,8 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse
+from oracle import flexible, rich_body
 
+from pmr.cli.info import described_model
+from pmr.errors import InputError
+from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.npz import DamagedError, read
+from pmr.reduced.model import ReducedModel
 
 ARRAYS = {
     "M": np.arange(12.0).reshape(3, 4),
@@ -142,3 +148,25 @@ def test_a_pickle_is_never_loaded(tmp_path: Path) -> None:
     archive(tmp_path / "a.npz", {"M": buffer.getvalue()})
     with pytest.raises(DamagedError, match="numbers and text are allowed"):
         read(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(
+    "said", ["1", "[]", '{"scene": 1, "versions": 2, "basis": [1], "scene_hash": {}}', '{"a":' * 10**5]
+)
+def test_a_model_that_was_forged_is_described_or_refused(said: str, tmp_path: Path) -> None:
+    with np.load(flexible(rich_body(), 6).save(tmp_path / "model.npz")) as data:
+        np.savez(tmp_path / "forged.npz", **(dict(data) | {"provenance": np.array(said)}))
+    try:
+        assert described_model(ReducedModel.load(tmp_path / "forged.npz"))["made with"] == ""
+    except InputError as error:
+        assert "not a reduced model written by pmr" in str(error) and len(str(error)) < 500
+
+
+@pytest.mark.parametrize("kind", [1.0, 7, True, np.array([object()])])
+def test_a_matrix_of_a_format_that_is_none_is_refused(kind: object, tmp_path: Path) -> None:
+    for name in ("K", "M"):
+        scipy.sparse.save_npz(tmp_path / f"{name}.npz", scipy.sparse.identity(6, format="csr"))
+    with np.load(tmp_path / "K.npz") as data:
+        np.savez(tmp_path / "K.npz", **(dict(data) | {"format": np.array(kind)}))
+    with pytest.raises(InputError, match=r"K.npz: a readable .npz file is allowed"):
+        read_foreign(ForeignFiles(*(tmp_path / name for name in ("K.npz", "M.npz", "dofs.csv", "nodes.csv"))))
