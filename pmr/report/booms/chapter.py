@@ -49,6 +49,8 @@ def rows(result: BoomResult) -> list[Row]:
     for place, called in PLACES.items():
         if (error := summary["errors"].get("reduced_vs_full", {}).get(place)) is not None:
             found.append(Row("reduced against full", called, percent(error)))
+    for place in summary.get("not_judged", ()):
+        found.append(Row("reduced against full", PLACES.get(place, place), "not judged"))
     for one in summary["sections"]:
         if "errors" in one:
             found.append(Row("reduced against full", one["name"], percent(one["errors"]["reduced_vs_full"]["beam"])))
