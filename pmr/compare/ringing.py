@@ -29,7 +29,12 @@ CAUSES = (
 )
 ALTERNATES = "change their sign with every step"
 REMEDY = "time.rho_inf = 0.8 or less, a smooth path or pads that give way damp it"
-_QUANTITIES = {"pad_force": "forces of sliders and pads", "cylinder_force": "forces of cylinders"}
+_QUANTITIES = {
+    "pad_force": "forces of sliders and pads",
+    "pad_force_between_kinks": "forces of pads between kinks",
+    "cylinder_force": "forces of cylinders",
+    "cylinder_force_between_kinks": "forces of cylinders between kinks",
+}
 
 
 def alternating(signal: Array) -> float:

@@ -16,7 +16,14 @@ from pmr.report.numbers import SPACE, length, percent, plain, quantity, signific
 from pmr.report.subject import is_round_off, not_drawn
 from pmr.results import BoomResult
 
-PLACES = {"tip": "tip", "beam": "all sections", "pad_force": "forces"}
+PLACES = {
+    "tip": "tip",
+    "beam": "all sections",
+    "pad_force": "pads",
+    "cylinder_force": "cylinders",
+    "cylinder_force_between_kinks": "cylinders between kinks",
+    "support_force": "supports that give way",
+}
 
 
 def chapter(result: BoomResult, anchor: str) -> Chapter:
@@ -92,7 +99,8 @@ def _numbers(result: BoomResult) -> Iterator[KeyNumber]:
     for place, label in (
         ("tip", "error at the tip"),
         ("beam", "error along all sections"),
-        ("pad_force", "error of all forces"),
+        ("pad_force", "error of the forces of pads"),
+        ("cylinder_force", "error of the forces of cylinders"),
     ):
         if place in errors:
             yield KeyNumber(percent(errors[place]), label)
