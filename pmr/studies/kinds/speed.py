@@ -105,6 +105,7 @@ class Study(StudyBase):
         runs, common = [], dict[str, Task]()
         for file in self.scenes:
             scene = scenes.beam_scene(file)
+            _check(scene, file)
             modes = shared.modes_tasks(scene)
             common |= {task.key: task for task in modes.values()}
             for name, approach in APPROACHES.items():
@@ -124,6 +125,15 @@ class Study(StudyBase):
             found |= {f"{file.stem}.seconds.{name}": seconds for name, seconds in median.items()}
             found |= {f"{file.stem}.{name}": median[a] / median[b] for name, (a, b) in RATIOS.items()}
         return found
+
+
+def _check(scene: Scene, file: Path) -> None:
+    """Refuse, by InputError, a scene that one of the approaches can't take."""
+    if scene.reduction.flexibility:
+        allowed = "scenes with reduction.flexibility = false are allowed: callbacks know no rows that give way"
+        raise InputError("study", "scenes", file.name, allowed)
+    if scene.body.profile is None or scene.body.profile.axial_stiffness is None:
+        raise InputError("study", "scenes", file.name, "scenes with body.profile.axial_stiffness are allowed, for ANCF")
 
 
 def timed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:

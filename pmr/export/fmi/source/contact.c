@@ -28,7 +28,7 @@ int solve_closed(Body *body, double A[ROWS][ROWS], const int *among, double *mot
         count++;
     }
     for (l = 0; l < count; l++) entries[l] = motion_to_multipliers[numbers[l]];
-    substitute(count, ROWS, factor[0], entries);
+    if (count) substitute(count, ROWS, factor[0], entries);
     for (k = 0; k < ROWS; k++)
         if (among[k]) motion_to_multipliers[k] = 0.0;
     for (l = 0; l < count; l++) motion_to_multipliers[numbers[l]] = entries[l];
