@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended, truncated, with_kept_inertia
+from pmr.reduced.truncation import MODAL, extended, truncated, with_kept_inertia
 from pmr.scene import Reduction, Scene
 from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.balance import energy
@@ -59,10 +59,11 @@ Simulate = Callable[[Excitation, int], local_bases.LocalMotion]  # each so many 
 
 @dataclass(frozen=True)
 class BySize(Generic[Model]):
-    """Models, or what simulates them, by their number of coordinates, up to the largest."""
+    """Models, or what simulates them, by their number of coordinates, from the smallest to the largest."""
 
     of: Callable[[int], Model]
     largest: int
+    smallest: int = 1
 
 
 Models = BySize[ReducedModel]
@@ -111,13 +112,15 @@ def flexible(case: Case) -> Models:
         found = every if r + more == every.size else replace(truncated(every, r + more), enrichment=None)
         return truncated(found, r) if more else found
 
-    return Models(of, longest.size)
+    omega2 = np.diagonal(longest.K)
+    rigid = int(np.sum(omega2 <= MODAL * np.finfo(float).eps * omega2[-1]))  # which have no flexibility
+    return Models(of, longest.size, max(rigid, 1))
 
 
 def inertial(case: Case) -> Models:
     """The same with their inertia."""
     plain = flexible(case)
-    return Models(lambda r: with_kept_inertia(plain.of(r)), plain.largest)
+    return Models(lambda r: with_kept_inertia(plain.of(r)), plain.largest, plain.smallest)
 
 
 def harmonic(case: Case) -> Models:
@@ -163,7 +166,7 @@ def candidates(case: Case, method: str) -> BySize[Simulate]:
     """Simulators of one method: one of `MODELS`, or of local bases."""
     if method not in LOCAL:
         models = MODELS[method](case)
-        return BySize(lambda r: _marched(modal_form(models.of(r))), models.largest)
+        return BySize(lambda r: _marched(modal_form(models.of(r))), models.largest, models.smallest)
     if np.any(case.full.row_compliance > 0.0):
         return BySize(lambda r: _marched(modal_form(case.full)), 0)  # pads that give way hold no modes
     s = local_bases.positions(case.full, case.scene.path_bounds)

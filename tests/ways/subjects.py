@@ -36,7 +36,7 @@ def refusals() -> Iterator[None]:
 
 
 def command(*arguments: str) -> str:
-    """What a command prints; it ends with 0, or with 2 and one line."""
+    """What a command prints; it ends with 0, or with 2 and one line, a study's with 1 and why each run failed."""
     out, err, argv = io.StringIO(), io.StringIO(), sys.argv
     sys.argv = ["pmr", *arguments]
     try:
@@ -48,6 +48,8 @@ def command(*arguments: str) -> str:
         sys.argv = argv
     if code == 2 and err.getvalue().count("\n") == 1:
         raise Refused(err.getvalue().strip())
+    if code == 1 and "InputError: " in (why := err.getvalue().partition("\n")[0]):
+        raise Refused(why)
     assert code == 0, err.getvalue()
     return out.getvalue()
 

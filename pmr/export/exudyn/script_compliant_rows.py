@@ -15,8 +15,8 @@ from pmr.export.exudyn.script_parts import add_body, solve
 def read_model(path):
     """M, D, K (r, r), B (r, i), outputs (o, r); C (m, r), G (m, m), H (m, i), X (o, m), piecewise polynomials in s."""
     with np.load(path) as data:
-        arrays = {name: data[name] for name in ("M", "D", "K", "B", "outputs", "output_positions", "pads")}
-        m, i, o = len(data["pads"]), data["B"].shape[1], len(data["outputs"])
+        arrays = {name: data[name] for name in ("M", "D", "K", "B", "outputs", "output_positions")}
+        m, i, o = data["rows.coefficients"].shape[2], data["B"].shape[1], len(data["outputs"])
 
         def table(name, shape):
             if f"{name}.breaks" in data:
@@ -25,6 +25,7 @@ def read_model(path):
 
         return SimpleNamespace(
             **arrays,
+            pads=data["pads"] if "pads" in data else np.zeros(m),
             C=PPoly(data["rows.coefficients"], data["rows.breaks"]),
             G=table("flexibility.rows", (m, m)),
             H=table("flexibility.inputs", (m, i)),

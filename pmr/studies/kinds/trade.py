@@ -136,7 +136,7 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
     case = bases.Case.of(scene, 0.0)
     begin = time.process_time()
     models = bases.candidates(case, arguments["method"])
-    tried = [(r, models.of(r)) for r in arguments["coordinates"] if r <= models.largest]
+    tried = [(r, models.of(r)) for r in arguments["coordinates"] if models.smallest <= r <= models.largest]
     seconds = {"offline": time.process_time() - begin, "full": case.run.seconds / scene.time.steps}
     stored = bases.full_energy(case)
     moving = np.abs(case.excitation.path_rate) > 0.0
