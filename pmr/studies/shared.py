@@ -186,6 +186,7 @@ def _unloaded(scene: Scene) -> Scene:
             "compare": Compare(against=()),
             "simulation": Simulation(),
             "reduction": Reduction(solver=scene.reduction.solver),
+            "free_motions": "allowed",  # what is simulated refuses them; here a slider may sit on a support
         }
     )
 
