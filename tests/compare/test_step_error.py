@@ -207,8 +207,8 @@ def test_a_run_whose_step_is_too_coarse_by_ten_says_so(load_scene, name: str) ->
         return outcome.result.summary, chapter(outcome.result, "case-1")
 
     fine, coarse = told(2e-3), told(2e-2)
-    assert fine[0]["step"]["beam"] < LIMIT < coarse[0]["step"]["beam"] and fine[0]["warnings"] == []
-    assert ["too coarse" in line for line in coarse[0]["warnings"]] == [True]
+    assert fine[0]["step"]["beam"] < LIMIT < coarse[0]["step"]["beam"]
+    assert [sum("too coarse" in line for line in found["warnings"]) for found, _ in (fine, coarse)] == [0, 1]
     assert coarse[0]["errors"]["reduced_vs_full"]["beam"] < 0.02  # both models miss the same
     for summary_, shown in (fine, coarse):
         assert "The error of the time step itself is" in " ".join(point.text for point in shown.points)
