@@ -156,7 +156,9 @@ def _on_loads(part: CarrierFlexibility) -> Array:
 def _principal(S: Array, loads: Array) -> Array:
     """Combinations G (K + i, k) of the loads with G^T S G = I, those whose answers have the most inertia first."""
     mass, Q = np.linalg.eigh(S)
-    half = Q * np.sqrt(np.maximum(mass, 0.0))
+    mass = np.maximum(mass, 0.0)
+    moved = mass >= len(S) * np.finfo(float).eps * mass[-1]  # all but round-off; on a coarse mesh these are few
+    half = Q[:, moved] * np.sqrt(mass[moved])
     gathered = loads.T @ (loads @ half)
     energy, V = np.linalg.eigh(half.T @ gathered)
     energy, V = energy[::-1], V[:, ::-1]
