@@ -13,7 +13,7 @@ from pmr.accuracy.errors import Demand, coarsest
 from pmr.accuracy.family import Family, member_of
 from pmr.accuracy.limits import best_within
 from pmr.accuracy.search import Found, comparable, search
-from pmr.compare.coverage import BLOWS
+from pmr.compare.coverage import BLOWS, JUMPS
 from pmr.compare.estimate import no_estimate
 from pmr.compare.outputs import impulsive
 from pmr.errors import InputError
@@ -91,6 +91,10 @@ def choose(scene: Scene, reduced: ReducedModel, taken: Mapping[str, float] | Non
         found = search(family, Demand(asked.tolerance, asked.outputs, inertia, taken or {}), coarse)
     else:
         found = best_within(family, Demand(1.0, asked.outputs, inertia), asked, coarse)
+    if found.estimate is not None and (why := found.estimate.unknown.get("pad_force")) == JUMPS:
+        if "pad_force" in asked.outputs:
+            allowed = f"no pad_force, or loads that set in smoothly, are allowed; nothing tells {why}"
+            raise InputError("scene", f"{key}.outputs", list(asked.outputs), allowed)
     member = found.member
     update = {"coordinates": member.coordinates, "residual_inertia": member.residual_inertia}
     chosen = scene.model_copy(

@@ -143,6 +143,8 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
     unknown = {kind: coverage.UNSETTLED[kind] for kind in told.unsettled}
     if impulsive(model, excitation):
         unknown.setdefault("pad_force", coverage.BLOWS)
+    elif model.moving and coverage.jumps_damped(model, excitation.signals, excitation.stepping.end):
+        unknown.setdefault("pad_force", coverage.JUMPS)
     elif own.force.size and rings(own.force, own.plus(missing[by]).force):
         unknown.setdefault("pad_force", coverage.RINGING)
     return Estimate(

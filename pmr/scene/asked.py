@@ -218,7 +218,7 @@ class Accuracy(_Ordered):
     """An error that is allowed, instead of coordinates, residual inertia and step, which are chosen to hold it.
 
     `tolerance` is that of the reduction and the step together, in each of the `outputs`; the search for a step begins
-    at `time.step`.  With `mesh` the part of the mesh is found out, too, by a second one with shorter cells.
+    at `time.step`.  With `mesh` the part of the mesh, found out by a second one with shorter cells, counts, too.
     """
 
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(

@@ -10,7 +10,7 @@ from driving import driven
 from oracle import full_body, inertial
 
 from pmr.compare import coverage
-from pmr.compare.coverage import BLOWS, NEVER, highest_known, not_covered
+from pmr.compare.coverage import BLOWS, JUMPS, NEVER, highest_known, not_covered
 from pmr.compare.estimate import estimate
 from pmr.errors import InputError, SimulationError
 from pmr.report import sentences
@@ -129,3 +129,14 @@ def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch,
 def test_without_tones_and_steps_there_is_no_share() -> None:
     still = replace(STEPPING, end=1e-3)
     assert not_covered(MODEL, [("load F", NOISE)], still) == [NEVER]
+
+
+def test_forces_of_a_load_that_sets_in_at_once_have_no_estimate_where_damping_is_strong() -> None:
+    """What was said was down to a hundredth of the truth, with residual inertia and without."""
+    full, end = full_body(20), TimeStepping(1.0, 1e-3)
+    step, smooth = Step(time=0.3, after=20.0), SmoothRamp(times=(0.2, 0.4), values=(0.0, 20.0))
+    path = SmoothRamp(times=(0.1, 0.8), values=(1.5, 3.0))
+    for share, load, known in ((1e-3, step, False), (1e-3, smooth, True), (1e-7, step, True)):
+        model = inertial(replace(full, D=share * full.K), 4, enrichment=4)
+        found = estimate(model, driven(path, load, end))
+        assert (found.pad_force is not None) == known and (found.unknown.get("pad_force") == JUMPS) != known
