@@ -117,7 +117,7 @@ def test_three_shells_are_the_same_on_all_ranks_as_on_one() -> None:
     if together is None:
         return
     one, two = alone.result, together.result
-    assert two.summary["simulators"]["full"] == "petsc" and two.summary["coordinates"]["reduced"] == 24
+    assert two.summary["simulators"]["full"] == "petsc" and two.summary["coordinates"]["reduced"] == 28
     for model in ("full", "reduced"):
         for name in ("displacement", "slider_force"):
             a, b = (getattr(found.responses[model], name) for found in (one, two))
