@@ -172,7 +172,7 @@ KINDS = {
     ),
     "N": Kind(boom("Sections in a plane", "beam2d", rings(faces=PLANE) | HOISTED)),
     "O": Kind(boom("Sections in space", "beam3d", rings(faces=SPACE))),
-    "P": Kind(boom("Sections of shells", "shell", rings(faces=SPACE), lengths=2.0, size=0.2, along=0.4)),
+    "P": Kind(boom("Sections of shells", "shell", rings(faces=SPACE), lengths=2.0, size=0.2, along=0.4), at=0.62),
     "Q": Kind(boom("Sections that push", "beam2d", rings(faces=PLANE, unilateral=True) | HOISTED)),
     "R": Kind(boom("Rigid overlaps", "beam2d", rings(stiffness="rigid") | {"rigid_overlap": True})),
 }
