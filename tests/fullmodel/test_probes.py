@@ -21,7 +21,8 @@ BOX = "{length=6.0,width=0.3,height=0.4,wall=0.008}"
 
 
 def boom(model: str, *probes: str) -> Scene:
-    return scenes.load(WORKFLOWS / f"boom_{model}.toml", [*COARSE, f"probes=[{','.join(probes)}]"])
+    coarse = () if model == "beam" else COARSE
+    return scenes.load(WORKFLOWS / f"boom_{model}.toml", [*coarse, f"probes=[{','.join(probes)}]"])
 
 
 def gauges(structure: Structure) -> dict[str, Gauge]:

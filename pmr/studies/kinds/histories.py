@@ -88,7 +88,7 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     assert full is not None
     responses = {"reduced": simulate_reduced(scene, reduction.reduced), "full": full}
     responses["ancf"] = shared.response_from(needs["ancf"])
-    beside = {"dropped": simulate_reduced(scene, dropped.reduced), "full": responses["full"]}
+    beside = {"dropped": simulate_reduced(dropping, dropped.reduced), "full": responses["full"]}
     record = taken_away.compared(summary.compared(responses, compare.AT_NODES, {}).figures, "errors", "absolute_errors")
     record |= {
         f"dropped.{place}": value

@@ -26,7 +26,10 @@ HELD = {"pinned": [0, 1], "clamped": [0, 1, 2], "roller": [1]}
 def model(load_scene, kind: str, *overrides: str) -> FullModel:
     scene = load_scene(
         "paper_simple",
-        ["compare.against=[]", "mesh.elements=30", f"supports=[{{on=0.0,kind='{kind}'}}]", *overrides],
+        [
+            *("compare.against=[]", "mesh.elements=30", "free_motions=allowed"),
+            *(f"supports=[{{on=0.0,kind='{kind}'}}]", *overrides),
+        ],
     )
     return full_model(scene)
 

@@ -156,7 +156,7 @@ def test_a_few_runs_stand_side_by_side() -> None:
     headings = ["Forces of pads, sliders and supports", "Moments on rigid supports", "Stress by region"]
     assert list(blocks) == ["Runs", *headings, "Frequencies", "Probes"]
     forces, moments, stress, frequencies, probes = list(blocks.values())[1:]
-    assert moments.rows == (("clamp ry", *["0\u00a0…\u00a02000"] * 2),) and " in N m;" in moments.caption
+    assert moments.rows == (("clamp ry", *["0\u00a0…\u00a02.00"] * 2),) and " in kN m;" in moments.caption
     assert stress.rows == (("top", "25.0", "25.0"),) and stress.caption.startswith("Largest von Mises stress in MPa")
     assert forces.head == ("", "payload mass 100\u00a0kg", "payload mass 250\u00a0kg")
     assert forces.rows == (("tail left", *["\u22125.00\u00a0…\u00a00"] * 2),)
