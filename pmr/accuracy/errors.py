@@ -92,6 +92,11 @@ class Errors:
         found = differences(best.minus(missing), best, self._floors, self.demand.kinds)
         return {kind: margin * share for kind, share in found.items()}
 
+    def step(self, rung: Rung, steps: int) -> dict[str, float]:
+        """A rung's part, by kind; no less than a run with its step says of it."""
+        of_run = self.family.step_error(rung.member, rung.steps)
+        return {kind: max(share, getattr(of_run, kind, 0.0)) for kind, share in self.size(rung.missing, steps).items()}
+
     def total(self, member: Member, rung: Rung, steps: int) -> dict[str, float]:
         """Both parts together, by kind; no less than the larger one."""
         missing = self.missing(member, steps)

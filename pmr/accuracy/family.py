@@ -13,6 +13,7 @@ from pmr.compare.attached import with_loads_answered
 from pmr.compare.estimate import Estimate, estimate
 from pmr.compare.halved_steps import reference_rho
 from pmr.compare.outputs import Floors, Outputs, lagging, observed, outputs, without_rates
+from pmr.compare.step_error import StepError, step_error
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated, with_kept_inertia
@@ -63,6 +64,7 @@ class Family:
         self.fewest = max(1, int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1])))
         self._forms: dict[Member, ModalForm] = {}
         self._motions: dict[tuple[Member, int, int, float], Outputs] = {}
+        self._steps: dict[tuple[Member, int], StepError | None] = {}
         self._given, self._rho = excitation.stepping.rho_inf, reference_rho(whole, excitation.stepping.rho_inf)
 
     @property
@@ -131,6 +133,15 @@ class Family:
             return estimate(member_of(self.model, member), self.with_steps(steps), self.tips)
         except SimulationError:
             return None
+
+    def step_error(self, member: Member, steps: int) -> StepError | None:
+        """What the same run says of its step; None where it can't."""
+        if (member, steps) not in self._steps:
+            self._steps[member, steps] = None
+            with suppress(SimulationError):
+                found = step_error(member_of(self.model, member), self.with_steps(steps), self.tips)
+                self._steps[member, steps] = found
+        return self._steps[member, steps]
 
     def _motion(self, member: Member, steps: int, times: int, rho_inf: float) -> Outputs:
         key = member, steps, times, rho_inf

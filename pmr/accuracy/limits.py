@@ -103,7 +103,8 @@ def _balanced(errors: Errors, member: Member) -> Rung:
     rung = None
     for rung in rungs(errors.family, member, errors.coarse, errors.demand.kinds):
         at = comparable(rung.steps, errors.coarse)
-        if rung.settled and max(errors.size(rung.missing, at).values()) <= max(errors.reduction(member, at).values()):
+        size, most = (max(part.values()) for part in (errors.size(rung.missing, at), errors.reduction(member, at)))
+        if rung.settled and size <= most and max(errors.step(rung, at).values()) <= most:
             return rung
     assert rung is not None
     return rung

@@ -7,9 +7,9 @@ With y_N the motion of all modes that a reduction has (the inertia of the rest k
     \max(1.1 \lVert e \rVert, 1.25 \lVert e_{reduction} \rVert, 1.1 \lVert e_{step} \rVert) \le \text{tolerance}
 
 in every kind of output that is asked for.  The first part is the error estimate with N - r enrichment modes
-(`pmr.compare.estimate`), the second comes from shorter steps (`pmr.accuracy.errors`).  What is found is judged by the
-estimate of its own run, with its step and its rho_inf; where that is beyond the tolerance, the search goes on with as
-much less.
+(`pmr.compare.estimate`), the second comes from shorter steps (`pmr.accuracy.errors`), and is no less than what the run
+itself says of its step (`pmr.compare.step_error`).  What is found is judged by the estimate of its own run, with its
+step and its rho_inf; where that is beyond the tolerance, the search goes on with as much less.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import numpy as np
 from pmr.accuracy.errors import LONGEST_WITH_INERTIA, Demand, Errors, Rung, coarser, rungs
 from pmr.accuracy.family import Family, Member
 from pmr.compare.estimate import Estimate
+from pmr.compare.step_error import StepError
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
 
@@ -53,6 +54,7 @@ class Found:
     reasons: tuple[str, ...]  # why this model and this step, a clause each
     seconds: float  # wall time of the search; what is compiled or loaded for the first time is not in it
     estimate: Estimate | None = None  # that of a run with this model and this step, if there is one
+    step_error: StepError | None = None  # what the same run says of its step
 
 
 def search(family: Family, demand: Demand, coarse: int) -> Found:
@@ -94,20 +96,22 @@ def _found(one: _Search) -> tuple[Found, float | None]:
 
 
 def judged(errors: Errors, member: Member, rung: Rung, steps: int, reasons: tuple[str, ...]) -> Found:
-    """A choice with its errors, compared with `steps` and as its own run estimates them; not yet whether it holds."""
+    """A choice with its errors, compared with `steps` and as its own run tells them; not yet whether it holds."""
     estimate = errors.family.estimate(member, rung.steps)
     of_run = {kind: getattr(estimate, kind, None) or 0.0 for kind in errors.demand.kinds}
     reduction, total = errors.reduction(member, steps), errors.total(member, rung, steps)
+    step = errors.step(rung, steps)
     return Found(
         member=member,
         steps=rung.steps,
         reduction={kind: max(share, of_run[kind]) for kind, share in reduction.items()},
-        step=errors.size(rung.missing, steps),
-        total={kind: max(share, of_run[kind]) for kind, share in total.items()},
+        step=step,
+        total={kind: max(share, of_run[kind], step[kind]) for kind, share in total.items()},
         holds=False,
         reasons=reasons,
         seconds=0.0,
         estimate=estimate,
+        step_error=errors.family.step_error(member, rung.steps),
     )
 
 
@@ -148,8 +152,9 @@ class _Search:
         return Member(high, inertia)
 
     def holds(self, member: Member, rung: Rung, steps: int) -> bool:
-        """Whether model and step are within the tolerance together."""
-        return rung.settled and self.demand.share(self.errors.total(member, rung, steps)) <= self.less
+        """Whether model and step are within the tolerance together, and the step as the run itself says."""
+        within = rung.settled and self.demand.share(self.errors.total(member, rung, steps)) <= self.less
+        return within and self.demand.share(self.errors.step(rung, steps)) <= 1.0
 
     def longest_step(self, member: Member, at: int) -> tuple[Rung, bool]:
         """The first rung that holds, beside the reduction's part with `at` steps, and True; else another and False.
@@ -205,5 +210,5 @@ class _Search:
             fewer = "would take as many parts where pads push" if self.family.pushing else "don't follow path and loads"
             yield f"{rung.steps} steps: fewer {fewer}"
         else:
-            size = rounded(100.0 * max(self.errors.size(before.missing, steps).values()))
+            size = rounded(100.0 * max(self.errors.step(before, steps).values()))
             yield f"{rung.steps} steps: {before.steps} are off by {size} %"

@@ -132,12 +132,17 @@ def envelope(error: Array) -> Array:
     return found
 
 
-def step_part(scene: Scene, reduced: ReducedModel, omega: Array, clock: Clock) -> Part:
-    """``step``: the time step's error; `omega` (S, f) rad/s are natural frequencies along the path."""
+def step_part(
+    scene: Scene, reduced: ReducedModel, omega: Array, clock: Clock, found: step_error.StepError | None = None
+) -> Part:
+    """``step``: the time step's error; `omega` (S, f) rad/s are natural frequencies along the path.
+
+    One that is `found` already is not computed again.
+    """
     excitation = Excitation.of(scene)
     with clock.stage("step"):
         try:
-            found = step_error.step_error(reduced, excitation, len(transverse(scene)))
+            found = found or step_error.step_error(reduced, excitation, len(transverse(scene)))
         except (SimulationError, InputError) as error:
             said = [f"the error of the time step is not known: {error}"]
             return Part({"step": step_error.summary(None, str(error))}, said)

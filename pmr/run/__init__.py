@@ -128,8 +128,8 @@ def run(
         return None
     responses = simulations.responses
     excitation, reduced = Excitation.of(scene), reduction.reduced
-    known = None if choice is None else choice.found.estimate
-    estimated = reduction_error(scene, reduced, clock, other, known)
+    estimate, step = (None, None) if choice is None else (choice.found.estimate, choice.found.step_error)
+    estimated = reduction_error(scene, reduced, clock, other, estimate)
     in_frequency = frequency_response(scene, reduced)
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     parts = [
@@ -141,7 +141,7 @@ def run(
         struck(reduced, excitation, responses),
         driven(excitation),
         estimated.part,
-        step_part(scene, reduced, curves.reduced, clock),
+        step_part(scene, reduced, curves.reduced, clock, step),
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
         Part(warnings=build_warnings(built.structure)),

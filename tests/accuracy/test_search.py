@@ -15,6 +15,7 @@ from pmr.accuracy.limits import best_within
 from pmr.accuracy.search import search
 from pmr.compare.estimate import MARGIN_OF_ALL_MODES
 from pmr.compare.outputs import Floors, Outputs, differences, outputs
+from pmr.compare.step_error import StepError
 from pmr.errors import SimulationError
 from pmr.scene.asked import Budget
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
@@ -79,6 +80,25 @@ def test_what_cannot_be_held_is_said() -> None:
     )
     # Shorter steps would cost time and gain nothing; twice as long ones err four times as much.
     assert 0.01 < found.step["beam"] / found.reduction["beam"] <= 0.1
+
+
+def test_a_step_is_no_longer_than_its_run_allows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the run says more of its step than the search sees, finer ones are tried; where all say so, none holds."""
+    demand, coarse = Demand(0.01, ("beam", "tip"), inertia=True), coarsest(Family(MODEL, driven(), 1))
+    alone, own = search(Family(MODEL, driven(), 1), demand, coarse), Family.step_error
+
+    def found_where(steps: float):
+        def larger(family: Family, member: Member, taken: int) -> StepError | None:
+            said = own(family, member, taken)
+            return said if said is None or taken > steps else replace(said, tip=0.011)
+
+        monkeypatch.setattr(Family, "step_error", larger)
+        return search(Family(MODEL, driven(), 1), demand, coarse)
+
+    monkeypatch.setattr("pmr.accuracy.errors.LONGEST", 64 * coarse)
+    finer, none = found_where(alone.steps), found_where(np.inf)
+    assert alone.holds and finer.holds and finer.steps == 2 * alone.steps and finer.member == alone.member
+    assert not none.holds and none.step["tip"] == none.total["tip"] == 0.011
 
 
 def test_what_a_step_leaves_out_is_known_from_shorter_ones() -> None:

@@ -17,6 +17,7 @@ import pytest
 from pmr.accuracy.errors import coarsest
 from pmr.accuracy.family import Family
 from pmr.compare.outputs import Outputs, differences, observed
+from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.run import Outcome, run
@@ -27,7 +28,7 @@ from pmr.simulate import Excitation, TimeStepping
 from pmr.simulate.modal import ModalForm, modal_form
 from pmr.simulate.native import simulator as march
 
-SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(2)
+SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else (0, 56)
 #: Steps of a reference for each that was chosen, and at most; its scheme damps only what these steps don't resolve.
 FINER, MOST, RHO = 4, 2_400_000, 0.95
 
@@ -147,9 +148,14 @@ class Case:
         )
 
 
-def case(seed: int) -> Case:
+def case(seed: int) -> Case | None:
+    """None where the run refuses to promise anything of forces."""
     scene = ordered_scene(seed)
-    outcome = run(scene)
+    try:
+        outcome = run(scene)
+    except InputError as error:
+        assert "no pad_force" in str(error) and scene.accuracy and "pad_force" in scene.accuracy.outputs
+        return None
     assert isinstance(outcome, Outcome) and scene.accuracy is not None
     result, asked = outcome.result, scene.accuracy
     chosen = result.scene.time.steps
@@ -192,7 +198,7 @@ def test_the_scenes_are_of_all_kinds() -> None:
 @pytest.mark.slow
 def test_what_a_run_says_to_hold_does() -> None:
     """And neither its estimate, nor its step, nor its budget is above the tolerance then."""
-    found = [case(seed) for seed in SEEDS]
+    found = [one for one in map(case, SEEDS) if one is not None]
     lines = "\n".join(map(str, found))
     held = [one for one in found if one.holds]
     assert all(one.said <= 1.0 for one in held), lines
