@@ -91,7 +91,8 @@ def hostile(rng: Random) -> str:
 def fit(name: str) -> str:
     """What is left of a name where what no name may hold is taken out; never nothing, and never the same."""
     left = "".join(letter for letter in name if is_name(f"a{letter}a"))[: LONGEST_NAME // 2].strip()
-    return f"n{zlib.crc32(name.encode('utf-8', 'replace'))} {left.replace('..', '.')}".strip()
+    single = re.sub("[.]+", ".", left)
+    return f"n{zlib.crc32(name.encode('utf-8', 'replace'))} {single}".strip()
 
 
 def _file_name(name: str) -> str:
