@@ -101,6 +101,7 @@ def case(number: int) -> Case:
             "recovery.stress=false",
             "reduction.coordinates=20",
             "time={end=2.0,step=2e-3}",
+            "free_motions=allowed",
             f"compare.against={[] if 'unilateral=true' in ''.join(pads) else ['full']}",
         ],
         rows,
