@@ -105,7 +105,7 @@ def run(
     clock, scene = clock or Clock(), order.prepared(scene)
     with clock.stage("assemble"):
         built = build(scene, comm)
-        loose = left_free(scene, {BODY: built})
+        free_motions = left_free(scene, {BODY: built}) if scene.free_motions == "allowed" else []
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     size, outputs = built.model.size, built.model.outputs.getSize()[1]
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
@@ -146,7 +146,7 @@ def run(
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
         Part(warnings=build_warnings(built.structure)),
-        Part(warnings=loose),
+        Part(warnings=free_motions),
         pads(scene, responses["reduced"]),
         Part(places({"": built.structure.outputs})),
         contact(reduced, excitation),

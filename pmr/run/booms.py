@@ -82,7 +82,7 @@ class _Run:
         self.boom, self.comm, self.clock = boom, comm, clock
         with clock.stage("assemble"):
             self.built = build_sections(boom, comm)
-            self.free = left_free(boom, self.built)
+            self.free = left_free(boom, self.built) if boom.free_motions == "allowed" else []
         with clock.stage("reduce"):
             self.caches = (
                 {} if cache is None else {name: cache_in(cache, one.model) for name, one in self.built.items()}
