@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import approaches, compiling, fmu, growth, latency, limit, offline, peer, report, requirements, scale
-from pmr import environment
+from pmr.errors import environment
 from pmr.fem.compat import versions as fenicsx_versions
 
 PEER_ELEMENTS = (50, 1000)

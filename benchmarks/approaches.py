@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
 from pmr.compare.errors import nrms
-from pmr.simulate import Excitation, Simulator
-from pmr.simulate.exudyn import simulator as exudyn
-from pmr.simulate.modal import ModalForm, modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation, Simulator
+from pmr.simulation.exudyn import simulator as exudyn
+from pmr.simulation.modal import ModalForm, modal_form
+from pmr.simulation.native import simulator as march
 from pmr.system.body import SlidingBody, Trajectory, displacement
 
 Array = NDArray[np.float64]

@@ -11,12 +11,12 @@ import numpy as np
 
 from pmr import scene as scenes
 from pmr.fullmodel.build import full_model
+from pmr.pipeline import reduce
 from pmr.reduced.model import ReducedModel
-from pmr.run import reduce
 from pmr.scene import Scene
 from pmr.scene.signals import SignalBase, Sine
-from pmr.simulate import Excitation
-from pmr.simulate.modal import ModalForm, modal_form
+from pmr.simulation import Excitation
+from pmr.simulation.modal import ModalForm, modal_form
 from pmr.studies.kinds.speed import Later
 from pmr.system.body import FullBody
 from pmr.system.projection import projected

@@ -12,8 +12,8 @@ from pathlib import Path
 _SCRIPT = """
 import json, time
 from benchmarks import beams
-from pmr.simulate.native import simulator as march
-from pmr.simulate.native.stepper import Stepper
+from pmr.simulation.native import simulator as march
+from pmr.simulation.native.stepper import Stepper
 
 body, drive = beams.reduced("evolved"), beams.shorter(beams.drive("evolved"), 0.001)
 form = march.modal_form(body)

@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
 from pmr.export.fmi.fmu import PLATFORMS, write_fmu
+from pmr.pipeline import reduce
 from pmr.reduced.model import ReducedModel
-from pmr.run import reduce
 from pmr.system.body import force_outputs
 
 CASES = {"evolved case": "evolved_residual.toml", "shell boom": "boom_shell.toml"}

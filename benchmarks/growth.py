@@ -12,12 +12,12 @@ from benchmarks.timing import exponent
 from pmr import load_scene
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_sections
-from pmr.reduce.sections import reduce_sections
+from pmr.reduction.sections import reduce_sections
 from pmr.scene.signals import Constant, SmoothRamp
-from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.modal import ModalForm
-from pmr.simulate.native import multibody
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.modal import ModalForm
+from pmr.simulation.native import multibody
+from pmr.simulation.native import simulator as march
 from pmr.system.booms import system_of
 from pmr.system.system import System
 

@@ -11,8 +11,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks import beams
-from pmr.simulate.native.step import step_and_observe
-from pmr.simulate.native.stepper import Stepper
+from pmr.simulation.native.step import step_and_observe
+from pmr.simulation.native.stepper import Stepper
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

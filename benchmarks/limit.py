@@ -3,7 +3,7 @@ r"""How far the compiled loop is from what the core can do.
 A step of a beam with one moving row, r' modes (r rounded up to a multiple of four) and one input does, mode by mode:
 
 ====================================  ==============  ==============
-part (`pmr.simulate`)                 flops a mode    numbers a mode
+part (`pmr.simulation`)               flops a mode    numbers a mode
 ====================================  ==============  ==============
 row at s: cubic by Horner             6               4 read, 1 written
 row times free motion                 2               2 read
@@ -26,10 +26,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks import beams
-from pmr.simulate.native import simulator as march
-from pmr.simulate.native.compilation import OPTIONS
-from pmr.simulate.native.simd import LANES, load, spread, store, total
-from pmr.simulate.native.system import aligned
+from pmr.simulation.native import simulator as march
+from pmr.simulation.native.compilation import OPTIONS
+from pmr.simulation.native.simd import LANES, load, spread, store, total
+from pmr.simulation.native.system import aligned
 
 Array = NDArray[np.float64]
 

@@ -23,10 +23,10 @@ from pmr.fem.compat import MPI
 from pmr.fem.distributed import tall
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
-from pmr.reduce.basis import pod
-from pmr.reduce.galerkin import reduced_model
-from pmr.snapshots import Snapshots
-from pmr.snapshots.eigenmodes import eigenmode_snapshots
+from pmr.reduction.basis import pod
+from pmr.reduction.galerkin import reduced_model
+from pmr.reduction.snapshots import Snapshots
+from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
 
 SNAPSHOTS, MODES, COORDINATES = 5, 6, 20
 

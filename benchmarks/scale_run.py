@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 import pmr.fullmodel.build
-import pmr.reduce.residual.model
-import pmr.run
+import pmr.pipeline
+import pmr.reduction.residual.model
 from benchmarks.timing import peak_memory
 from pmr import scene
 from pmr.constraints.polynomials import evaluate
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.from_scene import structure_of
-from pmr.reduce.residual.inertia import PathProducts
+from pmr.pipeline import Reduction
 from pmr.reduced.flexibility import Flexibility
-from pmr.run import Reduction
+from pmr.reduction.residual.inertia import PathProducts
 
 Array = NDArray[np.float64]
 
@@ -38,12 +38,12 @@ SCENE = Path(__file__).parents[1] / "workflows" / "boom_shell.toml"
 STAGES = {
     "mesh": ((pmr.fullmodel.build, "structure_of"),),
     "assembly": ((pmr.fullmodel.build, "structural_model"),),
-    "modes": ((pmr.run, "take_snapshots"),),
-    "projection": ((pmr.reduce.residual.model, "galerkin"),),
+    "modes": ((pmr.pipeline, "take_snapshots"),),
+    "projection": ((pmr.reduction.residual.model, "galerkin"),),
     "flexibility": tuple(
-        (pmr.reduce.residual.model, name) for name in ("ResidualFlexibility", "load_flexibility", "tables")
+        (pmr.reduction.residual.model, name) for name in ("ResidualFlexibility", "load_flexibility", "tables")
     ),
-    "inertia": ((PathProducts, "take"), (pmr.reduce.residual.model, "with_inertia")),
+    "inertia": ((PathProducts, "take"), (pmr.reduction.residual.model, "with_inertia")),
 }
 #: Values of tables compared: five between two breaks.
 PLACES = 5
@@ -60,7 +60,7 @@ def main(cells: float, file: Path | None = None) -> None:
         for module, name in places:
             setattr(module, name, timer.of(stage, getattr(module, name)))
     begin, before = time.perf_counter(), time.process_time()
-    reduction = pmr.run.reduce(boom(cells), comm)
+    reduction = pmr.pipeline.reduce(boom(cells), comm)
     seconds = timer.seconds | {"total": comm.allreduce(time.perf_counter() - begin, MPI.MAX)}
     record = {
         "cells": cells,

@@ -24,18 +24,19 @@ basis whose coordinates keep their meaning, and leaves the sliders as a few cons
 What is named here stays; everything else may change between versions.
 """
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pmr.compare.boom_motions import simulate_either as simulate
     from pmr.errors import ConvergenceError, InputError, SimulationError
     from pmr.files.matrices import from_matrices
+    from pmr.pipeline.booms import reduce_either as reduce
+    from pmr.pipeline.booms import run_either as run
     from pmr.reduced.model import ReducedModel
     from pmr.results import RunResult
     from pmr.scene import load_any as load_scene
-    from pmr.simulate.native.stepper import Stepper
+    from pmr.simulation.native.stepper import Stepper
     from pmr.system.system import System
 
 __version__ = "0.1.0"
@@ -47,51 +48,26 @@ _PLACES = {
     "ReducedModel": "pmr.reduced.model:ReducedModel",
     "RunResult": "pmr.results:RunResult",
     "SimulationError": "pmr.errors:SimulationError",
-    "Stepper": "pmr.simulate.native.stepper:Stepper",
+    "Stepper": "pmr.simulation.native.stepper:Stepper",
     "System": "pmr.system.system:System",
     "from_matrices": "pmr.files.matrices:from_matrices",
     "load_scene": "pmr.scene:load_any",
-}
-#: Rooms that are called by what one does there: `pmr.reduce(scene)`, and `pmr.reduce.basis` as of any package.
-_VERBS = {
-    "reduce": "pmr.run.booms:reduce_either",
-    "run": "pmr.run.booms:run_either",
+    "reduce": "pmr.pipeline.booms:reduce_either",
+    "run": "pmr.pipeline.booms:run_either",
     "simulate": "pmr.compare.boom_motions:simulate_either",
 }
-
 __all__ = [
     "ConvergenceError", "InputError", "ReducedModel", "RunResult", "SimulationError", "Stepper", "System",
-    "from_matrices", "load_scene",
+    "from_matrices", "load_scene", "reduce", "run", "simulate",
 ]  # fmt: skip
 
 
-def _found(place: str) -> Any:
-    module, _, attribute = place.partition(":")
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'pmr' has no public name {name!r}; there are {', '.join(__dir__())}")
+    module, _, attribute = _PLACES[name].partition(":")
     return getattr(import_module(module), attribute)
 
 
-def __getattr__(name: str) -> Any:
-    if name in _VERBS:
-        return import_module(f"pmr.{name}")
-    if name in _PLACES:
-        return _found(_PLACES[name])
-    raise AttributeError(f"module 'pmr' has no public name {name!r}; there are {', '.join(__dir__())}")
-
-
 def __dir__() -> list[str]:
-    return sorted([*_PLACES, *_VERBS, "__version__"])
-
-
-class _Verb(ModuleType):
-    def __call__(self, *args: Any, **keys: Any) -> Any:
-        return _found(_VERBS[self.__name__.rpartition(".")[2]])(*args, **keys)
-
-
-class _Package(ModuleType):
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name in _VERBS and isinstance(value, ModuleType):  # the import system has just loaded this room
-            value.__class__ = _Verb
-        super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
+    return sorted([*_PLACES, "__version__"])

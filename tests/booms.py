@@ -10,7 +10,7 @@ from pmr import scene as scenes
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structure import Structure
 from pmr.models import StructuralModel
-from pmr.simulate import Excitation
+from pmr.simulation import Excitation
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 

@@ -24,8 +24,8 @@ WORKFLOWS = TESTS.parent / "workflows"
 #: Where BLAS and LAPACK have a hand in what is compared: run under several kernels of OpenBLAS, but of slow tests only
 #: those that are marked so.
 NUMERICAL = (
-    *("compare", "constraints", "convergence", "fem", "fullmodel", "models", "recover", "reduce", "reduced"),
-    *("simulate", "snapshots", "studies/kinds", "system", "test_environment.py", "test_run.py", "test_workflows.py"),
+    *("compare", "constraints", "convergence", "fem", "fullmodel", "models", "recover", "reduction", "reduced"),
+    *("simulation", "studies/kinds", "system", "errors/test_environment.py", "test_run.py", "test_workflows.py"),
 )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.scene.signals import SignalBase
-from pmr.simulate import Excitation, TimeStepping
+from pmr.simulation import Excitation, TimeStepping
 
 Array = NDArray[np.float64]
 Loads = SignalBase | Sequence[SignalBase]

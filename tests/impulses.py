@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulate.native.scheme import GeneralizedAlpha
-from pmr.simulate.stepping import TimeStepping
+from pmr.simulation.native.scheme import GeneralizedAlpha
+from pmr.simulation.stepping import TimeStepping
 
 Array = NDArray[np.float64]
 

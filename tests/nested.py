@@ -21,13 +21,13 @@ from pmr.fem.matrices import columns
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.model import FullModel, RigidMotions
 from pmr.models.beam2d import Beam2D
-from pmr.reduce.basis import modal_basis
-from pmr.reduce.residual.model import section_model
 from pmr.reduced.model import ReducedModel
+from pmr.reduction.basis import modal_basis
+from pmr.reduction.residual.model import section_model
+from pmr.reduction.snapshots.free_body import FreeBody
+from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.structures import Profile
-from pmr.simulate.modal import modal_form
-from pmr.snapshots.free_body import FreeBody
-from pmr.snapshots.free_modes import free_modes
+from pmr.simulation.modal import modal_form
 from pmr.system.body import FullBody, SlidingBody
 from pmr.system.contacts import Joint, JointPad
 from pmr.system.system import System

@@ -18,7 +18,7 @@ from pmr.reduced.carriers import CarriedRows, CarrierFlexibility
 from pmr.reduced.flexibility import EnrichmentModes, Flexibility, Inertia
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase
-from pmr.simulate import InitialState, TimeStepping
+from pmr.simulation import InitialState, TimeStepping
 from pmr.system.body import FullBody, SlidingBody
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ import pytest
 from bricks import bricks, on_pads
 from processes import FENICSX, PETSC, UNDRAWN, without
 
-from pmr import run as whole
+from pmr import pipeline as whole
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.files.matrices import from_matrices

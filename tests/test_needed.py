@@ -12,9 +12,9 @@ from processes import UNDRAWN, Called, called
 
 from pmr import scene
 from pmr.compare import responses
-from pmr.environment import check_installed, needed
 from pmr.errors import InputError
-from pmr.run import reduce
+from pmr.errors.environment import check_installed, needed
+from pmr.pipeline import reduce
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 MARCH_ALONE = ["simulation.simulators=['march']", "compare.against=['full']"]

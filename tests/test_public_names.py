@@ -23,10 +23,10 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
         _ = pmr.loadscene
 
 
-@pytest.mark.parametrize("before", ["", "import pmr.simulate.native.step; "])
+@pytest.mark.parametrize("before", ["", "import pmr.simulation.native.step; "])
 def test_a_room_is_called_and_stays_a_package(before: str) -> None:
     """In a process of its own, once without and once after the package was imported by itself."""
-    code = f"{before}import pmr, pmr.simulate.stepping as room; assert callable(pmr.simulate), room"
+    code = f"{before}import pmr, pmr.simulation.stepping as room; assert callable(pmr.simulate), room"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
@@ -40,6 +40,6 @@ def test_importing_pmr_or_its_commands_imports_nothing_heavy(imported: str) -> N
 def test_reduce_and_simulate_from_a_scene() -> None:
     scene = pmr.load_scene("evolved_residual", ["mesh.elements=10", "time.end=0.01"])
     response = pmr.simulate(scene, pmr.reduce(scene).reduced)
-    direct = importlib.import_module("pmr.run").run(scene)
+    direct = importlib.import_module("pmr.pipeline").run(scene)
     assert response.displacement.shape == direct.result.responses["reduced"].displacement.shape
     assert (response.displacement == direct.result.responses["reduced"].displacement).all()

@@ -19,13 +19,13 @@ from pmr.compare import errors as compare
 from pmr.compare import estimate
 from pmr.compare.references import references
 from pmr.compare.responses import quantities, simulate
-from pmr.environment import Clock
 from pmr.errors import InputError
+from pmr.errors.environment import Clock
 from pmr.fullmodel.build import build
-from pmr.reduce.from_scene import take_snapshots
-from pmr.run import reduce_with
-from pmr.simulate import Excitation
-from pmr.snapshots.free_body import rigid_modes
+from pmr.pipeline import reduce_with
+from pmr.reduction.from_scene import take_snapshots
+from pmr.reduction.snapshots.free_body import rigid_modes
+from pmr.simulation import Excitation
 
 BOOM = Path(__file__).parents[1] / "workflows" / "boom_beam.toml"
 COUNT = 200

@@ -6,7 +6,7 @@ import grimp
 import pytest
 import rooms
 
-MOST_ROOMS, MOST_ARROWS, MOST_MODULES = 30, 150, 8
+MOST_ROOMS, MOST_ARROWS, MOST_MODULES = 23, 125, 4
 
 
 @pytest.fixture(scope="module")

@@ -11,16 +11,16 @@ from textbook import TIP_DEFLECTION
 
 from pmr.compare.errors import nrms
 from pmr.compare.evaluation import respond
-from pmr.environment import Clock
 from pmr.errors import InputError
+from pmr.errors.environment import Clock
 from pmr.export.exudyn.script import exudyn_script
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
+from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
 from pmr.results import RunResult
-from pmr.run import reduce, run
-from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.exudyn import simulator as exudyn
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.exudyn import simulator as exudyn
 
 SHORT = ("time.end=0.5", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}")
 

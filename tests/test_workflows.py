@@ -15,7 +15,7 @@ import pytest
 from pmr import scene
 from pmr.compare.step_error import LIMIT
 from pmr.mesh import read_nodes
-from pmr.run import run
+from pmr.pipeline import run
 from pmr.studies import files
 
 ROOT = Path(__file__).parents[1]

@@ -10,7 +10,6 @@ import typer
 from rich.logging import RichHandler
 from typer.core import TyperGroup
 
-from pmr import environment
 from pmr.cli.console import VisibleText, err, leave, out, plain_letters, ranks, say
 from pmr.cli.export import export
 from pmr.cli.flexible import flexible
@@ -21,7 +20,7 @@ from pmr.cli.run import run
 from pmr.cli.schema import schema
 from pmr.cli.simulate import simulate
 from pmr.cli.study import study
-from pmr.errors import ConvergenceError, InputError, SimulationError
+from pmr.errors import ConvergenceError, InputError, SimulationError, environment
 from pmr.files.whole import FULL, NotWrittenError
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # of click, or of the copy of it that typer brings

@@ -35,7 +35,7 @@ def flexible(
         pmr flexible boom_solid --at 2.5 --to sid --set masses=[]
     """
     from pmr import scene as scenes
-    from pmr.run import framed_body, held_body
+    from pmr.pipeline import framed_body, held_body
 
     if to not in BODY_FORMATS:
         raise InputError("command line", "--to", to, f"{', '.join(BODY_FORMATS)} is allowed")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from pmr import environment
 from pmr.cli.console import out, scene_file
+from pmr.errors import environment
 from pmr.errors.text import visible
 from pmr.files.swap import finished
 

@@ -13,16 +13,15 @@ import typer
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from pmr import environment
 from pmr.cli.console import Folder, Overrides, ensure_writable, err, leave, no_report, out, say, scene_file
-from pmr.errors import InputError
+from pmr.errors import InputError, environment
 from pmr.errors.text import visible
 from pmr.files.swap import fresh, removed
 
 if TYPE_CHECKING:
-    from pmr.environment import Progress as Report
-    from pmr.run import Outcome
-    from pmr.run.booms import BoomOutcome
+    from pmr.errors.environment import Progress as Report
+    from pmr.pipeline import Outcome
+    from pmr.pipeline.booms import BoomOutcome
 
 
 def run(
@@ -96,11 +95,11 @@ def run(
         ensure_writable(where, RESULT_FILES)
     import numpy as np
 
-    from pmr.environment import Clock
+    from pmr.errors.environment import Clock
     from pmr.fem.compat import MPI
+    from pmr.pipeline.booms import run_either
     from pmr.report.document import REPORT_FILES, write_report
-    from pmr.run.booms import run_either
-    from pmr.simulate.petsc import Checkpoint
+    from pmr.simulation.petsc import Checkpoint
 
     first = MPI.COMM_WORLD.rank == 0
     outcomes = []

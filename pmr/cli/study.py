@@ -12,10 +12,9 @@ import typer
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bars
 
-from pmr import environment
 from pmr.cli.console import Folder, Overrides, ensure_writable, err, no_report, out, say
 from pmr.cli.console import study_file as found_file
-from pmr.errors import InputError
+from pmr.errors import InputError, environment
 
 if TYPE_CHECKING:
     from pmr.studies.call import Outcome

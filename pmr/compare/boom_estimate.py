@@ -24,16 +24,16 @@ from pmr.compare.attached import UnsettledError, borne, lifting, settled
 from pmr.compare.booms import columns_of, quantities, respond, with_friction
 from pmr.compare.estimate import MARGIN
 from pmr.compare.summary import Part
-from pmr.environment import Clock
 from pmr.errors import InputError, SimulationError
+from pmr.errors.environment import Clock
 from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended
 from pmr.results import Response
 from pmr.scene import Boom
 from pmr.scene.built import force_of
-from pmr.simulate import Excitation
-from pmr.simulate.native import multibody
+from pmr.simulation import Excitation
+from pmr.simulation.native import multibody
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]

@@ -20,21 +20,21 @@ from pmr.compare.booms import Said, respond, response_of, with_friction
 from pmr.compare.made_for import check_made_for
 from pmr.compare.responses import agreement
 from pmr.compare.trust import distrust
-from pmr.environment import Clock
 from pmr.errors import InputError, SimulationError
+from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.system import FullSystem
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Boom, Scene
 from pmr.scene.boom_parts import DRIVEN, section_scene
-from pmr.simulate import Excitation, Progress, SystemSimulator, exudyn
-from pmr.simulate.booms import excitation_of
-from pmr.simulate.native import multibody
-from pmr.simulate.native.multibody_march import places
-from pmr.simulate.petsc import Checkpoint, Recording, observe_system, static_start
-from pmr.simulate.petsc.rows import contact_rows
-from pmr.simulate.stepping import TimeStepping
+from pmr.simulation import Excitation, Progress, SystemSimulator, exudyn
+from pmr.simulation.booms import excitation_of
+from pmr.simulation.native import multibody
+from pmr.simulation.native.multibody_march import places
+from pmr.simulation.petsc import Checkpoint, Recording, observe_system, static_start
+from pmr.simulation.petsc.rows import contact_rows
+from pmr.simulation.stepping import TimeStepping
 from pmr.system.booms import contacts_of, system_of
 from pmr.system.system import System, SystemTrajectory
 

@@ -16,12 +16,12 @@ from pmr.results import Energy, Response
 from pmr.scene import Boom
 from pmr.scene.boom_parts import STRAIGHT
 from pmr.scene.built import force_of, reaction_of
-from pmr.simulate.columns import called
-from pmr.simulate.modal import inertia_share, unpressed
-from pmr.simulate.native import multibody
+from pmr.simulation.columns import called
+from pmr.simulation.modal import inertia_share, unpressed
+from pmr.simulation.native import multibody
 from pmr.system.body import force_outputs, length_outputs
 from pmr.system.booms import cylinder
-from pmr.system.contacts import Contact
+from pmr.system.contacts import Contact, named
 from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ def _with_reactions(response: Response, system: System, trajectory: SystemTrajec
         own = [side for side in system.sides if side.place.body == name]
         for side, x, force in zip(own, motion.s.T, motion.multipliers.T, strict=True):
             forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
-        names += [reaction_of(f"{name}: {one}") for one in known.names]
+        names += [reaction_of(named(name, one)) for one in known.names]
         units += known.units
         columns.append(forces)
     if not names:
@@ -90,11 +90,11 @@ def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
         moved.append(y[:, length_outputs(body)])
         springs.append(y[:, force_outputs(body)])
         others.append(y[:, ~(length_outputs(body) | force_outputs(body))])
-        other_names += [f"{name}: {one}" for one in of.others]
+        other_names += [named(name, one) for one in of.others]
         other_units += of.other_units
         x.append(body.output_positions[length_outputs(body)])
-        names += [f"{name}: {one}" for one in of.moved]
-        force_names += [f"{name}: {one}" for one in of.forces]
+        names += [named(name, one) for one in of.moved]
+        force_names += [named(name, one) for one in of.forces]
     borne = [k for k, contact in enumerate(system.contacts) if contact.inner.row not in STRAIGHT]
     not_known = np.full(len(t), np.nan)
     return Response(

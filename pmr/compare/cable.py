@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pmr.environment import needed
+from pmr.errors.environment import needed
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.simulate import Excitation
-from pmr.simulate.exudyn.cable import Cable
+from pmr.simulation import Excitation
+from pmr.simulation.exudyn.cable import Cable
 
 if TYPE_CHECKING:
-    from pmr.simulate.exudyn import ancf
+    from pmr.simulation.exudyn import ancf
 
 Done = Callable[[float], None]
 
@@ -36,11 +36,11 @@ def cable_of(scene: Scene) -> Cable:
 def simulate_cable(scene: Scene, x: ArrayLike, excitation: Excitation, done: Done | None = None) -> ancf.CableMotion:
     """Motion of that cable at the material points x (o,) in m.
 
-    Raises InputError if Exudyn is not installed, and as for `pmr.simulate.exudyn.ancf.simulate`; SimulationError if a
+    Raises InputError if Exudyn is not installed, and as for `pmr.simulation.exudyn.ancf.simulate`; SimulationError if a
     step fails or a result is not finite.
     """
     needed("exudyn")
-    from pmr.simulate.exudyn import ancf
+    from pmr.simulation.exudyn import ancf
 
     return ancf.simulate(cable_of(scene), scene.load_places, excitation, np.asarray(x, dtype=float), done)
 
@@ -48,7 +48,7 @@ def simulate_cable(scene: Scene, x: ArrayLike, excitation: Excitation, done: Don
 def response(scene: Scene, x: ArrayLike, done: Done | None = None) -> Response:
     """Response of the ANCF reference; its joint holds a point in space, so the rows' residuals do not apply: NaN."""
     motion = simulate_cable(scene, x, Excitation.of(scene), done)
-    from pmr.simulate.exudyn import ancf
+    from pmr.simulation.exudyn import ancf
 
     unknown = np.full(len(motion.t), np.nan)
     return Response(

@@ -17,8 +17,8 @@ from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended
 from pmr.scene.signals import SignalBase
-from pmr.simulate import TimeStepping
-from pmr.simulate.modal import modal_form
+from pmr.simulation import TimeStepping
+from pmr.simulation.modal import modal_form
 from pmr.system.body import pushing_rows
 
 Array = NDArray[np.float64]

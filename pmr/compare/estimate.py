@@ -1,7 +1,7 @@
 r"""How far a reduced model is off, without a full one.
 
 The error is what inertia and damping of the truncated modes make of the motion.  A second run keeps the first c of
-them, the enrichment modes, as coordinates, and of all others the inertia and the damping (`pmr.simulate.native`,
+them, the enrichment modes, as coordinates, and of all others the inertia and the damping (`pmr.simulation.native`,
 residual inertia), which is one order more of the same series:
 
 .. math::
@@ -34,10 +34,10 @@ from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, 
 from pmr.compare.ringing import rings
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, is_modal, with_kept_inertia
-from pmr.simulate import Excitation
-from pmr.simulate.columns import called
-from pmr.simulate.modal import ModalForm, modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation
+from pmr.simulation.columns import called
+from pmr.simulation.modal import ModalForm, modal_form
+from pmr.simulation.native import simulator as march
 from pmr.system.body import Trajectory, pushing_rows
 
 Array = NDArray[np.float64]
@@ -127,8 +127,8 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
     """Estimate the error of a model with enrichment modes, from rest; all runs are made here.
 
     The last `tips` displacements are those of the tip.  Raises ValueError if there is no estimate (`no_estimate`);
-    InputError or SimulationError as for `pmr.simulate.Simulator`; SimulationError too if what two richer models say of
-    an impact differs.
+    InputError or SimulationError as for `pmr.simulation.Simulator`; SimulationError too if what two richer models say
+    of an impact differs.
     """
     begin = time.perf_counter()
     if why := no_estimate(model):

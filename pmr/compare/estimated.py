@@ -13,14 +13,14 @@ from scipy.ndimage import maximum_filter1d
 from pmr.compare import coverage, estimate, step_error
 from pmr.compare.attached import UnsettledError
 from pmr.compare.summary import Part
-from pmr.environment import Clock
 from pmr.errors import InputError, SimulationError
+from pmr.errors.environment import Clock
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Reduction, Scene
 from pmr.scene.choice import transverse
-from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.modal import modal_form
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.modal import modal_form
 
 Array = NDArray[np.float64]
 

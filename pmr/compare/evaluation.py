@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from pmr.compare.errors import force_round_off, refuse_infinite, round_off
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
-from pmr.simulate.balance import blocks, energy
-from pmr.simulate.blocks import Block, Ended
-from pmr.simulate.columns import called
-from pmr.simulate.modal import support_forces
+from pmr.simulation.balance import blocks, energy
+from pmr.simulation.blocks import Block, Ended
+from pmr.simulation.columns import called
+from pmr.simulation.modal import support_forces
 from pmr.system.body import (
     FullBody,
     SlidingBody,

@@ -25,7 +25,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, FrequencyResponse
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam, transverse
-from pmr.simulate.state_space import state_space
+from pmr.simulation.state_space import state_space
 from pmr.system.compliant_rows import CompliantRows
 
 Array = NDArray[np.float64]

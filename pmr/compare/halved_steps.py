@@ -9,12 +9,12 @@ from pmr.compare.errors import relative_error, round_off, settled
 from pmr.compare.spectrum import band
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
-from pmr.simulate import contact_step
-from pmr.simulate.excitation import Excitation
-from pmr.simulate.modal import ModalForm
-from pmr.simulate.native import simulator as march
-from pmr.simulate.resolution import aliased
-from pmr.simulate.stepping import TimeStepping
+from pmr.simulation import contact_step
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.modal import ModalForm
+from pmr.simulation.native import simulator as march
+from pmr.simulation.resolution import aliased
+from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import SlidingBody, displacement, length_outputs, pushing_rows
 
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ class Runs:
     def next(self) -> Array:
         """Displacements (T, o) in m of the next run, where runs are compared.
 
-        Raises InputError or SimulationError as for `pmr.simulate.Simulator`.
+        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
         self.halved += 1
         try:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
 from pmr.reduced.model import ReducedModel
-from pmr.simulate.modal import ModalForm
+from pmr.simulation.modal import ModalForm
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]

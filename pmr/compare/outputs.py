@@ -23,7 +23,7 @@ from pmr.compare.errors import (
 )
 from pmr.compare.velocities import lag, velocity
 from pmr.reduced.model import ReducedModel
-from pmr.simulate import Excitation
+from pmr.simulation import Excitation
 from pmr.system.body import Trajectory, displacement, force_outputs, length_outputs, other_outputs, released_rows
 
 Array = NDArray[np.float64]

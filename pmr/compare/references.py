@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from pmr.compare.responses import MARCHED_UP_TO, Simulated, full_simulator, simulate_reference
 from pmr.compare.trust import distrust
-from pmr.environment import Clock
 from pmr.errors import SimulationError, on_first
+from pmr.errors.environment import Clock
 from pmr.fullmodel.model import FullModel
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.simulators import REFERENCE, refuse
-from pmr.simulate.excitation import Excitation
-from pmr.simulate.needs import needs_on
-from pmr.simulate.petsc import Checkpoint, Recording, observe, respond
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.needs import needs_on
+from pmr.simulation.petsc import Checkpoint, Recording, observe, respond
 
 Array = NDArray[np.float64]
 

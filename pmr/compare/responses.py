@@ -11,26 +11,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr import environment
 from pmr.compare import cable
 from pmr.compare import errors as compare
 from pmr.compare.evaluation import Evaluation, respond
 from pmr.compare.made_for import check_made_for
-from pmr.environment import Clock
-from pmr.errors import GrowthError
+from pmr.errors import GrowthError, environment
+from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Boom, Scene
 from pmr.scene.choice import transverse
 from pmr.scene.simulators import SIMULATORS
-from pmr.simulate import Excitation, exudyn
-from pmr.simulate.blocks import Block, Recorder
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation, exudyn
+from pmr.simulation.blocks import Block, Recorder
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 
 if TYPE_CHECKING:
-    from pmr.simulate.exudyn import Formulation
+    from pmr.simulation.exudyn import Formulation
 
 Array = NDArray[np.float64]
 Done = Callable[[float], None]

@@ -9,12 +9,12 @@ from pmr.compare.frequencies import reduced_frequencies
 from pmr.compare.made_for import check_made_for
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated, trusted
-from pmr.environment import Clock
 from pmr.errors import InputError
+from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
 from pmr.results import FrequencyCurves, RunResult, Shapes
 from pmr.scene import Scene
-from pmr.simulate import Excitation
+from pmr.simulation import Excitation
 
 #: Frequencies, and places along the path at which they are found.
 FREQUENCIES, POSITIONS = 6, 11

@@ -29,9 +29,9 @@ from pmr.errors import SimulationError
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SignalBase
-from pmr.simulate.excitation import Excitation
-from pmr.simulate.modal import modal_form
-from pmr.simulate.stepping import TimeStepping
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.modal import modal_form
+from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import pushing_rows
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ def step_error(model: ReducedModel, excitation: Excitation, tips: int = 1) -> St
     """Error of the time step, from rest; the last `tips` displacements are the tip's.
 
     `march` makes the runs; Exudyn's solver has the same scheme and start.  Raises InputError as for
-    `pmr.simulate.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
+    `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
     """
     begin = time.perf_counter()
     runs = Runs(modal_form(model), excitation)

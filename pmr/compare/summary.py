@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from pmr import environment
 from pmr.compare import errors, pad_forces, ringing, trust
 from pmr.compare.outputs import impulsive
 from pmr.compare.spectrum import band_of, error_below
+from pmr.errors import environment
 from pmr.files import jsonfile
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Boom, Scene
 from pmr.scene.scene import OneBody
-from pmr.simulate import Excitation, contact_step, resolution
+from pmr.simulation import Excitation, contact_step, resolution
 
 
 @dataclass(frozen=True)

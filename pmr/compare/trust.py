@@ -11,7 +11,7 @@ from pmr.compare.ringing import ALTERNATES, CAUSES, REMEDY, RINGING, alternating
 from pmr.errors.text import rounded
 from pmr.results import Response
 from pmr.scene.structures import Material
-from pmr.simulate.balance import NOTABLE, described
+from pmr.simulation.balance import NOTABLE, described
 
 Array = NDArray[np.float64]
 
@@ -24,8 +24,8 @@ _CALLED = {"full": "the full model", "ancf": "the ANCF cable"}
 def distrust(response: Response) -> str | None:
     """Why nothing should be compared with a response, in words; None where nothing speaks against it.
 
-    Its energy has to come from loads and moving rows (`pmr.simulate.balance`).  Of the ANCF cable, whose energy leaves
-    out the axial strain, the displacements must not alternate from step to step instead.
+    Its energy has to come from loads and moving rows (`pmr.simulation.balance`).  Of the ANCF cable, whose energy
+    leaves out the axial strain, the displacements must not alternate from step to step instead.
     """
     if not np.isfinite(response.displacement).all():
         return "its displacements are not finite"

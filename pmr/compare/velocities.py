@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
 from pmr.reduced.model import ReducedModel
-from pmr.simulate.excitation import Excitation, in_order
+from pmr.simulation.excitation import Excitation, in_order
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 
-from pmr import environment
+from pmr.errors import environment
 from pmr.fields.held import FramedBody, NodalBody
 from pmr.files.whole import replaced
 

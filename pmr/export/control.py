@@ -8,12 +8,12 @@ import numpy as np
 import scipy.io
 from numpy.typing import NDArray
 
-from pmr.environment import check_installed
 from pmr.errors import InputError
+from pmr.errors.environment import check_installed
 from pmr.export.formats import Options
 from pmr.export.places import held_at
 from pmr.files.whole import replaced
-from pmr.simulate.state_space import StateSpace
+from pmr.simulation.state_space import StateSpace
 
 Array = NDArray[np.float64]
 #: Frequencies of a response.

@@ -8,8 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pmr import environment
-from pmr.errors import InputError
+from pmr.errors import InputError, environment
 from pmr.errors.text import hint
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.export.formats import Options
 from pmr.export.places import held_at
 from pmr.files.whole import replaced
-from pmr.simulate.state_space import StateSpace
+from pmr.simulation.state_space import StateSpace
 
 Array = NDArray[np.float64]
 #: Letters of a wide field: 10 to 12 digits fit.

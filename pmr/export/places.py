@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.export.formats import Options
 from pmr.reduced.model import ReducedModel
-from pmr.simulate.state_space import StateSpace, state_space
+from pmr.simulation.state_space import StateSpace, state_space
 
 Array = NDArray[np.float64]
 #: Along the path where none are asked for.

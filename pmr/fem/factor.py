@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from pmr.environment import available_memory
 from pmr.errors import InputError
+from pmr.errors.environment import available_memory
 from pmr.fem.compat import HAS_PETSC, MPI, PETSc
 from pmr.fem.distributed import freed, view
 

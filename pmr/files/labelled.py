@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.environment import needed
+from pmr.errors.environment import needed
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

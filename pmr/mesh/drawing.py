@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.environment import needed
+from pmr.errors.environment import needed
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
-from pmr.reduce.residual.operator import ResidualFlexibility
 from pmr.reduced.model import ReducedModel
+from pmr.reduction.residual.operator import ResidualFlexibility
+from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.scene.boom_parts import TAIL
-from pmr.snapshots.free_body import FreeBody
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]

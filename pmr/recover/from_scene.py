@@ -13,7 +13,7 @@ from pmr.fullmodel.build import Built
 from pmr.fullmodel.structure import Structure
 from pmr.recover.coordinates import Recovery, ReducedStates, chosen_states
 from pmr.recover.fields import Seen, View, in_blocks, look
-from pmr.reduce.sections import ReducedSection
+from pmr.reduction.sections import ReducedSection
 from pmr.scene import Boom, Scene
 from pmr.scene.asked import Recovery as FieldsAsked
 from pmr.system.system import System, SystemTrajectory

@@ -54,7 +54,7 @@ class Inertia:
     D0: PPoly
     D1: PPoly
     F0: PPoly
-    # whether the equations of motion keep this inertia (`pmr.simulate.native.residual_inertia`); else it only serves
+    # whether the equations of motion keep this inertia (`pmr.simulation.native.residual_inertia`); else it only serves
     # error estimates
     kept: bool = False
 

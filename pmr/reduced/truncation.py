@@ -80,7 +80,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
 
 
 def with_kept_inertia(model: ReducedModel) -> ReducedModel:
-    """The model whose equations of motion keep the residual part's inertia (`pmr.simulate.native.residual_inertia`).
+    """The model whose equations of motion keep the residual part's inertia (`pmr.simulation.native.residual_inertia`).
 
     A ValueError is raised where it has no tables of it.
     """

@@ -10,7 +10,7 @@ from typing import Any
 
 import jinja2
 
-from pmr.environment import needed
+from pmr.errors.environment import needed
 from pmr.errors.text import visible
 from pmr.files.swap import fresh
 from pmr.report.blocks import Chapter

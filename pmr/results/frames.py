@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pmr.environment import needed
 from pmr.errors import InputError
+from pmr.errors.environment import needed
 from pmr.files.swap import finished
 from pmr.results.boom import BoomResult
 from pmr.results.run import RunResult

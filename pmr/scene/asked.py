@@ -124,7 +124,7 @@ class Reduction(Section):
     `basis`: ``free_modes``, the lowest eigenmodes with all that slides released (free-interface modes);
     ``eigenmodes`` takes `modes` of them with the slider held at each of several `positions`, compressed by POD;
     ``paper`` does the same as Weyrer et al. do, for whom every row of a support costs a coordinate, the weakest of the
-    basis (`pmr.reduce.galerkin`); ``file`` reads vectors from a `file`.  Any model can have any of them.
+    basis (`pmr.reduction.galerkin`); ``file`` reads vectors from a `file`.  Any model can have any of them.
 
     `flexibility` adds what the basis leaves out, quasi-static, as tables in s: far fewer coordinates do then, 6 being
     the default for free modes, which have it unless told otherwise.

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import MODAL, extended, truncated, with_kept_inertia
 from pmr.scene import Reduction, Scene
-from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.balance import energy
-from pmr.simulate.blocks import Recorder
-from pmr.simulate.modal import ModalForm, modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.balance import energy
+from pmr.simulation.blocks import Recorder
+from pmr.simulation.modal import ModalForm, modal_form
+from pmr.simulation.native import simulator as march
 from pmr.studies import local_bases, shared
 from pmr.system.body import Trajectory, displacement, length_outputs
 from pmr.system.projection import projected
@@ -84,7 +84,7 @@ def reduction(scene: Scene, basis: str, largest: int) -> Reduction:
 
 
 def _built(case: Case) -> ReducedModel:
-    from pmr.run import reduce
+    from pmr.pipeline import reduce
 
     return reduce(case.scene).reduced
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pmr import environment
+from pmr.errors import environment
 from pmr.studies.engine.frozen import sources
 from pmr.studies.engine.graph import open_nodes
 from pmr.studies.engine.pools import Pool

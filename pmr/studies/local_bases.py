@@ -28,10 +28,10 @@ from scipy.interpolate import CubicSpline
 
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
-from pmr.simulate import Excitation
-from pmr.simulate.native.compilation import compiled
-from pmr.simulate.native.residual_inertia import central_differences
-from pmr.simulate.native.scheme import GeneralizedAlpha
+from pmr.simulation import Excitation
+from pmr.simulation.native.compilation import compiled
+from pmr.simulation.native.residual_inertia import central_differences
+from pmr.simulation.native.scheme import GeneralizedAlpha
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation
-from pmr.simulate import Excitation
-from pmr.simulate.balance import NOTABLE, described
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation
+from pmr.simulation.balance import NOTABLE, described
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
 from pmr.studies import shared
 from pmr.studies.engine.task import Task, TaskResult
 from pmr.system.body import SlidingBody
@@ -34,7 +34,7 @@ class Motion:
 def motion(body: SlidingBody, excitation: Excitation) -> Motion:
     """Displacement and, from the modal coordinates z, the strain energy sum_i omega_i^2 z_i^2 / 2.
 
-    Raises InputError or SimulationError as for `pmr.simulate.Simulator`.
+    Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
     """
     form = modal_form(body)
     found = march.simulate_modal(form, excitation)

@@ -1,7 +1,7 @@
 r"""Reduced models of every size on one global basis: POD bases are nested, so one decomposition serves all sizes.
 
 Supports make the difference between three ways to count coordinates, because POD vectors of eigenmodes vanish there
-(`pmr.reduce.galerkin`):
+(`pmr.reduction.galerkin`):
 
 dropped
     The supports' rows say nothing and are left out; r coordinates move: ``basis = "eigenmodes"`` of a scene.
@@ -28,7 +28,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.choice import directions, fewest_rows
-from pmr.simulate import Excitation
+from pmr.simulation import Excitation
 from pmr.studies import shared
 from pmr.studies.engine.task import Task, TaskResult
 from pmr.studies.marching import Motion, motion, resting
@@ -36,7 +36,7 @@ from pmr.system.projection import projected
 
 if TYPE_CHECKING:
     from pmr.fullmodel.model import FullModel
-    from pmr.snapshots import Snapshots
+    from pmr.reduction.snapshots import Snapshots
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
@@ -121,8 +121,8 @@ def library(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
 
 def global_basis(scene: Scene, library: TaskResult, snapshots: int, modes: int) -> GlobalBasis:
     """The basis of one combination, from the eigenmodes of a `library_task` for the same scene."""
-    from pmr.reduce.basis import pod
-    from pmr.reduce.galerkin import reduced_model
+    from pmr.reduction.basis import pod
+    from pmr.reduction.galerkin import reduced_model
 
     model = shared.model_of(scene)
     pool = _pool(model, library, _positions(scene, model, snapshots), modes)
@@ -140,14 +140,14 @@ def global_basis(scene: Scene, library: TaskResult, snapshots: int, modes: int) 
 
 
 def _positions(scene: Scene, model: FullModel, count: int) -> Array:
-    from pmr.snapshots.eigenmodes import positions
+    from pmr.reduction.snapshots.eigenmodes import positions
 
     choice = scene.reduction.model_copy(update={"snapshots": count})
     return positions(scene.model_copy(update={"reduction": choice}), model)
 
 
 def _pool(model: FullModel, library: TaskResult, at: Array, modes: int) -> Snapshots:
-    from pmr.snapshots import Snapshots
+    from pmr.reduction.snapshots import Snapshots
 
     number = np.searchsorted(library.arrays["s"], at)
     phi = np.concatenate(library.arrays["phi"][number, :, :modes], axis=1)

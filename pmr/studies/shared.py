@@ -24,7 +24,7 @@ from pmr.studies.engine.task import Task, TaskFunction, TaskResult
 if TYPE_CHECKING:
     from pmr.fullmodel.build import Built
     from pmr.fullmodel.model import FullModel
-    from pmr.snapshots import Snapshots
+    from pmr.reduction.snapshots import Snapshots
     from pmr.system.body import FullBody
 
 #: Rough effort in s for the paper's beam.
@@ -117,8 +117,8 @@ def frequencies_task(scene: Scene) -> Task:
 
 def snapshots_from(scene: Scene, needs: Mapping[str, TaskResult]) -> Snapshots:
     """The scene's snapshots, from the results of its `modes_tasks` where it has any."""
-    from pmr.reduce.given import given_vectors
-    from pmr.snapshots import Snapshots
+    from pmr.reduction.given import given_vectors
+    from pmr.reduction.snapshots import Snapshots
 
     if scene.reduction.file is not None:
         return given_vectors(model_of(scene), scene.reduction.file)
@@ -136,7 +136,7 @@ def response_from(result: TaskResult) -> Response:
 def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: eigenmodes with the slider held at one of the scene's positions."""
     from pmr.fullmodel.eigensolvers import eigensolver
-    from pmr.snapshots.eigenmodes import positions
+    from pmr.reduction.snapshots.eigenmodes import positions
 
     scene = scene_of(arguments)
     model = model_of(scene)
@@ -148,7 +148,7 @@ def modes_at(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
 
 def modes_released(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: the modes of a scene whose basis needs no slider positions."""
-    from pmr.reduce.from_scene import take_snapshots
+    from pmr.reduction.from_scene import take_snapshots
 
     scene = scene_of(arguments)
     taken = take_snapshots(scene, model_of(scene))

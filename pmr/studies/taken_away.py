@@ -108,7 +108,7 @@ def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult])
     ``frequencies.<model>`` (Hz).
     """
     from pmr.compare.booms import tip_columns
-    from pmr.run.booms import run_boom
+    from pmr.pipeline.booms import run_boom
 
     boom = Boom.model_validate(arguments["boom"])
     outcome = run_boom(boom)

@@ -194,7 +194,7 @@ class Trajectory:
     # (T, m) N: largest multiplier within the step that ends at t, of rows that only push, where a step is made in
     # parts; of the others that at t
     peaks: Array | None = None
-    # share of the largest energy that neither loads nor moving rows put in (`pmr.simulate.balance`); NaN: unknown
+    # share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`); NaN: unknown
     surplus: float = np.nan
 
     @property

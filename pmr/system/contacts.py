@@ -12,6 +12,14 @@ from pmr.errors import BEYOND_ENDS, InputError
 
 Array = NDArray[np.float64]
 
+#: What a body alone is called in a system, and the path on which its moving rows travel.
+ALONE, SLIDER = "", "slider"
+
+
+def named(body: str, what: str) -> str:
+    """What something of a body is called among those of all bodies; of a body alone as it is."""
+    return what if body == ALONE else f"{body}: {what}"
+
 
 @dataclass(frozen=True)
 class Place:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.constraints.rows import Row
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.system.body import SlidingBody, Trajectory
-from pmr.system.contacts import Contact, Place, refused
+from pmr.system.contacts import ALONE, SLIDER, Contact, Place, refused
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class Joined(Generic[AnyBody]):
                 raise refused(name, "row", place.row, f"{', '.join(body.row_names)} are allowed on {place.body}")
         for name, body in self.bodies.items():
             if body.carriers is None:
-                allowed = "a model with carriers is allowed (`pmr.reduce.residual.model.section_model`)"
+                allowed = "a model with carriers is allowed (`pmr.reduction.residual.model.section_model`)"
                 raise InputError("system", f"bodies.{name}", None, allowed)
             used = {side.place.row for side in self.sides if side.place.body == name}
             missing = [row for row in body.lasting if row not in used]
@@ -125,8 +125,10 @@ class Joined(Generic[AnyBody]):
 
     @property
     def input_names(self) -> tuple[str, ...]:
-        """``body.input`` of all bodies, in their order."""
-        return tuple(f"{name}.{one}" for name, body in self.bodies.items() for one in body.input_names)
+        """``body.input`` of all bodies, in their order; ``input`` of a body alone."""
+        return tuple(
+            one if name == ALONE else f"{name}.{one}" for name, body in self.bodies.items() for one in body.input_names
+        )
 
     @property
     def compliance(self) -> Array:
@@ -170,6 +172,22 @@ class Joined(Generic[AnyBody]):
 class System(Joined[SlidingBody]):
     """Reduced or full bodies, each on one process, and what joins them."""
 
+    @classmethod
+    def of(cls, body: SlidingBody) -> System:
+        """A body alone, whose rows are contacts with the ground; what moves does so along one path, ``slider``."""
+        moving, (first, _) = body.moving, body.domain
+        contacts = tuple(
+            Contact(
+                name,
+                Place(ALONE, name, path=SLIDER) if number in moving else Place(ALONE, name, first),
+                compliance=float(body.row_compliance[number]),
+                clearance=None if np.isnan(body.row_clearance[number]) else float(body.row_clearance[number]),
+            )
+            for number, name in enumerate(body.row_names)
+            if number not in body.held
+        )
+        return cls({ALONE: body}, contacts)
+
 
 @dataclass(frozen=True)
 class SystemTrajectory:
@@ -187,7 +205,7 @@ class SystemTrajectory:
     energy: Array
     work: Array
     seconds: float  # wall time of the solver alone
-    surplus: float  # share of the largest energy that nothing put in (`pmr.simulate.balance`)
-    parts: NDArray[np.int64] | None = None  # (T,): of how many parts each step was made (`pmr.simulate.contact_step`)
+    surplus: float  # share of the largest energy that nothing put in (`pmr.simulation.balance`)
+    parts: NDArray[np.int64] | None = None  # (T,): of how many parts each step was made (`pmr.simulation.contact_step`)
     # (T, m) N s: of the step that ends at t, as generalized-alpha weighs forces; None where no contact only pushes
     impulses: Array | None = None

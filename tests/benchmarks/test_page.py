@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import latency, limit, report, requirements
-from pmr import environment
+from pmr.errors import environment
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from processes import FENICSX, PETSC, called, without
 
-from pmr import run as whole
+from pmr import pipeline as whole
 from pmr import scene
 from pmr.compare.made_for import check_made_for
 from pmr.compare.responses import simulate_reduced

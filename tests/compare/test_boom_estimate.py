@@ -12,11 +12,11 @@ import pytest
 from pmr import scene as scenes
 from pmr.compare import attached, boom_estimate
 from pmr.fullmodel.build import build_sections
-from pmr.reduce.sections import reduce_sections
+from pmr.pipeline.booms import run_boom
 from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
-from pmr.run.booms import run_boom
+from pmr.reduction.sections import reduce_sections
 from pmr.scene import Boom
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

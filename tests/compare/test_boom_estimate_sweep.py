@@ -10,7 +10,7 @@ import os
 import pytest
 from random_scenes import random_boom
 
-from pmr.run.booms import run_boom
+from pmr.pipeline.booms import run_boom
 
 SEEDS = range(40) if os.environ.get("PMR_SWEEP") == "full" else range(4)
 #: True errors below this are round-off of two long simulations.

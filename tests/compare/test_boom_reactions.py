@@ -14,17 +14,17 @@ from pmr import scene as scenes
 from pmr.compare.booms import respond
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built, build_sections
+from pmr.pipeline.booms import run_boom
 from pmr.recover.coordinates import Recovery
-from pmr.reduce.sections import ReducedSection, reduce_sections
 from pmr.reduced.model import ReducedModel
+from pmr.reduction.sections import ReducedSection, reduce_sections
 from pmr.results import Response
-from pmr.run.booms import run_boom
 from pmr.scene import Boom
 from pmr.scene.boom_parts import TAIL
 from pmr.scene.built import force_of, reaction_of
-from pmr.simulate import Excitation, SystemSimulator, exudyn
-from pmr.simulate.booms import excitation_of
-from pmr.simulate.native import multibody
+from pmr.simulation import Excitation, SystemSimulator, exudyn
+from pmr.simulation.booms import excitation_of
+from pmr.simulation.native import multibody
 from pmr.system.body import force_outputs
 from pmr.system.booms import system_of
 from pmr.system.system import System, SystemTrajectory

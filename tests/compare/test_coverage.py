@@ -13,10 +13,10 @@ from pmr.compare import coverage
 from pmr.compare.coverage import BLOWS, JUMPS, NEVER, highest_known, not_covered
 from pmr.compare.estimate import estimate
 from pmr.errors import InputError, SimulationError
+from pmr.pipeline import run
 from pmr.report import sentences
-from pmr.run import run
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
-from pmr.simulate import TimeStepping
+from pmr.simulation import TimeStepping
 
 MODEL = inertial(full_body(20), 9, enrichment=6)  # the highest enrichment mode is at 179 Hz, at the steps at 163 Hz
 STEPPING = TimeStepping(2.0, 1e-3)

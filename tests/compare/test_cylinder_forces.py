@@ -12,14 +12,14 @@ import scipy.integrate
 from pmr import scene as scenes
 from pmr.compare.estimate import MARGIN
 from pmr.fullmodel.build import build_sections
+from pmr.pipeline.booms import run_boom
 from pmr.recover.coordinates import Recovery
 from pmr.recover.from_scene import states_of
-from pmr.reduce.sections import reduce_sections
+from pmr.reduction.sections import reduce_sections
 from pmr.results import BoomResult
-from pmr.run.booms import run_boom
 from pmr.scene import Boom
-from pmr.simulate.booms import excitation_of
-from pmr.simulate.native import multibody
+from pmr.simulation.booms import excitation_of
+from pmr.simulation.native import multibody
 from pmr.system.booms import system_of
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -12,7 +12,7 @@ from pmr.compare.evaluation import respond
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
-from pmr.simulate.balance import energy
+from pmr.simulation.balance import energy
 from pmr.system.body import Trajectory
 
 T = np.linspace(0.0, 1.0, 1001)

@@ -18,13 +18,13 @@ from pmr.compare.outputs import KINDS, Floors, Outputs, differences, outputs
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
-from pmr.reduce.from_scene import take_snapshots
-from pmr.run import reduce_with
+from pmr.pipeline import reduce_with
+from pmr.reduction.from_scene import take_snapshots
 from pmr.scene import Scene
 from pmr.scene.choice import transverse
-from pmr.simulate import Excitation
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
 from pmr.system.body import SlidingBody
 
 SEEDS, PUSHING = (range(60), range(40)) if os.environ.get("PMR_SWEEP") == "full" else (range(12), range(8))

@@ -17,9 +17,9 @@ from pmr.compare import estimate as estimates
 from pmr.compare.responses import simulate_reduced, simulate_reference
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
-from pmr.reduce.from_scene import take_snapshots
-from pmr.run import reduce_with
-from pmr.simulate import Excitation
+from pmr.pipeline import reduce_with
+from pmr.reduction.from_scene import take_snapshots
+from pmr.simulation import Excitation
 
 Array = NDArray[np.float64]
 SEEDS = range(200) if os.environ.get("PMR_SWEEP") == "full" else range(12)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pmr import run as whole
+from pmr import pipeline as whole
 from pmr import scene as scenes
 from pmr.compare.frequencies import frequency_part, frequency_response
 from pmr.errors import InputError

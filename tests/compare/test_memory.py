@@ -7,15 +7,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pmr import environment
 from pmr.compare import memory
 from pmr.compare.responses import simulate_reference
-from pmr.errors import InputError
+from pmr.errors import InputError, environment
 from pmr.scene import Scene
-from pmr.simulate import Excitation
-from pmr.simulate.blocks import Recorder
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation
+from pmr.simulation.blocks import Recorder
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
 from pmr.system.body import FullBody
 
 LONG = ["time.step=1.5e-5", "compare.against=['full']"]

@@ -19,9 +19,9 @@ from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene.signals import Constant, Sine, SmoothRamp
-from pmr.simulate import TimeStepping
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import TimeStepping
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
 from pmr.system.body import FullBody, displacement
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.compare.responses import simulate
-from pmr.run import reduce
-from pmr.simulate import Excitation
-from pmr.simulate.native import simulator as march
+from pmr.pipeline import reduce
+from pmr.simulation import Excitation
+from pmr.simulation.native import simulator as march
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SMALL = ("mesh.elements=12", "time.end=0.2", "reduction.coordinates=6", "slider.path=2.0", "simulation.repeats=1")

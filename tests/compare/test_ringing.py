@@ -10,12 +10,12 @@ from oracle import flexible, full_body
 from pmr.compare.errors import nrms
 from pmr.compare.ringing import RINGING, alternating, ringing, rings
 from pmr.compare.saved_model import simulate_saved
+from pmr.pipeline import run
 from pmr.report import errors, sentences
-from pmr.run import run
 from pmr.scene.signals import Chirp, Sine, SmoothRamp
-from pmr.simulate import TimeStepping, balance
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import TimeStepping, balance
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
 
 #: 3 m/s on a smooth path.  With rho_inf = 0.97 the energy's surplus is below 1e-3 and displacements agree to 2e-5, and
 #: 98 % of the full model's slider force alternate.

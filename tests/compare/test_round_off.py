@@ -12,11 +12,11 @@ from scipy.interpolate import PPoly
 from pmr import scene as scenes
 from pmr.compare.errors import force_round_off, round_off
 from pmr.compare.evaluation import respond
+from pmr.pipeline import run
 from pmr.reduced.model import ReducedModel
-from pmr.run import run
 from pmr.scene.signals import Constant
-from pmr.simulate import TimeStepping
-from pmr.simulate.native import simulator as march
+from pmr.simulation import TimeStepping
+from pmr.simulation.native import simulator as march
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 ALONG = {

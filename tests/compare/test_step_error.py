@@ -15,15 +15,15 @@ from pmr.compare.errors import relative_error
 from pmr.compare.halved_steps import Ladder
 from pmr.compare.step_error import LIMIT, StepError, step_error, summary, warnings
 from pmr.errors import SimulationError
+from pmr.pipeline import run
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.report import sentences
 from pmr.report.blocks import Chapter
 from pmr.report.sections import chapter
-from pmr.run import run
 from pmr.scene.signals import Chirp, Constant, SignalBase, Sine, SmoothRamp, Sum
-from pmr.simulate import TimeStepping, exudyn
-from pmr.simulate.native import simulator as march
+from pmr.simulation import TimeStepping, exudyn
+from pmr.simulation.native import simulator as march
 from pmr.system.body import displacement
 
 Array = NDArray[np.float64]

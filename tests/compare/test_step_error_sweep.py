@@ -14,9 +14,9 @@ from pmr.compare.errors import relative_error
 from pmr.compare.halved_steps import NEGLIGIBLE, SETTLED
 from pmr.compare.responses import simulate_reduced
 from pmr.compare.step_error import step_error
-from pmr.run import reduce
+from pmr.pipeline import reduce
 from pmr.scene import Scene
-from pmr.simulate import Excitation
+from pmr.simulation import Excitation
 
 SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(8)
 COARSE, FURTHER = 10, 4

@@ -5,7 +5,7 @@ import pytest
 
 from pmr.compare.summary import Part, gathered, made_with
 from pmr.fullmodel.build import build, warnings
-from pmr.run import run
+from pmr.pipeline import run
 
 
 def test_figures_and_warnings_of_all_parts_are_gathered_in_order() -> None:

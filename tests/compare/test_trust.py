@@ -13,10 +13,10 @@ from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
 from pmr.files import records
 from pmr.fullmodel.build import full_model
+from pmr.pipeline import run
 from pmr.report import errors
 from pmr.report.sections import chapter
 from pmr.results import Energy, Response
-from pmr.run import run
 from pmr.studies import marching, shared
 
 T = np.arange(200) * 1e-3

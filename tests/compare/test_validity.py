@@ -8,7 +8,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.compare.trust import unusual
-from pmr.run import run
+from pmr.pipeline import run
 from pmr.scene.structures import Material
 
 SHORT = ["mesh.elements=8", "reduction.snapshots=3", "reduction.modes=3", "reduction.coordinates=6", "time.end=0.4"]

@@ -15,8 +15,8 @@ from oracle import inertial, paper_basis, project, rich_body
 from pmr.compare.velocities import force_rates, load_rates, velocity
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene.signals import Sine, SmoothRamp
-from pmr.simulate import TimeStepping
-from pmr.simulate.native import simulator as march
+from pmr.simulation import TimeStepping
+from pmr.simulation.native import simulator as march
 from pmr.system.body import displacement
 
 Array = NDArray[np.float64]

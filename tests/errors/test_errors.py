@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.environment import Clock
 from pmr.errors import GrowthError, InputError, on_first
+from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
-from pmr.run import reduce, run
+from pmr.pipeline import reduce, run
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 pytestmark = pytest.mark.mpi

@@ -19,7 +19,7 @@ from pmr.compare.frequencies import reduced_frequencies
 from pmr.errors import InputError
 from pmr.export.places import places
 from pmr.reduced.model import ReducedModel
-from pmr.simulate.state_space import state_space
+from pmr.simulation.state_space import state_space
 
 S = np.array([1.7, 2.3, 2.9])
 

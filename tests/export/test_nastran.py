@@ -12,7 +12,7 @@ from processes import called
 
 from pmr.export.nastran import FIELD, _field
 from pmr.reduced.model import ReducedModel
-from pmr.simulate.state_space import state_space
+from pmr.simulation.state_space import state_space
 
 op4 = pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed")
 bdf = pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")

@@ -83,7 +83,7 @@ def test_it_is_not_simulated_as_a_whole_body(models: dict[str, ReducedModel]) ->
         with pytest.raises(InputError, match="section = 'fly': the model of a whole body is allowed"):
             use()
     exudyn = pytest.importorskip("exudyn")
-    from pmr.simulate.exudyn import add_sliding_body
+    from pmr.simulation.exudyn import add_sliding_body
 
     loads = {name: Constant(amount=0.0) for name in models["fly"].input_names}
     with pytest.raises(InputError, match="section = 'fly'"):

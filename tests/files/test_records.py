@@ -16,7 +16,7 @@ from pmr.fields.series import Fields
 from pmr.files.records import arrays, record
 from pmr.reduced.flexibility import Inertia
 from pmr.reduced.model import ReducedModel
-from pmr.simulate.petsc.checkpoint import Checkpoint, load
+from pmr.simulation.petsc.checkpoint import Checkpoint, load
 from pmr.studies.engine.store import Store
 
 EARLIER = Path(__file__).parent / "earlier"  # written by the last commit that named arrays otherwise

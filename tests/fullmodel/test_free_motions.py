@@ -18,8 +18,8 @@ from pmr.fem.compat import MPI
 from pmr.files.matrices import GivenMatrices, from_matrices
 from pmr.fullmodel import free_motions
 from pmr.fullmodel.build import build, build_sections, left_free
-from pmr.run import run
-from pmr.run.booms import run_either
+from pmr.pipeline import run
+from pmr.pipeline.booms import run_either
 from pmr.scene import Boom, Scene
 from pmr.scene.boom_checks import check_boom
 from pmr.scene.checks import check
@@ -208,8 +208,8 @@ def test_a_machine_without_one_of_its_supports_is_refused_before_it_is_reduced(
 ) -> None:
     """What moves, and how, follows from what was taken away."""
     machine = without_a_support(seed)
-    monkeypatch.setattr("pmr.run.booms.reduce_sections", None)
-    monkeypatch.setattr("pmr.run._reduce", None)
+    monkeypatch.setattr("pmr.pipeline.booms.reduce_sections", None)
+    monkeypatch.setattr("pmr.pipeline._reduce", None)
     with pytest.raises(InputError) as error:
         run_either(machine.scene, MPI.COMM_SELF)
     said = str(error.value)

@@ -18,18 +18,18 @@ from pmr.fullmodel.structure import structural_model
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
-from pmr.reduce.basis import modal_basis
-from pmr.reduce.residual.model import flexible_model
 from pmr.reduced.model import ReducedModel
+from pmr.reduction.basis import modal_basis
+from pmr.reduction.residual.model import flexible_model
+from pmr.reduction.snapshots.free_body import FreeBody
+from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.built import GRAVITY
 from pmr.scene.signals import Constant
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
-from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate import petsc as fullorder
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
-from pmr.snapshots.free_body import FreeBody
-from pmr.snapshots.free_modes import free_modes
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation import petsc as fullorder
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
 from pmr.system.compliant_rows import CompliantRows
 
 pytestmark = pytest.mark.mpi

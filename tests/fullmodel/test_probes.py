@@ -12,7 +12,7 @@ from pmr.errors import InputError
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Structure
-from pmr.run import run
+from pmr.pipeline import run
 from pmr.scene import Scene
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -108,7 +108,7 @@ def extension(rng: Random, number: int, length: float) -> dict[str, Any]:
 def ran(boom: Boom, folder: Path) -> str:
     """Run it the whole way; the results are finite, valid files, and what Newton says."""
     from pmr.fem.compat import MPI
-    from pmr.run.booms import run_boom
+    from pmr.pipeline.booms import run_boom
 
     outcome = run_boom(boom, MPI.COMM_SELF)
     assert outcome is not None
@@ -131,9 +131,9 @@ def newton(boom: Boom) -> float:
     """
     from pmr.fem.compat import MPI
     from pmr.fullmodel.build import build_sections
-    from pmr.reduce.sections import reduce_sections
-    from pmr.simulate.booms import excitation_of
-    from pmr.simulate.native import multibody
+    from pmr.reduction.sections import reduce_sections
+    from pmr.simulation.booms import excitation_of
+    from pmr.simulation.native import multibody
     from pmr.system.booms import system_of
 
     built = build_sections(boom, MPI.COMM_SELF)

@@ -48,8 +48,8 @@ def case(number: int, rng: Random, folder: Path) -> str:
 def _simulated(model: Any) -> str:
     from pmr.errors import SimulationError
     from pmr.scene import Scene
-    from pmr.simulate import Excitation, TimeStepping
-    from pmr.simulate.native import simulator
+    from pmr.simulation import Excitation, TimeStepping
+    from pmr.simulation.native import simulator
     from pmr.system.body import displacement
 
     try:
@@ -77,7 +77,7 @@ def _whole() -> tuple[bytes, ...]:
 
     from pmr import scene as scenes
     from pmr.fem.compat import MPI
-    from pmr.run import reduce
+    from pmr.pipeline import reduce
 
     found = []
     with tempfile.TemporaryDirectory() as folder:

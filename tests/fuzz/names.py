@@ -36,9 +36,9 @@ def case(number: int, rng: Random, folder: Path) -> str:
     """Run a scene full of a name, draw its report, export its model."""
     from pmr.export.exudyn.script import write_exudyn_script
     from pmr.fem.compat import MPI
+    from pmr.pipeline import run
     from pmr.report.document import page as render
     from pmr.report.sections import chapter as report_case
-    from pmr.run import run
 
     title, name, other = f"{hostile(rng)}{hostile(rng)}", fit(hostile(rng)), fit(hostile(rng))
     base = BOOM if number % 4 == 0 else BEAM

@@ -70,10 +70,10 @@ def coarse(scene: Scene) -> Scene:
 def ran(scene: Scene, folder: Path, drawn: bool) -> str:
     """Run it the whole way; the results are finite, plausible and valid files."""
     from pmr.fem.compat import MPI
+    from pmr.pipeline import run
     from pmr.reduced.model import ReducedModel
     from pmr.report.document import page as render
     from pmr.report.sections import chapter as report_case
-    from pmr.run import run
 
     outcome = run(scene, MPI.COMM_SELF)
     assert outcome is not None

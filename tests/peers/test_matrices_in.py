@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from peers.solid_boom import SolidBoom, solid_boom
 
-from pmr import run as whole
+from pmr import pipeline as whole
 from pmr import scene as scenes
 from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.matrices import GivenMatrices

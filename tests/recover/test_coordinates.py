@@ -17,18 +17,18 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import structural_model
 from pmr.models.shell import Shell
 from pmr.recover.coordinates import Recovery, ReducedStates, chosen_states
-from pmr.reduce.basis import Basis, modal_basis
-from pmr.reduce.galerkin import reduced_model
-from pmr.reduce.residual.model import flexible_model, modal_model
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
+from pmr.reduction.basis import Basis, modal_basis
+from pmr.reduction.galerkin import reduced_model
+from pmr.reduction.residual.model import flexible_model, modal_model
+from pmr.reduction.snapshots.free_body import FreeBody
+from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.structures import Plate, ShellBody
-from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate import petsc as fullorder
-from pmr.simulate.native import simulator as march
-from pmr.simulate.petsc import Recording
-from pmr.snapshots.free_body import FreeBody
-from pmr.snapshots.free_modes import free_modes
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation import petsc as fullorder
+from pmr.simulation.native import simulator as march
+from pmr.simulation.petsc import Recording
 from pmr.system.body import Trajectory, displacement
 
 pytestmark = pytest.mark.mpi

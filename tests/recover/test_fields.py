@@ -13,13 +13,13 @@ from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.recover.coordinates import Recovery, chosen_states
 from pmr.recover.fields import View, in_blocks, look
-from pmr.reduce.basis import modal_basis
-from pmr.reduce.residual.model import flexible_model
+from pmr.reduction.basis import modal_basis
+from pmr.reduction.residual.model import flexible_model
+from pmr.reduction.snapshots.free_body import FreeBody
+from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, PointMass, Profile, ShellBody
-from pmr.simulate import petsc as fullorder
-from pmr.simulate.native import simulator as march
-from pmr.snapshots.free_body import FreeBody
-from pmr.snapshots.free_modes import free_modes
+from pmr.simulation import petsc as fullorder
+from pmr.simulation.native import simulator as march
 
 pytestmark = pytest.mark.mpi
 TIMES = np.linspace(0.0, 1.0, 131)  # three blocks

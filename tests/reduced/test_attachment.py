@@ -10,10 +10,10 @@ from scipy.optimize import brentq
 
 from pmr import scene as scenes
 from pmr.fullmodel.build import build_sections
-from pmr.reduce.sections import reduce_sections
 from pmr.reduced.attachment import CYLINDER, with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated
+from pmr.reduction.sections import reduce_sections
 from pmr.scene import Boom
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -12,9 +12,9 @@ import pytest
 import pmr.results
 from pmr import scene as scenes
 from pmr.errors import InputError
+from pmr.pipeline import run
 from pmr.results import RunResult
 from pmr.results.tables import write
-from pmr.run import run
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 CHANGES = (

@@ -8,10 +8,10 @@ from oracle import TIP_LOAD, full_body
 
 from pmr.compare.errors import relative_error
 from pmr.scene.signals import Constant, Sine, SmoothRamp
-from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.balance import energy
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.balance import energy
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
 from pmr.studies.local_bases import aligned, held_modes, local_model, positions
 
 BODY = modal_form(full_body(4)).body

@@ -9,7 +9,7 @@ from oracle import flexible, full_body, generalized_alpha, project, rich_body
 from pmr.constraints.rows import Rows
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
-from pmr.simulate import InitialState, TimeStepping
+from pmr.simulation import InitialState, TimeStepping
 from pmr.system.body import FullBody
 from pmr.system.compliant_rows import CompliantRows, compliant_rows
 

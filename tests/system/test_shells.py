@@ -10,11 +10,11 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.pads import Pad, Pads
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight, structural_model
 from pmr.models.shell import Shell
-from pmr.reduce.basis import modal_basis
-from pmr.reduce.residual.model import section_model
+from pmr.reduction.basis import modal_basis
+from pmr.reduction.residual.model import section_model
+from pmr.reduction.snapshots.free_body import FreeBody
+from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.structures import Plate, ShellBody
-from pmr.snapshots.free_body import FreeBody
-from pmr.snapshots.free_modes import free_modes
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import System

@@ -28,8 +28,8 @@ from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Boom, Scene
 from pmr.scene.simulators import SIMULATORS
-from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.native import simulator as march
 from pmr.studies.files import kind_names
 from pmr.system.body import displacement, length_outputs
 

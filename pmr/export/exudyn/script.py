@@ -23,7 +23,7 @@ from pmr.export.exudyn.script_scene import WIDTH, scene_text
 from pmr.files.whole import replaced
 from pmr.reduced.model import ReducedModel
 from pmr.scene.simulators import Asked, refuse
-from pmr.simulate.needs import needs_of
+from pmr.simulation.needs import needs_of
 from pmr.system.body import force_outputs
 from pmr.system.compliant_rows import compliant_rows
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant, SignalBase
-from pmr.simulate.recorded import recorded
-from pmr.simulate.stepping import TimeStepping
+from pmr.simulation.recorded import recorded
+from pmr.simulation.stepping import TimeStepping
 
 WIDTH = 88  # letters of a line
 _LONGEST_NAME = 40
@@ -45,7 +45,7 @@ class SceneText:
 
 
 def scene_text(model: ReducedModel, source: str) -> SceneText:
-    """The scene in a model's provenance; raises InputError as `pmr.simulate.recorded.recorded`."""
+    """The scene in a model's provenance; raises InputError as `pmr.simulation.recorded.recorded`."""
     found = recorded(model, source)
     path, loads, stepping = found.excitation.path, found.excitation.loads, found.excitation.stepping
     names = _identifiers(tuple(loads))

@@ -13,8 +13,8 @@ from scipy.interpolate import PPoly
 from pmr.constraints.polynomials import rebased
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.reduced.model import ReducedModel
-from pmr.simulate.modal import ModalForm, modal_form
-from pmr.simulate.native.system import table_breaks
+from pmr.simulation.modal import ModalForm, modal_form
+from pmr.simulation.native.system import table_breaks
 from pmr.system.compliant_rows import compliant_rows
 
 Array = NDArray[np.float64]

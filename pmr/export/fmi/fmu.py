@@ -11,15 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pmr import environment
-from pmr.errors import InputError
+from pmr.errors import InputError, environment
 from pmr.export.fmi.constants import constants, source_text
 from pmr.export.fmi.description import Described, build_description, description_2, description_3
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.variables import variables
 from pmr.files.whole import replaced
 from pmr.reduced.model import ReducedModel
-from pmr.simulate.recorded import recorded
+from pmr.simulation.recorded import recorded
 
 VERSIONS = ("2", "3")
 _SOURCE = Path(__file__).with_name("source")

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from pmr.export.fmi.variables import Variable
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Ramp
-from pmr.simulate import contact_step
-from pmr.simulate.excitation import SLIDER, Excitation
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
-from pmr.simulate.recorded import Recorded
-from pmr.simulate.stepping import TimeStepping
+from pmr.simulation import contact_step
+from pmr.simulation.excitation import SLIDER, Excitation
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
+from pmr.simulation.recorded import Recorded
+from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import displacement
 
 Array = NDArray[np.float64]

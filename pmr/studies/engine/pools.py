@@ -14,8 +14,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from pmr import environment
-from pmr.errors import InputError
+from pmr.errors import InputError, environment
 from pmr.studies.engine.worker import Answer, Order, Worker
 
 

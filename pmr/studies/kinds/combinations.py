@@ -17,7 +17,7 @@ from pydantic import Field
 from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.files import records
-from pmr.simulate import Excitation
+from pmr.simulation import Excitation
 from pmr.studies import marching, nested, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, number
 from pmr.studies.results import RunRecord, StudyResults
@@ -78,7 +78,7 @@ class Study(StudyBase):
 
 def basis(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: one combination's basis; ``rank`` of its pool, ``kappa`` of 20 coordinates (or all), singular values."""
-    from pmr.reduce.basis import kappa
+    from pmr.reduction.basis import kappa
 
     scene = shared.scene_of(arguments)
     found = nested.global_basis(scene, needs["library"], arguments["snapshots"], arguments["modes"])

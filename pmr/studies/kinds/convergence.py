@@ -16,8 +16,8 @@ from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.compare.cable import simulate_cable
 from pmr.errors import InputError
-from pmr.simulate import Excitation
-from pmr.simulate.exudyn.cable import COORDINATES_PER_NODE
+from pmr.simulation import Excitation
+from pmr.simulation.exudyn.cable import COORDINATES_PER_NODE
 from pmr.studies import marching, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults

@@ -17,7 +17,7 @@ from pydantic import Field
 from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.errors import InputError
-from pmr.simulate import Excitation
+from pmr.simulation import Excitation
 from pmr.studies import marching, nested, shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults

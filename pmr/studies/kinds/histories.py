@@ -20,14 +20,14 @@ from pmr.compare.responses import simulate_reduced
 from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
-from pmr.simulate import Excitation
+from pmr.simulation import Excitation
 from pmr.studies import marching, shared, taken_away
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Statement, StudyBase
 
 if TYPE_CHECKING:
-    from pmr.run import Reduction
+    from pmr.pipeline import Reduction
 
 #: Energies and tips are what is drawn; displacements along the beam are compared here and not stored.
 SIMULATORS = ("reduced", "full", "ancf")
@@ -77,7 +77,7 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     ``x`` (m) and ``shapes`` of the basis, ``scene`` as JSON.
     """
     from pmr.compare import references, summary
-    from pmr.run import reduce_with
+    from pmr.pipeline import reduce_with
 
     scene = shared.scene_of(arguments)
     model = shared.model_of(scene)

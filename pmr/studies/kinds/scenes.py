@@ -100,7 +100,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     from pmr.compare import summary
     from pmr.compare.frequencies import reduced_frequencies
     from pmr.compare.responses import quantities, simulate_with_states
-    from pmr.run import recovered, recovered_steps, reduce_with
+    from pmr.pipeline import recovered, recovered_steps, reduce_with
 
     scene = shared.scene_of(arguments)
     built, stressed = shared.built_of(scene), scene.recovery is not None and scene.recovery.stress

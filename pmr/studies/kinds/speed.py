@@ -20,9 +20,9 @@ from pmr.compare.cable import simulate_cable
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.signals import SignalBase
-from pmr.simulate import Excitation, exudyn
-from pmr.simulate.exudyn.cable import COORDINATES_PER_NODE
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation, exudyn
+from pmr.simulation.exudyn.cable import COORDINATES_PER_NODE
+from pmr.simulation.native import simulator as march
 from pmr.studies import shared
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import RunRecord, StudyResults
@@ -31,7 +31,7 @@ from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.projection import projected
 
 if TYPE_CHECKING:
-    from pmr.simulate.exudyn import Formulation
+    from pmr.simulation.exudyn import Formulation
 
 Array = NDArray[np.float64]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -190,7 +190,7 @@ def _solver(
     scene: Scene, approach: Approach, needs: Mapping[str, TaskResult]
 ) -> tuple[Callable[[Stretch], float], int]:
     """What simulates a stretch from rest and returns the solver's seconds, and the number of coordinates."""
-    from pmr.run import reduce_with
+    from pmr.pipeline import reduce_with
 
     whole = Excitation.of(scene)
 

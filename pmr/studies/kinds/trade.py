@@ -27,8 +27,8 @@ from pmr import scene as scenes
 from pmr.compare.errors import nrms
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
-from pmr.simulate import Excitation, TimeStepping
-from pmr.simulate.modal import modal_form
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.modal import modal_form
 from pmr.studies import bases, shared
 from pmr.studies.bases import observed, stepped
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
@@ -188,7 +188,7 @@ def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
 
 
 def _many(scene: Scene) -> Any:
-    from pmr.run import reduce
+    from pmr.pipeline import reduce
 
     size = 2 * (scene.mesh.elements + 1) if scene.body.profile is not None else 10 * MANY
     update = {"reduction": bases.reduction(scene, "flexibility", min(MANY, size // 2))}

@@ -18,8 +18,8 @@ from pmr.errors import InputError
 from pmr.export.exudyn.script import exudyn_script, write_exudyn_script
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp, Step, Sum, Table
-from pmr.simulate import TimeStepping
-from pmr.simulate.exudyn import simulator as exudyn
+from pmr.simulation import TimeStepping
+from pmr.simulation.exudyn import simulator as exudyn
 from pmr.system.body import FullBody, displacement
 
 KNOTS = {"times": (0.2, 0.5, 0.6, 1.1, 1.3), "values": (1.0, 2.0, 1.5, 1.8, -0.5)}

@@ -20,12 +20,12 @@ from pmr.export.fmi.fmu import contents
 from pmr.export.fmi.reference import reference
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
-from pmr.simulate.excitation import SLIDER, Excitation
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
-from pmr.simulate.native.stepper import Stepper
-from pmr.simulate.recorded import recorded
-from pmr.simulate.stepping import TimeStepping
+from pmr.simulation.excitation import SLIDER, Excitation
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
+from pmr.simulation.native.stepper import Stepper
+from pmr.simulation.recorded import recorded
+from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import displacement
 from pmr.system.compliant_rows import CompliantRows
 

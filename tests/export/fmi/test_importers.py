@@ -18,12 +18,12 @@ from benchmarks.fmu import Timed
 from pmr import scene
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import PLATFORMS
+from pmr.pipeline import reduce
 from pmr.reduced.model import ReducedModel
-from pmr.run import reduce
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
-from pmr.simulate.recorded import recorded
-from pmr.simulate.stepping import TimeStepping
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
+from pmr.simulation.recorded import recorded
+from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import force_outputs
 
 ROOT = Path(__file__).parents[3]

@@ -16,7 +16,7 @@ from pmr.studies.study import StudyBase
 
 
 def figure(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    from pmr import environment
+    from pmr.errors import environment
 
     return TaskResult({"figure": environment.FIGURE})
 

@@ -10,8 +10,8 @@ from finished import WORKFLOWS, compute, finished, short_scene
 from pmr import scene
 from pmr.compare import errors as compare
 from pmr.files import records
-from pmr.reduce.galerkin import with_held_coordinates
-from pmr.simulate import Excitation
+from pmr.reduction.galerkin import with_held_coordinates
+from pmr.simulation import Excitation
 from pmr.studies import files, marching, nested, shared
 from pmr.studies.engine.task import number
 from pmr.studies.results import StudyResults
@@ -61,7 +61,7 @@ def test_errors_are_those_of_the_motions(small: StudyResults) -> None:
     full = marching.full(shared.scene_arguments(marching.driven(short)), {})
     model = records.record(nested.NestedModels, small.arrays("9x1"), "dropped.").of(7)
     assert model is not None
-    from pmr.simulate.native import simulator as march
+    from pmr.simulation.native import simulator as march
 
     drive = Excitation.of(short)
     trajectory = march.simulate(model, drive)

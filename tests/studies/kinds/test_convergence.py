@@ -10,7 +10,7 @@ from oracle import CASES, full_body, generalized_alpha
 
 from pmr.errors import InputError
 from pmr.scene import load
-from pmr.simulate import InitialState, TimeStepping
+from pmr.simulation import InitialState, TimeStepping
 from pmr.studies import files
 from pmr.studies.engine.task import number
 from pmr.studies.results import StudyResults

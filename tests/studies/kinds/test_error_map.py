@@ -15,9 +15,9 @@ from scipy.linalg import null_space
 
 from pmr.compare.errors import nrms
 from pmr.errors import InputError
-from pmr.reduce.galerkin import without_rows
+from pmr.reduction.galerkin import without_rows
 from pmr.scene import load
-from pmr.simulate import Excitation, InitialState, TimeStepping
+from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.studies import files, marching, nested
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import StudyResults

@@ -10,7 +10,7 @@ from finished import WORKFLOWS, compute, finished, short_scene
 from pmr.compare import errors as compare
 from pmr.compare.responses import simulate_reduced, simulate_reference
 from pmr.errors import InputError
-from pmr.run import reduce
+from pmr.pipeline import reduce
 from pmr.scene import load
 from pmr.studies import files
 from pmr.studies.results import StudyResults

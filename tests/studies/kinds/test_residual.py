@@ -11,10 +11,10 @@ from pmr import scene
 from pmr.compare import errors as compare
 from pmr.compare.responses import simulate_reduced, simulate_reference
 from pmr.errors import InputError
+from pmr.pipeline import reduce
 from pmr.reduced.model import ReducedModel
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.sections.residual import content
-from pmr.run import reduce
 from pmr.studies import bases, files
 from pmr.studies.engine.task import number
 from pmr.studies.kinds import residual

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pmr import scene
-from pmr.run import run
+from pmr.pipeline import run
 from pmr.studies import files
 from pmr.studies import shared as common
 from pmr.studies.call import compute

@@ -12,7 +12,7 @@ from finished import WORKFLOWS, finished, short_scene
 
 from pmr.errors import InputError
 from pmr.scene import load
-from pmr.simulate import Excitation
+from pmr.simulation import Excitation
 from pmr.studies import files
 from pmr.studies.kinds.speed import APPROACHES, RATIOS, Later, stretches_of, timed
 from pmr.studies.results import StudyResults

@@ -11,9 +11,9 @@ from pmr.errors import InputError
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.sections.trade import NAMES, content, front
 from pmr.scene import load
-from pmr.simulate import Excitation
-from pmr.simulate.modal import modal_form
-from pmr.simulate.native import simulator as march
+from pmr.simulation import Excitation
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
 from pmr.studies import bases, files, shared, tolerances
 from pmr.studies.engine.task import number
 from pmr.studies.kinds import trade

@@ -1,0 +1,110 @@
+"""The best model that some coordinates or some time allow, and its error."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pmr.compare.accuracy.errors import Demand, Errors, Rung, rungs
+from pmr.compare.accuracy.family import Family, Member
+from pmr.compare.accuracy.search import Found, comparable, judged
+from pmr.errors import InputError
+from pmr.errors.text import rounded
+from pmr.scene.asked import Budget
+from pmr.simulation.blocks import Recorder
+from pmr.simulation.native import simulator as march
+
+#: Steps over which a step is timed, and how often.
+TIMED, TIMES = 4096, 3
+
+
+@dataclass(frozen=True)
+class _Option:
+    member: Member
+    rung: Rung
+
+
+def best_within(family: Family, demand: Demand, budget: Budget, coarse: int) -> Found:
+    """The member with the smallest error that a budget allows; the tolerance of the demand does not count.
+
+    By coordinates or by the time of a step: the most that are allowed, with the longest step whose part of the error is
+    no more than theirs.  By real time: for each step as many coordinates as there is time for.  Raises InputError if
+    not even the smallest model is within it; SimulationError as for `pmr.compare.accuracy.search.search`.
+    """
+    family.load()
+    begin, errors = time.perf_counter(), Errors(family, demand, coarse)
+    kept = (False, True) if demand.inertia and family.keeps_inertia else (False,)
+    options = [option for inertia in kept for option in _options(errors, budget, inertia)]
+    if not options:
+        key = "microseconds_per_step" if budget.real_time is None else "real_time"
+        allowed = (
+            f"the smallest model takes {rounded(seconds_a_step(family, Member(family.fewest)) * 1e6)} us a step here"
+        )
+        raise InputError("scene", f"budget.{key}", getattr(budget, key), allowed)
+
+    def total(option: _Option) -> dict[str, float]:
+        return errors.total(option.member, option.rung, comparable(option.rung.steps, coarse))
+
+    best = min(options, key=lambda option: max(total(option).values()))
+    at, took = comparable(best.rung.steps, coarse), seconds_a_step(family, best.member)
+    ratio = family.end / (took * best.rung.steps)
+    reasons = (
+        f"{best.member.coordinates} coordinates are what the budget allows",
+        f"a step takes {rounded(took * 1e6)} us here: {rounded(ratio)} times real time",
+    )
+    found = judged(errors, best.member, best.rung, at, reasons)
+    return replace(found, holds=True, seconds=time.perf_counter() - begin)
+
+
+def seconds_a_step(family: Family, member: Member) -> float:
+    """Least time that `march` takes for a step of a member, on this machine."""
+    form, excitation = family.form(member), family.with_steps(TIMED)
+    if member.residual_inertia:
+        seconds = [march.follow(form, excitation, Recorder(np.array([0, TIMED]))).seconds for _ in range(TIMES)]
+    else:
+        seconds = [march.observe(form, excitation, every=TIMED).seconds for _ in range(TIMES)]
+    return min(seconds) / TIMED
+
+
+def _options(errors: Errors, budget: Budget, inertia: bool) -> Iterator[_Option]:
+    """Models within the budget, each with a step."""
+    family, coarse = errors.family, errors.coarse
+    if budget.real_time is None:
+        member = _largest(family, budget, inertia, np.inf)
+        if member is not None:
+            yield _Option(member, _balanced(errors, member))
+        return
+    probe = Member(min(8, family.most), False)
+    for rung in rungs(family, probe, coarse, errors.demand.kinds):
+        member = _largest(family, budget, inertia, family.end / (rung.steps * budget.real_time))
+        if member is None:
+            return
+        yield _Option(member, rung)
+
+
+def _largest(family: Family, budget: Budget, inertia: bool, seconds: float) -> Member | None:
+    """The member with most coordinates that a budget and the seconds a step allow."""
+    if budget.coordinates is not None:
+        return Member(min(max(budget.coordinates, family.fewest), family.most), inertia)
+    if budget.microseconds_per_step is not None:
+        seconds = 1e-6 * budget.microseconds_per_step
+    low, high, middle = family.fewest - 1, family.most + 1, family.most
+    while high - low > 1:  # all of them first: most budgets of time are generous
+        low, high = (middle, high) if seconds_a_step(family, Member(middle, inertia)) <= seconds else (low, middle)
+        middle = (low + high) // 2
+    return Member(low, inertia) if low >= family.fewest else None
+
+
+def _balanced(errors: Errors, member: Member) -> Rung:
+    """The longest step whose part is no more than that of the reduction; else the shortest that was tried."""
+    rung = None
+    for rung in rungs(errors.family, member, errors.coarse, errors.demand.kinds):
+        at = comparable(rung.steps, errors.coarse)
+        size, most = (max(part.values()) for part in (errors.size(rung.missing, at), errors.reduction(member, at)))
+        if rung.settled and size <= most and max(errors.step(rung, at).values()) <= most:
+            return rung
+    assert rung is not None
+    return rung

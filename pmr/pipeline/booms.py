@@ -1,0 +1,246 @@
+"""The same for a boom of several sections: each is reduced by itself, then all are simulated as one system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare import boom_figures as figures
+from pmr.compare import pad_forces
+from pmr.compare.accuracy import booms as order
+from pmr.compare.boom_estimate import BoomError, boom_error
+from pmr.compare.boom_motions import BoomSimulations, FullBoom, FullRun, simulate_reduced
+from pmr.compare.booms import quantities, with_friction
+from pmr.compare.errors import relative_error
+from pmr.compare.responses import check_installed
+from pmr.compare.summary import Part, compared, driven, gathered, made_with, simulated, theory, trusted
+from pmr.errors import InputError, on_first
+from pmr.errors.environment import Clock
+from pmr.fem.compat import MPI
+from pmr.fem.compat import versions as fenicsx_versions
+from pmr.fullmodel import probes
+from pmr.fullmodel.build import Built, build_sections, left_free
+from pmr.fullmodel.build import warnings as build_warnings
+from pmr.pipeline import Outcome, Reduction, reduce, run
+from pmr.recover.from_scene import Recovered, recover_sections, recovered_steps, states_of
+from pmr.reduced.model import ReducedModel
+from pmr.reduction.cache import cache_in
+from pmr.reduction.sections import ReducedSection, reduce_sections
+from pmr.results import BoomFrequencies, BoomResult, Response
+from pmr.scene import Boom, Scene
+from pmr.simulation import contact_step
+from pmr.simulation.booms import excitation_of
+from pmr.simulation.native.multibody_march import contact_frequency, places
+from pmr.simulation.petsc import Checkpoint
+from pmr.system.booms import system_of
+
+Array = NDArray[np.float64]
+
+#: Stages whose seconds stand in summary.json, beside those of the simulators.
+STAGES = ("assemble", "reduce", "recover", "estimate")
+
+
+@dataclass(frozen=True)
+class BoomOutcome:
+    """What a run of a boom returns on rank 0: its result, and the reduced model of each section."""
+
+    result: BoomResult
+    reduced: Mapping[str, ReducedModel]
+
+
+def run_boom(
+    boom: Boom,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    clock: Clock | None = None,
+    checkpoint: Checkpoint | None = None,
+    cache: Path | None = None,
+) -> BoomOutcome | None:
+    """Run a boom on `comm`; what is not distributed runs on rank 0, the other ranks get None.
+
+    With a `checkpoint` a full-order simulation that was cut off goes on.  In a `cache`, a folder, reductions of the
+    sections and frequencies of full models are cached and found.
+
+    Raises
+    ------
+    InputError
+        If the boom asks for what cannot be had; its source is ``"scene"``.
+    ConvergenceError, SimulationError
+        If a solver fails.
+    """
+    check_installed(boom)
+    return _Run(boom, comm, clock or Clock(), cache).outcome(checkpoint)
+
+
+class _Run:
+    """A boom's sections, built and reduced, what is simulated of them, and what that says."""
+
+    def __init__(self, boom: Boom, comm: MPI.Comm, clock: Clock, cache: Path | None) -> None:
+        self.boom, self.comm, self.clock = boom, comm, clock
+        with clock.stage("assemble"):
+            self.built = build_sections(boom, comm)
+            self.free = left_free(boom, self.built) if boom.free_motions == "allowed" else []
+        with clock.stage("reduce"):
+            self.caches = (
+                {} if cache is None else {name: cache_in(cache, one.model) for name, one in self.built.items()}
+            )
+            self.sections = reduce_sections(boom, self.built, self.caches)
+        self.choice = _chosen(boom, self.sections, comm, clock)
+        if self.choice is not None:
+            models = self.choice.models
+            self.sections = {name: replace(one, modal=models[name]) for name, one in self.sections.items()}
+        self.reduced = {name: one.model for name, one in self.sections.items()}
+        self.system = system_of(boom, self.reduced)
+        self.excitation = excitation_of(boom, self.system)
+        self.full = FullBoom.of(boom, self.built) if "full" in boom.compare.against else None
+
+    def outcome(self, checkpoint: Checkpoint | None) -> BoomOutcome | None:
+        """All the rest; None beside rank 0."""
+        boom, system, excitation, clock = self.boom, self.system, self.excitation, self.clock
+        x, omega = places(system, excitation), contact_frequency(system, excitation)
+        with clock.stage("frequencies"):
+            large = self.full is not None and self.full.simulator == "petsc"
+            steps = figures.on_the_way(boom, excitation.times, figures.FEWER_PLACES if large else figures.PLACES)
+            curves = {} if self.full is None else {"full": self._full_frequencies(self.full, steps)}
+        simulations = on_first(self.comm, lambda: simulate_reduced(boom, system, excitation, clock))
+        made = excitation.stepping
+        if simulations is not None:
+            made = contact_step.as_made(made, simulations.first.parts, omega)
+        made, whole = self.comm.bcast(made), FullRun(None, "", {})
+        if self.full is not None:
+            whole = self.full.simulate(boom, made, recovered_steps(boom), clock, checkpoint)
+        seen = self._recovered(simulations, whole)
+        if simulations is None:
+            return None
+        found = {} if whole.response is None else {"full": whole.response}
+        found |= {"reduced": simulations.response}
+        responses = {name: with_friction(boom, system.contacts, one) for name, one in found.items()}
+        curves |= {"reduced": figures.frequencies(system, x[steps])}
+        modal = {name: one.modal for name, one in self.sections.items()}
+        error = boom_error(boom, modal, system, excitation.with_stepping(made), simulations.first, clock)
+        reach, over_joints = boom.reach(excitation.times), figures.frequency_map(boom, system)
+        frequencies = BoomFrequencies(reach[steps], excitation.s[steps], curves, over_joints)
+        structures = {id(one): one.structure for one in self.built.values()}
+        parts = [
+            *self._parts(simulations, responses, error, seen),
+            figures.beside_published(boom, frequencies),
+            Part(probes.places({name: one.structure.outputs for name, one in self.built.items()})),
+            driven(excitation),
+            Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
+            trusted({"full": whole.missing} if whole.missing else {}, responses),
+            *(Part(warnings=build_warnings(structure)) for structure in structures.values()),
+            Part(warnings=self.free),
+            theory({f"sections.{part.name}.": part for part in boom.sections}, float(reach.max()), responses),
+        ]
+        loads, fields = excitation.forces(system.input_names), {name: one.reduced.fields for name, one in seen.items()}
+        result = BoomResult(boom, gathered(parts), responses, excitation.s, reach, loads, frequencies, fields)
+        return BoomOutcome(result, self.reduced)
+
+    def _full_frequencies(self, full: FullBoom, steps: NDArray[np.int64]) -> Array:
+        """At some steps."""
+        if not self.caches:
+            return full.frequencies(self.boom, steps)
+        content = [one.content for one in self.caches.values()]
+        asked = {"sections": content, "contacts": repr(full.whole.contacts)}
+        asked["extensions"] = self.excitation.s[steps].tolist()
+        cache = self.caches[self.boom.names[0]]
+        return cache.arrays("frequencies", asked, lambda: full.frequencies(self.boom, steps))
+
+    def _recovered(self, simulations: BoomSimulations | None, whole: FullRun) -> Mapping[str, Recovered]:
+        """What the boom's recovery asks for of each section; collective."""
+        if self.boom.recovery is None:
+            return {}
+        with self.clock.stage("recover"):
+            steps = recovered_steps(self.boom)
+            states = None if simulations is None else states_of(self.system, simulations.first, steps)
+            full = {} if whole.missing else whole.states
+            return recover_sections(self.boom, self.built, self.sections, self.comm.bcast(states), full)
+
+    def _parts(
+        self,
+        simulations: BoomSimulations,
+        responses: Mapping[str, Response],
+        error: BoomError,
+        seen: Mapping[str, Recovered],
+    ) -> list[Part]:
+        """What the models are, and how their motions compare."""
+        boom, choice, reduced = self.boom, self.choice, responses["reduced"]
+        sizes = {name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in self.reduced.items()}
+        simulators = {"reduced": boom.simulation.simulators[0], "full": self.full.simulator if self.full else ""}
+        stages = {name: self.clock.seconds[name] for name in STAGES if name in self.clock.seconds}
+        seconds = {**simulations.seconds, **({"full": responses["full"].seconds} if "full" in responses else {})}
+        more = {
+            name: ({"estimate": error.sections[name]} if name in error.sections else {})
+            | (seen[name].summary() if name in seen else {})
+            for name in boom.names
+        }
+        return [
+            made_with(boom, fenicsx_versions()),
+            Part({"coordinates": {kind: sum(size[kind] for size in sizes.values()) for kind in ("full", "reduced")}}),
+            Part({"basis": {"kind": "free modes of every section, with residual flexibility"}}),
+            compared(responses, quantities(boom, reduced), simulators, relative_error),
+            simulated(seconds, simulations.agreement, stages),
+            error.part,
+            Part() if choice is None else Part(order.summary(boom, choice), order.warnings(boom, choice)),
+            figures.sections(boom, responses, sizes, more),
+            figures.joints(boom, reduced, self.system),
+            Part(pad_forces.reactions(boom, reduced, boom.reach(self.excitation.times)), pad_forces.missing(boom)),
+        ]
+
+
+def _chosen(
+    boom: Boom, sections: Mapping[str, ReducedSection], comm: MPI.Comm, clock: Clock
+) -> order.BoomChoice | None:
+    """Coordinates for the boom's tolerance or within its budget, if it has one; the same on every rank."""
+    if boom.ordered is None:
+        return None
+    models = {name: one.modal for name, one in sections.items()}
+    with clock.stage("search"):
+        found = on_first(comm, lambda: order.choose(boom, models, excitation_of(boom, system_of(boom, models))))
+        choice: order.BoomChoice = comm.bcast(found)
+    return choice
+
+
+@dataclass(frozen=True)
+class BoomReduction:
+    """The full models of a boom's sections by their names, and what they are reduced to; the same on every rank."""
+
+    built: Mapping[str, Built]
+    sections: Mapping[str, ReducedSection]
+
+    @property
+    def reduced(self) -> Mapping[str, ReducedModel]:
+        """What `pmr.simulate(boom, ...)` takes."""
+        return {name: one.model for name, one in self.sections.items()}
+
+
+def reduce_either(
+    scene: Scene | Boom, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None
+) -> Reduction | BoomReduction:
+    """Reduce a scene, as `pmr.pipeline.reduce`, or all sections of a boom; collective.
+
+    Raises an InputError, besides, if a tolerance or a budget is to decide: it asks for a step as well.
+    """
+    if scene.ordered is not None:
+        allowed = "none is allowed where the reduced model alone is made: pmr.run(scene) chooses model and step"
+        raise InputError("scene", "budget" if scene.accuracy is None else "accuracy", None, allowed)
+    if not isinstance(scene, Boom):
+        return reduce(scene, comm, clock)
+    built = build_sections(scene, comm)
+    return BoomReduction(built, reduce_sections(scene, built))
+
+
+def run_either(
+    scene: Scene | Boom,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    clock: Clock | None = None,
+    checkpoint: Checkpoint | None = None,
+    cache: Path | None = None,
+) -> Outcome | BoomOutcome | None:
+    """Run a scene the whole way, as `pmr.pipeline.run`, or a boom, as `run_boom`."""
+    if isinstance(scene, Boom):
+        return run_boom(scene, comm, clock, checkpoint, cache)
+    return run(scene, comm, clock, checkpoint, cache)

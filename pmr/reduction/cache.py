@@ -1,0 +1,171 @@
+"""What follows from a full model and costs more than the model, kept in a folder by its content.
+
+The name of a file is a digest of all that decides what it holds: operators, inputs, outputs, rows, what is asked of
+them, and the code.  So other signals of the loads, or another way along the same path, find what is there, and nothing
+else does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.fem.distributed import tall
+from pmr.files import npz
+from pmr.files.whole import NotWrittenError
+from pmr.fullmodel.model import FullModel
+from pmr.reduced.model import ReducedModel
+from pmr.reduction.basis import Basis
+from pmr.reduction.content import content_of, structure_in
+from pmr.reduction.snapshots import Snapshots
+from pmr.scene import Scene
+
+Array = NDArray[np.float64]
+_log = logging.getLogger(__name__)
+
+FORMAT = "pmr-cache"
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """A basis, the snapshots that it is made from and the reduced model."""
+
+    snapshots: Snapshots
+    basis: Basis
+    model: ReducedModel
+
+
+@dataclass(frozen=True)
+class Cache:
+    """A folder of them, for one full model."""
+
+    folder: Path
+    model: FullModel
+    content: str  # digest of the model, see `content_of`
+
+    def reduced(self, asked: Mapping[str, Any], make: Callable[[], Reduced]) -> Reduced:
+        """What is kept for what is `asked`, or what `make` returns, which is kept then; collective."""
+        file = self._file("reduction", asked)
+        arrays = self._read(file)
+        if arrays is not None:
+            found = self._loaded(file, arrays)
+            if found is not None:
+                return found
+        made = make()
+        own = made.basis.V is not made.snapshots.S
+        arrays = {
+            "S": self._whole(made.snapshots.S),
+            "V": self._whole(made.basis.V) if own else np.empty((0, 0)),
+            "omega": made.snapshots.omega,
+            "s": made.snapshots.s,
+            "residuals": made.snapshots.residuals,
+            "sigma": made.basis.sigma,
+            "source": np.array(made.snapshots.source),
+            "product": np.array(made.basis.product),
+        }
+        self._write(file, arrays, made.model)
+        return made
+
+    def model_of(self, scene: Scene, make: Callable[[], ReducedModel]) -> ReducedModel:
+        """The reduced model of a scene with the same structure on another mesh; on every rank, collective."""
+        file = self._file("mesh", {"scene": structure_in(scene), "path": scene.travel})
+        found = self._read(file)
+        model = None if found is None else self._model(file)
+        if model is None:
+            model = self.model.comm.bcast(make())
+            self._write(file, {}, model)
+        return model
+
+    def arrays(self, kind: str, asked: Mapping[str, Any], make: Callable[[], Array]) -> Array:
+        """The same of an array that all ranks have."""
+        file = self._file(kind, asked)
+        found = self._read(file)
+        if found is not None:
+            return np.asarray(found["array"], float)
+        made = make()
+        self._write(file, {"array": made})
+        return made
+
+    def _file(self, kind: str, asked: Mapping[str, Any]) -> Path:
+        text = repr((self.content, sorted(asked.items())))
+        return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
+
+    def _loaded(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> Reduced | None:
+        model = self._model(file)
+        if model is None:
+            return None
+        share = slice(*self.model.M.getOwnershipRange())
+        S = tall(np.asarray(arrays["S"], float)[share], self.model.M)
+        V = tall(np.asarray(arrays["V"], float)[share], self.model.M) if arrays["V"].size else S
+        snapshots = Snapshots(S, arrays["omega"], arrays["s"], arrays["residuals"], str(arrays["source"]))
+        return Reduced(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
+
+    def _model(self, file: Path) -> ReducedModel | None:
+        """The reduced model beside a file, on every rank; None where it isn't sound."""
+        found = None
+        if self.model.comm.rank == 0:
+            try:
+                found = ReducedModel.load(_beside(file))
+            except InputError as error:
+                _log.warning("%s is made again: %s", file, error)
+        model: ReducedModel | None = self.model.comm.bcast(found)
+        return model
+
+    def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
+        """On every rank; None where there is no such file, or none that is sound."""
+        found = None
+        if self.model.comm.rank == 0 and file.is_file():
+            try:
+                found = npz.read(file)
+                if npz.without_header(found) != {"format": FORMAT}:
+                    raise npz.DamagedError("another format")
+            except npz.DamagedError as error:
+                _log.warning("%s is made again: %s", file, error)
+        result: dict[str, NDArray[Any]] | None = self.model.comm.bcast(found)
+        return result
+
+    def _write(self, file: Path, arrays: Mapping[str, NDArray[Any]], model: ReducedModel | None = None) -> None:
+        if self.model.comm.rank != 0:
+            return
+        try:
+            if model is not None:
+                model.save(_beside(file))  # first: what is looked for is the other one
+            npz.write(file, dict(arrays), {"format": FORMAT})
+        except NotWrittenError as error:
+            _log.warning("not kept: %s", error)
+
+    def _whole(self, tall_matrix: Any) -> Array:
+        """All rows on rank 0; on other ranks their own."""
+        shares = self.model.comm.gather(np.array(tall_matrix.getDenseArray()))
+        return np.concatenate(shares) if shares is not None else np.empty((0, 0))
+
+
+def cache_in(folder: Path, model: FullModel) -> Cache:
+    """Of a model that was just assembled; collective.
+
+    Raises an `InputError` if the folder can't be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        allowed = f"a folder that can be written to is allowed ({error.strerror})"
+        raise InputError("command line", "--cache", str(folder), allowed) from None
+    return Cache(folder, model, content_of(model))
+
+
+def _beside(file: Path) -> Path:
+    """Where the reduced model of a reduction is."""
+    return file.with_name(f"{file.stem}-reduced.npz")
+
+
+def with_provenance(found: Reduced, provenance: dict[str, Any]) -> Reduced:
+    """The same, told of the scene that it is now used for."""
+    return replace(found, model=replace(found.model, provenance=provenance))

@@ -1,0 +1,65 @@
+"""What a reduction depends on, as digests and text: operators, structure and the code."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import environment
+from pmr.fullmodel.model import FullModel
+from pmr.scene import Scene
+
+#: Sections of a scene that no reduction depends on.
+ASKED = ("title", "time", "recovery", "simulation", "compare", "accuracy", "budget", "published")
+
+
+def content_of(model: FullModel) -> str:
+    """Digest of all that a full model is made of, and of the code; collective.  It depends on the number of ranks."""
+    digest = hashlib.blake2b(digest_size=16)
+    matrices = [model.M, model.K, model.inputs, model.outputs]
+    for A in matrices if model.rayleigh is not None else [*matrices, model.D]:
+        for part in A.getValuesCSR():
+            digest.update(part.tobytes())
+    for row in model.rows.rows:
+        parts = (row.breaks, row.coefficients, row.touched, *_csr(row.carriers))
+        for part in parts:
+            digest.update(part.tobytes())
+        digest.update(repr((row.name, row.compliance, row.clearance)).encode())
+    for name, row in model.ports.items():
+        digest.update(repr((name, row.indices.tolist(), row.data.tolist())).encode())
+    if model.rigid is not None:
+        for part in (model.rigid.coordinates, model.rigid.held, model.output_positions):
+            digest.update(part.tobytes())
+    names = (model.input_names, model.output_names, model.output_units, model.rayleigh, model.reference_frequency)
+    digest.update(repr((names, _code())).encode())
+    return hashlib.blake2b(repr(model.comm.allgather(digest.hexdigest())).encode(), digest_size=16).hexdigest()
+
+
+def structure_in(scene: Scene) -> str:
+    """What of a scene decides its reduction, beside the stretch that its path visits: neither signals nor comparisons.
+
+    The content of files that it names is not in it.
+    """
+    exclude: dict[str, Any] = dict.fromkeys(ASKED, True)
+    exclude |= {"slider": {"path"}, "loads": {"__all__": {"signal"}}, "gravity": {"signal"}}
+    return scene.model_dump_json(exclude=exclude)
+
+
+def _csr(A: Any) -> tuple[NDArray[Any], ...]:
+    return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data
+
+
+@cache
+def _code() -> str:
+    root = Path(__file__).parents[1]
+    files = {file.relative_to(root).as_posix(): file.read_text(encoding="utf-8") for file in root.rglob("*.py")}
+    return environment.code_digest(files, NOT_COMPUTING)
+
+
+#: What no reduction depends on.
+NOT_COMPUTING = ("report/", "studies/", "cli/", "export/", "simulation/", "compare/")

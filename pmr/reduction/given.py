@@ -1,0 +1,78 @@
+"""A basis of one's own: vectors from a file, orthonormal in their order."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.fem.distributed import inner, tall, times
+from pmr.files import npz
+from pmr.fullmodel.model import FullModel
+from pmr.reduction.basis import Basis
+from pmr.reduction.snapshots import Snapshots
+from pmr.reduction.snapshots.free_body import rigid_modes
+from pmr.scene import Reduction
+
+Array = NDArray[np.float64]
+#: A vector of which a smaller share is left beside those before it depends on them.
+DEPENDENT = 1e-10
+
+
+def given_vectors(model: FullModel, file: Path) -> Snapshots:
+    """Vectors (n, k) on the full model's coordinates: the array ``V`` of an npz file, read by every rank.
+
+    Raises an `InputError` if the file holds no such array, or entries that are not finite.
+    """
+    try:
+        V = np.asarray(npz.read(file)["V"], dtype=float)
+    except (KeyError, ValueError, TypeError) as error:
+        raise InputError(str(file), "V", None, f"an npz file with an array V is allowed ({error})") from None
+    if V.ndim != 2 or V.shape[0] != model.size or V.shape[1] == 0:
+        allowed = f"a row for each of the model's {model.size} coordinates, and at least one column, are allowed"
+        raise InputError(str(file), "V", list(V.shape), allowed)
+    if not np.isfinite(V).all():
+        raise InputError(str(file), "V", None, "finite entries are allowed")
+    unknown = np.full(V.shape[1], np.nan)
+    local = np.ascontiguousarray(V[slice(*model.M.getOwnershipRange())])
+    return Snapshots.of(local, model, unknown, unknown, unknown, f"vectors from {file.name}")
+
+
+def given_basis(model: FullModel, vectors: Snapshots, choice: Reduction) -> Basis:
+    """The first `coordinates` of the vectors, each made orthonormal to those before it; collective.
+
+    Where flexibility is added, rigid-body modes come first: it can't stand in for them.  All singular values are 1, for
+    nothing is known of how much a vector weighs.
+
+    Raises an `InputError` if there are fewer vectors, or one depends on those before it.
+    """
+    V = np.array(vectors.S.getDenseArray())
+    if choice.flexibility:
+        V = np.hstack([rigid_modes(model), V])
+    in_mass = choice.product == "mass"
+    Q = np.zeros((len(V), 0))
+    for v in V.T:
+        if Q.shape[1] == choice.coordinates:
+            break
+        whole = left = _size(model, v, in_mass)
+        for _ in range(2):  # once leaves round-off of what was taken away
+            if left <= DEPENDENT * whole:
+                break
+            v = v - Q @ inner(Q, _weighed(model, v, in_mass), model.comm)[:, 0]
+            left = _size(model, v, in_mass)
+        if left > DEPENDENT * whole:
+            Q = np.column_stack([Q, v / left])
+    if Q.shape[1] < choice.coordinates:
+        allowed = f"the vectors and rigid-body modes span {Q.shape[1]} dimensions; at most so many are allowed"
+        raise InputError("scene", "reduction.coordinates", choice.coordinates, allowed)
+    return Basis(tall(np.ascontiguousarray(Q), model.M), np.ones(Q.shape[1]), choice.product)
+
+
+def _weighed(model: FullModel, v: Array, in_mass: bool) -> Array:
+    return times(model.M, v[:, None]) if in_mass else v[:, None]
+
+
+def _size(model: FullModel, v: Array, in_mass: bool) -> float:
+    return float(np.sqrt(inner(v[:, None], _weighed(model, v, in_mass), model.comm).item()))

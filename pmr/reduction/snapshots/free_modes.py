@@ -1,0 +1,163 @@
+r"""Free-interface modes: eigenmodes on the fixed supports with all sliders and pads released.
+
+.. math::
+    K \phi = \omega^2 M \phi, \qquad C_{fixed}\, \phi = 0
+
+Rigid-body modes, where the fixed supports leave any, come first with omega = 0.  MacNeal: A hybrid method of component
+mode synthesis, Computers & Structures 1, 1971, pp. 581-601; Rubin: Improved component-mode representation for
+structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.constraints.polynomials import contributions
+from pmr.constraints.rows import Rows
+from pmr.errors import ConvergenceError, InputError
+from pmr.fem.distributed import inner, times
+from pmr.fem.matrices import local_csr
+from pmr.fullmodel.eigensolvers import DenseEigenSolver, is_dense
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.modes import Modes, finished
+from pmr.reduction.snapshots import Snapshots
+from pmr.reduction.snapshots.free_body import FreeBody, fixed_rows
+
+Array = NDArray[np.float64]
+
+#: A load or a row that does less work on a mode than this share of its work on another one does not excite it.
+UNREACHED = 1e-8
+
+#: Least share of each rigid-body mode in the lowest modes computed; 1 - 1e-8 on a beam of 2000 elements.
+HELD_BY_MODES = 0.9
+
+
+def free_modes(
+    model: FullModel, count: int, solver: str = "auto", enrichment: int = 0, body: FreeBody | None = None
+) -> Snapshots:
+    """The lowest M-orthonormal modes that a load or a slider can excite, rigid-body modes first; collective.
+
+    There are `count` of them, at least as many as there are rigid-body modes and fewer than all, so that flexibility is
+    left, and up to `enrichment` more; a coarse mesh may have fewer.  Rigid-body modes come from the geometry
+    (`pmr.reduction.snapshots.free_body`), all others are M-orthogonal to them.
+
+    Modes that none of them reaches stay at rest for ever: along the axis of a straight beam, say, where all loads act
+    across it.  They are left out.
+
+    The solver is ``"auto"``, ``"dense"`` or ``"slepc"``; a `body` of this model and solver leaves its factor to whoever
+    needs it next.  Raises InputError if `count` is out of this range; ConvergenceError if too few modes converge.
+    """
+    # One more tells whether flexibility is left.
+    lowest = _lowest(body or FreeBody(model, solver), count + enrichment + 1)
+    modes, found = lowest.modes, len(lowest.modes.omega)
+    if lowest.rigid > count:
+        allowed = f"the fixed supports leave {lowest.rigid} rigid-body modes free; at least as many are allowed"
+        raise InputError("scene", "reduction.coordinates", count, allowed)
+    if found <= count:
+        allowed = f"loads and sliders excite {found} modes of this mesh; fewer than these are allowed"
+        raise InputError("scene", "reduction.coordinates", count, allowed)
+    taken = min(count + enrichment, found - 1)
+    return Snapshots.of(
+        np.ascontiguousarray(modes.phi[:, :taken]),
+        model,
+        omega=modes.omega[:taken],
+        s=np.full(taken, np.nan),
+        residuals=modes.residuals[:taken],
+        source="eigenmodes on the fixed supports, sliders released",
+    )
+
+
+@dataclass(frozen=True)
+class _Lowest:
+    """The lowest modes that are excited, and how many of them, the first ones, are rigid-body modes."""
+
+    modes: Modes
+    rigid: int
+
+
+def _lowest(body: FreeBody, count: int) -> _Lowest:
+    """With `count` that are excited, fewer if there are no more."""
+    model, Z = body.model, body.Z
+    held = replace(model, rows=Rows(fixed_rows(model), model.size))
+    s = _anywhere(held)
+    free, asked = model.size - len(held.rows.rows), count + Z.shape[1]
+    while True:
+        asked = min(asked, free)
+        elastic = _elastic(held, body, asked)
+        work = _work(model, np.hstack([Z, elastic.phi]))
+        reached = _reached(work[:, : Z.shape[1]])
+        chosen = np.flatnonzero(np.any(np.abs(work[:, Z.shape[1] :]) > UNREACHED, axis=0))[: count - reached.shape[1]]
+        if len(chosen) + reached.shape[1] == count or asked == free:
+            break
+        asked = 2 * asked
+    bodies = finished(held, s, np.zeros(reached.shape[1]), Z @ reached, cut=False)
+    return _Lowest(
+        Modes(
+            np.concatenate([bodies.omega, elastic.omega[chosen]]),
+            np.hstack([bodies.phi, elastic.phi[:, chosen]]),
+            np.concatenate([bodies.residuals, elastic.residuals[chosen]]),
+        ),
+        len(bodies.omega),
+    )
+
+
+def _elastic(held: FullModel, body: FreeBody, asked: int) -> Modes:
+    """The `asked` lowest modes but for the rigid-body modes among them."""
+    if is_dense(held, body.choice):
+        return _beside(held, body.Z, DenseEigenSolver(held).lowest(_anywhere(held), asked))
+    found = body.elastic(asked - body.Z.shape[1])
+    return finished(held, _anywhere(held), 1.0 / found.theta, found.vectors, cut=False)
+
+
+def _anywhere(held: FullModel) -> float:
+    """A place, m: none of these rows moves."""
+    return float(held.rows.domain[0]) if held.rows.rows else 0.0
+
+
+def _beside(held: FullModel, Z: Array, modes: Modes) -> Modes:
+    """The modes but for the rigid-body modes Z (n_local, c), which the lowest ones hold, made M-orthogonal to these.
+
+    Computed rigid-body modes are rigid to a few digits only, and share them with the low elastic ones: the part of the
+    span beside Z is taken as a whole, and its modes are those of the frequencies that were found.  Raises
+    ConvergenceError if the modes do not hold Z: what round-off makes of the stiffness of a rigid motion is then more
+    than that of the lowest modes.
+    """
+    count = Z.shape[1]
+    if count == 0:
+        return modes
+    share = inner(times(held.M, Z), modes.phi, held.comm)
+    _, values, Vt = np.linalg.svd(share)
+    if values[-1] < HELD_BY_MODES:
+        raise ConvergenceError(
+            f"round-off in the stiffness hides {count} rigid-body modes among the lowest of this mesh; fewer elements "
+            "or stiffer supports help"
+        )
+    rest = Vt[count:].T
+    omega2, turned = np.linalg.eigh(rest.T @ (modes.omega[:, None] ** 2 * rest))
+    combined = rest @ turned
+    return finished(held, _anywhere(held), omega2, modes.phi @ combined - Z @ (share @ combined), cut=False)
+
+
+def _work(model: FullModel, phi: Array) -> Array:
+    """The work (a, k) of loads and released rows on each mode, given by this rank's rows, over the largest of each."""
+    first = model.M.getOwnershipRange()[0]
+    work = [local_csr(model.inputs).T @ phi]
+    work += [
+        contributions(row.project(phi, first)).reshape(-1, phi.shape[1]) for row in model.rows.rows if not row.fixed
+    ]
+    whole = np.asarray(model.comm.allreduce(np.concatenate(work)))
+    largest = np.abs(whole).max(axis=1, initial=0.0, keepdims=True)
+    return np.divide(whole, largest, out=np.zeros_like(whole), where=largest > 0.0)
+
+
+def _reached(work: Array) -> Array:
+    """Orthonormal combinations (c, k) of the rigid-body modes that cover all on which work (a, c) is done.
+
+    The modes are any set that spans theirs: one that nothing reaches may be hidden in the others.
+    """
+    _, values, Vt = np.linalg.svd(work, full_matrices=False)
+    reached = int(np.sum(values > UNREACHED))
+    return np.eye(work.shape[1]) if reached == work.shape[1] else np.asarray(Vt[:reached].T)

@@ -1,0 +1,192 @@
+r"""Where the energy of a simulated motion comes from: what neither loads nor moving rows put in is an error.
+
+.. math::
+    \frac{d}{dt} \Big( \tfrac12 \dot q^T M \dot q + \tfrac12 q^T K q + \tfrac12 \lambda^T k^{-1} \lambda \Big)
+    = f^T \frac{d}{dt} (B^T q) + \dot s\, \lambda^T C' q - \dot q^T D \dot q
+
+(docs/moving_residual_flexibility.md, section 6, has it with the residual flexibility).  Damping, and generalized-alpha
+with rho_inf < 1, only take energy, so that energy less work may fall but not rise.  Both works are taken from the means
+of each step,
+
+.. math::
+    \Delta W = \bar f^T \Delta (B^T q)
+    + \bar \lambda^T (\Delta C\, \bar q + \Delta H\, \bar f - \tfrac12 \Delta G\, \bar \lambda)
+
+in which a multiplier that changes its sign with every step, the way in which rigid rows that move grow at index 3
+(docs/time_integration.md), does no work: what such a motion gains is a surplus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import GrowthError
+from pmr.results import Energy
+from pmr.simulation.start import row_flexibility
+from pmr.system.body import SlidingBody, Trajectory, pushing_rows
+
+Array = NDArray[np.float64]
+
+#: Share of the largest energy that nothing put in, from which on nothing is compared with a motion.  Sound motions that
+#: their steps resolve stay below 0.03; the share follows the error of the velocities, which grow first.
+NOTABLE = 0.1
+#: From here on the motion is the growth of an error, not a result.  Sound motions reach 0.4 with three steps a period.
+GROWN = 0.9
+#: Of an energy: a motion of 1e-6 of what the loads would do to a free body, as where a slider stands under the load.
+ROUND_OFF = 1e-12
+#: Steps taken at once: memory stays small.
+BLOCK = 4096
+
+
+def energy(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Energy:
+    """v^T M v / 2, q^T K q / 2 and -q^T B f, each (T,) in J (Weyrer et al., equation for H(t)).
+
+    Strain energy includes that of the pads, lambda^2 / (2 k), and of the residual flexibility; the residual part's
+    kinetic energy is left out.
+    """
+    return _energy(body, trajectory, loads, _motion(body, trajectory, loads))
+
+
+class Account:
+    """Energy of a motion and the work done on it, followed from block to block."""
+
+    def __init__(self, body: SlidingBody, steps: int) -> None:
+        self._body = body
+        self._stored, self._work = np.zeros(steps + 1), np.zeros(steps + 1)
+
+    def add(self, first: int, part: Trajectory, loads: Array) -> Energy:
+        """Energies of a part of the trajectory, whose first step, number `first`, is the last of the one before."""
+        steps = slice(first, first + len(part.t))
+        with np.errstate(over="ignore", invalid="ignore"):
+            motion = _motion(self._body, part, loads)
+            found = _energy(self._body, part, loads, motion)
+            self._stored[steps] = found.kinetic + found.strain
+            self._work[steps][1:] = self._work[first] + np.cumsum(_works(self._body, part, loads, motion))
+        return found
+
+    def surplus(self, loads: Array, step: float, s: float, simulator: str) -> float:
+        """Surplus of the whole motion, under loads (T, i) in N and with the slider at s m in the beginning.
+
+        A GrowthError is raised where more than `GROWN` of the largest energy comes from nowhere.
+        """
+        body = self._body
+        with np.errstate(over="ignore", invalid="ignore"):
+            inertia = body.M.diagonal() if sp.issparse(body.M) else np.diagonal(body.M)
+            least = round_off(body.B.T @ (body.B / inertia[:, None]), loads, step)
+            found = surplus(self._stored, self._work, least, since_start=bool(pushing_rows(body)))
+        rigid = row_flexibility(body, s)[1]
+        refuse_growth(found, simulator, [body.row_names[k] for k in body.moving if rigid[k]])
+        return found
+
+
+def checked(body: SlidingBody, trajectory: Trajectory, loads: Array, simulator: str) -> Trajectory:
+    """The trajectory with its `surplus`, under loads (T, i) in N; a GrowthError as for `Account.surplus`."""
+    account = Account(body, len(trajectory.t) - 1)
+    for steps in blocks(len(trajectory.t)):
+        account.add(steps.start, trajectory.at(steps), loads[steps])
+    step, s = float(trajectory.t[1] - trajectory.t[0]), float(trajectory.s[0])
+    return replace(trajectory, surplus=account.surplus(loads, step, s, simulator))
+
+
+def surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:
+    """Largest rise of energy less work over the largest energy: 0 to 1 and a little more; inf if it overflows.
+
+    `stored` (T,) is kinetic and strain energy, `work` (T,) that done on the body since t = 0, both in J; an energy that
+    never exceeds `least` is round-off, which has no source.  Where rows open and close between steps, energy is lost
+    with the one and had back with the other: `since_start` measures from the first step, not from the lowest before.
+    """
+    if not (np.isfinite(stored).all() and np.isfinite(work).all()):
+        return np.inf
+    excess, largest = stored - stored[0] - work, float(stored.max(initial=0.0))
+    rise = excess if since_start else excess - np.minimum.accumulate(excess)
+    return float(rise.max(initial=0.0)) / largest if largest > least else 0.0
+
+
+def round_off(mobility: Array, loads: Array, step: float) -> float:
+    """Energy in J that counts as none, next to what the loads (T, i) give a free body in one step.
+
+    `mobility` is B^T diag(M)^-1 B, (i, i) in 1/kg.
+    """
+    given = np.einsum("ti,ij,tj->t", loads, mobility, loads).max(initial=0.0) * step**2 / 2.0
+    return ROUND_OFF * float(given)
+
+
+def refuse_growth(found: float, simulator: str, moving: list[str]) -> None:
+    """Refuse with a GrowthError a motion of so much surplus; `moving` names the rigid rows that move."""
+    if found > GROWN:
+        told = f"{simulator}: the motion grows without bound, {described(found)}{remedy(moving)}"
+        raise GrowthError(told, tuple(moving))
+
+
+def described(found: float) -> str:
+    """A surplus in words."""
+    if found == np.inf:
+        return "its energy overflows"
+    return f"{100.0 * min(found, 1.0):.3g} % of its largest energy was put in by neither loads nor moving rows"
+
+
+def remedy(moving: list[str]) -> str:
+    """What helps, in words; `moving` names the rigid rows that move."""
+    if not moving:
+        return "; a smaller step or a smaller time.rho_inf helps"
+    return (
+        f"; the rigid row {', '.join(moving)} moves, and its multiplier (index 3) grows where time.rho_inf is near 1 "
+        "or the path fast: a smaller time.rho_inf, pads that give way or a residual flexibility help, smaller steps "
+        "need not"
+    )
+
+
+def blocks(size: int) -> Iterator[slice]:
+    """Rows of a trajectory of `size` steps, some thousand at a time; each block begins where the one before ends."""
+    for first in range(0, max(1, size - 1), BLOCK):
+        yield slice(first, min(first + BLOCK + 1, size))
+
+
+def _energy(body: SlidingBody, part: Trajectory, loads: Array, motion: Array) -> Energy:
+    """The energies, given B^T q."""
+    multipliers = part.deforming
+    strain = half_form(body.K, part.q) + multipliers**2 @ body.row_compliance / 2.0
+    if body.flexibility is not None:
+        strain = strain + body.flexibility.strain_energy(part.s, multipliers, loads)
+    return Energy(half_form(body.M, part.v), strain, -dot(motion, loads))
+
+
+def _works(body: SlidingBody, part: Trajectory, f: Array, motion: Array) -> Array:
+    """Work (T - 1,) in J done in each step, given B^T q."""
+    q, s, multipliers, mean_f = part.q, part.s, mean(part.multipliers), mean(f)
+    work = dot(mean_f, np.diff(motion, axis=0))
+    turned = body.row_change(s, mean(q))
+    if body.flexibility is not None:
+        turned += body.flexibility.row_motion_change(s, mean(part.deforming) / 2.0, mean_f)
+    return work + dot(multipliers, turned)
+
+
+def _motion(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
+    """B^T q, (T, i) in m: how the loads' points move."""
+    motion = np.asarray(trajectory.q @ body.B)
+    if body.flexibility is not None:
+        motion = motion + body.flexibility.input_motion(trajectory.s, trajectory.deforming, loads)
+    return motion
+
+
+def half_form(A: Any, x: Array) -> Array:
+    """x^T A x / 2 of each row of x (T, n)."""
+    if not sp.issparse(A) and not np.any(A - np.diag(np.diagonal(A))):
+        return np.asarray(x**2 @ np.diagonal(A)) / 2.0  # modal coordinates
+    return dot((A @ x.T).T, x) / 2.0
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Of each row of two arrays (T, n)."""
+    return np.asarray(np.einsum("tn,tn->t", a, b))
+
+
+def mean(values: Array) -> Array:
+    """Of each step, from its ends."""
+    return np.asarray(values[1:] + values[:-1]) / 2.0

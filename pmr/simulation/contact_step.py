@@ -1,0 +1,135 @@
+r"""How fine a step has to be for rows that only push.
+
+A body that lands on closed pads swings on them, for half a period of
+
+.. math:: \omega^2 = \max_s \lambda_{max}\big( (G + 1/k)^{-1}\, C M^{-1} C^T \big)
+
+taken over the rows that only push.  A step with h omega of 1 or more takes the energy of an impact and most of its
+force; what is lost falls with the square (docs/pads.md).  So a step is made in equal parts, as many as h omega takes;
+of systems that is the most, and an estimate of the error decides (`pmr.simulation.native.multibody_levels`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors.text import rounded, rounded_down
+from pmr.reduced.model import ReducedModel
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.stepping import TimeStepping
+from pmr.system.body import pushing_rows
+
+Array = NDArray[np.float64]
+
+#: h omega with which a peak force is right within some per cent, and an impact keeps 99.9 % of its energy in the mean.
+RESOLVED = 0.05
+#: What a part may err in the forces of closed contacts, over the largest so far, for each radian of h omega up to one.
+TOLERANCE = 1e-5
+#: Parts that a step is divided into at most, and parts of all steps together.
+MOST_PARTS, MOST_IN_ALL = 200, 5_000_000
+#: Places on the path at which omega is found.
+PLACES = 65
+
+
+def contact_frequency(body: ReducedModel, s: Array) -> float:
+    """Largest omega in rad/s where the path coordinates s (T,) m lead; 0 if no row that gives way only pushes."""
+    rows = pushing_rows(body)
+    if not rows:
+        return 0.0
+    places, largest = np.unique(np.linspace(s.min(), s.max(), PLACES)), 0.0
+    which = np.ix_(rows, rows)
+    for at in places:
+        C = body.C(float(at))[rows]
+        F = np.diag(body.row_compliance[rows])
+        if body.flexibility is not None:
+            F = F + body.flexibility.rows(at)[which]
+        largest = max(largest, frequency(F, C @ np.linalg.solve(body.M, C.T)))
+    return largest
+
+
+def frequency(F: Array, mobility: Array) -> float:
+    """The largest omega in rad/s of rows with F = G + 1/k (m, m) in m/N and C M^-1 C^T (m, m) in 1/kg."""
+    if np.linalg.matrix_rank(F, hermitian=True) < len(F):
+        return 0.0  # a rigid row that only pushes is refused elsewhere
+    return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(F, mobility)).real.max()))
+
+
+def parts(omega: float, stepping: TimeStepping) -> int:
+    """Equal parts of a step in which a contact of circular frequency `omega` in rad/s is followed."""
+    if stepping.parts or stepping.schedule:
+        return stepping.parts or max(stepping.schedule)
+    needed = int(np.ceil(stepping.step * omega / RESOLVED - 1e-9))
+    return max(1, min(needed, MOST_PARTS, MOST_IN_ALL // stepping.steps))
+
+
+def levels(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
+    """Of how many parts a step may be made where the tolerance decides: powers of two, up to what resolves `omega`.
+
+    Or those that are asked for.
+    """
+    if stepping.schedule:
+        return tuple(sorted(set(stepping.schedule)))
+    if stepping.parts:
+        return (stepping.parts,)
+    return tuple(2**k for k in range((parts(omega, stepping) - 1).bit_length() + 1))
+
+
+def with_parts(body: ReducedModel, excitation: Excitation) -> TimeStepping:
+    """The time grid with its number of parts spelled out, where rows only push."""
+    stepping = excitation.stepping
+    if not pushing_rows(body):
+        return stepping
+    count = parts(_omega(body, excitation), stepping)
+    return TimeStepping(stepping.end, stepping.step, stepping.rho_inf, count)
+
+
+def as_made(stepping: TimeStepping, made: NDArray[np.int64] | None, omega: float) -> TimeStepping:
+    """The time grid of others that make each step in the parts it was `made` in (T,); None: what `omega` takes."""
+    if omega == 0.0 or stepping.parts:
+        return stepping
+    if made is None:
+        return replace(stepping, parts=parts(omega, stepping))
+    return replace(stepping, schedule=tuple(made[1:].tolist()))
+
+
+def summary(body: ReducedModel, excitation: Excitation) -> dict[str, object]:
+    """``contact`` of summary.json: ``omega`` in rad/s, ``parts`` of a step, ``h_omega`` of a part; else empty."""
+    return summary_of(_omega(body, excitation), excitation.stepping)
+
+
+def summary_of(omega: float, stepping: TimeStepping) -> dict[str, object]:
+    """The same of contacts of circular frequency `omega` in rad/s; 0: there are none."""
+    if omega == 0.0:
+        return {}
+    count = parts(omega, stepping)
+    found = {"omega": omega, "parts": count, "h_omega": stepping.step * omega / count}
+    if stepping.schedule:
+        found["mean_parts"] = float(np.mean(stepping.schedule))
+    return {"contact": found}
+
+
+def warnings(body: ReducedModel, excitation: Excitation) -> list[str]:
+    """A line where even the parts of a step are too long for the contact."""
+    return warnings_of(_omega(body, excitation), excitation.stepping)
+
+
+def warnings_of(omega: float, stepping: TimeStepping) -> list[str]:
+    """The same of contacts of circular frequency `omega` in rad/s."""
+    count = parts(omega, stepping)
+    reached = stepping.step * omega / count
+    if reached <= RESOLVED * (1.0 + 1e-9):
+        return []
+    in_all = stepping.end * omega / RESOLVED  # parts of all steps, whatever the step
+    enough = RESOLVED / omega * (MOST_PARTS if in_all <= MOST_IN_ALL and not stepping.parts else 1)
+    return [
+        f"pads that only push: their contact has h omega = {rounded(reached)} in each of the {count} parts of a step, "
+        f"{RESOLVED:g} resolves an impact: peak forces are too small and rebounds lose energy; "
+        f"time.step = {rounded_down(enough)} s, or less stiffness, is enough"
+    ]
+
+
+def _omega(body: ReducedModel, excitation: Excitation) -> float:
+    return contact_frequency(body, excitation.along(body.domain)) if pushing_rows(body) else 0.0

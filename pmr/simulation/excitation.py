@@ -1,0 +1,123 @@
+"""What drives a simulation: paths, loads and the time grid on which they are sampled, once; and simulators' options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import BEYOND_ENDS, InputError
+from pmr.scene import Scene
+from pmr.scene.asked import Simulation
+from pmr.scene.signals import SignalBase
+from pmr.simulation.stepping import TimeStepping
+
+Array = NDArray[np.float64]
+#: What the path of a scene's one slider is called.
+SLIDER = "slider"
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Paths s(t), loads f(t) and a time grid t_k, k = 0 ... T - 1."""
+
+    paths: Mapping[str, SignalBase]  # P paths by their names
+    loads: Mapping[str, SignalBase]  # N (or N m): by the names of the inputs that they drive
+    stepping: TimeStepping
+    # keys of a scene's section of that name, of which each simulator reads its own
+    options: Simulation = field(default_factory=Simulation)
+
+    @classmethod
+    def of(cls, scene: Scene) -> Excitation:
+        """Path, loads and time grid of a scene."""
+        stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
+        return cls({SLIDER: scene.slider.path}, scene.signals, stepping, scene.simulation)
+
+    @property
+    def path(self) -> SignalBase:
+        """The only path; an InputError is raised where there are several."""
+        if len(self.paths) != 1:
+            allowed = f"{len(self.paths)} given ({', '.join(self.paths)}), one path for all sliders is allowed"
+            raise InputError("scene", "slider.path", None, allowed)
+        return next(iter(self.paths.values()))
+
+    @cached_property
+    def times(self) -> Array:
+        """T (T,) in s, 0 included."""
+        return self.stepping.times
+
+    @cached_property
+    def s(self) -> Array:
+        """Path coordinates (T, P) in m at the steps, one column a path in the order of `paths`."""
+        return self._columns([path.value(self.times) for path in self.paths.values()])
+
+    @cached_property
+    def rates(self) -> Array:
+        """S' (T, P) in m/s; at a kink that of what begins there."""
+        return self._columns([path.rate(self.times) for path in self.paths.values()])
+
+    @cached_property
+    def path_rate(self) -> Array:
+        """Rate (T,) in m/s of the only path; an InputError as for `path`."""
+        return np.asarray(self.path.rate(self.times))
+
+    def along(self, domain: tuple[float, float]) -> Array:
+        """The only path's coordinates (T,) in m at the steps, within `domain`.
+
+        Errors as for `on_path`, and an InputError where there are several paths.
+        """
+        return on_path(self.path, self.s[:, 0], domain, self.times)
+
+    @cached_property
+    def f(self) -> Array:
+        """Loads (T, i) in N at the steps, one column a load in the order of `loads`."""
+        return self._columns([load.value(self.times) for load in self.loads.values()])
+
+    def forces(self, names: Sequence[str]) -> Array:
+        """Loads (T, i) in N at the steps, one column an input, by a body's `names`; errors as for `in_order`."""
+        chosen = in_order(self.loads, names)
+        return self.f if tuple(names) == tuple(self.loads) else self._columns([one.value(self.times) for one in chosen])
+
+    @property
+    def signals(self) -> list[tuple[str, SignalBase]]:
+        """Paths and loads, each as it is called in messages."""
+        paths = [("the slider's path" if len(self.paths) == 1 else f"path {n}", path) for n, path in self.paths.items()]
+        return [*paths, *((f"load {name}", load) for name, load in self.loads.items())]
+
+    def with_stepping(self, stepping: TimeStepping) -> Excitation:
+        """The same on another time grid."""
+        return self if stepping == self.stepping else replace(self, stepping=stepping)
+
+    def _columns(self, values: Sequence[Array]) -> Array:
+        return np.column_stack([np.empty((self.stepping.steps + 1, 0)), *values])
+
+
+def in_order(loads: Mapping[str, SignalBase], names: Sequence[str]) -> tuple[SignalBase, ...]:
+    """The loads of a body whose inputs have these names; an InputError if one has no load, or a load no input."""
+    if set(loads) != set(names):
+        allowed = f"{', '.join(loads) or 'none'} given, one for each input is allowed: {', '.join(names)}"
+        raise InputError("scene", "loads", None, allowed)
+    return tuple(loads[name] for name in names)
+
+
+def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:
+    """Path coordinates s (T,) in m at the ascending times t (T,) in s, within `domain`.
+
+    Up to `BEYOND_ENDS` of its length beyond an end they are taken there; an InputError is raised where the path goes
+    further, at one of these times or between two of them.
+    """
+    low, high = domain
+    slack = BEYOND_ENDS * (high - low)
+    outside = ~((s >= low - slack) & (s <= high + slack))
+    if outside.any():
+        k = int(np.argmax(outside))
+        allowed = f"{low:g} to {high:g} m is allowed; left at t = {t[k]:g} s"
+        raise InputError("scene", "slider.path", float(s[k]), allowed)
+    for at in path.bounds(float(t[0]), float(t[-1])):
+        if not low - slack <= at <= high + slack:
+            allowed = f"{low:g} to {high:g} m is allowed; left between two steps"
+            raise InputError("scene", "slider.path", at, allowed)
+    return np.clip(s, low, high)

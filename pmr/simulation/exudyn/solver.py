@@ -1,0 +1,146 @@
+"""Exudyn's implicit solver, quiet, with its failures as errors; shared by all simulators that use Exudyn."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+from exudyn.itemInterface import SensorNode, SensorObject
+from numpy.typing import NDArray
+
+from pmr.errors import InputError, SimulationError
+from pmr.simulation.exudyn.items import add_pre_step_function
+from pmr.simulation.stepping import Progress, TimeStepping
+
+Array = NDArray[np.float64]
+_log = logging.getLogger(__name__)
+
+_NO_CONVERGENCE = (
+    "Newton's method does not converge (constraint rows that depend on each other, or that move with rho_inf near 1?)"
+)
+
+
+def solver_settings(stepping: TimeStepping, linear_solver: Any) -> Any:
+    """Generalized-alpha, constant step, index-3 constraints; sensors keep every step, no file is written."""
+    chosen = exu.SimulationSettings()
+    chosen.solution.file.write = False
+    chosen.solution.sensors.writePeriod = stepping.step
+    chosen.linearSolver.solverType = linear_solver
+    integration = chosen.timeIntegration
+    integration.endTime = stepping.end
+    integration.numberOfSteps = stepping.steps
+    integration.adaptiveStep = False
+    integration.automaticStepSize = False
+    integration.generalizedAlpha.spectralRadius = stepping.rho_inf
+    integration.newton.useModifiedNewton = False
+    integration.verboseMode = 0
+    return chosen
+
+
+def change(newton: Any, settings: Mapping[str, bool | float]) -> None:
+    """Lay settings over Exudyn's own of Newton's method, by their names.
+
+    An InputError is raised where Exudyn knows no such setting, or refuses the value.
+    """
+    known = [name for name, value in newton.GetDictionary().items() if not isinstance(value, Mapping)]
+    for name, value in settings.items():
+        if name not in known:
+            raise InputError("scene", f"simulation.newton.{name}", value, f"one of {', '.join(known)} is allowed")
+        try:
+            setattr(newton, name, value)
+        except exu.ExudynError as error:
+            raise InputError("scene", f"simulation.newton.{name}", value, str(error).splitlines()[0]) from None
+
+
+def solve(mbs: Any, chosen: Any, place: Callable[[float], str], progress: Progress | None = None) -> float:
+    """Assemble and integrate; returns the solver's wall time in s.
+
+    `place` says where paths lead at a time in s; `progress` is told the share that is done about a hundred times.  The
+    SimulationError that is raised where a step fails has its number, time and place.
+    """
+    if progress is not None:
+        _report(mbs, chosen.timeIntegration, progress)
+    mbs.Assemble()
+    solver = exu.MainSolverImplicitSecondOrder()  # mbs.SolveDynamic would print its failures
+    begin = time.perf_counter()
+    try:
+        with _warnings_logged():
+            succeeded, reason = solver.SolveSystem(mbs, chosen), _NO_CONVERGENCE
+    except exu.ExudynError as error:
+        succeeded, reason = False, str(error).strip()
+    seconds = time.perf_counter() - begin
+    if not succeeded:
+        if solver.conv.linearSolverFailed:
+            reason = "singular equations (constraint rows that depend on each other?)"
+        t = solver.it.currentTime
+        number = round(t * chosen.timeIntegration.numberOfSteps / chosen.timeIntegration.endTime)
+        raise SimulationError(f"{_where(number, t, place)}: {reason}")
+    return seconds
+
+
+def _report(mbs: Any, integration: Any, progress: Progress) -> None:
+    every, steps_done = max(1, integration.numberOfSteps // 100), 0
+
+    def count(mbs: Any, t: float) -> bool:
+        nonlocal steps_done
+        steps_done += 1
+        if steps_done % every == 0:
+            progress(steps_done / integration.numberOfSteps)
+        return True
+
+    add_pre_step_function(mbs, count)
+
+
+def of_nodes(mbs: Any, nodes: Iterable[Any], kind: Any) -> list[Any]:
+    """Sensors that store an output variable of nodes, such as their coordinates, at every step."""
+    return [mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True)) for node in nodes]
+
+
+def of_connector(mbs: Any, connector: Any) -> Any:
+    """One that stores a connector's force."""
+    kind = exu.OutputVariableType.Force
+    return mbs.AddSensor(SensorObject(objectNumber=connector, outputVariableType=kind, storeInternal=True))
+
+
+def stored(mbs: Any, sensor: Any, stepping: TimeStepping, place: Callable[[float], str]) -> Array:
+    """Values (T, c) that a sensor stored, one row a step, t = 0 included.
+
+    A SimulationError is raised where steps are missing or a value is not finite.
+    """
+    values = mbs.GetSensorStoredData(sensor)[:, 1:]
+    if len(values) != stepping.steps + 1:
+        raise SimulationError(f"Exudyn stored {len(values)} of {stepping.steps + 1} steps")
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.all():
+        number = int(np.argmin(finite))
+        raise SimulationError(f"{_where(number, number * stepping.step, place)}: not finite")
+    return np.asarray(values)
+
+
+@contextmanager
+def _warnings_logged() -> Iterator[None]:
+    """Exudyn's warnings in the log, not on standard output."""
+    printed = StringIO()
+    try:
+        with redirect_stdout(printed):
+            yield
+    finally:
+        told = re.sub(r"Python WARNING \[file.*?\]:", "", printed.getvalue(), flags=re.S)  # not where in pmr it was
+        if text := " ".join(told.replace("*", "").split()):
+            _log.warning("Exudyn: %s", text.removeprefix("WARNING: "))
+
+
+def slider_at(position: Callable[[float], float]) -> Callable[[float], str]:
+    """Where a slider is, in words, from its path coordinate in m at a time in s."""
+    return lambda t: f"slider at {position(t):g} m"
+
+
+def _where(number: int, t: float, place: Callable[[float], str]) -> str:
+    return f"Exudyn failed at step {number}, t = {t:g} s, {place(t)}"

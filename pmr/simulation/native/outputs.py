@@ -1,0 +1,81 @@
+r"""Outputs of `march`, compiled.
+
+.. math::
+    y = O z + W f - X(s) \lambda
+
+is a sum of columns times their shares: those of O times z, and the coefficients of X and W times -lambda x^p and f.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.simulation.native.arrays import Outputs, State, System, Z
+from pmr.simulation.native.compilation import inlined
+from pmr.simulation.native.simd import LANES, load, spread, store
+
+Array = NDArray[np.float64]
+_WIDE = 4 * LANES
+
+
+@inlined
+def observe(system: System, outputs: Outputs, state: State, f: Array, y: Array) -> None:
+    """Outputs y (o,) of the present state under the loads f (i,)."""
+    j, z, shares, count = state.interval[0], state.modes[Z], state.shares, len(y)
+    if len(shares) > 0:
+        _share(state, state.position[0] - system.breaks[j], f)
+    of_modes, of_rows = outputs.of_modes, outputs.of_rows[j]
+    if count < LANES:
+        for n in range(count):
+            total = 0.0
+            for q in range(len(of_modes)):
+                total += of_modes[q, n] * z[q]
+            for q in range(len(shares)):
+                total += of_rows[q, n] * shares[q]
+            y[n] = total
+        return
+    wide = count // _WIDE * _WIDE
+    for n in range(0, wide, _WIDE):  # four sums at a time: an addition has to wait for the one before
+        zero = spread(0.0)
+        sums = _add_wide(of_rows, shares, n, _add_wide(of_modes, z, n, (zero, zero, zero, zero)))
+        for k in range(4):
+            store(y, n + k * LANES, sums[k])
+    for n in range(wide, count, LANES):
+        at = min(n, count - LANES)  # the last ones overlap with those before
+        store(y, at, _add(of_rows, shares, at, _add(of_modes, z, at, spread(0.0))))
+
+
+@inlined
+def _share(state: State, x: float, f: Array) -> None:
+    """-lambda_k times the powers of x, highest first, row after row, then the loads."""
+    m, i, shares = len(state.multipliers), len(f), state.shares
+    powers = (len(shares) - i) // m if m else 0
+    for k in range(m):
+        share = -state.multipliers[k]
+        for p in range((k + 1) * powers - 1, k * powers - 1, -1):
+            shares[p] = share
+            share *= x
+    for l in range(i):
+        shares[m * powers + l] = f[l]
+
+
+@inlined
+def _add(columns: Array, shares: Array, n: int, total: object) -> object:
+    """Add entries n to n + 3 of columns (q, o) times the first q shares."""
+    for q in range(len(columns)):
+        total = total + load(columns[q], n) * shares[q]
+    return total
+
+
+@inlined
+def _add_wide(columns: Array, shares: Array, n: int, sums: tuple[object, ...]) -> tuple[object, ...]:
+    """Four times `_add`, for n, n + 4, n + 8 and n + 12."""
+    a, b, c, d = sums
+    for q in range(len(columns)):
+        column, share = columns[q], shares[q]
+        a = a + load(column, n) * share
+        b = b + load(column, n + LANES) * share
+        c = c + load(column, n + 2 * LANES) * share
+        d = d + load(column, n + 3 * LANES) * share
+    return a, b, c, d

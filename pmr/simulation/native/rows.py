@@ -1,0 +1,124 @@
+r"""The moving rows of `march`, compiled: all that depends on the path coordinate s alone.
+
+.. math::
+    C(s), \qquad G(s) + dq\, C S^{-1} C^T = L\, \mathrm{diag}(d)\, L^T, \qquad H(s) + dq\, C S^{-1} B
+
+are polynomials between the breaks; S and dq are explained in `pmr.simulation.native.step`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.simulation.native.arrays import ROW, Contact, State, System
+from pmr.simulation.native.compilation import inlined
+from pmr.simulation.native.simd import LANES, load, spread, store, total
+
+Array = NDArray[np.float64]
+
+#: A pivot of the rows' Schur complement below this share of its diagonal entry: the row depends on those before it.
+SINGULAR = 1e-12
+
+
+@inlined
+def move_rows(system: System, state: State, s: float) -> int:
+    """Evaluate rows and factor at s; number of the first row that depends on others, counted from 1, or 0.
+
+    Nothing is done while s stays where it is, and rows that never move are done once.
+    """
+    before = state.position[0]
+    if s == before:
+        return 0
+    first = 0 if np.isnan(before) else system.constant_rows
+    j = find_interval(system.breaks, s, state.interval[0])
+    x = s - system.breaks[j]
+    state.interval[0] = j
+    state.position[0] = s
+    for k in range(first, len(state.factor)):
+        _evaluate(system.rows[j, k], x, state.modes[ROW + k])
+        _evaluate(system.couplings[j, k], x, state.couplings[k])
+        for n in range(system.damped.shape[1]):
+            state.weighted[k, n] = dot(system.damped[2, n], state.modes[ROW + k])
+        if not add_to_factor(state.contact, state, k):
+            state.position[0] = np.nan
+            return k + 1
+    return 0
+
+
+@inlined
+def find_interval(breaks: Array, s: float, j: int) -> int:
+    """Number of the interval that holds s, sought from j on."""
+    while j > 0 and s < breaks[j]:
+        j -= 1
+    while j < len(breaks) - 2 and s >= breaks[j + 1]:
+        j += 1
+    return j
+
+
+@inlined
+def dot(a: Array, b: Array) -> float:
+    """Inner product of two rows of `State.modes`; in two sums, for each addition has to wait for the one before."""
+    odd, even = spread(0.0), spread(0.0)
+    r = len(a)
+    if r % (2 * LANES):
+        r -= LANES
+        odd = load(a, r) * load(b, r)
+    for n in range(0, r, 2 * LANES):
+        even = even + load(a, n) * load(b, n)
+        odd = odd + load(a, n + LANES) * load(b, n + LANES)
+    return total(even + odd)
+
+
+@inlined
+def solve(factor: Array, x: Array) -> None:
+    """Forward and backward substitution in place."""
+    m = len(x)
+    for k in range(m):
+        for n in range(k):
+            x[k] -= factor[k, n] * x[n]
+    for k in range(m - 1, -1, -1):
+        x[k] *= factor[k, k]
+        for n in range(k + 1, m):
+            x[k] -= factor[n, k] * x[n]
+
+
+@inlined
+def _evaluate(c: Array, x: float, values: Array) -> None:
+    """Polynomials (w,) at x from their coefficients (p, w), highest power first; cubics, those of beams, in one go."""
+    if len(c) == 4:
+        c0, c1, c2, c3 = c[0], c[1], c[2], c[3]
+        for n in range(0, len(values), LANES):
+            store(values, n, ((load(c0, n) * x + load(c1, n)) * x + load(c2, n)) * x + load(c3, n))
+        return
+    for n in range(0, len(values), LANES):
+        value = load(c[0], n)
+        for p in range(1, len(c)):
+            value = value * x + load(c[p], n)
+        store(values, n, value)
+
+
+@inlined
+def add_to_factor(contact: Contact | None, state: State, k: int) -> bool:
+    """Row k joins the factor, where it is known to hold; False if it depends on those before it."""
+    if contact is None:
+        return factorise(state.couplings[k], state.factor, k)
+    contact.factored[0] = -1  # which rows hold follows later, in `pmr.simulation.native.contact`
+    return True
+
+
+@inlined
+def factorise(entries: Array, factor: Array, k: int) -> bool:
+    """Row k of the factor L diag(d) L^T from the matrix's entries (k + 1,); False if it depends on those before it."""
+    for l in range(k):
+        entry = entries[l]
+        for n in range(l):
+            entry -= factor[k, n] * factor[l, n]
+        factor[k, l] = entry  # so far L d
+    pivot = entries[k]
+    for l in range(k):
+        entry = factor[k, l] * factor[l, l]
+        pivot -= entry * factor[k, l]
+        factor[k, l] = entry
+    factor[k, k] = 1.0 / pivot
+    return pivot > SINGULAR * entries[k]

@@ -1,0 +1,40 @@
+"""What a body on its way asks of a simulator (`pmr.scene.simulators` has what each can do)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pmr.reduced.model import ReducedModel
+from pmr.scene.simulators import Needs
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.start import row_flexibility
+from pmr.system.body import WithRows
+
+
+def needs_of(body: ReducedModel | WithRows, s: float) -> Needs:
+    """Of a reduced body, or a full one wherever its matrices are, with its slider at s m, wherever it goes.
+
+    An InputError is raised of a model that is but a section of a boom.
+    """
+    if isinstance(body, ReducedModel):
+        body.ensure_whole("model")
+    rigid, pushing = row_flexibility(body, s)[1], ~np.isnan(body.row_clearance)
+    names, both, giving = (
+        tuple(body.row_names[k] for k in np.flatnonzero(which)) for which in (pushing, pushing & rigid, ~rigid)
+    )
+    kept_inertia = body.flexibility is not None and body.flexibility.keeps_inertia
+    return Needs(pushing=names, rigid_pushing=both, giving=giving, kept_inertia=kept_inertia)
+
+
+def needs_on(body: ReducedModel | WithRows, excitation: Excitation) -> Needs:
+    """Of such a body that is excited."""
+    s, travels = float(excitation.s[0, 0]), bool(np.any(excitation.s != excitation.s[0]))
+    rigid = row_flexibility(body, s)[1]
+    return replace(
+        needs_of(body, s),
+        rigid_moving=tuple(body.row_names[k] for k in body.moving if travels and rigid[k]),
+        paths=tuple(excitation.paths),
+        rho_inf=excitation.stepping.rho_inf,
+    )

@@ -1,0 +1,27 @@
+r"""Full models over time, in PETSc: the reference for bodies too large to be diagonalised or for a general solver.
+
+.. math::
+    M \ddot q + D \dot q + K q + C^T \lambda = B f, \qquad C q - \lambda / k = 0
+
+of one body with C(s), or of several that contacts join (`pmr.system.contacts`), of which some may only push.
+
+Scheme, start and sign of the multipliers are those of `pmr.simulation.native.simulator` and of Exudyn, so the motions
+agree. Distributed over the models' communicator: every function here is collective.
+"""
+
+from pmr.simulation.petsc.checkpoint import Checkpoint
+from pmr.simulation.petsc.history import History, Recording, States, SystemHistory, respond
+from pmr.simulation.petsc.observe import observe, observe_system
+from pmr.simulation.petsc.start import static_start
+
+__all__ = [
+    "Checkpoint",
+    "History",
+    "Recording",
+    "States",
+    "SystemHistory",
+    "observe",
+    "observe_system",
+    "respond",
+    "static_start",
+]

@@ -1,0 +1,144 @@
+"""Multipliers of the contacts and what they do to the bodies: the Schur complement of the effective matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.fem.compat import MPI
+from pmr.fem.factor import BLOCK, AnyFactor
+from pmr.fullmodel.system import FullSystem
+from pmr.simulation.native.rows import SINGULAR
+from pmr.simulation.native.start import dependence
+from pmr.simulation.petsc.effective import BlockFactor
+from pmr.simulation.petsc.pushing import Pushing
+from pmr.simulation.petsc.rows import Course, PathCompliance, PathRows, StoredAnswers, VisitedCarriers, contact_rows
+
+Array = NDArray[np.float64]
+
+#: Bytes a rank may spend on S^{-1} E, which saves the second solve of a step: 560 loads of the reference boom's pads at
+#: up to 240,000 coordinates a rank.
+STORED_BYTES = 2**30
+
+
+class Constraint:
+    r"""All contacts over a course, with a factor of S; collective.
+
+    .. math:: (dq\, C S^{-1} C^T + 1/k)\, \lambda = C q_{free}
+
+    of those that are closed; `pushing` finds out which of those that only push are.  S^{-1} E is stored if that of
+    `shared` factors fits into the memory that is meant for it.
+    """
+
+    def __init__(
+        self,
+        system: FullSystem,
+        factor: BlockFactor,
+        q_gain: float,
+        rows: PathRows,
+        pushing: Pushing | None,
+        shared: int = 1,
+    ) -> None:
+        self._q_gain, self._factor, self._system, self.pushing = q_gain, factor, system, pushing
+        self.rows, self._pads = rows, np.diag(system.compliance)
+        carriers, comm, least = rows.visited.of_bodies, system.comm, 0
+        for E in carriers:
+            least += E.shape[0] * comm.allreduce(E.shape[1], op=MPI.MAX)
+        stored = 8 * least * shared <= STORED_BYTES
+        found = [answers(one, E, comm, stored) for one, E in zip(factor.of_bodies, carriers, strict=True)]
+        self._compliance = PathCompliance([P for P, _ in found], rows)
+        self._stored = [StoredAnswers(local, body, rows) for body, (_, local) in enumerate(found)] if stored else None
+        self._at = np.full(len(rows.course.rows), np.nan)
+        self._matrix, self._cholesky = np.zeros((0, 0)), np.zeros((0, 0))
+
+    def move(self, step: int) -> None:
+        """Go to a step of the course.
+
+        Raises
+        ------
+        SimulationError
+            If rows depend on each other there.
+        """
+        self.rows.move(step)
+        x = self.rows.course.x[step]
+        if not np.array_equal(x, self._at):
+            self._matrix = self._q_gain * self._compliance.of_rows(self.rows) + self._pads
+            if self.pushing is None:
+                self._cholesky, failed = _factorise(self._matrix)
+                if failed:
+                    self._refuse(step, failed)
+            self._at = x
+
+    def multipliers(self, step: int, motion: Array) -> Array:
+        """Multipliers (m,) in N from how the rows would move without them, C q_free (m,).
+
+        Raises
+        ------
+        SimulationError
+            If closed rows depend on each other, or which are closed is not settled.
+        """
+        if not len(motion):
+            return motion
+        if self.pushing is None:
+            return np.asarray(scipy.linalg.cho_solve((self._cholesky, True), motion, check_finite=False))
+        found, failed = self.pushing.settle(self._matrix, motion)
+        if failed:
+            self._refuse(step, failed)
+        return found
+
+    def correction(self, multipliers: Array) -> Array:
+        """This rank's rows (n_local,) of S^{-1} C^T lambda."""
+        if self._stored is not None:
+            return np.concatenate([stored.correction(self.rows, multipliers) for stored in self._stored])
+        return self._factor.solve(self.rows.transposed(multipliers))
+
+    def _refuse(self, step: int, failed: int) -> None:
+        """Say why contact number `failed`, from 1, is one too many; or, where negative, that nothing settled."""
+        if failed < 0:
+            assert self.pushing is not None
+            raise SimulationError(self.pushing.unsettled(self._system.contact_names))
+        C = contact_rows(self._system, self.rows.course.x[step])[:failed]
+        raise SimulationError(dependence(C[:, np.unique(C.indices)].toarray(), self._system.contact_names))
+
+
+def answers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
+    """P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E if they are stored.
+
+    E is given as this rank's columns of its transpose, (p, n_local).
+    """
+    p, n = E.shape
+    P, found = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")
+    for k in range(0, p, BLOCK):
+        block = factor.solve_columns(E[k : k + BLOCK].toarray().T)
+        P[:, k : k + BLOCK] = E @ block
+        if stored:
+            found[:, k : k + BLOCK] = block
+    comm.Allreduce(MPI.IN_PLACE, P)
+    return (P + P.T) / 2.0, found
+
+
+def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
+    """P of each body."""
+    parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
+    return [answers(one, E, system.comm, False)[0] for one, E in parts]
+
+
+def paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:
+    """The system's rows where its sides are at x (T, q) m."""
+    course = Course(system, x)
+    return PathRows(course, VisitedCarriers(system, course), step)
+
+
+def _factorise(A: Array) -> tuple[Array, int]:
+    """Cholesky factor, and 0 or the number from 1 of the first row that depends on those before it."""
+    if not len(A):
+        return A, 0
+    L, info = scipy.linalg.lapack.dpotrf(A, lower=True)
+    done = info - 1 if info > 0 else len(A)
+    weak = ~(np.diagonal(L)[:done] ** 2 > SINGULAR * np.diagonal(A)[:done])
+    return L, int(np.argmax(weak)) + 1 if weak.any() else max(info, 0)

@@ -1,0 +1,169 @@
+r"""Generalized-alpha on full models, one solve a body with a constant matrix a step.
+
+With q*, v* what position and velocity become without the new acceleration, dq and dv what that adds to them, and
+S = M + dv D + dq K (Arnold, Bruels: Convergence of the generalized-alpha scheme for constrained mechanical systems,
+Multibody System Dynamics 18, 2007, equations 5 to 7), the step's end is
+
+.. math::
+    S b = B f + M q^* / dq + D (q^* dv / dq - v^*) - C^T \lambda, \qquad
+    q = dq\, b, \quad \ddot q = b - q^* / dq, \quad v = v^* + dv\, \ddot q
+
+in which K is not needed, and lambda follows from the b that it would be without it:
+
+.. math::
+    (dq\, C S^{-1} C^T + 1/k)\, \lambda = dq\, C b_{free}
+
+Rayleigh damping does without the product with D too: with D = alpha M + beta K and w = q^* dv / dq - v^*,
+
+.. math::
+    S^{-1} D w = S^{-1} M \bigl(\alpha - g (1 + dv\, \alpha)\bigr) w + g w, \qquad
+    g = \beta / (dq + dv\, \beta)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.fem.compat import MPI
+from pmr.fem.factor import AnyFactor, factor_for_steps
+from pmr.fem.matrices import local_csr
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.system import FullSystem
+from pmr.reduced.damping import Rayleigh
+from pmr.simulation.native.scheme import GeneralizedAlpha
+from pmr.simulation.petsc.constraint import Constraint
+from pmr.simulation.petsc.effective import BlockFactor, effective_matrix
+from pmr.simulation.petsc.pushing import Ahead, Pushing
+from pmr.simulation.petsc.rows import PathRows
+from pmr.simulation.petsc.start import State
+
+Array = NDArray[np.float64]
+
+
+class Integrator:
+    """Takes steps of one length along a course; everything that does not change is made here.
+
+    With `shared` integrators of other lengths it shares memory.
+    """
+
+    def __init__(
+        self,
+        system: FullSystem,
+        method: GeneralizedAlpha,
+        rows: PathRows,
+        pushing: Pushing | None,
+        shared: int,
+    ) -> None:
+        self._system, self.method, self._memory = system, method, method.memory()
+        self._q_gain, self._v_gain = method.scheme().z_gain, method.scheme().v_gain
+        self._factor = BlockFactor(system, self._factorised)
+        self._bodies = [
+            _Body(model, factor, self._v_gain, self._q_gain)
+            for model, factor in zip(system.models, self._factor.of_bodies, strict=True)
+        ]
+        self._b = np.empty(system.local[-1].stop)
+        self.constraint = Constraint(system, self._factor, self._q_gain, rows, pushing, shared)
+
+    def _factorised(self, model: FullModel) -> AnyFactor:
+        S = effective_matrix(model, self._v_gain, self._q_gain)
+        factor = factor_for_steps(S, "M + dv D + dq K")
+        S.destroy()
+        return factor
+
+    def step(self, step: int, state: State, f: Array, flag: bool) -> tuple[State, bool]:
+        """The state after one more step, under the loads f (i,) at its end; whether any rank raises its flag.
+
+        Raises
+        ------
+        SimulationError
+            If rows depend on each other, which are closed is not settled, or the state is not finite.
+        """
+        self.constraint.move(step)
+        pushing, ahead = self.constraint.pushing, self._predict(state)
+        while True:
+            scaled = ahead.q / self._q_gain
+            b = self._free(scaled, ahead.v, f)
+            motion = self._q_gain * self.constraint.rows.apply(b)
+            motion, total, flag = _summed(self._system.comm, motion, float(b.sum()), flag)
+            if not np.isfinite(total):
+                raise SimulationError("not finite")
+            multipliers = self.constraint.multipliers(step, motion)
+            released = None if pushing is None else pushing.released()
+            if pushing is None or released is None:
+                break
+            back = pushing.taken_back(self.constraint.rows, released, self._memory)
+            ahead = Ahead(ahead.q + back.q, ahead.v + back.v, ahead.a + back.a)
+        b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
+        acceleration = b - scaled
+        a = ahead.a + (1.0 - self.method.alpha_f) / (1.0 - self.method.alpha_m) * acceleration
+        v, share = ahead.v + self._v_gain * acceleration, state.share
+        if pushing is not None:
+            pushing.remember(multipliers, self._memory)
+            share = pushing.share
+        return State(self._q_gain * b, v, a, acceleration, multipliers, share), flag
+
+    def _predict(self, state: State) -> Ahead:
+        """Without the new acceleration."""
+        method, h = self.method, self.method.step
+        a = (method.alpha_f * state.acceleration - method.alpha_m * state.a) / (1.0 - method.alpha_m)
+        q = state.q + h * state.v + h**2 * ((0.5 - method.beta) * state.a + method.beta * a)
+        return Ahead(q, state.v + h * ((1.0 - method.gamma) * state.a + method.gamma * a), a)
+
+    def _free(self, scaled: Array, v: Array, f: Array) -> Array:
+        """Free of the rows' forces: b_free; this rank's rows, overwritten by the next call."""
+        system = self._system
+        for body, at, given in zip(self._bodies, system.local, system.inputs, strict=True):
+            self._b[at] = body.free(scaled[at], v[at], f[given])
+        return self._b
+
+    def destroy(self) -> None:
+        """Give the factors' memory back."""
+        self._factor.destroy()
+
+
+class _Body:
+    """What one body's coordinates become by themselves."""
+
+    def __init__(self, model: FullModel, factor: AnyFactor, v_gain: float, q_gain: float) -> None:
+        self._M, self._D, self._factor, self._v_gain = model.M, model.D, factor, v_gain
+        self._is_rayleigh = model.rayleigh is not None
+        self._damped = _Damped.by(model.rayleigh or Rayleigh(0.0, 0.0), v_gain, q_gain)
+        self._B = local_csr(model.inputs)
+        self._x, self._right = model.M.createVecs()
+        self._b = self._right.duplicate()
+
+    def free(self, scaled: Array, v: Array, f: Array) -> Array:
+        """b_free, this rank's rows, from q* / dq and v* given likewise, and the loads f (i,)."""
+        w = self._v_gain * scaled - v
+        self._x.getArray()[:] = scaled + self._damped.of_mass * w
+        self._M.mult(self._x, self._right)
+        if not self._is_rayleigh:
+            self._x.getArray()[:] = w
+            self._D.multAdd(self._x, self._right, self._right)
+        self._right.getArray()[:] += self._B @ f
+        self._factor.solve(self._right, self._b)
+        return np.asarray(self._b.getArray() + self._damped.at_once * w)
+
+
+@dataclass(frozen=True)
+class _Damped:
+    """S^-1 D w = S^-1 M (of_mass w) + at_once w of Rayleigh damping."""
+
+    of_mass: float
+    at_once: float
+
+    @classmethod
+    def by(cls, rayleigh: Rayleigh, v_gain: float, q_gain: float) -> _Damped:
+        at_once = rayleigh.beta / (q_gain + v_gain * rayleigh.beta)
+        return cls(rayleigh.alpha - at_once * (1.0 + v_gain * rayleigh.alpha), at_once)
+
+
+def _summed(comm: MPI.Comm, motion: Array, total: float, flag: bool) -> tuple[Array, float, bool]:
+    """Sums over the ranks, in one message."""
+    summed = np.concatenate([motion, [total, float(flag)]])
+    comm.Allreduce(MPI.IN_PLACE, summed)
+    return summed[:-2], float(summed[-2]), bool(summed[-1] > 0.0)

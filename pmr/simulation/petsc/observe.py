@@ -1,0 +1,222 @@
+"""Full-order simulations, of one body or of a system of them: what runs the integrator and keeps what is asked for."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.fem.factor import factor_of
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.system import BODY, FullSystem
+from pmr.scene.simulators import REFERENCE, Needs, refuse
+from pmr.simulation.balance import refuse_growth
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.native.multibody_march import places
+from pmr.simulation.petsc.checkpoint import Checkpoint
+from pmr.simulation.petsc.effective import BlockFactor
+from pmr.simulation.petsc.history import History, Recording, SystemHistory
+from pmr.simulation.petsc.levels import Lengths, PartedSteps, contact_frequency
+from pmr.simulation.petsc.pushing import Pushing
+from pmr.simulation.petsc.recorder import Recorder, Sampled
+from pmr.simulation.petsc.resume import Keeper, Reached, identity
+from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_state
+from pmr.simulation.start import InitialState
+from pmr.simulation.stepping import Progress
+
+Array = NDArray[np.float64]
+
+#: How often progress is told.
+TOLD = 1000
+
+
+def observe(
+    model: FullModel,
+    excitation: Excitation,
+    recording: Recording | None = None,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> History:
+    """Simulate a full model and keep what is recorded; collective.
+
+    Parameters
+    ----------
+    model : FullModel
+        M positive definite.
+    excitation, initial, progress
+        As for `pmr.simulation.Simulator`; the initial state is whole, (n,), on every rank.
+    recording : Recording, optional
+        By default all outputs at all steps.
+    checkpoint : Checkpoint, optional
+        If its file exists, the simulation goes on from there, in the parts of steps with which it began.  On one rank
+        the result is the same to the last digit as without interruption; on several as far as MUMPS adds up messages in
+        the order of their arrival.
+
+    Raises
+    ------
+    InputError
+        If the path leaves the rows' domain, a load is missing, the initial position violates a row, rigid rows move
+        with rho_inf = 1 or only push, or the checkpoint is not of this simulation.
+    SimulationError
+        If a step fails; with step, time, slider position and, where rows depend on each other, their names.  Where
+        energies are recorded at every step, also if the motion grows without bound.
+    """
+    excitation.along(model.rows.domain if model.rows.rows else (-np.inf, np.inf))
+    excitation.forces(model.input_names)
+    loads = {f"{BODY}.{name}": load for name, load in excitation.loads.items()}
+    system, start = FullSystem.of(model, next(iter(excitation.paths))), {} if initial is None else {BODY: initial}
+    found = observe_system(system, replace(excitation, loads=loads), recording, start, progress, checkpoint)
+    states = found.states[BODY]
+    return History(
+        t=found.t,
+        s=found.s[:, 0],
+        y=found.y[BODY],
+        multipliers=found.forces,
+        residual_position=found.residual_position,
+        residual_velocity=found.residual_velocity,
+        energy=found.energy,
+        states=replace(states, s=states.s[:, 0]),
+        seconds=found.seconds,
+        preparation=found.preparation,
+        surplus=found.surplus,
+        peaks=None if np.isnan(system.clearance).all() else found.peaks,
+    )
+
+
+def observe_system(
+    system: FullSystem,
+    excitation: Excitation,
+    recording: Recording | None = None,
+    initial: Mapping[str, InitialState] | None = None,
+    progress: Progress | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> SystemHistory:
+    """Simulate full models that contacts join; arguments, errors and what is collective as of `observe`.
+
+    Parameters
+    ----------
+    excitation : Excitation
+        The system's paths, by name, and a load for each ``body.input``.
+    initial : mapping of str to InitialState, optional
+        Of each body, whole, on every rank; those that are missing start at rest, undeformed.  `static_start` gives one.
+    """
+    run = _Run(system, excitation, recording or Recording(), initial or {})
+    return run.history(progress, checkpoint)
+
+
+class _Run:
+    """One simulation: its excitation on the time grid, the parts of its steps, and its start."""
+
+    def __init__(
+        self, system: FullSystem, excitation: Excitation, recording: Recording, initial: Mapping[str, InitialState]
+    ) -> None:
+        self._begin, self._contacts = time.perf_counter(), len(system.contacts)
+        self._system, self._initial, self._excitation = system.supported(), initial, excitation
+        self._at = sampled(self._system, excitation)
+        self._needs = _needs(self._system, excitation, self._at)
+        refuse("petsc", self._needs, REFERENCE)
+        self._recorder = Recorder(self._system, excitation.stepping, recording)
+        self._onset = Onset(self._at.x[0], self._at.rates[0], self._at.f[0])
+        self._mass, omega = None, 0.0
+        if self._needs.pushing or moves_at_once(self._system, self._onset, initial):
+            self._mass = BlockFactor(self._system, lambda model: factor_of(model.M, "M"))
+        if self._needs.pushing and self._mass is not None:
+            omega = contact_frequency(self._system, self._at.x, self._mass)
+        self._lengths = Lengths.of(excitation.stepping, omega)
+
+    def history(self, progress: Progress | None, checkpoint: Checkpoint | None) -> SystemHistory:
+        """Take all steps that a checkpoint has not."""
+        recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
+        if checkpoint:
+            told = identity(self._system, self._excitation, self._at, recorder, self._initial)
+            keeper = Keeper(checkpoint, self._system, told)
+        found = keeper.load(recorder, self._lengths.parts) if keeper else None
+        reached = found or self._started()
+        steps = self._steps(reached, found is not None)
+        preparation, begin = time.perf_counter() - self._begin, time.perf_counter()
+        stride, state = max(1, T // TOLD), reached.state
+        for step in range(reached.step + 1, T + 1):
+            state, due = self._step(steps, step, state, keeper is not None and keeper.due())
+            recorder.record(step, state, steps.rows, self._at)
+            if keeper and (due or step == T):
+                seconds = reached.seconds + time.perf_counter() - begin
+                keeper.save(replace(reached, step=step, seconds=seconds, state=state), recorder)
+            if progress is not None and (step % stride == 0 or step == T):
+                progress(step / T)
+        seconds = reached.seconds + time.perf_counter() - begin
+        steps.destroy()
+        history = recorder.history(self._at, seconds, preparation)
+        refuse_growth(history.surplus, "full order", list(self._needs.rigid_moving))
+        m, forces, peaks = self._contacts, history.forces, history.peaks
+        return replace(history, forces=forces[:, :m], peaks=peaks[:, :m], supports=forces[:, m:])
+
+    def _started(self) -> Reached:
+        state = starting_state(self._system, self._onset, self._initial, self._mass)
+        return Reached(0, 0.0, state, self._lengths.parts)
+
+    def _steps(self, reached: Reached, resumed: bool) -> PartedSteps:
+        """What takes the steps from there on, in the parts with which the simulation began."""
+        system, recorder, state, pushing = self._system, self._recorder, reached.state, None
+        lengths = replace(self._lengths, parts=reached.parts)
+        fine, begun = self._at, reached.step * lengths.finest
+        if lengths.finest > 1:
+            fine = sampled(system, self._excitation.with_stepping(lengths.stepping.divided(lengths.finest)))
+        if self._mass is not None and self._needs.pushing:
+            pushing = Pushing(system, lengths.method(1).memory(), self._mass, state)
+        elif self._mass is not None:
+            self._mass.destroy()
+        steps = PartedSteps(system, lengths, fine, pushing, reached.step)
+        recorder.follow(state, steps.rows, fine.x[begun], fine.f[begun])
+        if resumed:
+            recorder.forget()
+        else:
+            recorder.record(0, state, steps.rows, self._at)
+        return steps
+
+    def _step(self, steps: PartedSteps, step: int, state: State, due: bool) -> tuple[State, bool]:
+        """A step in all its parts; whether any rank is due for a checkpoint."""
+        try:
+            return steps.step(step, state, due, self._recorder)
+        except SimulationError as error:
+            travelled = zip(self._excitation.paths, self._at.s[step], strict=True)
+            at = ", ".join(f"{name} at {s:g} m" for name, s in travelled)
+            where = ", ".join(part for part in (f"step {step}", f"t = {self._at.t[step]:g} s", at) if part)
+            raise SimulationError(f"full-order simulation failed at {where}: {error}") from None
+
+
+def sampled(system: FullSystem, excitation: Excitation) -> Sampled:
+    """The excitation at the steps.
+
+    Raises
+    ------
+    InputError
+        If a path or load is missing, or takes a side where its row is not defined.
+    """
+    names, sides = list(excitation.paths), system.sides
+    rates = np.zeros((len(excitation.times), len(sides)))
+    for k, side in enumerate(sides):
+        if side.place.path in names:
+            rates[:, k] = side.place.rate * excitation.rates[:, names.index(side.place.path)]
+    x = places(system, excitation)
+    return Sampled(excitation.times, excitation.s, x, rates, excitation.forces(system.input_names))
+
+
+def _needs(system: FullSystem, excitation: Excitation, at: Sampled) -> Needs:
+    """What the contacts ask of a simulator."""
+    travelling = {side.contact for side, x in zip(system.sides, at.x.T, strict=True) if np.any(x != x[0])}
+    rigid, pushing = system.compliance == 0.0, ~np.isnan(system.clearance)
+    names = np.array([*system.contact_names, ""])[:-1]  # text, whatever their number
+    moving = np.array([k in travelling for k in range(len(names))], bool)
+    return Needs(
+        pushing=tuple(names[pushing].tolist()),
+        rigid_pushing=tuple(names[pushing & rigid].tolist()),
+        giving=tuple(names[~rigid].tolist()),
+        rigid_moving=tuple(names[rigid & moving].tolist()),
+        paths=tuple(excitation.paths),
+        rho_inf=excitation.stepping.rho_inf,
+    )

@@ -1,0 +1,185 @@
+"""Keeps what is recorded of a full-order simulation, each rank its share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.fem.compat import PETSc
+from pmr.fem.matrices import local_csr, without_zeros
+from pmr.fullmodel.system import FullSystem
+from pmr.results import Energy
+from pmr.simulation import balance
+from pmr.simulation.petsc.history import Recording, States, SystemHistory
+from pmr.simulation.petsc.rows import PathRows
+from pmr.simulation.petsc.start import State
+from pmr.simulation.stepping import TimeStepping
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """An excitation on a time grid: paths s (T, P) m, places x (T, q) m of the sides, their rates, loads f (T, i) N."""
+
+    t: Array
+    s: Array
+    x: Array
+    rates: Array
+    f: Array
+
+
+class Recorder:
+    """Keeps what is recorded: this rank's share of sums over coordinates, which are only added up at the end.
+
+    Work is added up at every step, or part of one, in this rank's share too.
+
+    Raises
+    ------
+    InputError
+        If an output or a time does not exist.
+    """
+
+    def __init__(self, system: FullSystem, stepping: TimeStepping, recording: Recording) -> None:
+        count = system.observed[-1].stop
+        self.chosen = np.arange(count) if recording.outputs is None else np.asarray(recording.outputs, np.int64)
+        if np.any((self.chosen < 0) | (self.chosen >= count)):
+            raise InputError("recording", "outputs", list(self.chosen), f"0 to {count - 1} are allowed")
+        if not 1 <= recording.every <= stepping.steps:
+            raise InputError("recording", "every", recording.every, f"1 to {stepping.steps} are allowed")
+        wanted = np.asarray(recording.states, float).reshape(-1)
+        if np.any(~((wanted >= 0.0) & (wanted <= stepping.end * (1.0 + 1e-12)))):
+            raise InputError("recording", "states", list(wanted), f"0 to {stepping.end:g} s are allowed")
+        self.recording, self._system = recording, system
+        self.state_steps = np.unique(np.rint(wanted / stepping.step).astype(np.int64))
+        outputs = sp.block_diag([local_csr(model.outputs).T for model in system.models], format="csr")
+        self._outputs: sp.csr_matrix = outputs[self.chosen]
+        inputs = [local_csr(model.inputs).T for model in system.models]
+        self._inputs: sp.csr_matrix = sp.block_diag(inputs, format="csr")
+        self._M = [model.M for model in system.models]
+        self._K = [without_zeros(model.K.copy()) for model in system.models]  # of the plane walls of a shell half
+        self._vectors = [model.K.createVecs() for model in system.models]
+        T, m = stepping.steps // recording.every + 1, len(system.contacts)
+        self.multipliers, self.peaks = np.zeros((T, m)), np.zeros((T, m))
+        self._pushes, self._peak = bool(np.any(~np.isnan(system.clearance))), np.full(m, -np.inf)
+        self._ends = np.cumsum([len(self.chosen), m, m])
+        self.sums = np.zeros((T, self._ends[-1] + 4))
+        self._balanced = recording.energies and recording.every == 1
+        self._now: _Acting | None = None
+        self._work = 0.0
+        n = system.local[-1].stop
+        self.q, self.v = np.zeros((len(self.state_steps), n)), np.zeros((len(self.state_steps), n))
+
+    def follow(self, state: State, rows: PathRows, x: Array, f: Array) -> None:
+        """See a step, or a part of one, at whose end the sides are at x (q,) m under f (i,) N."""
+        if self._pushes:
+            self._peak = np.maximum(self._peak, state.multipliers)
+        if not self._balanced:
+            return
+        now = _Acting(f, self._inputs @ state.q, state.multipliers[rows.course.contact], rows.slopes(state.q), x)
+        if self._now is not None:
+            self._work += _work(self._now, now)
+        self._now = now
+
+    def forget(self) -> None:
+        """Leave out what was followed, where a simulation goes on from a state that was recorded before."""
+        self._peak, self._work = np.full_like(self._peak, -np.inf), 0.0
+
+    def record(self, step: int, state: State, rows: PathRows, at: Sampled) -> None:
+        """Keep what is asked of the state after a step."""
+        peak, work, self._work = self._peak, self._work, 0.0
+        if self._pushes:
+            self._peak = np.full_like(peak, -np.inf)
+        k = np.searchsorted(self.state_steps, step)
+        if k < len(self.state_steps) and self.state_steps[k] == step:
+            self.q[k], self.v[k] = state.q, state.v
+        if step % self.recording.every:
+            return
+        row = step // self.recording.every
+        self.multipliers[row], self.peaks[row] = state.multipliers, peak
+        slopes = rows.slopes(state.q) if self._now is None else self._now.slope
+        drift = rows.apply(state.v) + rows.of_contacts(at.rates[step] * slopes)
+        energy = self._energy(state, at.f[step]) if self.recording.energies else (0.0, 0.0, 0.0)
+        self.sums[row] = np.concatenate([self._outputs @ state.q, rows.apply(state.q), drift, [*energy, work]])
+
+    def _energy(self, state: State, f: Array) -> tuple[float, float, float]:
+        def half_form(matrices: Sequence[PETSc.Mat], x: Array) -> float:
+            found = 0.0
+            for A, at, (right, product) in zip(matrices, self._system.local, self._vectors, strict=True):
+                right.getArray()[:] = x[at]
+                A.mult(right, product)
+                found += float(x[at] @ product.getArray()) / 2.0
+            return found
+
+        motion = self._inputs @ state.q if self._now is None else self._now.motion
+        return half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)
+
+    def history(self, at: Sampled, seconds: float, preparation: float) -> SystemHistory:
+        """All of it; collective."""
+        system, every = self._system, slice(None, None, self.recording.every)
+        sums = system.comm.allreduce(self.sums)
+        y, motion, drift, rest = np.split(sums, self._ends, axis=1)
+        compliance, pushes = system.compliance, ~np.isnan(system.clearance)
+        violation = motion - compliance * self.multipliers - np.where(pushes, system.clearance, 0.0)
+        open_now = pushes & (self.multipliers <= 0.0)
+        violation = np.where(open_now, np.maximum(violation, 0.0), violation)
+        if np.any(compliance):
+            drift = np.full_like(drift, np.nan)
+        energies, found = None, np.nan
+        if self.recording.energies:
+            strain = rest[:, 1] + self.multipliers**2 @ compliance / 2.0
+            energies = Energy(rest[:, 0], strain, rest[:, 2])
+            if self._balanced:
+                least = balance.round_off(self._mobility(), at.f, float(at.t[1]))
+                work = np.cumsum(rest[:, 3])
+                found = balance.surplus(rest[:, 0] + strain, work, least, since_start=bool(pushes.any()))
+        return SystemHistory(
+            t=at.t[every],
+            s=at.s[every],
+            y=self._of_bodies(y),
+            forces=self.multipliers,
+            peaks=np.where(pushes, self.peaks, self.multipliers),
+            supports=np.zeros((len(sums), 0)),
+            residual_position=np.abs(violation).max(axis=1, initial=0.0),
+            residual_velocity=np.abs(drift).max(axis=1, initial=0.0),
+            energy=energies,
+            states={
+                name: States(at.t[self.state_steps], at.s[self.state_steps], self.q[:, own], self.v[:, own])
+                for name, own in zip(system.bodies, system.local, strict=True)
+            },
+            seconds=seconds,
+            preparation=preparation,
+            surplus=found,
+        )
+
+    def _of_bodies(self, y: Array) -> dict[str, Array]:
+        own = zip(self._system.bodies, self._system.observed, strict=True)
+        return {name: y[:, (self.chosen >= at.start) & (self.chosen < at.stop)] for name, at in own}
+
+    def _mobility(self) -> Array:
+        """B^T diag(M)^-1 B, (i, i) in 1/kg; collective."""
+        inertia = np.concatenate([model.M.getDiagonal().getArray() for model in self._system.models])
+        B = self._inputs.toarray().T
+        return np.asarray(self._system.comm.allreduce(B.T @ (B / inertia[:, None])))
+
+
+@dataclass(frozen=True)
+class _Acting:
+    """Loads f (i,) N and how far their points moved (i,) m, forces (q,) N at the sides, slopes and places (q,) m."""
+
+    f: Array
+    motion: Array
+    force: Array
+    slope: Array
+    x: Array
+
+
+def _work(a: _Acting, b: _Acting) -> float:
+    """Work in J of loads and travelling contacts from one step to the next; this rank's share."""
+    of_loads = (a.f + b.f) @ (b.motion - a.motion) / 2.0
+    return float(of_loads + ((a.force + b.force) / 2.0) @ ((a.slope + b.slope) / 2.0 * (b.x - a.x)))

@@ -1,0 +1,99 @@
+"""Coordinates of a boom's sections by an allowed error, or within a number of them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from random_scenes import random_boom
+
+from pmr import scene as scenes
+from pmr.compare.estimate import MARGIN
+from pmr.errors import InputError
+from pmr.pipeline.booms import run_boom
+from pmr.reduced.attachment import CYLINDER
+from pmr.scene import Boom
+from pmr.scene.boom import BoomAccuracy
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+QUICK = (
+    "time.end=0.2",
+    "section.mesh.elements=12",
+    "section.joint.extension={kind='smooth_ramp',times=[0.0,0.2],values=[1.0,1.3]}",
+    "section.joint.tail.0.unilateral=false",
+    "section.joint.mouth.0.unilateral=false",
+    "sections.fly.loads.0.signal={kind='sine',amplitude=4000.0,frequency=12.0}",
+)
+
+
+def summary(*changes: str) -> dict[str, Any]:
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
+    assert isinstance(boom, Boom)
+    outcome = run_boom(boom)
+    assert outcome is not None
+    return outcome.result.summary
+
+
+def test_the_fewest_that_hold_a_tolerance() -> None:
+    """Beside the full model; with one coordinate less, wherever it is taken from, the tolerance isn't held."""
+    found = summary("accuracy.tolerance=1e-3", "accuracy.outputs=['pad_force','beam']")
+    sizes, true = found["accuracy"]["chosen"]["sections"], found["errors"]["reduced_vs_full"]
+    assert found["accuracy"]["holds"] and sum(sizes.values()) + CYLINDER == found["coordinates"]["reduced"]
+    for kind, told in found["budget"]["reduction"].items():
+        assert true[kind] < 1e-3 and told == pytest.approx(MARGIN * true[kind], rel=0.1)
+    for name, size in sizes.items():
+        fewer = {one: count - (one == name) for one, count in sizes.items()}
+        less = summary(*(f"sections.{one}.reduction.coordinates={count}" for one, count in fewer.items()))
+        assert max(less["errors"]["reduced_vs_full"][kind] for kind in ("pad_force", "beam")) > 1e-3 / MARGIN, size
+
+
+@pytest.mark.slow
+def test_random_booms_hold_what_they_are_asked_for() -> None:
+    """Beside their full models; ``PMR_SWEEP=full`` takes eight booms."""
+    for seed in (0, 2, 3, 5, 7, 11, 14, 17) if os.environ.get("PMR_SWEEP") == "full" else (3,):
+        for tolerance in (1e-3, 1e-4):
+            outcome = run_boom(random_boom(seed).model_copy(update={"accuracy": BoomAccuracy(tolerance=tolerance)}))
+            assert outcome is not None
+            found = outcome.result.summary
+            true = found["errors"]["reduced_vs_full"]
+            assert found["accuracy"]["holds"] and max(true["tip"], true["beam"]) < tolerance
+
+
+def test_on_pads_that_push_parts_of_steps_are_not_taken_for_errors_of_the_reduction() -> None:
+    """Few coordinates hold, beside the full model in the same parts of steps, and by the run's own estimate."""
+    pushing = [f"section.joint.{ring}.0.unilateral=true" for ring in ("tail", "mouth")]
+    found = summary(*pushing, "accuracy.tolerance=1e-3")
+    true, said = found["errors"]["reduced_vs_full"], found["estimate"]
+    assert found["accuracy"]["holds"] and found["coordinates"]["reduced"] <= 14
+    for kind in ("tip", "beam"):
+        assert true[kind] < 1e-3 and said[kind] <= found["budget"]["reduction"][kind] <= 1e-3
+
+
+def test_within_a_budget_the_best_ones_are_taken() -> None:
+    found = summary("budget.coordinates=8", "compare.against=[]")
+    chosen = found["accuracy"]["chosen"]
+    assert chosen["coordinates"] == found["coordinates"]["reduced"] == 8
+    assert found["accuracy"]["tolerance"] is None and set(found["budget"]["reduction"]) == {"beam", "tip"}
+
+
+def test_what_is_not_held_is_told() -> None:
+    found = summary("accuracy.tolerance=1e-12", "section.mesh.elements=3", "compare.against=[]")
+    assert not found["accuracy"]["holds"]
+    assert any("tolerance of 1e-10 % isn't held" in line for line in found["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (("accuracy.tolerance=0.01", "budget.coordinates=9"), "accuracy or budget is allowed, not both"),
+        (("accuracy.tolerance=0.01", "section.reduction.estimate=false"), "estimate = true are allowed"),
+        (("budget.coordinates=3",), "at least 7 are needed"),
+        (("accuracy.tolerance=0.01", "accuracy.outputs=['velocity']"), "accuracy.outputs"),
+        (("accuracy.tolerance=0.01", "section.mesh.elements=2", "section.reduction.coordinates=5"), "mesh with more"),
+    ],
+)
+def test_what_is_refused(changes: tuple[str, ...], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        summary("compare.against=[]", "time.end=0.02", *changes)

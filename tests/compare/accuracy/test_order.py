@@ -1,0 +1,225 @@
+"""Scenes that say what error is allowed, from file to summary."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from finished import WORKFLOWS
+from oracle import full_body, inertial
+
+from pmr.cli.run import _to
+from pmr.compare.accuracy import limits, mesh
+from pmr.compare.accuracy.family import Family, Member
+from pmr.compare.accuracy.order import Choice, warnings
+from pmr.compare.accuracy.search import Found
+from pmr.compare.errors import relative_error
+from pmr.compare.responses import simulate_reduced
+from pmr.errors import InputError
+from pmr.mesh.beam import graded_nodes
+from pmr.pipeline import reduce, run
+
+SMOOTH = "slider.path={kind='smooth_ramp',times=[0.1,0.5],values=[1.25,1.9]}"
+PROBE = "probes=[{name='p',at=[2.0,0.0,0.0],measures=['displacement']}]"
+EVOLVED = WORKFLOWS / "paper_evolved.toml"
+SHORT = ["time.end=0.6", "time.step=1e-3", "mesh.elements=20", SMOOTH, "compare.against=['full']"]
+
+
+@pytest.fixture(scope="module")
+def ordered(load_scene):
+    outcome = run(load_scene("evolved_tolerance", [*SHORT, "accuracy.outputs=['beam','pad_force','probe']", PROBE]))
+    assert outcome is not None
+    return outcome
+
+
+def test_a_tolerance_chooses_coordinates_and_step(ordered) -> None:
+    summary, scene = ordered.result.summary, ordered.result.scene
+    chosen = summary["accuracy"]["chosen"]
+    assert summary["accuracy"]["tolerance"] == 0.01 and summary["accuracy"]["holds"]
+    assert chosen["coordinates"] == ordered.reduced.size == summary["coordinates"]["reduced"]
+    assert chosen["step"] == scene.time.step == ordered.result.responses["reduced"].t[1]
+    assert chosen["residual_inertia"] == scene.reduction.residual_inertia
+    assert len(summary["accuracy"]["reasons"]) == 3 and summary["accuracy"]["seconds"] > 0.0
+    assert summary["errors"]["reduced_vs_full"]["beam"] < 0.01
+    assert summary["errors"]["reduced_vs_full"]["pad_force"] < 0.01
+    across = summary["errors"]["reduced_vs_full"]["p displacement z"]
+    assert 0.0 < across < summary["estimate"]["probes"]["p displacement z"] < 0.0125
+    assert summary["budget"]["sum"]["probe"] > 0.0
+
+
+def test_it_holds_where_the_sum_of_its_budget_does(load_scene) -> None:
+    """The mesh's part counts, too: where it leaves little, model and step have to be better."""
+    changes = [*SHORT, "compare.against=[]", "accuracy.outputs=['beam','tip']"]
+    plain, beside = (run(load_scene("evolved_tolerance", [*changes, f"mesh.elements={n}"])) for n in (20, 8))
+    assert plain is not None and beside is not None
+    for outcome in (plain, beside):
+        summary = outcome.result.summary
+        assert summary["accuracy"]["holds"] == (max(summary["budget"]["sum"].values()) <= 0.01)
+        assert max(summary["estimate"][kind] for kind in ("beam", "tip")) <= max(summary["budget"]["sum"].values())
+
+
+def test_nodes_of_a_graded_mesh_stay_where_they_are(load_scene) -> None:
+    """The part of such a mesh is known, of many nodes of which not all are observed, too."""
+    for changes in (["mesh.elements=7", "mesh.grading=0.6"], ["mesh.elements=1300"]):
+        scene = load_scene("evolved_tolerance", [*SHORT, *changes])
+        coarse, fine = (graded_nodes(3.0, one.mesh.elements, one.mesh.grading) for one in (scene, mesh.finer(scene)))
+        assert np.allclose(fine[::2], coarse, rtol=0.0, atol=1e-14)
+    outcome = run(load_scene("evolved_tolerance", [*SHORT, "mesh.grading=0.6", "compare.against=[]"]))
+    assert outcome is not None and 0.0 < outcome.result.summary["budget"]["mesh"]["beam"] < 0.01
+
+
+def test_its_budget_has_the_part_of_each(ordered) -> None:
+    budget, estimate = ordered.result.summary["budget"], ordered.result.summary["estimate"]
+    for kind in ("beam", "pad_force"):
+        parts = [budget[name][kind] for name in ("reduction", "step", "mesh")]
+        assert min(parts) > 0.0 and max(parts[:2]) + parts[2] <= budget["sum"][kind] <= sum(parts)
+        assert estimate[kind] <= budget["reduction"][kind] == pytest.approx(estimate[kind], rel=0.35)
+    largest = max(("reduction", "step", "mesh"), key=lambda name: max(budget[name].values()))
+    assert budget["first"] == largest
+
+
+def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
+    kinds, scene = ("tip", "pad_force"), load_scene("evolved_residual", SHORT)
+    scenes = [load_scene("evolved_residual", [*SHORT, f"mesh.elements={count}"]) for count in (6, 12, 48)]
+    model, finer, finest = (reduce(one).reduced for one in scenes)
+    said = mesh.mesh_error(model, finer, scene, 1, kinds)
+    own, truth = (simulate_reduced(asked, one) for asked, one in ((scenes[0], model), (scenes[2], finest)))
+    for kind, error in (
+        ("tip", relative_error(own.displacement[:, -1:], truth.displacement[:, -1:])),
+        ("pad_force", relative_error(own.slider_force, truth.slider_force)),
+    ):
+        assert 0.9 * error < said[kind] < 2.0 * error
+
+
+PUSHING = [f"pads.{ring}.{key}" for ring in ("tail", "mouth") for key in ("unilateral=true", "stiffness=3e8")]
+
+
+def test_pads_that_only_push_hold_a_tolerance(load_scene) -> None:
+    changes = ["time.end=0.5", "mesh.elements=20", "accuracy={tolerance=0.003,outputs=['tip','pad_force'],mesh=false}"]
+    outcome = run(load_scene("boom_beam", [*PUSHING, *changes, "compare.against=['full']"]))
+    assert outcome is not None
+    summary = outcome.result.summary
+    errors = summary["errors"]["reduced_vs_full"]
+    assert summary["accuracy"]["holds"] and summary["contact"]["h_omega"] <= 0.0501
+    for kind in ("tip", "pad_force"):
+        assert errors[kind] <= summary["budget"]["sum"][kind] <= 0.003
+        assert errors[kind] <= summary["estimate"][kind] <= 1.5 * errors[kind]
+    assert not outcome.reduced.flexibility.keeps_inertia
+    assert "no model can where pads only push" in summary["accuracy"]["reasons"][1]
+
+
+@pytest.mark.slow
+def test_what_cannot_be_held_is_said(load_scene) -> None:
+    outcome = run(load_scene("evolved_tolerance", [*SHORT, "mesh.elements=5", "accuracy.tolerance=1e-6"]))
+    assert outcome is not None
+    summary = outcome.result.summary
+    assert not summary["accuracy"]["holds"]
+    assert any("the tolerance of 0.0001 % isn't held" in line for line in summary["warnings"])
+    assert any("the mesh can't hold the tolerance" in line for line in summary["warnings"])
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.004e-3, "a little more"), (1.1e-3, "0.11 %")])
+def test_what_is_beyond_a_tolerance_is_not_rounded_to_it(load_scene, share: float, said: str) -> None:
+    scene = load_scene("evolved_tolerance", ["accuracy.tolerance=0.001"])
+    sizes = {"beam": share, "tip": 1e-4}
+    found = Found(Member(6, False), 100, sizes, sizes, sizes, holds=False, reasons=(), seconds=0.0)
+    lines = warnings(Choice(scene, inertial(full_body(4), 4), found, mesh=sizes))
+    assert f"are off by {said} in displacements, 0.01 % in the tip's" in lines[0]
+    assert f"it is off by {said} in displacements; shorter cells help" in lines[1]
+
+
+def test_where_the_part_of_the_mesh_is_not_known_it_says_why(load_scene) -> None:
+    outcome = run(load_scene("evolved_tolerance", [*SHORT, "accuracy.mesh=false"]))
+    assert outcome is not None
+    budget = outcome.result.summary["budget"]
+    assert budget["mesh"] is None and budget["mesh_reason"] == "the scene leaves it out"
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("accuracy.outputs=['pad_force']", "a rigid slider strikes"),
+        ("accuracy.tolerance=0", "greater than 0"),
+        ("accuracy.outputs=['stress']", "'velocity' or 'probe' is allowed"),
+        ("accuracy.outputs=['probe']", "a scene with probes"),
+        ("accuracy.outputs=['tip','tip']", "each kind once"),
+        ("reduction.flexibility=false", "free modes with flexibility"),
+        ("reduction.estimate=false", "free modes with flexibility and estimate"),
+    ],
+)
+def test_what_has_no_error_to_hold_is_refused(load_scene, override: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        run(load_scene("evolved_tolerance", ["time.end=5.0", "mesh.elements=10", override]))
+
+
+def test_cells_of_the_finer_mesh(load_scene) -> None:
+    beam, boom = load_scene("evolved_tolerance"), load_scene("boom_tolerance")
+    assert mesh.finer(beam).mesh.elements == 100 and mesh.finer(beam).accuracy is None
+    assert mesh.finer(boom).mesh.size == pytest.approx(boom.mesh.size / 1.5)
+
+
+def test_a_percentage_on_the_command_line(load_scene) -> None:
+    for text, share in (("1%", 0.01), ("0.5 %", 0.005), ("0.02", 0.02)):
+        scene = load_scene("paper_evolved", [*_to(text, EVOLVED), "compare.against=['full']"])
+        assert scene.accuracy.tolerance == pytest.approx(share) and scene.reduction.basis == "free_modes"
+    for text in ("0", "150%", "much", "-1%", "nan"):
+        with pytest.raises(InputError, match="--tolerance"):
+            _to(text, EVOLVED)
+
+
+BUDGET = ["simulation.simulators=['march']", *SHORT, "compare.against=[]"]
+
+
+def budgeted(load_scene, limit: str):
+    outcome = run(load_scene("evolved_residual", [*BUDGET, "budget.mesh=false", f"budget.{limit}"]))
+    assert outcome is not None
+    return outcome
+
+
+def test_a_budget_of_coordinates_is_used_up(load_scene) -> None:
+    few, more = (budgeted(load_scene, f"coordinates={count}") for count in (3, 6))
+    assert (few.reduced.size, more.reduced.size) == (3, 6)
+    totals = [one.result.summary["budget"]["sum"]["beam"] for one in (few, more)]
+    assert totals[1] < totals[0] / 3.0
+    budget = more.result.summary["budget"]
+    assert budget["step"]["beam"] <= 1.001 * max(budget["reduction"].values())
+
+
+def test_a_budget_of_time_is_kept(load_scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a machine on which a step takes 0.1 us a coordinate."""
+
+    def seconds(family: Family, member: Member) -> float:
+        return 1e-7 * member.coordinates * (4.0 if member.residual_inertia else 1.0)
+
+    monkeypatch.setattr(limits, "seconds_a_step", seconds)
+    slow, fast = (budgeted(load_scene, f"real_time={ratio}") for ratio in (300.0, 30_000.0))
+    for outcome, ratio in ((slow, 300.0), (fast, 30_000.0)):
+        chosen = outcome.result.summary["accuracy"]["chosen"]
+        cost = 4.0 if chosen["residual_inertia"] else 1.0
+        assert chosen["step"] >= ratio * 1e-7 * cost * chosen["coordinates"]
+    assert slow.result.summary["budget"]["sum"]["beam"] < fast.result.summary["budget"]["sum"]["beam"]
+    assert budgeted(load_scene, "microseconds_per_step=2.1").reduced.size == 21
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("budget.microseconds_per_step=1e-6", "the smallest model takes .* us a step here"),
+        ("budget.real_time=1e12", "the smallest model takes .* us a step here"),
+        ("budget={coordinates=3,real_time=5.0}", "one of them"),
+        ("budget={mesh=false}", "one of them"),
+    ],
+)
+def test_budgets_that_cannot_be_kept_are_refused(load_scene, override: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        run(load_scene("evolved_residual", [*BUDGET, override]))
+
+
+def test_tolerance_and_budget_are_not_had_at_once(load_scene) -> None:
+    with pytest.raises(InputError, match="not both"):
+        load_scene("evolved_tolerance", ["budget.coordinates=3"])
+
+
+def test_scenes_without_a_tolerance_keep_their_hash(load_scene) -> None:
+    """What was computed for them stays valid."""
+    scene = load_scene("evolved_tolerance")
+    assert load_scene("evolved_residual").hash == scene.model_copy(update={"accuracy": None}).hash != scene.hash

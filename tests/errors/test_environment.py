@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import blas
+import numpy as np
+import pytest
+import scipy.linalg
+from processes import called, python
+
+from pmr.cli import app
+from pmr.errors import environment
+from pmr.fem.compat import PETSc
+
+ROOT = Path(__file__).parents[1]
+VERSIONS = ROOT / ".ci" / "versions"
+
+
+def test_the_code_digest_changes_with_sources_and_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    files = {"run.py": "a = 1", "report/page.py": "b = 2", "cli.py": "c = 3"}
+    whole = environment.code_digest(files)
+    assert environment.code_digest(dict(reversed(files.items()))) == whole
+    without = environment.code_digest(files, ("report/",))
+    assert without not in (whole, environment.code_digest(files, ("report/", "cli")))
+    assert without == environment.code_digest(files | {"report/page.py": "b = 4"}, ("report/",))
+    assert whole != environment.code_digest(files | {"report/page.py": "b = 4"})
+    monkeypatch.setattr(environment, "_NUMERICAL", ("numpy",))
+    assert environment.code_digest(files) != whole
+
+
+@pytest.mark.mpi
+def test_every_blas_computes_by_the_kernel_that_was_asked_for() -> None:
+    """One that the library doesn't have would be passed over in silence, and one kernel tested twice."""
+    asked = os.environ.get("OPENBLAS_CORETYPE")
+    assert scipy.linalg.det(np.eye(2)) == 1.0 and PETSc.Sys.getVersion()  # NumPy's, SciPy's and PETSc's are loaded
+    assert not asked or {library.kernel for library in blas.loaded()} == {asked}
+
+
+def test_where_temporary_files_can_not_be_written_one_line_says_so(tmp_path: Path) -> None:
+    """Before MPI starts, whose own way to say it takes pages."""
+    start = "import os, sys; os.environ['TMPDIR'] = sys.argv.pop(); from pmr.cli import main; main()"
+    for folder in (tmp_path / "missing", "/dev/null"):
+        done = python("-c", start, "info", str(folder))
+        assert done.returncode == 2, done.stderr
+        assert done.stderr.startswith("pmr: environment: TMPDIR = '")
+        assert "a folder that can be written to is allowed" in done.stderr
+        assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_letters_that_a_terminal_lacks_are_spelled_out(encoding: str, tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text('extends = "paper_simple"\ntitle = "▲ 漢"\n', encoding="utf-8")
+    start = "import io, sys; sys.stdout = io.TextIOWrapper(sys.stdout.buffer, encoding=sys.argv.pop())"
+    done = python("-c", f"{start}; from pmr.cli import main; main()", "info", str(tmp_path), encoding)
+    assert done.returncode == 0, done.stderr
+    assert r"\u25b2 \u6f22" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ValueError("numpy.dtype size changed, may indicate binary incompatibility. Expected 96 from C header"),
+        ImportError("Numba needs NumPy 2.3 or less. Got NumPy 9.9."),
+    ],
+)
+def test_packages_that_do_not_fit_together_are_one_line(error: Exception, monkeypatch, capsys) -> None:
+    def fail() -> None:
+        raise error
+
+    monkeypatch.setattr(app, "app", fail)
+    done = called(monkeypatch, capsys, "info")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
+    assert str(error) in done.stderr and np.__version__ in done.stderr and "make setup" in done.stderr
+
+
+def test_setup_sees_a_package_of_another_version(tmp_path: Path) -> None:
+    def judged(*pins: str) -> str:
+        (tmp_path / "pins.txt").write_text("\n".join(pins))
+        return subprocess.run(
+            [sys.executable, VERSIONS, tmp_path / "pins.txt"], capture_output=True, text=True
+        ).stderr.strip()
+
+    fits = [f"numpy=={np.__version__}", 'numpy==0.1; python_version < "3"', "not-there-at-all==1.0"]
+    assert judged(*fits) == ""
+    assert judged(*fits[1:], "numpy==0.1") == f"not the versions that fit together: numpy {np.__version__}"
+    assert f"python {VERSIONS.relative_to(ROOT)} .venv/pins.txt ||" in (ROOT / "Makefile").read_text()
+
+
+def test_what_pip_adds_to_the_environment_leaves_its_versions() -> None:
+    made = Path(sys.prefix)
+    if not (made / "pins.txt").is_file():
+        pytest.skip("an environment that make setup has not made")
+    assert (made / "pip.conf").read_text().split() == ["[install]", "constraint", "=", (made / "pins.txt").as_uri()]
+    assert re.search(r"^numpy==[\d.]+$", (made / "pins.txt").read_text(), re.MULTILINE)
+
+
+def test_no_text_asks_an_index_for_pmr() -> None:
+    """Another project has that name there."""
+    texts = [
+        ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
+        *(ROOT / "docs").rglob("*.md"),
+        *(ROOT / "pmr").rglob("*.py"),
+    ]
+    asks = re.compile(r"pip3? install[^\n`]*\bpmr\b")
+    assert [str(file) for file in texts if asks.search(file.read_text(encoding="utf-8"))] == []

@@ -1,0 +1,112 @@
+"""Tables against C(s) R C(s)^T and the like, evaluated directly at many path coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from pmr.constraints.polynomials import common_breaks
+from pmr.constraints.rows import Rows
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
+from pmr.pipeline import reduce
+from pmr.reduction.residual.operator import ResidualFlexibility
+from pmr.reduction.residual.tables import BLOCK, any_two, load_flexibility, meeting, paired, stacked, tables
+from pmr.reduction.snapshots.free_body import FreeBody
+from pmr.reduction.snapshots.free_modes import free_modes
+
+pytestmark = pytest.mark.mpi
+
+RICH = [
+    "mesh.elements=24",
+    "mesh.grading=4.0",
+    "slider.offsets=[0.0,-0.33]",
+    "compare.against=[]",
+    "loads=[{on=5.0,signal=-50},{name='T',on=2.2,direction='ry',signal=3.0}]",
+]
+
+
+@pytest.fixture(params=["dense", "slepc"])
+def case(load_scene, request: pytest.FixtureRequest) -> tuple[FullModel, ResidualFlexibility]:
+    full = full_model(load_scene("paper_simple", RICH))
+    V = np.array(free_modes(full, 6, request.param).S.getDenseArray())
+    return full, ResidualFlexibility(FreeBody(full, request.param), V)
+
+
+def whole(full: FullModel, local: np.ndarray) -> np.ndarray:
+    return np.concatenate(full.comm.allgather(local))
+
+
+def close(found: np.ndarray, expected: np.ndarray) -> bool:
+    return bool(np.abs(found - expected).max() < 1e-11 * np.abs(expected).max())
+
+
+def test_tables_are_exact_between_and_on_their_breaks(case) -> None:
+    full, residual = case
+    first, last = full.M.getOwnershipRange()
+    R = whole(full, residual.apply(np.eye(full.size)[first:last]))
+    R = (R + R.T) / 2.0
+    rows = full.rows.rows[2:]
+    breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
+    shared = Rows(rows, full.size).shared.refined(breaks)
+    found = tables(load_flexibility(residual, shared.carriers, meeting(shared, 2)), shared)
+    body = full.comm.bcast(full.gather())
+    O, B = body.outputs.toarray(), body.B
+    assert found.rows.c.shape == (7, len(breaks) - 1, 2, 2) and found.inputs.c.shape[0] == 4
+    assert full.size > BLOCK  # more than one block of solves
+    for s in np.concatenate([np.random.default_rng(5).uniform(breaks[0], breaks[-1], 40), breaks]):
+        C = body.C(s).toarray()[2:]
+        assert close(found.rows(s), C @ R @ C.T)
+        assert close(found.inputs(s), C @ R @ B)
+        assert close(found.outputs(s), O @ R @ C.T)
+    assert close(found.direct, O @ R @ B) and close(found.energy, B.T @ R @ B)
+
+
+def test_the_sliders_flexibility_is_symmetric_and_positive(case) -> None:
+    full, residual = case
+    rows = full.rows.rows[2:]
+    breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
+    shared = Rows(rows, full.size).shared.refined(breaks)
+    G = tables(load_flexibility(residual, shared.carriers, meeting(shared, 2)), shared).rows
+    assert np.array_equal(G.c, G.c.swapaxes(2, 3))
+    s = np.linspace(*full.rows.domain, 301)[1:]
+    assert np.linalg.eigvalsh(G(s))[:, 0].min() > 0.0
+
+
+def test_pairs_of_rows_on_every_interval(load_scene) -> None:
+    """C R E^T with a derivative on one side, where R is no symmetric matrix."""
+    full = full_model(load_scene("paper_simple", RICH))
+    breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in full.rows.rows[2:]], full.rows.domain)
+    shared = Rows(tuple(row.refined(breaks) for row in full.rows.rows[2:]), full.size).shared
+    R = np.random.default_rng(8).standard_normal((full.size, full.size))
+    C, U = stacked(shared), shared.carriers
+    R_shared = U @ (U @ R.T).T
+    found = paired(C, sp.csr_matrix(R_shared), C.derivative())
+    for j in range(len(breaks) - 1):
+        for t in (0.0, 0.4, 1.0):
+            s = breaks[j] + t * (breaks[j + 1] - breaks[j])
+            at, rate = (np.zeros((2, full.size)) for _ in range(2))
+            for a, row in enumerate(shared.rows):
+                powers = (s - breaks[j]) ** np.arange(3.0, -1.0, -1.0)
+                slopes = np.arange(3.0, -1.0, -1.0) * (s - breaks[j]) ** np.array([2.0, 1.0, 0.0, 0.0])
+                at[a] = powers @ row.coefficients[:, j] @ U[row.touched[j]].toarray()
+                rate[a] = slopes @ row.coefficients[:, j] @ U[row.touched[j]].toarray()
+            value = np.polyval(found[:, j].reshape(len(found), -1), s - breaks[j]).reshape(2, 2)
+            assert close(value, at @ R @ rate.T)
+
+
+def test_pairs_of_loads_grow_as_the_mesh_and_not_as_its_square(load_scene) -> None:
+    found = []
+    for elements in (30, 60):
+        full = full_model(load_scene("paper_simple", ["compare.against=[]", f"mesh.elements={elements}"]))
+        shared = Rows(full.rows.rows[2:], full.size).shared.aligned(full.rows.domain)
+        found.append(meeting(shared, 1).nnz)
+        assert any_two(shared, 1).nnz == (shared.carriers.shape[0] + 1) ** 2
+    assert 1.9 < found[1] / found[0] < 2.1
+
+
+@pytest.mark.slow
+def test_two_thousand_elements_are_reduced(load_scene) -> None:
+    found = reduce(load_scene("evolved_residual", ["mesh.elements=2000", "compare.against=[]"])).reduced
+    assert found.enrichment is not None and found.flexibility and len(found.flexibility.rows.x) == 2001

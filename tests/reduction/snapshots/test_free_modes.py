@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from textbook import EA, EI, LENGTH, RHO_A
+
+from pmr.constraints.rows import Rows
+from pmr.errors import InputError
+from pmr.fem.compat import MPI
+from pmr.fem.distributed import inner, times
+from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
+from pmr.reduction.snapshots import Snapshots
+from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
+from pmr.reduction.snapshots.free_modes import free_modes
+
+#: beta L of bending modes, from the characteristic equations (Blevins 1979, Table 8-1), and rigid-body modes before.
+PINNED_FREE = (1, [3.92660231, 7.06858275, 10.21017612])
+CLAMPED_FREE = (0, [1.87510407, 4.69409113, 7.85475744])
+BENDING = {"pinned": PINNED_FREE, "clamped": CLAMPED_FREE}
+
+
+def model(load_scene, *overrides: str) -> FullModel:
+    return full_model(load_scene("paper_simple", ["compare.against=[]", "free_motions=allowed", *overrides]))
+
+
+def local(snapshots: Snapshots) -> np.ndarray:
+    return np.array(snapshots.S.getDenseArray())
+
+
+@pytest.mark.parametrize("solver", ["dense", "slepc"])
+@pytest.mark.parametrize("kind", BENDING)
+def test_frequencies_are_those_of_the_beam_without_slider(load_scene, kind: str, solver: str) -> None:
+    """Axial vibration, at 25 Hz among them, is reached by no load and by no slider."""
+    full = model(load_scene, f"supports=[{{on=0.0,kind='{kind}'}}]")
+    rigid, beta = BENDING[kind]
+    found = free_modes(full, rigid + 3, solver)
+    bending = np.array(beta) ** 2 / LENGTH**2 * np.sqrt(EI / RHO_A)
+    assert found.omega == pytest.approx([0.0] * rigid + bending.tolist(), rel=2e-6)  # 1.2e-6 is the mesh's
+    phi = local(found)
+    assert np.abs(inner(phi, times(full.M, phi), full.comm) - np.eye(rigid + 3)).max() < 1e-12
+    assert found.residuals.max() < 1e-13 and np.isnan(found.s).all()
+
+
+def test_an_axial_load_brings_axial_modes_in(load_scene) -> None:
+    full = model(load_scene, "loads=[{on=5.0,signal=-50},{name='N',on=5.0,direction='x',signal=3.0}]")
+    axial = np.pi / 2.0 / LENGTH * np.sqrt(EA / RHO_A)
+    assert free_modes(full, 6).omega[4] == pytest.approx(axial, rel=1e-3)
+
+
+@pytest.mark.mpi
+def test_dense_and_slepc_find_the_same_modes(load_scene) -> None:
+    full = model(load_scene, "mesh.grading=3.0", "slider.offsets=[0.0,0.4]")
+    dense, slepc = (local(free_modes(full, 8, solver)) for solver in ("dense", "slepc"))
+    assert np.abs(dense - slepc).max() < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("supports", "count"), [("pinned", 1), ("clamped", 0), ("roller", 2), (None, 3)], ids=lambda value: str(value)
+)
+def test_all_rigid_body_motions_are_found(load_scene, supports: str | None, count: int) -> None:
+    full = model(load_scene, "mesh.elements=30", f"supports=[{{on=0.0,kind='{supports or 'roller'}'}}]")
+    if supports is None:
+        full = replace(full, rows=Rows(full.rows.rows[-1:], full.size))
+    Z = rigid_modes(full)
+    assert Z.shape[1] == count
+    assert np.abs(inner(Z, times(full.M, Z), full.comm) - np.eye(count)).max(initial=0.0) < 1e-12
+    # straight: x, w and theta are linear along the beam
+    whole = np.concatenate(full.comm.allgather(Z)).reshape(31, 3, count)
+    if count:
+        assert np.abs(np.diff(whole[:, :2], 2, axis=0)).max() < 1e-14 * np.abs(whole).max()
+
+
+def axial(full: FullModel) -> np.ndarray:
+    """Which of this rank's coordinates are displacements along the axis."""
+    return np.arange(*full.M.getOwnershipRange()) % 3 == 0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("solver", ["dense", "slepc"])
+def test_rigid_bodies_that_nothing_reaches_are_left_out(load_scene, solver: str) -> None:
+    """Three are free; nothing moves the beam along its axis, however the three are combined."""
+    full = model(load_scene, "mesh.elements=30", "supports=[{on=0.0,kind='roller'}]")
+    free = replace(full, rows=Rows(full.rows.rows[-1:], full.size))
+    found, Z = free_modes(free, 6, solver), rigid_modes(free)
+    assert Z.shape[1] == 3 and np.flatnonzero(found.omega == 0.0).tolist() == [0, 1]
+    share = inner(times(free.M, Z), local(found)[:, :2], free.comm)
+    assert np.abs(share.T @ share - np.eye(2)).max() < 1e-12
+    assert np.abs(local(found)[:, :2]).max(initial=0.0, where=axial(free)[:, None]) < 1e-12
+
+
+@pytest.mark.parametrize(
+    "change", ["body.profile.bending_stiffness=1e-3", "body.profile.bending_stiffness=1e12", "mesh.elements=400"]
+)
+def test_rigid_and_soft_are_told_apart_at_any_scale(load_scene, change: str) -> None:
+    full = model(load_scene, change, "body.profile.axial=false", "reduction.solver=dense")
+    assert FreeBody(full).rigid(local(free_modes(full, 4))).tolist() == [True, False, False, False]
+    clamped = model(load_scene, change, "body.profile.axial=false", "supports=[{on=0.0,kind='clamped'}]")
+    assert not FreeBody(clamped).rigid(local(free_modes(clamped, 4))).any()
+
+
+@pytest.mark.mpi
+def test_a_count_out_of_range_is_refused(load_scene) -> None:
+    full = model(load_scene, "mesh.elements=4", "supports=[{on=0.0,kind='roller'}]", "slider.path=2.0")
+    # 5 nodes with w and theta, one held: 9 bending modes, and 5 axial ones that nothing reaches
+    assert len(free_modes(full, 8).omega) == 8
+    with pytest.raises(InputError, match="reduction.coordinates = 9: loads and sliders excite 9 modes"):
+        free_modes(full, 9)
+    bodies = replace(full, rows=Rows(full.rows.rows[-1:], full.size))
+    with pytest.raises(InputError, match="supports leave 2 rigid-body modes free"):
+        free_modes(bodies, 1)
+
+
+@pytest.mark.mpi
+def test_every_rank_has_its_rows(load_scene) -> None:
+    full = model(load_scene, "mesh.elements=20")
+    assert len(local(free_modes(full, 3))) == full.M.getLocalSize()[0]
+    assert MPI.COMM_WORLD.allreduce(full.M.getLocalSize()[0]) == full.size

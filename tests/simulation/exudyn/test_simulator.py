@@ -1,0 +1,316 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+import pytest
+from driving import driven, named
+from exudyn.itemInterface import SensorNode
+from numpy.typing import NDArray
+from oracle import flexible, full_body, generalized_alpha, project
+
+from pmr.constraints.rows import Rows
+from pmr.errors import InputError, SimulationError
+from pmr.reduced.model import ReducedModel
+from pmr.scene.asked import Simulation
+from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
+from pmr.simulation import InitialState, Simulator, TimeStepping
+from pmr.simulation.exudyn import Formulation, inputs, simulator
+from pmr.simulation.exudyn.solver import slider_at, stored
+from pmr.simulation.start import consistent_start
+from pmr.system.body import FullBody, SlidingBody, Trajectory
+
+Array = NDArray[np.float64]
+
+PATH = Sine(amplitude=0.7, frequency=0.8, offset=2.0)
+LOADS = (
+    Chirp(amplitude=300.0, times=(0.0, 0.2), frequencies=(3.0, 20.0), phase=1.0),
+    Step(time=0.1, before=50.0, after=-400.0),
+)
+#: Against an integrator of the test's own, relative.
+TOLERANCES = {"springs": 1e-11, "callbacks": 5e-8}
+STEPPING = TimeStepping(end=0.2, step=1e-3, rho_inf=0.8)
+
+
+@pytest.fixture(params=TOLERANCES)
+def simulate(request: pytest.FixtureRequest) -> Simulator:
+    """Both ways of having Exudyn know rows and loads."""
+    return partial(simulator.simulate, formulation=request.param)
+
+
+@pytest.fixture(params=["sparse", "dense"])
+def body(rich: FullBody, request: pytest.FixtureRequest) -> SlidingBody:
+    return rich if request.param == "sparse" else project(rich, np.eye(rich.size)[:, 2:])
+
+
+def some_state(body: SlidingBody) -> InitialState:
+    q, v = np.random.default_rng(1).standard_normal((2, body.size)) * [[1e-3], [1e-2]]
+    C = body.C(PATH.offset) @ np.eye(body.size)
+    return InitialState(q - np.linalg.pinv(C) @ (C @ q), v)
+
+
+def assert_same(found: Trajectory, q: Array, v: Array, multipliers: Array, tolerance: float) -> None:
+    for a, b in ((found.q, q), (found.v, v), (found.multipliers, multipliers)):
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.abs(b).max())
+
+
+def test_same_as_an_integrator_written_for_the_test(body: SlidingBody, simulate: Simulator) -> None:
+    """Two sliders, two inputs, damping, a start that must be corrected, and rows that move from the start."""
+    initial = some_state(body)
+    found = simulate(body, driven(PATH, LOADS, STEPPING), initial)
+    t = STEPPING.times
+    f = np.stack([load.value(t) for load in LOADS], axis=1)
+    start = consistent_start(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), initial)
+    tolerance = TOLERANCES[simulate.keywords["formulation"]]
+    assert_same(found, *generalized_alpha(body, PATH.value(t), f, STEPPING, start), tolerance)
+    np.testing.assert_array_equal(found.t, t)
+    np.testing.assert_allclose(found.s, PATH.value(t))
+    assert found.seconds > 0.0
+
+
+def test_a_single_load_needs_no_list(case: Any, reduced: ReducedModel, simulate: Simulator) -> None:
+    alone, listed = (
+        simulate(reduced, driven(case.path, loads, TimeStepping(0.02, 1e-3))) for loads in (case.load, [case.load])
+    )
+    np.testing.assert_array_equal(alone.q, listed.q)
+    assert np.abs(alone.q).max() > 0.0
+
+
+def test_rows_hold_at_every_step(body: SlidingBody) -> None:
+    found = simulator.simulate(body, driven(PATH, LOADS, STEPPING))
+    assert np.abs(body.apply_rows(found.s, found.q)).max() < 1e-14
+    assert np.abs(found.q).max() > 1e-4
+
+
+@pytest.mark.parametrize("formulation", ["callbacks", "callbacks-modified-newton"])
+def test_callbacks_find_the_same_beam(case: Any, reduced: ReducedModel, formulation: Formulation) -> None:
+    stepping, path = TimeStepping(0.3, 1e-3), Ramp(times=(0.0, 0.3), values=(1.25, 2.0))
+    once, called = (
+        simulator.simulate(reduced, driven(path, [case.load], stepping), formulation=way)
+        for way in ("springs", formulation)
+    )
+    w = once.q @ reduced.outputs.T
+    assert np.abs(w - called.q @ reduced.outputs.T).max() < 1e-9
+    assert np.abs(w).max() > 1e-4
+
+
+def test_second_order_from_a_moving_start(rich: FullBody) -> None:
+    """Although the initial acceleration leaves out the rows' own motion."""
+    body = project(rich, np.linalg.qr(np.vander(rich.output_positions.repeat(3), 8)[:, ::-1])[0])
+    fine, *coarse = (
+        simulator.simulate(body, driven(PATH, LOADS[:1] * 2, TimeStepping(0.2, h)), some_state(body))
+        for h in (1e-5, 1e-3, 5e-4)
+    )
+    errors = [np.abs(c.q - fine.q[:: round(c.t[1] / 1e-5)]).max() for c in coarse]
+    assert 3.5 < errors[0] / errors[1] < 4.5
+
+
+def test_many_rows_come_in_blocks(rich: FullBody, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = simulator.simulate(rich, driven(PATH, LOADS, STEPPING))
+    blocks, dense_rows = [], FullBody.dense_rows
+
+    def recorded(body: FullBody, s: Array) -> Array:
+        blocks.append(len(s))
+        return dense_rows(body, s)
+
+    monkeypatch.setattr(inputs, "ENTRIES_AHEAD", 7 * 2 * rich.size)  # two of its four rows move
+    monkeypatch.setattr(FullBody, "dense_rows", recorded)
+    np.testing.assert_array_equal(simulator.simulate(rich, driven(PATH, LOADS, STEPPING)).q, whole.q)
+    assert max(blocks) == 7
+
+
+def test_progress_is_told_about_a_hundred_times_and_ends_at_one(rich: FullBody) -> None:
+    told: list[float] = []
+    stepping = TimeStepping(0.4, 1e-3)
+    simulator.simulate(rich, driven(PATH, LOADS, stepping), progress=told.append)
+    assert told == pytest.approx(np.arange(1, 101) / 100)
+
+
+def test_wrong_input_is_refused_before_anything_runs(rich: FullBody, simulate: Simulator) -> None:
+    with pytest.raises(InputError, match="0 to 4.2 m is allowed; left at t = 0.051 s"):
+        simulate(rich, driven(Ramp(times=(0.0, 0.1), values=(4.0, 4.4 + 1e-6)), LOADS, STEPPING))
+    with pytest.raises(InputError, match="loads: F given, one for each input is allowed: F, T"):
+        simulate(rich, driven(PATH, LOADS[:1], STEPPING))
+    with pytest.raises(InputError, match="row 'pin x' is violated"):
+        simulate(rich, driven(PATH, LOADS, STEPPING), InitialState(np.eye(21)[0], np.zeros(21)))
+
+
+def test_dependent_rows_fail_with_time_and_place(
+    body: SlidingBody, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    if isinstance(body, FullBody):
+        twice = replace(body, rows=Rows(body.rows.rows + body.rows.rows[2:3], body.size))
+    else:
+        rows = type(body.rows)(np.concatenate([body.rows.c, body.rows.c[:, :, :1]], axis=2), body.rows.x)
+        twice = replace(body, rows=rows, row_names=("slider 0", "slider 0.8", "slider again"))
+    with pytest.raises(SimulationError, match=r"step 1, t = 0\.001 s, slider at 2\.00352 m: .*rows that depend"):
+        simulator.simulate(twice, driven(PATH, LOADS, STEPPING))
+    assert capfd.readouterr() == ("", "")
+    if isinstance(body, FullBody):  # the sparse solver sees it before the first step
+        assert "System Jacobian seems to be singular" in caplog.text
+
+
+def test_an_overflow_fails_with_time_and_place(rich: FullBody) -> None:
+    with pytest.raises(SimulationError, match=r"step 100, t = 0\.1 s, slider at 2\.337\d* m"):
+        simulator.simulate(rich, driven(PATH, [LOADS[0], Step(time=0.1, after=1e308)], STEPPING))
+
+
+class StoredData:
+    """An mbs whose sensor stored what is given."""
+
+    def __init__(self, values: Array) -> None:
+        self.GetSensorStoredData = lambda sensor: np.column_stack([np.arange(len(values)), values])
+
+
+def test_only_complete_and_finite_results_count() -> None:
+    values = np.ones((STEPPING.steps + 1, 2))
+    np.testing.assert_array_equal(stored(StoredData(values), 0, STEPPING, slider_at(PATH.value)), values)
+    with pytest.raises(SimulationError, match="200 of 201 steps"):
+        stored(StoredData(values[1:]), 0, STEPPING, slider_at(PATH.value))
+    values[7, 1] = np.nan
+    with pytest.raises(SimulationError, match=r"step 7, t = 0\.007 s, slider at 2\.02\d* m: not finite"):
+        stored(StoredData(values), 0, STEPPING, slider_at(PATH.value))
+
+
+def test_nothing_is_printed_or_written(
+    rich: FullBody, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    simulator.simulate(rich, driven(PATH, LOADS, STEPPING))
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+
+
+class OwnSystem:
+    """An Exudyn user's own mbs with solver settings of their own."""
+
+    def __init__(self) -> None:
+        self.container = exu.SystemContainer()
+        self.mbs = self.container.AddSystem()
+        self.nodes: list[Any] = []
+
+    def solve(self, *items: Any) -> list[Array]:
+        """Coordinates (T, n) of each body."""
+        coordinates = exu.OutputVariableType.Coordinates
+        sensors = [
+            self.mbs.AddSensor(SensorNode(nodeNumber=i.nBody, outputVariableType=coordinates, storeInternal=True))
+            for i in items
+        ]
+        self.mbs.Assemble()
+        return self.solve_again(sensors)
+
+    def solve_again(self, sensors: list[Any], solver: Any = None) -> list[Array]:
+        settings = exu.SimulationSettings()
+        settings.solution.file.write = False
+        settings.solution.sensors.writePeriod = STEPPING.step
+        settings.timeIntegration.endTime = STEPPING.end
+        settings.timeIntegration.numberOfSteps = STEPPING.steps
+        settings.timeIntegration.generalizedAlpha.spectralRadius = STEPPING.rho_inf
+        settings.timeIntegration.newton.useModifiedNewton = False
+        self.mbs.SolveDynamic(settings, solverType=solver)
+        return [self.mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors]
+
+
+@pytest.mark.parametrize("formulation", ["springs", "callbacks"])
+def test_several_bodies_share_a_users_system(body: SlidingBody, formulation: Formulation) -> None:
+    add = partial(simulator.add_sliding_body, formulation=formulation)
+    other = project(full_body(elements=4), np.eye(15)[:, 2:])
+    other_path, other_load = Constant(amount=1.0), Constant(amount=20.0)
+    before, after = [], []
+    own = OwnSystem()
+    own.mbs.SetPreStepUserFunction(lambda mbs, t: not before.append(t))
+    first = add(own.mbs, body, PATH, named(LOADS, body.input_names))
+    second = add(own.mbs, other, other_path, {"F": other_load})
+    simulator.add_pre_step_function(own.mbs, lambda mbs, t: not after.append(t))
+    q, q_other = own.solve(first, second)
+    np.testing.assert_allclose(before, STEPPING.times[1:])
+    assert after == before
+    alone = simulator.simulate(body, driven(PATH, LOADS, STEPPING)).q
+    alone_other = simulator.simulate(other, driven(other_path, [other_load], STEPPING)).q
+    np.testing.assert_allclose(q, alone, rtol=0.0, atol=1e-7 * np.abs(alone).max())
+    np.testing.assert_allclose(q_other, alone_other, rtol=0.0, atol=1e-7 * np.abs(alone_other).max())
+
+
+def test_any_pre_step_function_stops_the_simulation(rich: FullBody) -> None:
+    own = OwnSystem()
+    own.mbs.SetPreStepUserFunction(lambda mbs, t: t < 0.05)
+    (q,) = own.solve(simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS)))
+    assert len(q) == 51
+
+
+@pytest.mark.parametrize("formulation", ["springs", "multipliers"])
+def test_a_users_own_pre_step_function_never_replaces_the_bodys_in_silence(
+    rich: FullBody, formulation: Formulation
+) -> None:
+    """The slider would stay where it is, and the loads as they are."""
+    for body in (rich, flexible(rich, 6)):
+        own = OwnSystem()
+        simulator.add_sliding_body(own.mbs, body, PATH, named(LOADS, body.input_names), formulation=formulation)
+        own.mbs.SetPreStepUserFunction(lambda mbs, t: True)
+        own.mbs.Assemble()
+        with pytest.raises(ValueError, match=r"SetPreStepUserFunction: .* add_pre_step_function\(mbs, function\)"):
+            own.solve_again([])
+
+
+def test_solvers_that_a_body_cannot_follow_are_refused(rich: FullBody) -> None:
+    """Explicit ones evaluate within a step; velocities of index 2 know nothing of rows that move."""
+    explicit = exu.DynamicSolverType.DOPRI5, flexible(rich, 6), "solverType = 'explicit': an implicit one"
+    index_2 = exu.DynamicSolverType.TrapezoidalIndex2, rich, r"useIndex2Constraints = True: false \(GeneralizedAlpha\)"
+    for solver, body, says in (explicit, index_2):
+        own = OwnSystem()
+        simulator.add_sliding_body(own.mbs, body, PATH, named(LOADS, body.input_names))
+        own.mbs.Assemble()
+        with pytest.raises(ValueError, match=says):
+            own.solve_again([], solver)
+    still = OwnSystem()
+    simulator.add_sliding_body(still.mbs, rich, PATH, named(LOADS))
+    still.mbs.Assemble()
+    settings = exu.SimulationSettings()
+    settings.solution.file.write = False
+    with pytest.raises(ValueError, match="SolveStatic: SolveDynamic is allowed"):
+        still.mbs.SolveStatic(settings)
+    without_rows = OwnSystem()
+    simulator.add_sliding_body(without_rows.mbs, explicit[1], PATH, named(LOADS, explicit[1].input_names))
+    without_rows.mbs.Assemble()
+    without_rows.solve_again([], index_2[0])
+
+
+def test_update_rewinds_for_a_second_solve(rich: FullBody) -> None:
+    own = OwnSystem()
+    items = simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS))
+    (once,) = own.solve(items)
+    items.update(own.mbs, 0.0)
+    (again,) = own.solve_again([0])
+    np.testing.assert_array_equal(again, once)
+
+
+def test_items_are_what_their_names_say(rich: FullBody) -> None:
+    own = OwnSystem()
+    items = simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS))
+    assert own.mbs.GetNode(items.nBody)["nodeType"] == "GenericODE2"
+    assert own.mbs.GetObject(items.oBody)["objectType"] == "GenericODE2"
+    assert int(own.mbs.GetMarker(items.mBody)["nodeNumber"]) == int(items.nBody)
+    assert own.mbs.GetNode(items.nGround)["nodeType"] == "PointGround"
+    assert int(own.mbs.GetMarker(items.mGround)["nodeNumber"]) == int(items.nGround)
+    joined = own.mbs.GetObject(items.oSlider)["markerNumbers"]
+    assert [int(m) for m in joined] == [int(items.mGround), int(items.mBody)]
+
+
+def test_newtons_method_takes_exudyns_own_settings(rich: FullBody) -> None:
+    """A single iteration is too few for a tolerance that nothing meets, and enough for one that anything does."""
+    excitation = driven(PATH, LOADS, TimeStepping(end=0.02, step=1e-3))
+    few = {"maxIterations": 1, "relativeTolerance": 1e-300, "absoluteTolerance": 1e-300}
+    with pytest.raises(SimulationError, match="Newton's method does not converge"):
+        simulator.simulate(rich, replace(excitation, options=Simulation(newton=few)))
+    found = simulator.simulate(
+        rich, replace(excitation, options=Simulation(newton={"relativeTolerance": 1.0, "absoluteTolerance": 1.0}))
+    )
+    assert found.t[-1] == 0.02
+    for wrong, said in (({"tolerance": 1e-9}, "one of .*relativeTolerance"), ({"maxIterations": 0.5}, "maxIterations")):
+        with pytest.raises(InputError, match=said) as refused:
+            simulator.simulate(rich, replace(excitation, options=Simulation(newton=wrong)))
+        assert refused.value.key == f"simulation.newton.{next(iter(wrong))}" and "\n" not in str(refused.value)

@@ -1,0 +1,72 @@
+"""The cache on disk: used again, and not once a source has changed."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numba.core import caching
+
+from pmr.simulation.native import compilation as compiled
+
+SOURCE = """
+from pmr.simulation.native.compilation import compiled
+
+@compiled
+def twice(x):
+    return 2.0 * x
+"""
+
+
+def load(folder: Path) -> Any:
+    specification = importlib.util.spec_from_file_location("some_kernel", folder / "some_kernel.py")
+    assert specification and specification.loader
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module.twice
+
+
+def test_compiled_once_and_again_after_a_change_in_the_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "some_kernel.py").write_text(SOURCE)
+    hits = []
+    for sources in ("one", "one", "another"):
+        monkeypatch.setattr(compiled, "_SOURCES", sources)
+        twice = load(tmp_path)
+        assert twice(1.5) == 3.0
+        hits.append(sum(twice.stats.cache_hits.values()))
+    assert hits == [0, 1, 0]
+
+
+def test_where_no_folder_can_be_written_to_it_is_compiled_each_time(tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "some_kernel.py").write_text(SOURCE)
+    monkeypatch.setattr(caching.FunctionCache._impl_class, "_locator_classes", [])
+    assert load(tmp_path)(1.5) == 3.0
+    values, place = np.arange(3.0).reshape(1, 1, 1, 3), importlib.util.find_spec("pmr.constraints.applied")
+    applied = importlib.util.module_from_spec(place)
+    place.loader.exec_module(applied)
+    found = np.empty((2, 1))
+    applied.apply(values, np.array([0.0, 1.0]), np.zeros(2), np.ones((2, 3)), found)
+    assert found.tolist() == [[3.0], [3.0]]
+
+
+def test_what_another_version_left_is_compiled_again(tmp_path: Path) -> None:
+    """A type of the arguments has got another name since; Numba's index can't be read without the old one."""
+    typed = SOURCE + "from typing import NamedTuple\nclass Old(NamedTuple):\n    x: float\n"
+    (tmp_path / "some_kernel.py").write_text(typed.replace("2.0 * x", "2.0 * x[0]"))
+    sys.path.insert(0, str(tmp_path))
+    try:
+        for name in ("Old", "Renamed"):  # of another length: Python tells what it compiled by second and size alone
+            text = (tmp_path / "some_kernel.py").read_text().replace("Old", name)
+            (tmp_path / "some_kernel.py").write_text(text)
+            sys.modules.pop("some_kernel", None)
+            importlib.invalidate_caches()
+            module = importlib.import_module("some_kernel")
+            assert module.twice(getattr(module, name)(1.5)) == 3.0
+    finally:
+        sys.path.remove(str(tmp_path))
+        sys.modules.pop("some_kernel", None)

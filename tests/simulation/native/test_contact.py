@@ -1,0 +1,363 @@
+"""Rows that only push: the complementarity problem by itself, then statics, impacts and energy of a beam on pads."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from on_pads import LENGTH, NAMES, TAIL, WEIGHT, beam_on_pads, driven, flexible_on_pads, modes_on_pads
+from oracle import inertial
+from scipy.integrate import solve_ivp
+from scipy.interpolate import PPoly
+
+from pmr.compare.evaluation import respond
+from pmr.errors import InputError, SimulationError
+from pmr.export.exudyn.script import exudyn_script
+from pmr.reduced.model import ReducedModel
+from pmr.reduced.truncation import with_kept_inertia
+from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
+from pmr.simulation import InitialState, TimeStepping
+from pmr.simulation.balance import energy
+from pmr.simulation.exudyn import simulator as exudyn
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import contact as contact_rows
+from pmr.simulation.native import simulator as march
+from pmr.simulation.native.marching import without_pull
+from pmr.simulation.native.scheme import GeneralizedAlpha
+from pmr.simulation.native.start import reason
+from pmr.simulation.native.stepper import Stepper
+from pmr.system.body import Trajectory, displacement, pushing_rows
+
+Array = NDArray[np.float64]
+CLEARANCE = 1e-3
+REST = (Constant(amount=0.0), Constant(amount=0.0))
+#: Falls on the lower pads, is pulled up and down so that it meets all four, and slides.
+PATH = SmoothRamp(times=(0.0, 0.5), values=(3.0, 3.5))
+LOADS = (SmoothRamp(times=(0.0, 0.1), values=(0.0, 9.81)), Sine(amplitude=4000.0, frequency=5.0))
+#: One part a step: what is tested here is the scheme, whatever the step resolves.
+STEPPING = TimeStepping(end=0.5, step=1e-3, rho_inf=0.9, parts=1)
+
+
+def settled(A: Array, b: Array, clearance: Array, closed: Array) -> Array:
+    contact = contact_rows.contact(clearance, GeneralizedAlpha(1e-3, 0.9).memory())
+    assert contact is not None
+    contact.closed[:] = closed
+    multipliers = b.copy()
+    assert contact_rows.settle(contact, A, np.zeros_like(A), multipliers) == 0
+    return multipliers
+
+
+def enumerated(A: Array, b: Array, pushes: Array) -> Array:
+    """The solution among all 2^m choices of closed rows."""
+    found = []
+    for choice in product([False, True], repeat=len(b)):
+        closed = np.array(choice) | ~pushes
+        multipliers = np.zeros(len(b))
+        multipliers[closed] = np.linalg.solve(A[np.ix_(closed, closed)], b[closed])
+        gap = A @ multipliers - b
+        if np.all(multipliers[pushes] >= 0.0) and np.all(gap[~closed] >= 0.0):
+            found.append(multipliers)
+    return found[0]
+
+
+@pytest.mark.parametrize("m", [1, 2, 5, 7])
+def test_closed_rows_are_those_of_the_only_solution(m: int) -> None:
+    """From any rows to begin with; some of them hold both ways."""
+    rng = np.random.default_rng(m)
+    for _ in range(50):
+        X, b, pushes = rng.standard_normal((m, m)), rng.standard_normal(m), rng.random(m) < 0.7
+        pushes[-1] = True
+        A, clearance = X @ X.T + 1e-3 * np.eye(m), np.where(pushes, 0.3 * rng.random(m), np.nan)
+        expected = enumerated(A, b - np.where(pushes, clearance, 0.0), pushes)
+        found = settled(A, b, clearance, ~pushes | (rng.random(m) < 0.5))
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+
+
+def test_one_at_a_time_ends_what_all_at_once_would_not() -> None:
+    """Three rows that chase each other for ever if all wrong ones change sides at once; a matrix of determinant one."""
+    A, b = np.array([[9.0, 12, -11], [12, 17, -14], [-11, -14, 14]]), np.array([-3.0, -1.0, 4.0])
+    closed, seen = np.zeros(3, bool), []
+    while closed.tolist() not in seen:
+        seen.append(closed.tolist())
+        multipliers = np.zeros(3)
+        multipliers[closed] = np.linalg.solve(A[np.ix_(closed, closed)], b[closed])
+        closed = closed ^ np.where(closed, multipliers < 0.0, A @ multipliers < b)
+    assert len(seen) > 2 and closed.any()
+    expected = enumerated(A, b, np.ones(3, bool))
+    np.testing.assert_allclose(settled(A, b, np.zeros(3), np.zeros(3, bool)), expected, atol=1e-12)
+
+
+def test_a_closed_row_that_depends_on_others_is_numbered() -> None:
+    contact = contact_rows.contact(np.zeros(3), GeneralizedAlpha(1e-3, 0.9).memory())
+    A = np.array([[2.0, 0, 0], [0, 1, 1], [0, 1, 1]])
+    assert contact_rows.settle(contact, A, np.zeros((3, 3)), np.array([-1.0, 1.0, 1.0])) == 3
+
+
+BODIES = {"modes": modes_on_pads, "flexible": flexible_on_pads}
+
+
+@pytest.fixture(params=BODIES)
+def body(request: pytest.FixtureRequest) -> ReducedModel:
+    return BODIES[request.param](beam_on_pads(CLEARANCE), 6)
+
+
+@pytest.fixture(scope="module")
+def few() -> ReducedModel:
+    return modes_on_pads(beam_on_pads(CLEARANCE), 4)
+
+
+def test_only_the_pads_below_carry_and_as_statics_says(body: ReducedModel) -> None:
+    """Then weight turns round: across the clearance, and those above carry."""
+    gravity = SmoothRamp(times=(0.0, 1.0, 10.0, 11.0), values=(0.0, 9.81, 9.81, -9.81))
+    loads, s = (gravity, REST[1]), 3.5
+    body = replace(body, D=10.0 * body.M)
+    found = march.simulate(body, driven(Constant(amount=s), loads, TimeStepping(20.0, 1e-2, rho_inf=0.0)))
+    mouth = 9.81 * WEIGHT * (LENGTH / 2.0 - TAIL) / (s - TAIL)
+    below, above = found.multipliers[1000], found.multipliers[-1]
+    assert below == pytest.approx([9.81 * WEIGHT - mouth, 0.0, mouth, 0.0], rel=1e-6)
+    assert above == pytest.approx([0.0, 9.81 * WEIGHT - mouth, 0.0, mouth], rel=1e-6)
+    assert below[1] == below[3] == above[0] == above[2] == 0.0  # exactly
+    f = np.stack([f.value(found.t) for f in loads], axis=1)
+    w = displacement(body, found.q, found.s, found.multipliers, f)[:, 7]  # the node at s
+    assert w[1000] == pytest.approx(-CLEARANCE - mouth / 1e6) and w[-1] == pytest.approx(CLEARANCE + mouth / 1e6)
+
+
+def gaps(body: ReducedModel, found: Trajectory, loads: tuple[SignalBase, ...]) -> Array:
+    """c - (C q + H f - (G + 1/k) lambda), (T, m) in m."""
+    came_out = body.apply_rows(found.s, found.q) - body.row_compliance * found.multipliers
+    if body.flexibility is not None:
+        f = np.stack([f.value(found.t) for f in loads], axis=1)
+        came_out += body.flexibility.row_motion(found.s, found.multipliers, f)
+    return body.row_clearance - came_out
+
+
+def test_gap_and_force_are_complementary_at_every_step(body: ReducedModel) -> None:
+    found = march.simulate(body, driven(PATH, LOADS, STEPPING))
+    gap, force = gaps(body, found, LOADS), found.multipliers
+    assert np.abs(np.minimum(gap / CLEARANCE, force / force.max())).max() < 1e-12
+    assert np.all(force[gap > 1e-12] == 0.0) and np.all((force > 0.0).any(axis=0)) and np.all((gap > 1e-6).any(axis=0))
+    f = np.stack([f.value(found.t) for f in LOADS], axis=1)
+    assert respond(body, found, PATH.rate(found.t), f).residual_position.max() < 1e-14
+
+
+def on_the_lower_pads(bilateral: bool) -> tuple[ReducedModel, InitialState]:
+    """Without pads above, in equilibrium under its weight."""
+    whole = flexible_on_pads(beam_on_pads(None if bilateral else 0.0), 6)
+    below, flexibility = [0, 2], whole.flexibility
+    assert flexibility is not None
+    tables = replace(
+        flexibility,
+        rows=type(whole.rows)(flexibility.rows.c[:, :, below][:, :, :, below], flexibility.rows.x),
+        inputs=type(whole.rows)(flexibility.inputs.c[:, :, below], flexibility.inputs.x),
+        outputs=type(whole.rows)(flexibility.outputs.c[..., below], flexibility.outputs.x),
+    )
+    body = replace(
+        whole,
+        rows=type(whole.rows)(whole.rows.c[:, :, below], whole.rows.x),
+        row_names=tuple(whole.row_names[i] for i in below),
+        pads=whole.row_compliance[below],
+        clearance=None if bilateral else whole.row_clearance[below],
+        flexibility=tables,
+    )
+    C, F = body.C(3.0), tables.rows(3.0) + np.diag(body.row_compliance)
+    f = np.array([9.81, 0.0])
+    answer = np.linalg.solve(np.block([[body.K, C.T], [C, -F]]), np.concatenate([body.B @ f, -tables.inputs(3.0) @ f]))
+    return body, InitialState(answer[: body.size], np.zeros(body.size))
+
+
+def test_pads_that_stay_closed_are_bilateral_ones() -> None:
+    (pushing, start), (holding, _) = on_the_lower_pads(bilateral=False), on_the_lower_pads(bilateral=True)
+    loads = (Constant(amount=9.81), Sine(amplitude=200.0, frequency=5.0))
+    found, expected = (march.simulate(body, driven(PATH, loads, STEPPING), start) for body in (pushing, holding))
+    assert found.multipliers.min() > 100.0 and np.ptp(found.multipliers[:, 1]) > 500.0
+    for name in ("q", "v", "multipliers"):
+        a, b = getattr(found, name), getattr(expected, name)
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-13 * np.abs(b).max())
+
+
+def test_pads_that_are_never_reached_are_none(few: ReducedModel) -> None:
+    far = replace(few, clearance=np.full(4, 1e3))
+    none = replace(few, rows=type(few.rows)(few.rows.c[:, :, :0], few.rows.x), row_names=(), pads=None, clearance=None)
+    found, expected = (march.simulate(body, driven(PATH, LOADS, STEPPING)) for body in (far, none))
+    assert not found.multipliers.any()
+    np.testing.assert_allclose(found.q, expected.q, rtol=0.0, atol=1e-13 * np.abs(expected.q).max())
+
+
+def by_penalty(body: ReducedModel, t: Array) -> tuple[Array, Array, Array]:
+    """q, v (T, n) and lambda (T, m) with lambda = k max(0, C q - c), by Dormand and Prince of order 8."""
+    k, n = 1.0 / body.row_compliance, body.size
+
+    def forces(at: float, q: Array) -> tuple[Array, Array]:
+        C = body.C(float(PATH.value(at)))
+        return C, k * np.maximum(C @ q - body.row_clearance, 0.0)
+
+    def rates(at: float, y: Array) -> Array:
+        C, force = forces(at, y[:n])
+        f = np.array([float(load.value(at)) for load in LOADS])
+        right = body.B @ f - body.K @ y[:n] - body.D @ y[n:] - C.T @ force
+        return np.concatenate([y[n:], np.linalg.solve(body.M, right)])
+
+    y = solve_ivp(rates, (0.0, t[-1]), np.zeros(2 * n), "DOP853", t, rtol=1e-10, atol=1e-12, max_step=2e-3).y.T
+    return y[:, :n], y[:, n:], np.array([forces(at, q)[1] for at, q in zip(t, y[:, :n], strict=True)])
+
+
+@pytest.mark.slow
+def test_impacts_converge_with_second_order_to_an_independent_integrator(few: ReducedModel) -> None:
+    """Ten impacts on all four pads; measured orders 1.8 to 2.1 from h = 1 ms on, in the mean 2.0."""
+    expected = by_penalty(few, np.arange(251) * 2e-3)
+    assert np.sum(np.diff((expected[2] > 0.0).astype(int), axis=0) > 0) == 10
+    errors = []
+    for halvings in (1, 3, 5):
+        found = march.simulate(few, driven(PATH, LOADS, TimeStepping(0.5, 2e-3 / 2**halvings, 0.9, parts=1)))
+        of_each = zip((found.q, found.v, found.multipliers), expected, strict=True)
+        errors.append([np.abs(a[:: 2**halvings] - b).max() / np.abs(b).max() for a, b in of_each])
+    orders = np.log2(np.array(errors[:-1]) / errors[1:]) / 2.0
+    assert orders == pytest.approx(np.full((2, 3), 2.0), abs=0.15)
+    assert max(errors[0][:2]) < 3e-3 and errors[0][2] < 1.2e-2 and max(errors[-1]) < 5e-5
+
+
+@pytest.mark.parametrize("rho_inf", [0.0, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("stiffness", [1e6, 1e8, 1e10])
+@pytest.mark.parametrize("kind", BODIES)
+def test_energy_never_grows_over_many_impacts(kind: str, stiffness: float, rho_inf: float) -> None:
+    """Contact resolved (0.05 rad a step) or not at all (some 100 rad); pads and residual part included."""
+    body = BODIES[kind](beam_on_pads(CLEARANCE, stiffness), 6)
+    v = np.zeros(6)
+    v[:4] = np.random.default_rng(0).standard_normal(4) * [0.6, 0.6, 1.0, 0.6]
+    for h in (1e-4, 1e-3, 1e-2):
+        start = InitialState(np.zeros(6), v)
+        found = march.simulate(
+            body, driven(Constant(amount=3.5), REST, TimeStepping(10000 * h, h, rho_inf, parts=1)), start
+        )
+        total = energy(body, found, np.zeros((10001, 2))).total
+        assert np.sum(np.diff((found.multipliers > 0.0).astype(int), axis=0) > 0) > 10
+        assert total.max() <= total[0] * (1.0 + 1e-12)
+        if h == 1e-4 and stiffness == 1e6:
+            assert total[-1] > 0.99 * total[0]  # resolved impacts are elastic
+
+
+@pytest.mark.parametrize(("rate", "least", "mean"), [(0.1, 0.985, 0.994), (1.0, 0.3, 0.6), (20.0, 0.0, 0.2)])
+def test_an_impact_keeps_what_the_step_resolves_and_never_adds(rate: float, least: float, mean: float) -> None:
+    """One mass against one pad, h omega = `rate`, over all phases within a step."""
+    one, row = np.eye(1), PPoly(np.ones((1, 1, 1, 1)), [0.0, 1.0])
+    mass = ReducedModel(one, 0.0 * one, 0.0 * one, 0.0 * one, one, row, ("gravity",), ("pad",), np.zeros(1))
+    start, kept = InitialState(np.zeros(1), np.ones(1)), []
+    for phase in np.linspace(0.0, 1.0, 20, endpoint=False):
+        body = replace(mass, pads=np.array([rate**-2.0]), clearance=np.array([5.0 + phase]))
+        stepping = TimeStepping(np.ceil(20.0 + np.pi / rate), 1.0, 0.9, parts=1)
+        found = march.simulate(body, driven(Constant(amount=0.5), REST[0], stepping), start)
+        assert found.multipliers.max() > 0.0 == found.multipliers[-1, 0] and found.v[-1, 0] < 0.0
+        kept.append(float(found.v[-1, 0] ** 2))
+    assert least < min(kept) and mean < np.mean(kept) and max(kept) <= 1.0 + 1e-12
+
+
+def test_the_start_tells_which_pads_are_closed(body: ReducedModel) -> None:
+    """Pressed into the lower pads by 2 mm: forces follow from the position, and fit the motion that begins."""
+    loads = (Constant(amount=9.81), REST[1])
+    down = body.outputs.T @ np.linalg.solve(
+        body.outputs @ body.outputs.T + 1e-12 * np.eye(len(body.outputs)), -3e-3 * np.ones(11)
+    )
+    found = march.simulate(
+        body, driven(Constant(amount=3.5), loads, TimeStepping(1e-5, 1e-6, parts=1)), InitialState(down, np.zeros(6))
+    )
+    first = found.multipliers[0]
+    assert first[1] == first[3] == 0.0 and first[0] > 0.0 < first[2]
+    np.testing.assert_allclose(found.multipliers[1], first, rtol=1e-4)
+    a = body.B @ [9.81, 0.0] - body.K @ down - body.C(3.5).T @ first
+    np.testing.assert_allclose(found.v[1], 1e-6 * a, rtol=0.0, atol=1e-4 * np.abs(found.v[1]).max())
+
+
+def test_a_damping_that_couples_the_modes_changes_nothing_else(few: ReducedModel) -> None:
+    D = np.diag([0.0, 0.0, 1.0, 2.0])
+    coupled = D.copy()
+    coupled[2, 3] = coupled[3, 2] = 1e-8
+    plain, other = replace(few, D=D), replace(few, D=coupled)
+    assert modal_form(plain).classically_damped and not modal_form(other).classically_damped
+    found, expected = (march.simulate(body, driven(PATH, LOADS, STEPPING)) for body in (other, plain))
+    assert np.sum(np.diff((found.multipliers > 0.0).astype(int), axis=0) < 0) >= 8
+    np.testing.assert_allclose(found.q, expected.q, rtol=0.0, atol=1e-7 * np.abs(expected.q).max())
+
+
+def test_a_full_body_is_marched_likewise() -> None:
+    full = beam_on_pads(CLEARANCE, elements=4)
+    modes = modes_on_pads(full, full.size - 1)
+    assert np.isnan(full.row_clearance).tolist() == [True] + [False] * 4
+    found, expected = (
+        march.simulate(body, driven(PATH, LOADS, TimeStepping(0.1, 1e-4, parts=1))) for body in (full, modes)
+    )
+    scale = np.abs(expected.multipliers).max()
+    assert np.all(expected.multipliers.min(axis=0) == 0.0) and scale > 0.0
+    np.testing.assert_allclose(found.multipliers[:, 1:], expected.multipliers, rtol=0.0, atol=1e-6 * scale)
+
+
+def test_steps_and_observations_are_those_of_the_simulation(body: ReducedModel) -> None:
+    found = march.simulate(body, driven(PATH, LOADS, STEPPING))
+    seen = march.observe(modal_form(body), driven(PATH, LOADS, STEPPING), outputs=[6, 3], every=5)
+    np.testing.assert_allclose(seen.multipliers, found.multipliers[::5], rtol=0.0, atol=1e-9)
+    s, f = PATH.value(found.t), np.stack([f.value(found.t) for f in LOADS], axis=1)
+    stepper = Stepper(body, step=1e-3, s=float(s[0]), F=f[0], outputs=[6, 3])
+    forces = []
+    for at, load in zip(s[1:], f[1:], strict=True):
+        y = stepper.step(at, load)
+        forces.append(stepper.multipliers)
+    np.testing.assert_allclose(forces, found.multipliers[1:], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(y, seen.y[-1], atol=1e-13)
+
+
+def test_steps_take_no_memory(few: ReducedModel) -> None:
+    t = STEPPING.times
+    inputs = list(zip(PATH.value(t).tolist(), np.stack([f.value(t) for f in LOADS], axis=1), strict=True))
+    stepper = Stepper(few, step=1e-3, s=inputs[0][0])
+    tracemalloc.start()
+    stepper.step(*inputs[1])
+    before = tracemalloc.get_traced_memory()[0]
+    for at in inputs[2:]:
+        stepper.step(*at)
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert grown < 200  # the step counter
+
+
+def test_what_is_not_settled_is_named_with_time_and_place(few: ReducedModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ", ".join(NAMES)
+    assert names in reason(few, 3.0, contact_rows.UNSETTLED)
+    monkeypatch.setattr(march.kernel, "run", lambda *arguments: (2, contact_rows.UNSETTLED))
+    with pytest.raises(SimulationError, match=rf"step 3, t = 0\.003 s, slider at 3 m: which of the rows {names}"):
+        march.simulate(few, driven(PATH, LOADS, STEPPING))
+
+
+def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel) -> None:
+    """Which of them hold is decided to round-off of the largest force; what they report is decided at zero."""
+    found = march.simulate(few, driven(PATH, LOADS, STEPPING))
+    seen = march.observe(modal_form(few), driven(PATH, LOADS, STEPPING))
+    pushing = pushing_rows(few)
+    assert found.multipliers[:, pushing].min() == 0.0 == seen.multipliers[:, pushing].min()
+    forces = np.array([[-1e-10, -2.0, 3.0]])
+    without_pull(forces, [0, 2])
+    assert forces.tolist() == [[0.0, -2.0, 3.0]]
+
+
+def test_what_does_not_fit_is_refused(few: ReducedModel) -> None:
+    with pytest.raises(InputError, match=r"reduction\.flexibility = False: mouth top only push and are rigid"):
+        march.simulate(replace(few, pads=np.array([1e-6, 1e-6, 1e-6, 0.0])), driven(PATH, LOADS, STEPPING))
+    with pytest.raises(InputError, match="march is allowed: exudyn knows no rows that only push .tail bottom"):
+        exudyn.simulate(few, driven(PATH, LOADS, STEPPING))
+    with pytest.raises(InputError, match=r"m\.npz: march is allowed: exudyn knows no rows that only push .tail bottom"):
+        exudyn_script(few, "m.npz")
+    kept = replace(inertial(beam_on_pads(CLEARANCE), 6), clearance=few.row_clearance)
+    with pytest.raises(InputError, match=r"reduction\.residual_inertia = True: false .* rows only push .tail bottom"):
+        march.simulate(with_kept_inertia(kept), driven(PATH, LOADS, STEPPING))
+
+
+def test_moving_pads_do_work_and_no_more(few: ReducedModel) -> None:
+    """A slow path under weight: the march with 1 ms and the one with 0.1 ms end in the same place."""
+    loads, path = (LOADS[0], REST[1]), Ramp(times=(0.5, 2.0), values=(3.0, 4.0))
+    damped = replace(few, D=20.0 * few.M)
+    coarse, fine = (
+        march.simulate(damped, driven(path, loads, TimeStepping(2.0, h, 0.7, parts=1))) for h in (1e-3, 1e-4)
+    )
+    np.testing.assert_allclose(coarse.multipliers[-1], fine.multipliers[-1], atol=1e-3 * fine.multipliers.max())
