@@ -56,6 +56,8 @@ class Body(Protocol):
     @property
     def lasting(self) -> tuple[str, ...]: ...
     @property
+    def domain(self) -> tuple[float, float]: ...
+    @property
     def carriers(self) -> OnCarriers | None: ...
 
 
@@ -70,7 +72,8 @@ class Joined(Generic[AnyBody]):
     or a support that holds more than one coordinate of a full body is no contact.
     """
 
-    bodies: Mapping[str, AnyBody]  # with their rows on carriers
+    # with their rows on carriers; a body alone, whose tables in one path say the same, may be without
+    bodies: Mapping[str, AnyBody]
     contacts: tuple[Contact, ...]
 
     def __post_init__(self) -> None:
@@ -86,7 +89,7 @@ class Joined(Generic[AnyBody]):
             if place.row not in body.row_names:
                 raise refused(name, "row", place.row, f"{', '.join(body.row_names)} are allowed on {place.body}")
         for name, body in self.bodies.items():
-            if body.carriers is None:
+            if body.carriers is None and not self.on_one_path:
                 allowed = "a model with carriers is allowed (`pmr.reduction.residual.model.section_model`)"
                 raise InputError("system", f"bodies.{name}", None, allowed)
             used = {side.place.row for side in self.sides if side.place.body == name}
@@ -94,6 +97,18 @@ class Joined(Generic[AnyBody]):
             if missing:
                 allowed = f"the row {missing[0]} always holds {name}: a contact of it with the ground is needed"
                 raise InputError("system", "contacts", None, allowed)
+
+    @property
+    def on_one_path(self) -> bool:
+        """Whether this is one body whose contacts are some of its rows with the ground, all of them on one path."""
+        places = [contact.inner for contact in self.contacts]
+        return (
+            len(self.bodies) == 1
+            and len(self.paths) <= 1
+            and len({place.row for place in places}) == len(places)
+            and all(contact.outer is None and contact.direction == 1.0 for contact in self.contacts)
+            and all(place.path is None or (place.at, place.rate) == (0.0, 1.0) for place in places)
+        )
 
     @property
     def contact_names(self) -> tuple[str, ...]:
@@ -146,6 +161,14 @@ class Joined(Generic[AnyBody]):
         assert body.carriers is not None
         return body.carriers.row(body.row_names.index(place.row), place.row)
 
+    def range_of(self, place: Place) -> tuple[float, float]:
+        """Where the row of a place is defined, in m."""
+        body = self.bodies[place.body]
+        if body.carriers is None:
+            return body.domain
+        first, *_, last = self.row(place).breaks.tolist()
+        return first, last
+
     def coordinates(self, s: Mapping[str, ArrayLike]) -> Array:
         """X (..., sides) in m of all places from the path coordinates in m, within their rows' ranges.
 
@@ -156,7 +179,7 @@ class Joined(Generic[AnyBody]):
             place, name = side.place, self.contacts[side.contact].name
             if place.path is not None and place.path not in s:
                 raise refused(name, "path", place.path, f"a path for it is needed; given: {', '.join(s) or 'none'}")
-            low, high = self.row(place).breaks[[0, -1]]
+            low, high = self.range_of(place)
             x, slack = place.coordinate(s), BEYOND_ENDS * (high - low)
             outside = ~((x >= low - slack) & (x <= high + slack))
             if np.any(outside):

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from complementarity import by_least_squares
 from nested import FROM_END, LENGTH, Box, Nested, full, full_section, plain, reduced, reduced_section
+from on_pads import beam_on_pads, modes_on_pads
 
 from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.system.assembly import Assembly
-from pmr.system.contacts import Contact, Place
+from pmr.system.contacts import ALONE, SLIDER, Contact, Place
 from pmr.system.statics import Equilibrium, equilibrium
 from pmr.system.system import System
 
@@ -202,3 +203,15 @@ def test_bodies_without_carriers_are_refused() -> None:
     bodies["1"] = replace(bodies["1"], carriers=None)
     with pytest.raises(InputError, match="bodies.1: a model with carriers"):
         System(bodies, ())
+
+
+def test_a_body_alone_needs_no_carriers_as_long_as_its_places_share_one_path() -> None:
+    body = modes_on_pads(beam_on_pads(1e-3), 4)
+    assert body.carriers is None
+    system = System.of(body)
+    assert system.on_one_path and system.coordinates({SLIDER: 3.0}).tolist() == [body.domain[0]] * 2 + [3.0] * 2
+    with pytest.raises(InputError, match="contacts.mouth bottom.place = 99"):
+        system.coordinates({SLIDER: 99.0})
+    contacts = (*system.contacts[:2], replace(system.contacts[2], inner=Place(ALONE, body.row_names[2], path="other")))
+    with pytest.raises(InputError, match="bodies.: a model with carriers"):
+        System({ALONE: body}, (*contacts, system.contacts[3]))
