@@ -175,16 +175,23 @@ def dissipated(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) ->
 
 
 def meshed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
-    """Task: ``tip.<elements>``, e_NRMS of the tip, many free modes, against twice the largest number of elements."""
+    """Task: ``tip.<elements>``, e_NRMS of the tip, many free modes, against twice the largest number of elements.
+
+    None where a mesh is too coarse for a model, as with two sliders within one element.
+    """
     scene = shared.scene_of(arguments)
-    counts = [*arguments["elements"], 2 * max(arguments["elements"])]
 
     def tip(count: int) -> Array:
         finer = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"elements": count})})
         return observed(modal_form(_many(finer)), Excitation.of(finer), 1)[:, -1:]
 
-    *tips, finest = map(tip, counts)
-    return TaskResult({f"tip.{count}": nrms(y, finest) for count, y in zip(counts[:-1], tips, strict=True)})
+    finest, record = tip(2 * max(arguments["elements"])), dict[str, Scalar]()
+    for count in arguments["elements"]:
+        try:
+            record[f"tip.{count}"] = nrms(tip(count), finest)
+        except InputError:
+            record[f"tip.{count}"] = None
+    return TaskResult(record)
 
 
 def _many(scene: Scene) -> Any:
