@@ -12,6 +12,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.constraints.polynomials import evaluate
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -60,9 +61,10 @@ class Assembly:
         self.direct = np.zeros((self.outputs.shape[0], self.B.shape[1]))  # W = O R B (o, i) m/N
         self.energy = np.zeros((self.B.shape[1],) * 2)  # B^T R B (i, i) m/N
         for name, body in system.bodies.items():
-            if body.carriers is not None and body.carriers.flexibility is not None:
-                self.direct[self.observed[name], self.inputs[name]] = body.carriers.flexibility.direct
-                self.energy[self.inputs[name], self.inputs[name]] = body.carriers.flexibility.energy
+            known = (body if body.carriers is None else body.carriers).flexibility
+            if known is not None:
+                self.direct[self.observed[name], self.inputs[name]] = known.direct
+                self.energy[self.inputs[name], self.inputs[name]] = known.energy
 
     @property
     def size(self) -> int:
@@ -74,28 +76,42 @@ class Assembly:
 
     def along(self, x: Array) -> ContactRows:
         """The contacts with their places at x (T, sides) m."""
-        system, sides = self.system, self.system.sides
+        system = self.system
         T, m, i, o = len(x), len(system.contacts), self.B.shape[1], self.outputs.shape[0]
         C, H, X = np.zeros((T, m, self.size)), np.zeros((T, m, i)), np.zeros((T, o, m))
         F = np.zeros((T, m, m))
         F[:] = np.diag(system.compliance)
-        weights = [side.sign * system.row(side.place).weights(at) for side, at in zip(sides, x.T, strict=True)]
-        for body in system.bodies:
-            if not (on := system.sides_of(body)):
-                continue
-            carriers, stacked = system.bodies[body].carriers, sp.vstack([weights[a] for a in on], format="coo")
-            assert carriers is not None
-            contacts, at = [sides[a].contact for a in on], stacked.row % T
-            for a, k in zip(on, contacts, strict=True):
-                b = weights[a]
-                C[:, k, self.coordinates[body]] = (b @ carriers.values)[:, self.free[body]]
-                if carriers.flexibility is None:
-                    continue
-                H[:, k, self.inputs[body]] += b @ carriers.flexibility.inputs
-                X[:, self.observed[body], k] += b @ carriers.flexibility.outputs.T
-                moved = stacked.data * (b @ carriers.flexibility.rows)[at, stacked.col]
-                F[:, k, contacts] += np.bincount(stacked.row, moved, len(on) * T).reshape(-1, T).T
+        found = ContactRows(C, F, H, X)
+        for name, body in system.bodies.items():
+            if on := system.sides_of(name):
+                (self._add_tables if body.carriers is None else self._add_carried)(name, on, x.T[on], found)
         return ContactRows(C, (F + F.transpose(0, 2, 1)) / 2.0, H, X)
+
+    def _add_carried(self, name: str, on: Sequence[int], x: Array, found: ContactRows) -> None:
+        """What a body contributes with its sides, the `on`-th of all, at x (k, T) m."""
+        sides, T, carriers = [self.system.sides[a] for a in on], x.shape[1], self.system.bodies[name].carriers
+        assert carriers is not None
+        weights = [side.sign * self.system.row(side.place).weights(at) for side, at in zip(sides, x, strict=True)]
+        stacked, contacts = sp.vstack(weights, format="coo"), [side.contact for side in sides]
+        for k, b in zip(contacts, weights, strict=True):
+            found.C[:, k, self.coordinates[name]] += (b @ carriers.values)[:, self.free[name]]
+            if carriers.flexibility is None:
+                continue
+            found.H[:, k, self.inputs[name]] += b @ carriers.flexibility.inputs
+            found.X[:, self.observed[name], k] += b @ carriers.flexibility.outputs.T
+            moved = stacked.data * (b @ carriers.flexibility.rows)[stacked.row % T, stacked.col]
+            found.F[:, k, contacts] += np.bincount(stacked.row, moved, len(on) * T).reshape(-1, T).T
+
+    def _add_tables(self, name: str, on: Sequence[int], x: Array, found: ContactRows) -> None:
+        """The same of a body alone that has tables over its path, at one of whose places all its rows are."""
+        body, sides = self.system.bodies[name], [self.system.sides[a] for a in on]
+        s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])
+        rows, contacts = [body.row_names.index(side.place.row) for side in sides], [side.contact for side in sides]
+        found.C[:, contacts] = body.dense_rows(s)[:, rows][:, :, self.free[name]]
+        if (known := body.flexibility) is not None:
+            found.F[:, np.array(contacts)[:, None], contacts] += evaluate(known.rows, s)[:, rows][:, :, rows]
+            found.H[:, contacts] = evaluate(known.inputs, s)[:, rows]
+            found.X[:, :, contacts] = evaluate(known.outputs, s)[:, :, rows]
 
     def frequencies(self, x: Array, count: int) -> Array:
         """The lowest natural frequencies in Hz, (count,), with every contact closed and its places at x (sides,) m."""

@@ -169,6 +169,18 @@ class Joined(Generic[AnyBody]):
         first, *_, last = self.row(place).breaks.tolist()
         return first, last
 
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Smallest and largest s in m of each path between which all rows are defined that travel on it."""
+        found = {path: (-np.inf, np.inf) for path in self.paths}
+        for side in self.sides:
+            place = side.place
+            if place.path is not None:
+                ends = sorted((x - place.at) / place.rate for x in self.range_of(place))
+                low, high = found[place.path]
+                found[place.path] = max(low, ends[0]), min(high, ends[1])
+        return found
+
     def coordinates(self, s: Mapping[str, ArrayLike]) -> Array:
         """X (..., sides) in m of all places from the path coordinates in m, within their rows' ranges.
 

@@ -9,6 +9,7 @@ import pytest
 from complementarity import by_least_squares
 from nested import FROM_END, LENGTH, Box, Nested, full, full_section, plain, reduced, reduced_section
 from on_pads import beam_on_pads, modes_on_pads
+from oracle import flexible, rich_body
 
 from pmr.constraints.rows import Rows, carrier, fixed_row
 from pmr.errors import BEYOND_ENDS, InputError
@@ -196,6 +197,28 @@ def test_a_support_of_several_coordinates_is_a_contact() -> None:
     a = Assembly(joined)
     q = equilibrium(a, x, f).q[a.coordinates["1"]]
     assert q[3] - 2.0 * q[7] == pytest.approx(0.0, abs=1e-10 * np.abs(q).max())
+
+
+def test_a_body_alone_with_tables_over_its_path_is_a_system() -> None:
+    """Two sliders and a support with residual flexibility: rows, what they give way by, and what loads move."""
+    model = replace(flexible(rich_body(), 6), pads=np.array([2e-6, 3e-6]))
+    system, s = System.of(model), np.array([1.7, 2.3])
+    tables, rows = model.flexibility, Assembly(system).along(system.coordinates({"slider": s}))
+    assert tables is not None and model.carriers is None
+    for k, at in enumerate(s):
+        np.testing.assert_array_equal(rows.C[k], model.C(at))
+        np.testing.assert_allclose(rows.F[k], tables.rows(at) + np.diag(model.row_compliance), rtol=1e-14)
+        np.testing.assert_array_equal(rows.H[k], tables.inputs(at))
+        np.testing.assert_array_equal(rows.X[k], tables.outputs(at))
+    np.testing.assert_array_equal(Assembly(system).direct, tables.direct)
+    assert system.ranges == {"slider": model.domain}
+
+
+def test_paths_lead_as_far_as_the_rows_that_travel_on_them() -> None:
+    """Ahead with a pad at the tail, backwards with one at the mouth."""
+    system = reduced(Nested(3, elements=10), 2)
+    for low, high in system.ranges.values():
+        assert (low, high) == (pytest.approx(-FROM_END), pytest.approx(LENGTH - FROM_END))
 
 
 def test_bodies_without_carriers_are_refused() -> None:
