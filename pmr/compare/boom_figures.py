@@ -35,8 +35,7 @@ BESIDE = 1e-4
 
 def frequencies(system: System, x: Array) -> Array:
     """The lowest natural frequencies (S, f) in Hz of a small system at places x (S, sides) m, every contact closed."""
-    assembly = Assembly(system)
-    return np.array([assembly.frequencies(at, CURVES) for at in x])
+    return Assembly(system).frequencies(x, CURVES)
 
 
 def on_the_way(boom: Boom, t: Array, count: int) -> NDArray[np.int64]:

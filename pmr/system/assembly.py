@@ -114,14 +114,20 @@ class Assembly:
             found.X[:, :, contacts] = evaluate(known.outputs, s)[:, :, rows]
 
     def frequencies(self, x: Array, count: int) -> Array:
-        """The lowest natural frequencies in Hz, (count,), with every contact closed and its places at x (sides,) m."""
-        rows = self.at(x)
-        rigid = np.all(rows.F == 0.0, axis=1)
-        C, F = rows.C[~rigid], rows.F[np.ix_(~rigid, ~rigid)]
-        K = self.K.toarray() + C.T @ np.linalg.solve(F, C)
-        Z = scipy.linalg.null_space(rows.C[rigid]) if rigid.any() else np.eye(self.size)
-        omega2 = scipy.linalg.eigh(Z.T @ K @ Z, Z.T @ (self.M @ Z), eigvals_only=True)
-        return np.asarray(np.sqrt(np.maximum(omega2[:count], 0.0)) / (2.0 * np.pi))
+        """The lowest natural frequencies in Hz, ([S,] count), every contact closed and its places at x ([S,] sides) m."""
+        if x.ndim == 1:
+            return np.asarray(self.frequencies(x[None], count)[0])
+        M, K, rows, found = self.M.toarray(), self.K.toarray(), self.along(x), np.full((len(x), count), np.nan)
+        for k, F_k in enumerate(rows.F):
+            rigid = np.all(F_k == 0.0, axis=1)
+            C, F = rows.C[k, ~rigid], F_k[np.ix_(~rigid, ~rigid)]
+            held, free = K + C.T @ np.linalg.solve(F, C), M
+            if rigid.any():
+                Z = scipy.linalg.null_space(rows.C[k, rigid])
+                held, free = Z.T @ held @ Z, Z.T @ M @ Z
+            omega2 = scipy.linalg.eigh(held, free, eigvals_only=True)[:count]
+            found[k, : len(omega2)] = np.sqrt(np.maximum(omega2, 0.0)) / (2.0 * np.pi)
+        return found
 
 
 def _blocks(matrices: Sequence[Any]) -> sp.csr_matrix:
