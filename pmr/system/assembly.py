@@ -114,7 +114,7 @@ class Assembly:
             found.X[:, :, contacts] = evaluate(known.outputs, s)[:, :, rows]
 
     def frequencies(self, x: Array, count: int) -> Array:
-        """The lowest natural frequencies in Hz, ([S,] count), every contact closed and its places at x ([S,] sides) m."""
+        """The lowest natural frequencies, ([S,] count) Hz, every contact closed, its places at x ([S,] sides) in m."""
         if x.ndim == 1:
             return np.asarray(self.frequencies(x[None], count)[0])
         M, K, rows, found = self.M.toarray(), self.K.toarray(), self.along(x), np.full((len(x), count), np.nan)
