@@ -36,6 +36,8 @@ from pmr.reduced.soundness import asymmetry, misfit, misnamed
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
 FORMAT_VERSION = 5
+#: What reading a file raises that does not hold what it should.
+READING = (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError)
 _NAMES = ("input_names", "row_names", "left_out", "output_names", "output_units")
 _OLD_NAMES = {
     **{"rows_": "rows.", "inertia.": "flexibility.inertia."},
@@ -283,7 +285,7 @@ class ReducedModel:
                 raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
             model = records.record(cls, data if int(header["version"]) > 4 else _of_version_4(header, data))
             wrong = model.contradiction()
-        except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError) as error:
+        except READING as error:
             if isinstance(error, InputError):
                 raise
             raise InputError(str(path), "", None, f"not a reduced model written by pmr ({error})") from None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import stacked, transposed
-from pmr.constraints.rows import Rows
+from pmr.constraints.rows import Row, Rows
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
@@ -30,6 +30,33 @@ class Observed(Protocol):
     def output_names(self) -> tuple[str, ...]: ...
     @property
     def output_units(self) -> tuple[str, ...]: ...
+
+
+class OnCarriers(Protocol):
+    """Rows on common carriers, of a reduced body (`CarriedRows`) or a distributed one (`SharedCarriers`)."""
+
+    def row(self, number: int, name: str) -> Row: ...
+
+
+class Body(Protocol):
+    """What a system asks of its bodies, wherever their matrices are."""
+
+    @property
+    def input_names(self) -> tuple[str, ...]: ...
+    @property
+    def row_names(self) -> tuple[str, ...]: ...
+    @property
+    def row_compliance(self) -> Array: ...
+    @property
+    def row_clearance(self) -> Array: ...
+    @property
+    def held(self) -> dict[int, int]: ...
+    @property
+    def lasting(self) -> tuple[str, ...]: ...
+    @property
+    def domain(self) -> tuple[float, float]: ...
+    @property
+    def carriers(self) -> OnCarriers | None: ...
 
 
 def force_outputs(body: Observed) -> NDArray[np.bool_]:

@@ -54,6 +54,9 @@ class Contact:
     friction: float = 0.0
 
     def __post_init__(self) -> None:
+        for place in (self.inner, *filter(None, (self.outer,))):
+            if not (np.isfinite(place.at) and np.isfinite(place.rate) and place.rate):
+                raise refused(self.name, "place", (place.at, place.rate), "finite at and rate, rate not 0, are allowed")
         if self.direction not in (1.0, -1.0):
             raise refused(self.name, "direction", self.direction, "1 or -1 is allowed")
         if not 0.0 <= self.compliance < np.inf:

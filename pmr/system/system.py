@@ -11,15 +11,18 @@ body without coordinates; one body on one path is the case of one body whose con
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.constraints.rows import Row
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.system.body import SlidingBody, Trajectory
+from pmr.reduced.model import ReducedModel
+from pmr.system import saved
+from pmr.system.body import Body, SlidingBody, Trajectory
 from pmr.system.contacts import ALONE, SLIDER, Contact, Place, refused
 
 Array = NDArray[np.float64]
@@ -32,33 +35,6 @@ class Side:
     contact: int
     place: Place
     sign: float
-
-
-class OnCarriers(Protocol):
-    """Rows on common carriers, of a reduced body (`CarriedRows`) or a distributed one (`SharedCarriers`)."""
-
-    def row(self, number: int, name: str) -> Row: ...
-
-
-class Body(Protocol):
-    """What a system asks of its bodies, wherever their matrices are."""
-
-    @property
-    def input_names(self) -> tuple[str, ...]: ...
-    @property
-    def row_names(self) -> tuple[str, ...]: ...
-    @property
-    def row_compliance(self) -> Array: ...
-    @property
-    def row_clearance(self) -> Array: ...
-    @property
-    def held(self) -> dict[int, int]: ...
-    @property
-    def lasting(self) -> tuple[str, ...]: ...
-    @property
-    def domain(self) -> tuple[float, float]: ...
-    @property
-    def carriers(self) -> OnCarriers | None: ...
 
 
 AnyBody = TypeVar("AnyBody", bound=Body, covariant=True)
@@ -207,6 +183,34 @@ class Joined(Generic[AnyBody]):
 class System(Joined[SlidingBody]):
     """Reduced or full bodies, each on one process, and what joins them."""
 
+    provenance: dict[str, Any] = field(default_factory=dict)  # how it came about: the scene, its hash, versions
+
+    def save(self, path: str | Path) -> Path:
+        """Write reduced bodies, contacts and provenance as one npz file, not compressed; nothing in it is pickled.
+
+        An InputError is raised where a body is not reduced.
+        """
+        saved.write(Path(path), self.bodies, self.contacts, self.provenance)
+        return Path(path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> System:
+        """Read what `save` wrote; a file of one reduced model is a body alone.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, holds neither, claims to hold more than it does, contradicts itself, or was written
+            by a later format.
+        """
+        found = saved.read(Path(path))
+        if isinstance(found, ReducedModel):
+            return cls.of(found)
+        try:
+            return cls(found.bodies, found.contacts, found.provenance)
+        except InputError as error:
+            raise InputError(str(path), error.key, error.value, error.allowed) from None
+
     @classmethod
     def of(cls, body: SlidingBody) -> System:
         """A body alone, whose rows are contacts with the ground; what moves does so along one path, ``slider``."""
@@ -221,7 +225,7 @@ class System(Joined[SlidingBody]):
             for number, name in enumerate(body.row_names)
             if number not in body.held
         )
-        return cls({ALONE: body}, contacts)
+        return cls({ALONE: body}, contacts, body.provenance if isinstance(body, ReducedModel) else {})
 
 
 @dataclass(frozen=True)

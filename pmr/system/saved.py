@@ -1,0 +1,106 @@
+"""One file of a system: its reduced bodies, the contacts between them, and the scene that it was made from.
+
+An npz file whose header in JSON has format, version, names of the bodies, contacts and provenance; the arrays of body k
+stand behind ``bodies.k.``, as `pmr.files.records` names them.  Nothing in it is pickled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from os.path import isfile
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+
+from pmr.errors import InputError
+from pmr.files import npz, records
+from pmr.reduced.model import FORMAT as ONE_BODY
+from pmr.reduced.model import READING, ReducedModel
+from pmr.reduced.soundness import misnamed
+from pmr.system.contacts import ALONE, Contact
+
+FORMAT = "pmr-system"
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Saved:
+    """What a file holds."""
+
+    bodies: dict[str, ReducedModel]
+    contacts: tuple[Contact, ...]
+    provenance: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Header:
+    """Of version 1."""
+
+    bodies: tuple[str, ...]
+    contacts: tuple[Contact, ...]
+    provenance: dict[str, Any]
+
+
+_HEADER = TypeAdapter(_Header)
+
+
+def write(path: Path, bodies: Mapping[str, Any], contacts: tuple[Contact, ...], provenance: Mapping[str, Any]) -> None:
+    """Write a system, all of it or nothing; an InputError is raised where a body is not reduced."""
+    arrays = dict[str, NDArray[Any]]()
+    for number, (name, body) in enumerate(bodies.items()):
+        if not isinstance(body, ReducedModel):
+            raise InputError("system", f"bodies.{name}", type(body).__name__, "a ReducedModel is allowed in a file")
+        arrays |= records.arrays(body, f"bodies.{number}.")
+    header = {"format": FORMAT, "version": FORMAT_VERSION, "units": "SI", "bodies": list(bodies)}
+    npz.write(path, arrays, {**header, "contacts": [asdict(one) for one in contacts], "provenance": dict(provenance)})
+
+
+def read(path: Path) -> Saved | ReducedModel:
+    """What `write` wrote, or the model of a file that holds one body, as `ReducedModel.save` writes it.
+
+    An InputError of the file is raised as by `ReducedModel.load`.
+    """
+    if not isfile(path):
+        raise InputError(str(path), "", None, "no such file; `pmr run` writes system.npz, or reduced.npz of one body")
+    try:
+        header = npz.without_header(npz.read(path, only={npz.HEADER, npz.OLD_HEADER}))
+        if header["format"] == ONE_BODY:
+            return ReducedModel.load(path)
+        if header["format"] != FORMAT:
+            raise InputError(str(path), "format", header["format"], f"{FORMAT!r} or {ONE_BODY!r} is allowed")
+        if int(header["version"]) > FORMAT_VERSION:
+            raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
+        known = _HEADER.validate_python({field.name: header[field.name] for field in fields(_Header)})
+        data = npz.read(path)
+        models = [records.record(ReducedModel, data, f"bodies.{number}.") for number in range(len(known.bodies))]
+        wrong = _contradiction(known, models)
+    except InputError:
+        raise
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise InputError(str(path), where, None, f"not a system written by pmr ({first['msg']})") from None
+    except READING as error:
+        raise InputError(str(path), "", None, f"not a system written by pmr ({error})") from None
+    if wrong:
+        raise InputError(str(path), "", None, f"not a sound system: {wrong}")
+    return Saved(dict(zip(known.bodies, models, strict=True)), known.contacts, known.provenance)
+
+
+def _contradiction(known: _Header, models: list[ReducedModel]) -> str | None:
+    """What is wrong with it, in words; None where names are names and every body is sound."""
+    places = [place for one in known.contacts for place in (one.inner, one.outer) if place is not None]
+    named = {"bodies": known.bodies, "contacts": tuple(one.name for one in known.contacts)}
+    named |= {"paths": tuple(place.path for place in places if place.path is not None)}
+    if not models or len(set(known.bodies)) < len(models) or (ALONE in known.bodies and len(models) > 1):
+        return f"{len(models)} bodies, one or more with names that differ are allowed"
+    for what, names in named.items():
+        if wrong := misnamed(what, tuple(name for name in names if (what, name) != ("bodies", ALONE))):
+            return wrong
+    for name, model in zip(known.bodies, models, strict=True):
+        if wrong := model.contradiction():
+            return f"bodies.{name}: {wrong}"
+    return None

@@ -1,0 +1,132 @@
+"""A system in a file: what was written is read, and what no system is refused in one line."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from nested import Nested, full, reduced
+
+from pmr.errors import InputError
+from pmr.files import records
+from pmr.reduced.model import ReducedModel
+from pmr.system.assembly import Assembly
+from pmr.system.system import System
+
+EARLIER = Path(__file__).parents[1] / "files" / "earlier" / "reduced.npz"
+
+
+@pytest.fixture(scope="module")
+def system() -> System:
+    return replace(reduced(Nested(3, elements=10, clearance=1e-4), 2), provenance={"scene": {"title": "Three"}})
+
+
+def test_what_was_saved_is_read(system: System, tmp_path: Path) -> None:
+    """Every array to the bit, names, contacts and the scene; equal systems make equal files."""
+    file = system.save(tmp_path / "system.npz")
+    found = System.load(file)
+    assert (found.contacts, found.provenance, list(found.bodies)) == (
+        system.contacts,
+        system.provenance,
+        list(system.bodies),
+    )
+    for name, body in system.bodies.items():
+        expected, arrays = records.arrays(body), records.arrays(found.bodies[name])
+        assert set(arrays) == set(expected)
+        for key, values in expected.items():
+            np.testing.assert_array_equal(arrays[key], values)
+    assert found.save(tmp_path / "again.npz").read_bytes() == file.read_bytes()
+
+
+def test_the_file_of_one_body_is_that_of_a_body_alone(tmp_path: Path) -> None:
+    """Of an earlier version, too, and saved as a system it is the same."""
+    model, system = ReducedModel.load(EARLIER), System.load(EARLIER)
+    s = np.linspace(*model.domain, 5)
+    assert list(system.bodies) == [""] and system.input_names == model.input_names and system.paths == ("slider",)
+    again = System.load(system.save(tmp_path / "system.npz"))
+    assert again.provenance == model.provenance
+    for one in (system, again):
+        rows = Assembly(one).along(one.coordinates({"slider": s}))
+        np.testing.assert_array_equal(rows.C, model.C(s))
+
+
+def changed(header: Callable[[dict[str, Any]], Any]) -> Callable[[dict[str, Any]], None]:
+    """A change of the header in its file."""
+
+    def change(arrays: dict[str, Any]) -> None:
+        found = json.loads(str(arrays["header"]))
+        made = header(found)
+        arrays["header"] = np.array(json.dumps(found if made is None else made))
+
+    return change
+
+
+def contact(**keys: Any) -> Callable[[dict[str, Any]], None]:
+    return changed(lambda header: header["contacts"][0].update(keys))
+
+
+def place(**keys: Any) -> Callable[[dict[str, Any]], None]:
+    return changed(lambda header: header["contacts"][0]["inner"].update(keys))
+
+
+FORGED: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
+    "no header": (lambda arrays: arrays.pop("header"), "no header"),
+    "another format": (changed(lambda header: header | {"format": "abc"}), "format = 'abc'"),
+    "later": (changed(lambda header: header | {"version": 99}), "version = 99"),
+    "a header that is a list": (changed(lambda header: [header]), "not a system"),
+    "no contacts": (changed(lambda header: header.pop("contacts") and None), "contacts"),
+    "contacts that are none": (changed(lambda header: header | {"contacts": [1]}), "contacts.0"),
+    "a body more": (changed(lambda header: header["bodies"].append("3")), "M"),
+    "two of a name": (changed(lambda header: header | {"bodies": ["0", "0", "1"]}), "names that differ"),
+    "one without a name": (changed(lambda header: header | {"bodies": ["", "1", "2"]}), "names that differ"),
+    "one with an odd name": (changed(lambda header: header | {"bodies": ["\x1b[31m", "1", "2"]}), "no name"),
+    "a number for a name": (changed(lambda header: header | {"bodies": [0, 1, 2]}), "bodies.0"),
+    "another body": (place(body="9"), "contacts.tail 1 top.body = '9'"),
+    "another row": (place(row="v"), "contacts.tail 1 top.row = 'v'"),
+    "nowhere": (place(at=float("nan")), "place"),
+    "a path that leads nowhere": (place(path="1", rate=0.0), "place"),
+    "a direction of none": (contact(direction=0.0), "direction = 0.0"),
+    "less than rigid": (contact(compliance=-1.0), "compliance = -1.0"),
+    "text for a compliance": (contact(compliance="x"), "contacts.0.compliance"),
+    "a mass that is none": (lambda arrays: arrays.update({"bodies.1.M": -arrays["bodies.1.M"]}), "bodies.1: M has"),
+    "a missing matrix": (lambda arrays: arrays.pop("bodies.2.K"), "bodies.2.K"),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_what_no_system_is_refused_in_one_line(name: str, system: System, tmp_path: Path) -> None:
+    file, (change, says) = system.save(tmp_path / "system.npz"), FORGED[name]
+    with np.load(file) as data:
+        arrays = dict(data)
+    change(arrays)
+    np.savez(file, **arrays)
+    with pytest.raises(InputError) as refused:
+        System.load(file)
+    assert says in str(refused.value) and str(refused.value).startswith(str(file)) and "\n" not in str(refused.value)
+
+
+def test_a_damaged_file_is_refused(system: System, tmp_path: Path) -> None:
+    """Cut off anywhere, or with a pickle in it."""
+    file = system.save(tmp_path / "system.npz")
+    content = file.read_bytes()
+    for share in (0.0, 0.3, 0.9, 0.9999):
+        file.write_bytes(content[: int(share * len(content))])
+        with pytest.raises(InputError, match="not a system written by pmr"):
+            System.load(file)
+    with np.load(io.BytesIO(content)) as data:
+        np.savez(file, **{**data, "bodies.0.M": np.array([{}], dtype=object)}, allow_pickle=True)
+    with pytest.raises(InputError, match="not a system written by pmr"):
+        System.load(file)
+    with pytest.raises(InputError, match="no such file"):
+        System.load(tmp_path / "nothing.npz")
+
+
+def test_full_bodies_are_not_saved(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="bodies.0 = 'FullBody': a ReducedModel is allowed"):
+        full(Nested(2, elements=4)).save(tmp_path / "system.npz")
