@@ -1,4 +1,4 @@
-"""The command ``pmr new``: a folder with a commented scene to start from, and a script that draws its mesh."""
+"""The command ``pmr new``: a folder with a commented scene to start from, of one body with a script for its mesh."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def kinds() -> list[str]:
 
 
 def new(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="beam, boom or crane.", autocompletion=kinds)],
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="beam, boom, crane or telescope.", autocompletion=kinds)],
     name: Annotated[Path, typer.Argument(metavar="NAME", help="The folder to make; its name is the scene's title.")],
 ) -> None:
-    """Write a commented scene and a script for a mesh of one's own into a new folder.
+    """Write a commented scene into a new folder, and for one body a script for a mesh of one's own.
 
     Example:
 
@@ -43,12 +43,13 @@ def new(
     scene = (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8").replace('title = "NAME"', f'title = "{title}"')
     (name / "scene.toml").write_text(f"#:schema {SCHEMA}\n{scene}", encoding="utf-8")
     (name / SCHEMA).write_text(scene_schema(), encoding="utf-8")
-    mesh = TEMPLATES / f"mesh_of_a_{'box' if '[body.box]' in scene else 'beam'}.py"
-    (name / "mesh.py").write_text(mesh.read_text(encoding="utf-8"), encoding="utf-8")
     about = {
         "scene.toml": f"what is built and asked, with comments; `pmr run {name}` computes it",
-        "mesh.py": "draws a mesh of its own, for a start",
         SCHEMA: "from which an editor completes and checks keys",
     }
+    if "[[sections]]" not in scene:
+        mesh = TEMPLATES / f"mesh_of_a_{'box' if '[body.box]' in scene else 'beam'}.py"
+        (name / "mesh.py").write_text(mesh.read_text(encoding="utf-8"), encoding="utf-8")
+        about["mesh.py"] = "draws a mesh of its own, for a start"
     for file, what in about.items():
         say(out, f"{name / file}  {what}")
