@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pmr.fields.series import Fields, Grid
-from pmr.results import Energy, FrequencyCurves, Response, RunResult, Shapes
+from pmr.results import BodyResult, Energy, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Scene
 
 MakeSpace = Callable[..., RunResult]
@@ -66,22 +66,23 @@ def make_space() -> MakeSpace:
         scene = Scene.model_validate(SCENE | sections)
         t = np.arange(STEPS + 1) * 1e-3
         s = np.linspace(1.5, 4.0, 7)
-        omega = 2.0 * np.pi * np.stack([5.0 + s, 20.0 + s], axis=1)
-        none = np.empty((7, 0))
+        f = np.stack([5.0 + s, 20.0 + s], axis=1)
         times = fields.t if fields else np.linspace(0.0, 1.0, 21)
+        shapes = Shapes(np.ones(3), np.linspace(0.2, 5.8, STATIONS), np.ones((STATIONS, 3)))
         planar = scene.body.model == "beam2d"
         forces = 5 if planar else 7
         return RunResult(
             scene=scene,
             summary=SUMMARY if summary is None else summary,
             responses={name: _response(name, t, 1 if planar else 2, forces) for name in responses},
-            path=scene.slider.path.value(t),
-            path_rate=scene.slider.path.rate(t),
-            loads=np.stack([signal.value(t) for signal in scene.signals.values()], axis=1),
-            shapes=Shapes(np.ones(3), np.linspace(0.2, 5.8, STATIONS), np.ones((STATIONS, 3))),
-            frequencies=FrequencyCurves(s, none, omega, none),
-            fields=fields,
-            peak_stress={name: 49.0e6 * np.sin(np.pi * times) for name in stress},
+            paths=Paths(("slider",), scene.slider.path.value(t)[:, None], scene.slider.path.rate(t)[:, None]),
+            loads=Loads(
+                tuple(scene.signals),
+                tuple("m/s^2" if name == "gravity" else "N" for name in scene.signals),
+                np.stack([signal.value(t) for signal in scene.signals.values()], axis=1),
+            ),
+            bodies={"": BodyResult(shapes, fields, {name: 49.0e6 * np.sin(np.pi * times) for name in stress})},
+            frequencies=Frequencies(s, s[:, None], {"reduced": f}),
         )
 
     return make

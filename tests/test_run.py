@@ -46,7 +46,7 @@ def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
     assert set(summary["seconds"]["simulate"]) == {"march", "exudyn", "full", "ancf"}
     assert summary["estimate"]["by"] == "other model"
     assert 1.0 <= summary["estimate"]["beam"] / summary["errors"]["reduced_vs_full"]["beam"] < 2.0
-    assert result.tip_error is not None and result.tip_error.shape == (len(result.path), 1)
+    assert result.tip_error is not None and result.tip_error.shape == (len(result.along), 1)
     assert all("change their sign with every step" in line for line in summary["warnings"])  # forces, behind kinks
     assert set(summary["agreement"]) == {"march_vs_exudyn"} and 0.0 < summary["agreement"]["march_vs_exudyn"] < 1e-11
     assert summary["simulators"] == {"reduced": "march", "full": "march"}
@@ -54,13 +54,13 @@ def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
         np.isfinite(r.displacement).all() and r.displacement.shape == (501, 21) for r in result.responses.values()
     )
     assert summary["max_displacement"] == np.abs(result.responses["full"].displacement).max()
-    assert result.frequencies.full == pytest.approx(result.frequencies.closed_form, rel=1e-2)
+    assert result.frequencies.models["full"] == pytest.approx(result.frequencies.models["closed_form"], rel=1e-2)
     result.save(tmp_path)
     json.loads((tmp_path / "summary.json").read_text())
     loaded = RunResult.load(tmp_path)
     assert loaded.scene == scene and loaded.summary == summary
     assert np.array_equal(loaded.responses["full"].tip, result.responses["full"].tip)
-    assert np.array_equal(loaded.shapes.shapes, result.shapes.shapes)
+    assert np.array_equal(loaded.body.shapes.shapes, result.body.shapes.shapes)
     assert loaded.responses["reduced"].seconds == result.responses["reduced"].seconds
 
 
@@ -104,7 +104,9 @@ def test_six_coordinates_with_residual_flexibility(load_scene) -> None:
     assert "residual flexibility" in summary["basis"]["kind"]
     assert summary["basis"]["carriers"] == 42  # deflection and slope at 21 nodes
     assert outcome.result.responses["reduced"].residual_position.max() < 1e-12
-    assert outcome.result.frequencies.reduced[:, :2] == pytest.approx(outcome.result.frequencies.full[:, :2], rel=1e-4)
+    assert outcome.result.frequencies.models["reduced"][:, :2] == pytest.approx(
+        outcome.result.frequencies.models["full"][:, :2], rel=1e-4
+    )
 
 
 def test_exudyn_refuses_a_model_that_keeps_residual_inertia(load_scene) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import matplotlib.pyplot as plt
-import numpy as np
 from typer.testing import CliRunner
 
 import pmr
@@ -29,15 +28,15 @@ with TemporaryDirectory() as folder:
         curves[load] = result.frequencies
         sway[load] = result.summary["errors"]["reduced_vs_full"]["tip"]
         (cylinder,) = result.summary["reactions"]
-        print(f"{load:.0f} kg: {curves[load].full[:, 0].min() / (2 * np.pi):.2f} Hz at the lowest; "
+        print(f"{load:.0f} kg: {curves[load].models['full'][:, 0].min():.2f} Hz at the lowest; "
               f"the cylinder holds {-1e-3 * cylinder['min']:.1f} kN; "
-              f"{len(result.shapes.shapes.T)} coordinates are off by {100 * sway[load]:.3f} %")  # fmt: skip
+              f"{len(result.body.shapes.shapes.T)} coordinates are off by {100 * sway[load]:.3f} %")  # fmt: skip
 
 # %%
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for load, curve in curves.items():
-    (line,) = axes.plot(12.0 - curve.s, curve.full[:, 0] / (2 * np.pi), label=f"{load:.0f} kg")
-    axes.plot(12.0 - curve.s, curve.reduced[:, 0] / (2 * np.pi), "o", mfc="none", ms=4, color=line.get_color())
+    (line,) = axes.plot(12.0 - curve.along, curve.models["full"][:, 0], label=f"{load:.0f} kg")
+    axes.plot(12.0 - curve.along, curve.models["reduced"][:, 0], "o", mfc="none", ms=4, color=line.get_color())
 axes.set(xlabel="length that is out in m", ylabel="lowest frequency in Hz", title="lines: full model; circles: reduced")
 axes.legend()
 plt.show()

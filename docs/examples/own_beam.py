@@ -70,12 +70,12 @@ print(f"five coordinates differ by {100 * error:.4f} % from the full model; esti
 # The roller holds the beam best about three quarters of the way out: the first frequency is highest there.
 
 curves = result.frequencies
-stiffest = float(curves.s[np.argmax(curves.full[:, 0])])
+stiffest = float(curves.along[np.argmax(curves.models["full"][:, 0])])
 print(f"the first frequency is highest with the roller at {stiffest:.2f} m")
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
-left.semilogy(curves.s, curves.full / (2 * np.pi), "k")
-left.semilogy(curves.s, curves.reduced / (2 * np.pi), "--", color="tab:orange")
+left.semilogy(curves.along, curves.models["full"], "k")
+left.semilogy(curves.along, curves.models["reduced"], "--", color="tab:orange")
 left.set(xlabel="roller at s in m", ylabel="frequencies in Hz", title="full (black) and reduced")
 right.plot(result.responses["reduced"].t, 1e3 * result.responses["reduced"].tip, lw=0.8)
 right.set(xlabel="t in s", ylabel="tip in mm")

@@ -26,14 +26,14 @@ print(f"largest von Mises stress {1e-6 * peak:.0f} MPa")
 # %%
 # The largest stress of all walls over time, and where on the boom it is at its worst: beside a pad.
 
-fields = result.fields
+fields = result.body.fields
 walls = np.max([stress.max(axis=0) for stress in fields.von_mises.values()], axis=0)
 centre = fields.points[fields.cells].mean(axis=1)
 worst = float(centre[walls.argmax(), 0])
 print(f"at x = {worst:.1f} m")
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
-left.plot(np.linspace(0.0, 3.0, len(result.peak_stress["reduced"])), 1e-6 * result.peak_stress["reduced"])
+left.plot(np.linspace(0.0, 3.0, len(result.body.peak_stress["reduced"])), 1e-6 * result.body.peak_stress["reduced"])
 left.set(xlabel="t in s", ylabel="largest von Mises stress in MPa")
 right.plot(centre[:, 0], 1e-6 * walls, ".", ms=3)
 right.set(xlabel="x in m", ylabel="largest in each cell in MPa")

@@ -135,11 +135,11 @@ def run(
 
 def _save(outcome: Outcome | BoomOutcome, folder: Path) -> None:
     """Everything but the report, which comes later: the one that is there belongs to the old results and goes."""
-    from pmr.export.paraview import Travelling, write_bodies, write_series
+    from pmr.export.paraview import Travelling, write_series
     from pmr.reduced.model import ReducedModel
     from pmr.report.document import REPORT_FILES
-    from pmr.results import RESULT_FILES, RunResult
-    from pmr.results.pads import pads_over_time, place_of
+    from pmr.results import RESULT_FILES
+    from pmr.results.pads import pads_over_time
     from pmr.results.tables import write as write_tables
 
     result, models = outcome.result, outcome.reduced
@@ -149,12 +149,9 @@ def _save(outcome: Outcome | BoomOutcome, folder: Path) -> None:
         write_tables(result, new)
         for name, model in ({"": models} if isinstance(models, ReducedModel) else models).items():
             model.save(new / ("-".join(filter(None, ("reduced", name))) + ".npz"))
-        if recovery is None or not recovery.series or not result.fields:
-            return
-        if isinstance(result, RunResult):
-            write_series(new, "fields", result.fields, place_of(result), pads_over_time(result))
-        else:
-            write_bodies(new, "fields", {name: Travelling(*one) for name, one in result.travelling.items()})
+        bodies = {name: Travelling(*one) for name, one in result.travelling.items()}
+        if recovery is not None and recovery.series and bodies:
+            write_series(new, "fields", bodies, pads_over_time(result))
 
 
 def _to(tolerance: str, file: Path) -> list[str]:
@@ -181,10 +178,9 @@ def _print(outcome: Outcome | BoomOutcome) -> None:
     """Errors, beside published ones where there are any, coordinates of each section and solver seconds."""
     from pmr.report import errors, sentences
     from pmr.report.booms import chapter
-    from pmr.results import RunResult
 
     result, summary = outcome.result, outcome.result.summary
-    if isinstance(result, RunResult):
+    if result.reach is None:
         found, sections, said = errors.rows(result), [], [sentences.estimate(result), sentences.step(result)]
     else:
         found, sections, said = chapter.rows(result), summary["sections"], [chapter.estimate(result)]

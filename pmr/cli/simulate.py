@@ -58,7 +58,7 @@ def simulate(
     table.add_row("largest displacement", f"{1e3 * summary['max_displacement']:.4g} mm")
     for name, force in zip(response.force_names, response.slider_force.T, strict=False):
         table.add_row(visible(name), f"{force.min():.4g} to {force.max():.4g} N")
-    for of, found in reaction_extremes(response, result.path).items():
+    for of, found in reaction_extremes(response, result.along).items():
         table.add_row(visible(f"reaction of {of.support}"), f"{found.least:.4g} to {found.most:.4g} {of.unit}")
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)

@@ -12,7 +12,7 @@ from pmr.compare.booms import columns_of, friction
 from pmr.compare.errors import relative_error
 from pmr.compare.pad_forces import PULLED, newton
 from pmr.compare.summary import Part
-from pmr.results import BoomFrequencies, FrequencyMap, Response
+from pmr.results import Frequencies, FrequencyMap, Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Boom
 from pmr.scene.boom_parts import DRIVEN
@@ -73,17 +73,17 @@ def _follows(boom: Boom, name: str) -> bool:
     return joint is not None and joint.follows is not None
 
 
-def beside_published(boom: Boom, found: BoomFrequencies) -> Part:
+def beside_published(boom: Boom, found: Frequencies) -> Part:
     """``published_frequencies``: the first one where it is published, and what each model has there.
 
     What is published beyond this boom's reach is left out, with a line.
     """
     published = boom.published.frequencies if boom.published else ()
-    low, high, slack = found.reach[0], found.reach[-1], BESIDE * found.reach[-1]
+    low, high, slack = found.along[0], found.along[-1], BESIDE * found.along[-1]
     within = [one for one in published if low - slack <= one.reach <= high + slack]
     rows = [
         {"reach": one.reach, "published": one.first}
-        | {model: float(np.interp(one.reach, found.reach, f[:, 0])) for model, f in found.models.items()}
+        | {model: float(np.interp(one.reach, found.along, f[:, 0])) for model, f in found.models.items()}
         for one in within
     ]
     beyond = ", ".join(f"{one.reach:g}" for one in published if one not in within)

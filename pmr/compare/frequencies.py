@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 
 from pmr.compare.summary import Part
 from pmr.reduced.model import ReducedModel
-from pmr.results import FrequencyCurves, FrequencyResponse
+from pmr.results import Frequencies, FrequencyResponse
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam, transverse
 from pmr.simulation.state_space import state_space
@@ -44,15 +44,13 @@ def visited_positions(scene: Scene, size: int) -> Array:
     return np.linspace(low, high, POSITIONS if size <= LARGE else FEWER_POSITIONS) if high > low else np.array([low])
 
 
-def frequency_curves(scene: Scene, reduced: ReducedModel, s: Array, full: Array) -> FrequencyCurves:
+def frequency_curves(scene: Scene, reduced: ReducedModel, s: Array, full: Array) -> Frequencies:
     """Those of the reduced model, and in closed form where there is one, beside the full model's (S, f) at s (S,)."""
     count = full.shape[1]
-    return FrequencyCurves(
-        s,
-        full,
-        reduced=reduced_frequencies(reduced, s, count),
-        closed_form=closed_form_frequencies(scene, s, count),
-    )
+    found = {"reduced": reduced_frequencies(reduced, s, count), "full": full}
+    found["closed_form"] = closed_form_frequencies(scene, s, count)
+    known = {name: values / (2.0 * np.pi) for name, values in found.items() if values.shape[1]}
+    return Frequencies(s, s[:, None], known)
 
 
 def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:

@@ -12,8 +12,9 @@ from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
-from pmr.results import FrequencyCurves, RunResult, Shapes
+from pmr.results import BodyResult, Frequencies, Loads, Paths, RunResult, Shapes
 from pmr.scene import Scene
+from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 
 #: Frequencies, and places along the path at which they are found.
@@ -59,15 +60,14 @@ def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
         contact(reduced, excitation),
         trusted({}, simulations.responses),
     ]
-    nothing = np.zeros((len(s), 0))
+    shapes = Shapes(np.zeros(0), reduced.output_positions, reduced.outputs)
     return RunResult(
         scene,
         gathered(parts),
         simulations.responses,
-        excitation.s[:, 0],
-        excitation.path_rate,
-        excitation.forces(reduced.input_names),
-        Shapes(np.zeros(0), reduced.output_positions, reduced.outputs),
-        FrequencyCurves(s, full=nothing, reduced=found, closed_form=nothing),
+        Paths(tuple(excitation.paths), excitation.s, excitation.rates),
+        Loads(reduced.input_names, reduced.input_units, excitation.forces(reduced.input_names)),
+        Frequencies(s, s[:, None], {"reduced": found / (2.0 * np.pi)}),
+        {ALONE: BodyResult(shapes)},
         tip_error=estimated.band,
     )

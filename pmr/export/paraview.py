@@ -27,39 +27,32 @@ _NUMBERS = {"f": "Float", "i": "Int", "u": "UInt"}
 _LEVEL = 3  # of zlib: a series is mostly digits that don't compress, and more effort is only time
 
 
-def write_series(folder: Path, name: str, fields: Fields, s: Array | None = None, pads: Boxes | None = None) -> Path:
-    """Write ``name.pvd``, which is returned, and beside it a folder ``name`` with a file for each time.
-
-    Points carry ``displacement`` in m (ParaView: Warp By Vector); cells ``von_mises_<face>`` and, where they are
-    stored, signed stresses ``stress_<face>_<component>`` in Pa, and ``region_<name>``, 1 in the region and 0 elsewhere.
-    With the path coordinate `s` (S,) m the body stands where it is: the mouth that it slides through at x = 0.  The
-    pads are a second part, with their values.
-    """
-    body = Travelling(fields, np.zeros(len(fields.t)) if s is None else -s)
-    drawn = {"": body.file} | ({PADS: lambda k: _of_pads(pads, k)} if pads is not None else {})
-    return _written(folder, name, fields.t, drawn)
-
-
 @dataclass(frozen=True)
 class Travelling:
-    """Fields of a body whose frame is at `along` (S,) m on the axis x at the times of the fields."""
+    """Fields of a body whose frame is at `along` (S,) m on the axis x at the times of the fields; at 0 without it."""
 
     fields: Fields
-    along: Array
+    along: Array | None = None
 
     def file(self, k: int) -> str:
         """What the file of time number k holds."""
         fields = self.fields
         named: dict[str, NDArray[Any]] = {f"von_mises_{_word(face)}": of[k] for face, of in fields.von_mises.items()}
         named |= {f"stress_{_word(of)}": stress[k] for of, stress in fields.stress.items()}
-        points = fields.grid.points + (self.along[k], 0.0, 0.0)
+        points = fields.grid.points + (0.0 if self.along is None else self.along[k], 0.0, 0.0)
         return _vtu(fields.grid, points, {"displacement": fields.displacement[k]}, named | _regions(fields.grid))
 
 
-def write_bodies(folder: Path, name: str, bodies: Mapping[str, Travelling]) -> Path:
-    """The same of several bodies by their names, at the same times, each where it is."""
+def write_series(folder: Path, name: str, bodies: Mapping[str, Travelling], pads: Boxes | None = None) -> Path:
+    """Write ``name.pvd``, which is returned, and beside it a folder ``name`` with a file for each time and body.
+
+    Points carry ``displacement`` in m (ParaView: Warp By Vector); cells ``von_mises_<face>`` and, where they are
+    stored, signed stresses ``stress_<face>_<component>`` in Pa, and ``region_<name>``, 1 in the region and 0 elsewhere.
+    Bodies by their names, at the same times, stand where they are.  The pads are one part more, with their values.
+    """
     times = next(iter(bodies.values())).fields.t
-    return _written(folder, name, times, {f"{one}-": body.file for one, body in bodies.items()})
+    drawn = {f"{one}-" if one else "": body.file for one, body in bodies.items()}
+    return _written(folder, name, times, drawn | ({PADS: lambda k: _of_pads(pads, k)} if pads is not None else {}))
 
 
 def _written(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable[[int], str]]) -> Path:

@@ -53,8 +53,9 @@ from pmr.reduction.ports import with_ports
 from pmr.reduction.reactions import support_motions, with_reactions
 from pmr.reduction.snapshots import Snapshots
 from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.results import FrequencyCurves, Response, RunResult, Shapes
+from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Scene
+from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.body import Trajectory
@@ -141,7 +142,7 @@ def run(
         struck(reduced, excitation, responses),
         driven(excitation),
         estimated.part,
-        step_part(scene, reduced, curves.reduced, clock, step),
+        step_part(scene, reduced, 2.0 * np.pi * curves.models["reduced"], clock, step),
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
         Part(warnings=build_warnings(built.structure)),
@@ -157,7 +158,8 @@ def run(
     result = _result(scene, gathered(parts), responses, reduction, curves)
     result = replace(result, frequency_response=in_frequency, tip_error=estimated.band)
     if seen is not None:
-        result = replace(result, fields=seen.reduced.fields, peak_stress=seen.histories())
+        body = replace(result.body, fields=seen.reduced.fields, peak_stress=seen.histories())
+        result = replace(result, bodies={ALONE: body})
     return Outcome(result, reduction.reduced)
 
 
@@ -265,7 +267,7 @@ def _other(scene: Scene, reduction: Reduction, cached: Cache | None) -> ReducedM
         return None
 
 
-def _frequency_curves(scene: Scene, reduction: Reduction, cached: Cache | None) -> FrequencyCurves:
+def _frequency_curves(scene: Scene, reduction: Reduction, cached: Cache | None) -> Frequencies:
     """Lowest frequencies over the stretch that the path visits."""
     model, s = reduction.model, visited_positions(scene, reduction.model.size)
 
@@ -282,9 +284,11 @@ def _result(
     summary: dict[str, Any],
     responses: Mapping[str, Response],
     reduction: Reduction,
-    curves: FrequencyCurves,
+    curves: Frequencies,
 ) -> RunResult:
     shapes = Shapes(reduction.basis.sigma, reduction.reduced.output_positions, reduction.reduced.outputs)
     excitation = Excitation.of(scene)
-    s, f = excitation.s[:, 0], excitation.forces(reduction.reduced.input_names)
-    return RunResult(scene, summary, responses, s, excitation.path_rate, f, shapes, curves)
+    paths = Paths(tuple(excitation.paths), excitation.s, excitation.rates)
+    names, units = reduction.reduced.input_names, reduction.reduced.input_units
+    loads = Loads(names, units, excitation.forces(names))
+    return RunResult(scene, summary, responses, paths, loads, curves, {ALONE: BodyResult(shapes)})

@@ -30,7 +30,7 @@ from pmr.recover.from_scene import Recovered, recover_sections, recovered_steps,
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.cache import cache_in
 from pmr.reduction.sections import ReducedSection, reduce_sections
-from pmr.results import BoomFrequencies, BoomResult, Response
+from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult
 from pmr.scene import Boom, Scene
 from pmr.simulation import contact_step
 from pmr.simulation.booms import excitation_of
@@ -48,7 +48,7 @@ STAGES = ("assemble", "reduce", "recover", "estimate")
 class BoomOutcome:
     """What a run of a boom returns on rank 0: its result, and the reduced model of each section."""
 
-    result: BoomResult
+    result: RunResult
     reduced: Mapping[str, ReducedModel]
 
 
@@ -122,7 +122,7 @@ class _Run:
         modal = {name: one.modal for name, one in self.sections.items()}
         error = boom_error(boom, modal, system, excitation.with_stepping(made), simulations.first, clock)
         reach, over_joints = boom.reach(excitation.times), figures.frequency_map(boom, system)
-        frequencies = BoomFrequencies(reach[steps], excitation.s[steps], curves, over_joints)
+        frequencies = Frequencies(reach[steps], excitation.s[steps], curves, over_joints)
         structures = {id(one): one.structure for one in self.built.values()}
         parts = [
             *self._parts(simulations, responses, error, seen),
@@ -135,8 +135,14 @@ class _Run:
             Part(warnings=self.free),
             theory({f"sections.{part.name}.": part for part in boom.sections}, float(reach.max()), responses),
         ]
-        loads, fields = excitation.forces(system.input_names), {name: one.reduced.fields for name, one in seen.items()}
-        result = BoomResult(boom, gathered(parts), responses, excitation.s, reach, loads, frequencies, fields)
+        paths = Paths(tuple(excitation.paths), excitation.s, excitation.rates)
+        units = tuple(unit for body in self.reduced.values() for unit in body.input_units)
+        loads = Loads(system.input_names, units, excitation.forces(system.input_names))
+        bodies = {name: BodyResult() for name in boom.names}
+        bodies |= {
+            name: BodyResult(fields=one.reduced.fields, peak_stress=one.histories()) for name, one in seen.items()
+        }
+        result = RunResult(boom, gathered(parts), responses, paths, loads, frequencies, bodies, reach)
         return BoomOutcome(result, self.reduced)
 
     def _full_frequencies(self, full: FullBoom, steps: NDArray[np.int64]) -> Array:

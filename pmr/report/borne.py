@@ -32,10 +32,10 @@ _WHEN = ("at t in s", "and s in m")
 def forces(result: RunResult) -> tuple[Grid, ...]:
     """Smallest and largest force of each pad, slider and support that gives way, then of the rigid ones."""
     response = result.responses["reduced"]
-    found = force_extremes(response, result.path)
+    found = force_extremes(response, result.along)
     largest = max(map(_size, found.values()), default=0.0)
     caption = "Least and largest forces, when they occur, and the path coordinate s then."
-    grids = (_extremes(found, "N", largest, caption), *reactions(response, result.path, "s is the path coordinate"))
+    grids = (_extremes(found, "N", largest, caption), *reactions(response, result.along, "s is the path coordinate"))
     return tuple(grid for grid in grids if grid.rows)
 
 
@@ -82,7 +82,7 @@ def regions(result: RunResult) -> tuple[Grid, ...]:
 def probes(result: RunResult, prefix: str) -> Block | None:
     """What the probes say: histories, extremes, and rainflow counts of stresses and strains."""
     known = {probe["name"]: probe for probe in result.summary.get("probes", ())}
-    found = probe_extremes(result.responses["reduced"], result.path)
+    found = probe_extremes(result.responses["reduced"], result.along)
     found = {name: one for name, one in found.items() if name in known}
     if not found:
         return None

@@ -17,7 +17,7 @@ from pmr.report.blocks import Chapter
 from pmr.report.booms.chapter import chapter as chapter_of_boom
 from pmr.report.figures.vector import FONT, embedded, words
 from pmr.report.sections import chapter
-from pmr.results import BoomResult, RunResult
+from pmr.results import RunResult
 
 #: Names of all that a report consists of.
 REPORT_FILES = ("report.html", "report.pdf")
@@ -35,7 +35,7 @@ class ReportFiles:
     pdf: Path
 
 
-def write_report(results: Sequence[RunResult | BoomResult], folder: Path) -> ReportFiles:
+def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     """Write report.html and report.pdf for one or several runs into `folder`, which is made if need be.
 
     The page holds its figures, fonts, styles and scripts; it asks for nothing from outside.  The same results
@@ -52,7 +52,7 @@ def write_report(results: Sequence[RunResult | BoomResult], folder: Path) -> Rep
         if "reduced" not in result.responses:
             raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
     chapters = [
-        chapter_of_boom(one, f"case-{number}") if isinstance(one, BoomResult) else chapter(one, f"case-{number}")
+        (chapter if one.reach is None else chapter_of_boom)(one, f"case-{number}")
         for number, one in enumerate(results, start=1)
     ]
     return write(page(chapters, dated(KIND, [result.summary for result in results])), folder)

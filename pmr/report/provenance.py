@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pmr.report.numbers import SPACE, plain, quantity
+from pmr.report.subject import reduced_size
 from pmr.results import RunResult
 
 Rows = Iterator[tuple[str, str]]
@@ -36,11 +37,11 @@ def sizes(result: RunResult) -> Rows:
     coordinates = result.summary.get("coordinates", {})
     if "full" in coordinates:
         yield "coordinates of the full model", plain(coordinates["full"])
-    yield "coordinates of the reduced model", plain(coordinates.get("reduced", result.shapes.shapes.shape[1]))
-    if result.fields is not None:
-        yield "mesh", f"{plain(len(result.fields.cells))} {CELLS[result.fields.kind]}"
-        yield "vertices", plain(len(result.fields.points))
-        yield "recovered fields", f"{plain(len(result.fields.t))} times"
+    yield "coordinates of the reduced model", plain(reduced_size(result))
+    if result.body.fields is not None:
+        yield "mesh", f"{plain(len(result.body.fields.cells))} {CELLS[result.body.fields.kind]}"
+        yield "vertices", plain(len(result.body.fields.points))
+        yield "recovered fields", f"{plain(len(result.body.fields.t))} times"
     if result.scene.pads:
         yield "pads", plain(sum(len(ring.places) for ring in result.scene.pads))
     if contact := result.summary.get("contact"):

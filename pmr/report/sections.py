@@ -72,7 +72,7 @@ def inputs_over_time(result: RunResult, prefix: str) -> Block:
 
 def motion(result: RunResult, prefix: str) -> Block | None:
     """The motion: that of the fields, where these were recovered, else that of the axis."""
-    fields, data, found = result.fields, player.player(result), album(result, prefix)
+    fields, data, found = result.body.fields, player.player(result), album(result, prefix)
     if fields is None:
         if not len(line_of(result, result.responses["reduced"]).x):
             return None
@@ -107,9 +107,9 @@ def tip(result: RunResult, prefix: str) -> Block:
 
 def stress(result: RunResult, prefix: str) -> Block | None:
     """The largest von Mises stress."""
-    if "reduced" not in result.peak_stress:
+    if "reduced" not in result.body.peak_stress:
         return None
-    below = "; below, the difference to the full model" if "full" in result.peak_stress else ""
+    below = "; below, the difference to the full model" if "full" in result.body.peak_stress else ""
     where = sentences.where_the_peak_is(result, "reduced")
     dot = f" The dot is the largest of all, {where}." if where else ""
     caption = f"Largest von Mises stress over the whole body{below}.{dot}"
@@ -158,7 +158,7 @@ def basis(result: RunResult, prefix: str) -> Block | None:
     if result.scene.reduction.pooled:  # others have singular values of 1, all of them
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
         row.append(drawing(f"{prefix}-singular-values", spectra.singular_values, caption, result))
-    if result.frequencies.reduced.size:
+    if "reduced" in result.frequencies.models:
         row.append(drawing(f"{prefix}-frequencies", spectra.frequencies, captions.frequencies(result), result))
     rows += [tuple(row)] if row else []
     return Block(heading="Basis and eigenfrequencies", rows=tuple(rows)) if rows else None

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pmr.report.blocks import KeyNumber, Point
 from pmr.report.marks import Row, verdicts
 from pmr.report.numbers import MINUS, SPACE, length, percent, plain, quantity, significant, times_the_true_error
-from pmr.report.subject import forces_called, moving, offsets, represented
+from pmr.report.subject import forces_called, moving, offsets, reduced_size, represented
 from pmr.report.subject import length as reach
 from pmr.results import RunResult
 
@@ -112,7 +112,7 @@ def simulators(result: RunResult) -> str:
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     """The numbers that stand above everything else; what a run does not hold is left out."""
     summary, coordinates = result.summary, result.summary.get("coordinates", {})
-    reduced = coordinates.get("reduced", result.shapes.shapes.shape[1])
+    reduced = reduced_size(result)
     arrow = f"{plain(coordinates['full'])}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
     yield KeyNumber(arrow, "coordinates")
     if (most := summary.get("max_error")) is not None:
@@ -166,7 +166,7 @@ def published(table: Sequence[Row]) -> str:
 def size(result: RunResult) -> str:
     """Coordinates before and after."""
     coordinates = result.summary.get("coordinates", {})
-    reduced = coordinates.get("reduced", result.shapes.shapes.shape[1])
+    reduced = reduced_size(result)
     motion = f"{plain(result.scene.time.end)}{SPACE}s of motion are simulated."
     if "full" not in coordinates:
         return f"The reduced model has {reduced} coordinates; {motion}"

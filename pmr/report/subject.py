@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.numbers import SPACE, plain, quantity
-from pmr.results import BoomResult, Response, RunResult
+from pmr.results import Response, RunResult
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.choice import choose, model_of, transverse
@@ -87,6 +87,13 @@ class Model:
     because: str
 
 
+def reduced_size(result: RunResult) -> int:
+    """Coordinates of the reduced model; of its basis, where the summary says nothing."""
+    shapes = result.body.shapes
+    basis = 0 if shapes is None else shapes.shapes.shape[1]
+    return int(result.summary.get("coordinates", {}).get("reduced", basis))
+
+
 def spoken(model: str) -> str:
     """A model in words."""
     return MODELS.get(model, f"a {model.replace('_', ' ')}")
@@ -107,14 +114,14 @@ def tips(result: RunResult) -> Mapping[str, Quantity]:
     return {d: _column(_tip(result, d), k - len(across)) for k, d in enumerate(across)}
 
 
-def is_round_off(result: RunResult | BoomResult, what: Callable[[Response], Array | None]) -> bool:
+def is_round_off(result: RunResult, what: Callable[[Response], Array | None]) -> bool:
     """Whether a displacement exceeds in no model what round-off may make of it."""
     found = result.responses.values()
     signals = [signal for one in found if (signal := what(one)) is not None]
     return max(float(np.abs(signal).max()) for signal in signals) <= max(one.round_off for one in found)
 
 
-def not_drawn(result: RunResult | BoomResult, directions: Sequence[str]) -> str:
+def not_drawn(result: RunResult, directions: Sequence[str]) -> str:
     """Why the tip's displacement along these directions has no figure; empty without any."""
     if not directions:
         return ""
@@ -171,7 +178,7 @@ def length(result: RunResult) -> float:
     scene = result.scene
     if scene.body.length is not None:
         return scene.body.length
-    return float(result.fields.points[:, 0].max()) if result.fields is not None else scene.observe.end or 0.0
+    return float(result.body.fields.points[:, 0].max()) if result.body.fields is not None else scene.observe.end or 0.0
 
 
 def loads(result: RunResult) -> list[Acting]:
@@ -205,9 +212,9 @@ def fixtures(result: RunResult) -> list[Fixture]:
 
 def stress_times(result: RunResult) -> Array:
     """Times (F,) in s of the largest stresses."""
-    count = max(map(len, result.peak_stress.values()), default=0)
-    if result.fields is not None and len(result.fields.t) == count:
-        return result.fields.t
+    count = max(map(len, result.body.peak_stress.values()), default=0)
+    if result.body.fields is not None and len(result.body.fields.t) == count:
+        return result.body.fields.t
     recovery = result.scene.recovery
     return np.arange(count) * (recovery.every if recovery else 0.0)
 

@@ -1,19 +1,21 @@
 """What runs and studies leave in their folders: results as objects, tables in CSV, frames of pandas."""
 
 from pmr.fields.series import Fields
-from pmr.results.boom import BoomFrequencies, BoomResult, FrequencyMap
 from pmr.results.frames import load
-from pmr.results.run import RESULT_FILES, Energy, FrequencyCurves, FrequencyResponse, Response, RunResult, Shapes
+from pmr.results.parts import BodyResult, Frequencies, FrequencyMap, FrequencyResponse, Loads, Paths, Shapes
+from pmr.results.response import Energy, Response
+from pmr.results.run import RESULT_FILES, RunResult
 
 __all__ = [
     "RESULT_FILES",
-    "BoomFrequencies",
-    "BoomResult",
+    "BodyResult",
     "Energy",
     "Fields",
-    "FrequencyCurves",
+    "Frequencies",
     "FrequencyMap",
     "FrequencyResponse",
+    "Loads",
+    "Paths",
     "Response",
     "RunResult",
     "Shapes",

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from pmr.errors import InputError
 from pmr.errors.environment import needed
 from pmr.files.swap import finished
-from pmr.results.boom import BoomResult
 from pmr.results.run import RunResult
 from pmr.results.tables import tables
 
@@ -37,8 +36,7 @@ def load(folder: str | Path) -> dict[str, DataFrame]:
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     if "studies" in summary:
         return {f"{one}/{name}": frame for one in summary["studies"] for name, frame in load(folder / one).items()}
-    several = "sections" in json.loads((folder / "scene.json").read_text(encoding="utf-8"))
-    result = BoomResult.load(folder) if several else RunResult.load(folder)
+    result = RunResult.load(folder)
     found = {
         name: pandas.DataFrame(list(table.rows), columns=list(table.columns)) for name, table in tables(result).items()
     }

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.fields.series import Boxes
+from pmr.fields.series import Boxes, Fields
 from pmr.results.run import RunResult
 from pmr.results.tables import FORCE_OF
-from pmr.scene.built import Face, PadRing
+from pmr.scene.built import Box, Face, PadRing
+from pmr.scene.names import ALONE
 
 Array = NDArray[np.float64]
 
@@ -33,38 +34,33 @@ def pad_extent(ring: PadRing, face: Face, across: float, body: Array) -> Array:
 
 
 def pads_over_time(result: RunResult) -> Boxes | None:
-    """All pads at the times of the recovered fields, with their forces in N, NaN if unknown; None without pads."""
-    places = [(ring, *place) for ring in result.scene.pads for place in ring.places]
-    if result.fields is None or not places:
+    """All pads of a body alone at the times of its recovered fields, with their forces in N, NaN if unknown.
+
+    None without pads, and of a boom of sections.
+    """
+    if ALONE not in (travelling := result.travelling):
         return None
-    t, response, body = result.fields.t, result.responses["reduced"], _extent(result)
-    s = place_of(result)
+    scene, (fields, along) = result.scene.bodies[ALONE], travelling[ALONE]
+    places = [(ring, *place) for ring in scene.pads for place in ring.places]
+    if not places:
+        return None
+    t, response, body = fields.t, result.responses["reduced"], _extent(fields, scene.body.box)
     corners = np.empty((len(t), len(places), 8, 3))
     force = np.full((len(t), len(places)), np.nan)
     for k, (ring, name, face, across) in enumerate(places):
         start, end = pad_extent(ring, face, across, body)
         corners[:, k] = start + CUBE * (end - start)
         if not ring.moving:
-            corners[:, k, :, 0] -= s[:, None]
+            corners[:, k, :, 0] += along[:, None]
         if FORCE_OF + name in response.force_names:
             force[:, k] = np.interp(t, response.t, response.force(FORCE_OF + name, 0))
     return Boxes(tuple(name for _, name, _, _ in places), corners, {"force": force})
 
 
-def _extent(result: RunResult) -> Array:
+def _extent(fields: Fields, box: Box | None) -> Array:
     """Of the body at rest, (2, 3) m: that of a beam is its box's."""
-    assert result.fields is not None
-    points, box = result.fields.points, result.scene.body.box
-    found = np.array([points.min(axis=0), points.max(axis=0)])
-    if result.fields.kind == "line" and box is not None:
+    found = np.array([fields.points.min(axis=0), fields.points.max(axis=0)])
+    if fields.kind == "line" and box is not None:
         half = np.array([0.0, box.width + box.wall, box.height + box.wall]) / 2.0
         found += np.array([-half, half])
     return found
-
-
-def place_of(result: RunResult) -> Array:
-    """How far a body is drawn in, s (S,) in m, at the times of the recovered fields; 0 where points slide on it."""
-    assert result.fields is not None
-    if result.scene.points:
-        return np.zeros(len(result.fields.t))
-    return np.asarray(result.scene.slider.path.value(result.fields.t))

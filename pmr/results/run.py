@@ -1,4 +1,4 @@
-"""What a run leaves behind: responses of every simulator, errors, basis, frequencies; kept in a folder.
+"""What a run leaves behind: responses of every simulator, errors, frequencies, what is known of each body.
 
 The report reads these objects and computes nothing.
 """
@@ -6,7 +6,7 @@ The report reads these objects and computes nothing.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,10 @@ from numpy.typing import NDArray
 from pmr.fields.series import Fields
 from pmr.files import jsonfile, npz, records
 from pmr.files.swap import finished
-from pmr.scene import Scene
+from pmr.results.parts import BodyResult, Frequencies, FrequencyResponse, Loads, Paths, Shapes
+from pmr.results.response import Response
+from pmr.scene.files import from_json
+from pmr.scene.names import ALONE, SLIDER
 
 Array = NDArray[np.float64]
 
@@ -26,196 +29,85 @@ RESULT_FILES = (
     "scene.json", "summary.json", "trajectories.npz", "reduced.npz", "reduced-*.npz", "fields*.npz", "fields.pvd",
     "fields/*.vtu", "tables/*.csv",
 )  # fmt: skip
+#: Circular frequencies in rad/s, as a file has those of a body alone, of one in Hz.
+TURN = 2.0 * np.pi
+#: Models whose frequencies the file of a body alone has, no columns where there are none.
+_MODELS = ("reduced", "full", "closed_form")
+#: Arrays of a boom's frequencies as files name them, and what they are here.
+_RENAMED = {"frequencies.reach": "frequencies.along", "frequencies.extensions": "frequencies.paths"}
 
-
-@dataclass(frozen=True)
-class Energy:
-    """Kinetic, strain and external energy in J over time, each (T,); external is minus the work of the loads."""
-
-    kinetic: Array
-    strain: Array
-    external: Array
-
-    @property
-    def total(self) -> Array:
-        return self.kinetic + self.strain + self.external
-
-
-@dataclass(frozen=True)
-class Response:
-    """What one simulator says of the beam, in quantities that all of them share.
-
-    Attributes
-    ----------
-    t : (T,) array, s
-    x : (o,) array, m
-        Beam coordinates of the outputs.
-    displacement : (T, o) array, m
-        Transverse; the last column is the tip.  In space that of all places along y, along z, then of the tip.
-    energy : Energy
-    slider_force : (T, m) array, N
-        Multipliers of the sliders; in space forces of all pads.  Which is which, `force_names` say.
-    residual_position : (T,) array, m
-        Largest violation of a row, the largest absolute entry of C(s) q; NaN where a simulator has no such rows.
-    residual_velocity : (T,) array, m/s
-        Largest violation of its time derivative, that of C(s) q' + C'(s) s' q; NaN likewise.
-    seconds : float
-        Wall time of the solver alone.
-    output_names, output_units : tuples of str
-        Of the columns of `displacement`, (o,); empty in results of version 0.1 and where nobody named them.
-    others : (T, k) array or None
-        Outputs that are neither in m nor in N, `other_names` in `other_units`; then reactions of rigid supports.
-    force_names : tuple of str
-        Of the columns of `slider_force`, (m,), likewise.
-    round_off : float, m
-        What of a displacement may be round-off alone (`pmr.compare.errors.round_off`); 0 where that isn't known.
-    force_round_off : float, N
-        The same of a force (`pmr.compare.errors.force_round_off`).
-    force_peaks : (T, m) array, N, or None
-        `slider_force`, but of pads that only push the largest within the step that ends at t; None where a step is one.
-    surplus : float
-        Share of the largest energy that neither loads nor moving rows put in; NaN where a simulator can't tell, and in
-        results of version 0.1.
-    """
-
-    t: Array
-    x: Array
-    displacement: Array
-    energy: Energy
-    slider_force: Array
-    residual_position: Array
-    residual_velocity: Array
-    seconds: float
-    output_names: tuple[str, ...] = ()
-    output_units: tuple[str, ...] = ()
-    force_names: tuple[str, ...] = ()
-    round_off: float = 0.0
-    force_round_off: float = 0.0
-    force_peaks: Array | None = None
-    surplus: float = np.nan
-    others: Array | None = None
-    other_names: tuple[str, ...] = ()
-    other_units: tuple[str, ...] = ()
-
-    def other(self, name: str) -> Array:
-        """One of the other outputs, (T,)."""
-        assert self.others is not None
-        return self.others[:, self.other_names.index(name)]
-
-    def force(self, name: str, unnamed: int) -> Array:
-        """A force by its name, (T,) N, NaN if it isn't known; column `unnamed` where the response has no names.
-
-        Of pads that only push the peaks within each step, where these are known.
-        """
-        forces = self.slider_force if self.force_peaks is None else self.force_peaks
-        if not self.force_names:
-            return forces[:, unnamed]
-        if name not in self.force_names:
-            return np.full(len(self.t), np.nan)
-        return forces[:, self.force_names.index(name)]
-
-    @property
-    def columns(self) -> dict[str, list[str]]:
-        """What the columns of each array (T, c) are called, with their units in brackets."""
-        moved = self.output_names or tuple(f"output {k}" for k in range(self.displacement.shape[1]))
-        forces = self.force_names or tuple(f"force {k}" for k in range(self.slider_force.shape[1]))
-        others = [f"{name} [{unit}]" for name, unit in zip(self.other_names, self.other_units, strict=True)]
-        found = {"displacement": [f"{name} [m]" for name in moved], "slider_force": [f"{name} [N]" for name in forces]}
-        return found | ({"others": others} if others else {})
-
-    @property
-    def tip(self) -> Array:
-        """Transverse displacement of the free end, (T,) m."""
-        return self.displacement[:, -1]
-
-
-@dataclass(frozen=True)
-class Shapes:
-    """The basis as seen on the beam: singular values (k,) and the transverse shapes (o, r) at x (o,) m."""
-
-    singular_values: Array
-    x: Array
-    shapes: Array
-
-
-@dataclass(frozen=True)
-class FrequencyCurves:
-    """Lowest circular frequencies in rad/s against the slider position s (S,) m; each (S, f).
-
-    `closed_form` is empty, (S, 0), where the scene is no uniform beam pinned at 0 with one slider.
-    """
-
-    s: Array
-    full: Array
-    reduced: Array
-    closed_form: Array
-
-
-@dataclass(frozen=True)
-class FrequencyResponse:
-    """How far the tip moves under a sinusoidal load of unit size, with the sliders at rest.
-
-    Attributes
-    ----------
-    s : (S,) array, m
-    f : (W,) array, Hz
-    gain : (S, W, i) array
-        In `units`; `static` (S, i) with its sign at f = 0.
-    damped : bool
-        Whether anything damps it: otherwise peaks are as high as the frequencies happen to lie.
-    outputs : tuple of str
-        Of each input the direction in which it moves the tip most.
-    inputs, units : tuples of str
-    """
-
-    s: Array
-    f: Array
-    gain: Array
-    static: Array
-    damped: bool
-    outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
-    units: tuple[str, ...]
+Data = Mapping[str, NDArray[Any]]
+Columns = Mapping[str, list[str]]
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """All of one run.
+    """All of one run, of a body alone or of a boom of sections.
 
-    `responses` is keyed by simulator: ``reduced`` and, as asked, ``full`` and ``ancf``.  `summary` is what
-    summary.json holds: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
+    `responses` is keyed by model: ``reduced`` and, as asked, ``full`` and ``ancf``; `bodies` by section, a body alone
+    under the empty name.  `summary` is what summary.json holds: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
     ``absolute_errors`` likewise (e_abs, m), ``not_judged`` (`pmr.compare.ringing`),
     ``max_displacement`` and ``max_error`` (m),
     ``estimate.{beam,tip,pad_force,velocity,probe,probes,kappa,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
     ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``,
-    ``coordinates``, ``basis``, ``seconds``, ``versions``, ``scene_hash``, ``pads`` (least and largest force of each)
-    and more; ``max_von_mises.{full,reduced}`` (Pa) where stresses are recovered.
-
-    `fields` are some of what a scene's recovery asks for, and `peak_stress` the largest von Mises stress in Pa,
-    ``reduced`` and, where there is a full model, ``full``, over all of its times.
+    ``coordinates``, ``basis``, ``seconds``, ``versions``, ``scene_hash``, ``pads`` and ``cylinders`` (name, min and max
+    in N, when), ``sections`` of a boom (name, coordinates, errors) and more; ``max_von_mises.{full,reduced}`` (Pa)
+    where stresses are recovered.
     """
 
-    scene: Scene
+    scene: Any  # a `pmr.scene.Scene`, or a `Boom` of sections
     summary: dict[str, Any]
     responses: Mapping[str, Response]
-    path: Array  # s(t), (T,) m
-    path_rate: Array  # s'(t), (T,) m/s
-    loads: Array  # (T, i) N
-    shapes: Shapes
-    frequencies: FrequencyCurves
-    fields: Fields | None = None
-    peak_stress: Mapping[str, Array] = field(default_factory=dict)
+    paths: Paths
+    loads: Loads
+    frequencies: Frequencies
+    bodies: Mapping[str, BodyResult] = field(default_factory=dict)
+    reach: Array | None = None  # of a boom's tip from the base's tail, (T,) m; None for a body alone
     frequency_response: FrequencyResponse | None = None
     tip_error: Array | None = None  # how far off the tip may be by the estimate, (T, d) m
 
     @property
+    def body(self) -> BodyResult:
+        """What is known of a body alone, or of the outermost section."""
+        return list(self.bodies.values())[-1]
+
+    @property
+    def along(self) -> Array:
+        """What figures and tables are ordered by, (T,) m: how far a boom reaches, or where a body's slider is."""
+        return self.paths.values[:, 0] if self.reach is None else self.reach
+
+    @property
+    def coordinate(self) -> str:
+        """What `along` is called: ``s`` or ``reach``."""
+        return "s" if self.reach is None else "reach"
+
+    @property
+    def travelling(self) -> dict[str, tuple[Fields, Array]]:
+        """Fields of each body, and how far it has slid (F,) in m at their times: a boom's section out of the base.
+
+        A body alone slides into what holds it, by -s; not at all where points slide along it.
+        """
+        t = self.responses["reduced"].t
+        if self.reach is None:
+            tails = np.zeros_like(self.paths.values) if self.scene.points else -self.paths.values
+        else:
+            tails = np.hstack([np.zeros((len(t), 1)), np.cumsum(self.paths.values, axis=1)])
+        return {
+            name: (body.fields, np.interp(body.fields.t, t, tail))
+            for (name, body), tail in zip(self.bodies.items(), tails.T, strict=True)
+            if body.fields is not None
+        }
+
+    @property
     def columns(self) -> dict[str, list[str]]:
         """What the columns of each array of trajectories.npz are called, with their units in brackets."""
-        units = {load.name: "N m" if load.direction.startswith("r") else "N" for load in self.scene.loads}
-        found = {"loads": [f"{name} [{units.get(name, 'm/s^2')}]" for name in self.scene.signals]}
-        for name in ("full", "reduced", "closed_form"):
-            count = getattr(self.frequencies, name).shape[1]
-            found[f"frequencies.{name}"] = [f"frequency {k + 1} [rad/s]" for k in range(count)]
+        found = {"loads": _with_units(self.loads.names, self.loads.units)}
+        if self.reach is None:
+            for name in _MODELS:
+                count = self.frequencies.models.get(name, np.empty((0, 0))).shape[1]
+                found[f"frequencies.{name}"] = [f"frequency {k + 1} [rad/s]" for k in range(count)]
+        else:
+            found["extensions"] = [f"{name} [m]" for name in self.paths.names]
         if self.tip_error is not None:
             found["estimate.tip"] = [f"tip {k + 1} [m]" for k in range(self.tip_error.shape[1])]
         for simulator, response in self.responses.items():
@@ -225,48 +117,105 @@ class RunResult:
         return found
 
     def save(self, folder: Path) -> None:
-        """Write scene.json, summary.json and trajectories.npz, whose ``columns`` names columns, into `folder`."""
+        """Write scene.json, summary.json, trajectories.npz, whose ``columns`` names columns, and fields."""
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1), encoding="utf-8")
+        (folder / "scene.json").write_text(self.scene.model_dump_json(indent=1, exclude={"section"}), encoding="utf-8")
         (folder / "summary.json").write_text(jsonfile.text(self.summary, indent=1), encoding="utf-8")
-        arrays: dict[str, NDArray[Any]] = {"s": self.path, "s_rate": self.path_rate, "loads": self.loads}
-        arrays["columns"] = np.array(jsonfile.text(self.columns))
-        arrays |= records.arrays(self.shapes, "basis.") | records.arrays(self.frequencies, "frequencies.")
+        arrays: dict[str, NDArray[Any]] = {"columns": np.array(jsonfile.text(self.columns)), "loads": self.loads.values}
+        if self.reach is None:
+            arrays |= {"s": self.paths.values[:, 0], "s_rate": self.paths.rates[:, 0]}
+        else:
+            arrays |= {"extensions": self.paths.values, "extension_rates": self.paths.rates, "reach": self.reach}
+        arrays |= _frequency_arrays(self.frequencies, alone=self.reach is None)
         for simulator, response in self.responses.items():
             arrays |= records.arrays(response, f"{simulator}.")
-        arrays |= {f"peak_stress.{name}": stress for name, stress in self.peak_stress.items()}
+        for name, body in self.bodies.items():
+            arrays |= {f"{_of(name)}peak_stress.{model}": stress for model, stress in body.peak_stress.items()}
+            if body.shapes is not None:
+                arrays |= records.arrays(body.shapes, f"{_of(name)}basis.")
+            if body.fields is not None:
+                body.fields.save(folder / _fields_file(name))
         if self.tip_error is not None:
             arrays["estimate.tip"] = self.tip_error
         if self.frequency_response is not None:
             arrays |= records.arrays(self.frequency_response, "frequency_response.")
         npz.write(folder / "trajectories.npz", arrays)
-        if self.fields is not None:
-            self.fields.save(folder / "fields.npz")
 
     @classmethod
     def load(cls, folder: Path) -> RunResult:
-        """Read what `save` wrote."""
+        """Read what `save` wrote, or an earlier version."""
         finished(folder)
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        scene = from_json((folder / "scene.json").read_text(encoding="utf-8"))
         data = npz.read(folder / "trajectories.npz")
+        columns = json.loads(str(data["columns"])) if "columns" in data else {}
         simulators = sorted({key.split(".")[0] for key in data if key.endswith(".displacement")})
-        return cls(
-            scene=Scene.model_validate(json.loads((folder / "scene.json").read_text(encoding="utf-8"))),
-            summary=summary,
-            responses={simulator: records.record(Response, data, f"{simulator}.") for simulator in simulators},
-            path=data["s"],
-            path_rate=data["s_rate"],
-            loads=data["loads"],
-            shapes=records.record(Shapes, data, "basis."),
-            frequencies=records.record(FrequencyCurves, data, "frequencies."),
-            fields=Fields.load(folder / "fields.npz") if (folder / "fields.npz").is_file() else None,
-            frequency_response=records.record(FrequencyResponse, data, "frequency_response.")
-            if "frequency_response.s" in data
-            else None,
-            tip_error=data.get("estimate.tip"),
-            peak_stress={
-                key.removeprefix("peak_stress."): values
-                for key, values in data.items()
-                if key.startswith("peak_stress.")
-            },
+        response = (
+            records.record(FrequencyResponse, data, "frequency_response.") if "frequency_response.s" in data else None
         )
+        return cls(
+            scene=scene,
+            summary=json.loads((folder / "summary.json").read_text(encoding="utf-8")),
+            responses={simulator: records.record(Response, data, f"{simulator}.") for simulator in simulators},
+            paths=_paths(data, columns),
+            loads=_loads(data["loads"], columns),
+            frequencies=_frequencies(data),
+            bodies={name: _body(folder, data, name) for name in scene.bodies},
+            reach=data.get("reach"),
+            frequency_response=response,
+            tip_error=data.get("estimate.tip"),
+        )
+
+
+def _with_units(names: Iterable[str], units: Iterable[str]) -> list[str]:
+    return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+
+
+def _of(body: str) -> str:
+    """What names of arrays begin with that are of a body."""
+    return "" if body == ALONE else f"bodies.{body}."
+
+
+def _fields_file(body: str) -> str:
+    return f"{'-'.join(filter(None, ('fields', body)))}.npz"
+
+
+def _paths(data: Data, columns: Columns) -> Paths:
+    if "s" in data:
+        return Paths((SLIDER,), data["s"][:, None], data["s_rate"][:, None])
+    values = data["extensions"]
+    names = tuple(column.removesuffix(" [m]") for column in columns["extensions"])
+    rates = data.get("extension_rates")  # earlier files have none
+    return Paths(names, values, np.gradient(values, axis=0) if rates is None else rates)
+
+
+def _loads(values: Array, columns: Columns) -> Loads:
+    parts = [column.removesuffix("]").rpartition(" [") for column in columns.get("loads", ())]
+    return Loads(tuple(name for name, _, _ in parts), tuple(unit for _, _, unit in parts), values)
+
+
+def _frequency_arrays(found: Frequencies, alone: bool) -> dict[str, NDArray[Any]]:
+    """As files have them: of a body alone in rad/s, by the path coordinate."""
+    if alone:
+        none = np.empty((len(found.along), 0))
+        circular = {f"frequencies.{name}": TURN * found.models.get(name, none) for name in _MODELS}
+        return {"frequencies.s": found.along} | circular
+    arrays = records.arrays(found, "frequencies.")
+    return records.renamed(arrays, {new: old for old, new in _RENAMED.items()})
+
+
+def _frequencies(data: Data) -> Frequencies:
+    if "frequencies.s" not in data:
+        return records.record(Frequencies, records.renamed(data, _RENAMED), "frequencies.")
+    s = data["frequencies.s"]
+    known = {name: data[f"frequencies.{name}"] / TURN for name in _MODELS}
+    return Frequencies(s, s[:, None], {name: values for name, values in known.items() if values.shape[1]})
+
+
+def _body(folder: Path, data: Data, name: str) -> BodyResult:
+    of, file = _of(name), folder / _fields_file(name)
+    stress = f"{of}peak_stress."
+    return BodyResult(
+        shapes=records.record(Shapes, data, f"{of}basis.") if f"{of}basis.x" in data else None,
+        fields=Fields.load(file) if file.is_file() else None,
+        peak_stress={key.removeprefix(stress): values for key, values in data.items() if key.startswith(stress)},
+    )

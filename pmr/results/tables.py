@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.results.boom import BoomResult
 from pmr.results.extremes import Extremes, cycles
-from pmr.results.run import Response, RunResult
+from pmr.results.response import Response
+from pmr.results.run import RunResult
 from pmr.scene.built import force_of, reaction_of
+from pmr.scene.names import ALONE, named
 
 Array = NDArray[np.float64]
 Cell = str | float
@@ -46,15 +47,12 @@ class Reaction:
     unit: str
 
 
-def tables(result: RunResult | BoomResult) -> dict[str, Table]:
+def tables(result: RunResult) -> dict[str, Table]:
     """Those for which a run has rows, by the names of their files; of a boom of sections `s` is its reach."""
-    found = {name: make(result) for name, make in _TABLES.items()}
-    if isinstance(result, RunResult):
-        found["stress"] = stress(result)
-    return {name: table for name, table in found.items() if table.rows}
+    return {name: table for name, make in _TABLES.items() if (table := make(result)).rows}
 
 
-def write(result: RunResult | BoomResult, folder: Path) -> None:
+def write(result: RunResult, folder: Path) -> None:
     """Write each table as ``tables/<name>.csv`` into a run's folder."""
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     for name, table in tables(result).items():
@@ -64,7 +62,7 @@ def write(result: RunResult | BoomResult, folder: Path) -> None:
             writer.writerows([cell if isinstance(cell, str) else repr(cell) for cell in row] for row in table.rows)
 
 
-def forces(result: RunResult | BoomResult) -> Table:
+def forces(result: RunResult) -> Table:
     """Smallest and largest force of every pad, slider and support that gives way, when, and where the path is then."""
     rows: list[tuple[Cell, ...]] = [
         (model, name, *found.summary().values())
@@ -103,7 +101,7 @@ def reaction_extremes(response: Response, path: Array) -> dict[Reaction, Extreme
     return found
 
 
-def reactions(result: RunResult | BoomResult) -> Table:
+def reactions(result: RunResult) -> Table:
     """Smallest and largest force or moment on every rigid support."""
     rows: list[tuple[Cell, ...]] = [
         (model, of.support, of.unit, *found.summary().values())
@@ -113,30 +111,36 @@ def reactions(result: RunResult | BoomResult) -> Table:
     return Table(("model", "reaction of", "unit", *_extremes_in_column()), tuple(rows))
 
 
-def frequencies(result: RunResult | BoomResult) -> Table:
+def frequencies(result: RunResult) -> Table:
     """Lowest frequencies over the path coordinate s, or over the reach of a boom of sections."""
-    if isinstance(result, BoomResult):
-        place, at, known = "reach [m]", result.frequencies.reach, dict(result.frequencies.models)
-    else:
-        found = result.frequencies
-        known = {name: getattr(found, name) / (2.0 * np.pi) for name in ("reduced", "full", "closed_form")}
-        place, at, known = "s [m]", found.s, {name: f for name, f in known.items() if f.size}
-    heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in known.items() for k in range(f.shape[1])]
-    values = np.column_stack([at, *known.values()])
-    return Table((place, *heads), tuple(map(tuple, values.tolist())) if known else ())
+    found = result.frequencies
+    heads = [f"{name.replace('_', ' ')} {k + 1} [Hz]" for name, f in found.models.items() for k in range(f.shape[1])]
+    values = np.column_stack([found.along, *found.models.values()])
+    return Table((f"{result.coordinate} [m]", *heads), tuple(map(tuple, values.tolist())) if found.models else ())
+
+
+def stress_peaks(result: RunResult) -> dict[str, dict[str, Mapping[str, Any]]]:
+    """By model, the largest von Mises stress in each region of each body, as summary.json has it."""
+    parts = {part["name"]: part for part in result.summary.get("sections", ())} or {ALONE: result.summary}
+    found = dict[str, dict[str, Mapping[str, Any]]]()
+    for name, part in parts.items():
+        for model, regions in part.get("stress_by_region", {}).items():
+            found.setdefault(model, {}).update({named(name, region): peak for region, peak in regions.items()})
+    return found
 
 
 def stress(result: RunResult) -> Table:
-    """Largest von Mises stress of the whole body and of each of its regions, when and where."""
-    rows = []
-    for model, regions in result.summary.get("stress_by_region", {}).items():
-        for region, peak in regions.items():
-            rows.append((model, region, peak["value"], peak["t"], *peak["position"], peak["face"]))
+    """Largest von Mises stress of each body, whole and by regions, when and where."""
+    rows = [
+        (model, region, peak["value"], peak["t"], *peak["position"], peak["face"])
+        for model, regions in stress_peaks(result).items()
+        for region, peak in regions.items()
+    ]
     places = ("x [m]", "y [m]", "z [m]")
     return Table(("model", "region", "von Mises [Pa]", "t [s]", *places, "face"), tuple(rows))
 
 
-def probes(result: RunResult | BoomResult) -> Table:
+def probes(result: RunResult) -> Table:
     """Smallest and largest value of what each probe measures."""
     rows = []
     for model, response in result.responses.items():
@@ -150,7 +154,7 @@ def probes(result: RunResult | BoomResult) -> Table:
     )
 
 
-def load_cycles(result: RunResult | BoomResult) -> Table:
+def load_cycles(result: RunResult) -> Table:
     """Rainflow cycles of what the probes measure in stress and strain, for a fatigue assessment."""
     rows = []
     for model, response in result.responses.items():
@@ -161,12 +165,13 @@ def load_cycles(result: RunResult | BoomResult) -> Table:
     return Table(("model", "probe", "unit", "range", "mean", "count", "t_begin [s]", "t_end [s]"), tuple(rows))
 
 
-_TABLES: Mapping[str, Callable[[RunResult | BoomResult], Table]] = {
+_TABLES: Mapping[str, Callable[[RunResult], Table]] = {
     "forces": forces,
     "reactions": reactions,
     "frequencies": frequencies,
     "probes": probes,
     "cycles": load_cycles,
+    "stress": stress,
 }
 
 
@@ -179,11 +184,11 @@ def _extremes_in_column() -> tuple[str, ...]:
     return tuple(name.removesuffix(" []") for name in _extremes(""))
 
 
-def _probes(result: RunResult | BoomResult, response: Response) -> Iterator[Mapping[str, Any]]:
+def _probes(result: RunResult, response: Response) -> Iterator[Mapping[str, Any]]:
     yield from (probe for probe in result.summary.get("probes", ()) if probe["name"] in response.other_names)
 
 
-def _path(result: RunResult | BoomResult, response: Response) -> Array:
+def _path(result: RunResult, response: Response) -> Array:
     """Path coordinate or reach in m at the times of a response, which may have fewer steps."""
-    t, path = response.t, result.reach if isinstance(result, BoomResult) else result.path
+    t, path = response.t, result.along
     return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(path)), path)

@@ -178,6 +178,11 @@ class Boom(Whole):
         return zip(self.sections, content["sections"], strict=True)
 
     @property
+    def bodies(self) -> Mapping[str, OneBody]:
+        """The sections by their names, from the base out."""
+        return {part.name: part for part in self.sections}
+
+    @property
     def ordered(self) -> BoomAccuracy | BoomBudget | None:
         """What is asked for in place of coordinates, if anything."""
         return self.accuracy or self.budget

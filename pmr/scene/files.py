@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -68,6 +69,11 @@ def vary(path: str | Path, changes: Sequence[Change]) -> Scene | Boom:
     for change in changes:
         file.apply(change)
     return _checked(file, file.validated(Boom), check_boom)
+
+
+def from_json(text: str) -> Scene | Boom:
+    """The scene that `model_dump_json` gave: it was checked when it was read from its file."""
+    return (Boom if "sections" in json.loads(text) else Scene).model_validate_json(text)
 
 
 def has_sections(path: str | Path) -> bool:

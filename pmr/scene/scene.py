@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,6 +13,7 @@ from pydantic import Field
 
 from pmr.scene import asked
 from pmr.scene.built import ENDS, WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
+from pmr.scene.names import ALONE
 from pmr.scene.section import Section, Text
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass, Probe
@@ -80,6 +81,11 @@ class Whole(Section):
                 described[section]["file"] = digest
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
+    @property
+    @abstractmethod
+    def bodies(self) -> Mapping[str, OneBody]:
+        """Each body by its name; a body alone has the empty one."""
+
     @abstractmethod
     def _bodies(self, content: dict[str, Any]) -> Iterable[tuple[OneBody, dict[str, Any]]]:
         """Each body, and where `content` says what it is."""
@@ -100,6 +106,11 @@ class Scene(OneBody, Whole):
 
     def _bodies(self, content: dict[str, Any]) -> Iterable[tuple[OneBody, dict[str, Any]]]:
         return [(self, content)]
+
+    @property
+    def bodies(self) -> Mapping[str, OneBody]:
+        """Itself, under the empty name."""
+        return {ALONE: self}
 
     @property
     def ordered(self) -> asked.Accuracy | asked.Budget | None:

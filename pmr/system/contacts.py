@@ -9,16 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
+from pmr.scene.names import ALONE as ALONE
+from pmr.scene.names import SLIDER as SLIDER
+from pmr.scene.names import named as named
 
 Array = NDArray[np.float64]
-
-#: What a body alone is called in a system, and the path on which its moving rows travel.
-ALONE, SLIDER = "", "slider"
-
-
-def named(body: str, what: str) -> str:
-    """What something of a body is called among those of all bodies; of a body alone as it is."""
-    return what if body == ALONE else f"{body}: {what}"
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def digests(folder: Path) -> dict[str, str]:
 def coordinates(folder: Path) -> set[int]:
     """What each of the files in a folder says of their number."""
     result = RunResult.load(folder)
-    found = {ReducedModel.load(folder / "reduced.npz").size, result.shapes.shapes.shape[1]}
+    found = {ReducedModel.load(folder / "reduced.npz").size, result.body.shapes.shapes.shape[1]}
     found |= {result.scene.reduction.coordinates, result.summary["coordinates"]["reduced"]}
     return found | {json.loads((folder / "scene.json").read_text())["reduction"]["coordinates"]}
 

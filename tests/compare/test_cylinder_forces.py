@@ -16,7 +16,7 @@ from pmr.pipeline.booms import run_boom
 from pmr.recover.coordinates import Recovery
 from pmr.recover.from_scene import states_of
 from pmr.reduction.sections import reduce_sections
-from pmr.results import BoomResult
+from pmr.results import RunResult
 from pmr.scene import Boom
 from pmr.simulation.booms import excitation_of
 from pmr.simulation.native import multibody
@@ -35,7 +35,7 @@ QUICK = (
 
 
 @cache
-def result(workflow: str, *changes: str) -> BoomResult:
+def result(workflow: str, *changes: str) -> RunResult:
     boom = scenes.load_any(WORKFLOWS / workflow, (*QUICK, *changes))
     assert isinstance(boom, Boom)
     outcome = run_boom(boom)

@@ -7,7 +7,7 @@ import meshio
 import numpy as np
 import pytest
 
-from pmr.export.paraview import write_series
+from pmr.export.paraview import Travelling, write_series
 from pmr.fields.series import Boxes, Fields, Grid
 
 POINTS = np.random.default_rng(1).normal(size=(8, 3))
@@ -30,7 +30,7 @@ def fields(cell: str, times: int = 3) -> Fields:
 @pytest.mark.parametrize("cell", CELLS)
 def test_a_series_is_read_back(tmp_path: Path, cell: str) -> None:
     written = fields(cell)
-    listing = write_series(tmp_path, "boom", written)
+    listing = write_series(tmp_path, "boom", {"": Travelling(written)})
     assert listing == tmp_path / "boom.pvd"
     sets = ElementTree.parse(listing).getroot().findall("Collection/DataSet")
     assert [float(s.attrib["timestep"]) for s in sets] == written.t.tolist()
@@ -51,7 +51,11 @@ def test_the_body_stands_where_it_is_beside_its_pads(tmp_path: Path) -> None:
     written, s = fields("triangle"), np.array([1.5, 2.0, 2.5])
     corners = np.random.default_rng(3).normal(size=(3, 2, 8, 3))
     pads = Boxes(("a", "b"), corners, {"force": np.array([[1.0, 2.0], [3.0, 4.0], [5.0, np.nan]])})
-    sets = ElementTree.parse(write_series(tmp_path, "boom", written, s, pads)).getroot().findall("Collection/DataSet")
+    sets = (
+        ElementTree.parse(write_series(tmp_path, "boom", {"": Travelling(written, -s)}, pads))
+        .getroot()
+        .findall("Collection/DataSet")
+    )
     assert [(entry.attrib["part"], float(entry.attrib["timestep"])) for entry in sets] == [
         (part, t) for t in written.t.tolist() for part in ("0", "1")
     ]
@@ -64,14 +68,14 @@ def test_the_body_stands_where_it_is_beside_its_pads(tmp_path: Path) -> None:
 
 def test_a_shorter_series_leaves_nothing_of_a_longer_one(tmp_path: Path) -> None:
     for times in (3, 2):
-        write_series(tmp_path, "boom", fields("triangle", times))
+        write_series(tmp_path, "boom", {"": Travelling(fields("triangle", times))})
     assert sorted(file.name for file in (tmp_path / "boom").iterdir()) == ["00000.vtu", "00001.vtu"]
 
 
 def test_vtk_opens_a_series(tmp_path: Path) -> None:
     pyvista = pytest.importorskip("pyvista")
     written = fields("triangle")
-    reader = pyvista.get_reader(str(write_series(tmp_path, "boom", written)))
+    reader = pyvista.get_reader(str(write_series(tmp_path, "boom", {"": Travelling(written)})))
     assert reader.time_values == pytest.approx(written.t.tolist())
     reader.set_active_time_value(reader.time_values[2])
     mesh = reader.read()[0]

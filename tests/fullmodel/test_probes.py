@@ -77,10 +77,10 @@ def test_a_simulated_probe_is_the_recovered_stress() -> None:
     changes = ("time.end=0.5", "recovery.every=0.5", "mesh.elements=12", "slider.path=2.0")
     probes = "probes=[{name='p',at=[2.0,0.15,0.2],measures=['stress','displacement']}]"
     outcome = run(scenes.load(WORKFLOWS / "boom_beam.toml", [*changes, probes, "reduction.coordinates=8"]))
-    assert outcome is not None and outcome.result.fields is not None
+    assert outcome is not None and outcome.result.body.fields is not None
     result, reduced = outcome.result, outcome.result.responses["reduced"]
     assert reduced.other_units[:5] == ("Pa", "Pa", "mm", "mm", "mm")  # reactions follow
-    fields, (place, *_) = result.fields, result.summary["probes"]
+    fields, (place, *_) = result.body.fields, result.summary["probes"]
     near = int(np.linalg.norm(fields.points - (2.0, 0.0, 0.0), axis=1).argmin())
     moved = [reduced.other(f"p displacement {d}")[-1] for d in "xyz"]
     assert moved == pytest.approx(1e3 * fields.displacement[-1, near], rel=1e-5, abs=1e-9)  # fields are single

@@ -15,7 +15,7 @@ from pmr import scene as scenes
 from pmr.compare import boom_motions
 from pmr.compare.boom_figures import frequency_map, joints
 from pmr.compare.booms import respond, with_friction
-from pmr.export.paraview import Travelling, write_bodies
+from pmr.export.paraview import Travelling, write_series
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_sections
 from pmr.pipeline.booms import BoomOutcome, run_boom
@@ -23,7 +23,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduction import sections
 from pmr.reduction.sections import reduce_sections
 from pmr.report.document import write_report
-from pmr.results import BoomResult
+from pmr.results import RunResult
 from pmr.results import load as load_frames
 from pmr.results.tables import tables
 from pmr.scene import Boom
@@ -131,7 +131,7 @@ def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: Boom
     assert set(found) == {"forces", "reactions", "frequencies", "probes"}
     assert [row[1] for row in found["reactions"].rows] == ["base: clamp x", "base: clamp z", "base: clamp ry"]
     assert found["frequencies"].columns[0] == "reach [m]"
-    assert [row[0] for row in found["frequencies"].rows] == result.frequencies.reach.tolist()
+    assert [row[0] for row in found["frequencies"].rows] == result.frequencies.along.tolist()
     told = {row[1]: row for row in found["forces"].rows if row[0] == "reduced"}
     assert set(told) == {one["name"] for kind in ("pads", "cylinders") for one in result.summary[kind]}
     probe = next(row for row in found["probes"].rows if row[:2] == ("reduced", "middle: waist displacement z"))
@@ -187,7 +187,7 @@ def test_a_section_whose_name_begins_as_pads_of_another_one_do_has_pads_of_its_o
 
 def test_frequencies_are_those_of_the_full_model_from_the_shortest_to_the_longest(outcome: BoomOutcome) -> None:
     found = outcome.result.frequencies
-    assert np.all(np.diff(found.reach) > 0.0) and found.reach[[0, -1]] == pytest.approx([8.0, 9.2])
+    assert np.all(np.diff(found.along) > 0.0) and found.along[[0, -1]] == pytest.approx([8.0, 9.2])
     assert found.models["reduced"][:, :3] == pytest.approx(found.models["full"][:, :3], rel=1e-3)
 
 
@@ -210,7 +210,7 @@ def test_the_first_frequency_over_two_joints(outcome: BoomOutcome) -> None:
 @pytest.mark.usefixtures("undrawn")
 def test_a_result_is_read_as_it_was_saved_and_reported(outcome: BoomOutcome, tmp_path: Path) -> None:
     outcome.result.save(tmp_path)
-    again = BoomResult.load(tmp_path)
+    again = RunResult.load(tmp_path)
     if find_spec("pandas"):
         assert len(load_frames(tmp_path)["reduced"]) == len(again.responses["reduced"].t)
     assert again.scene.hash == outcome.result.scene.hash and again.summary == json.loads(json.dumps(again.summary))
@@ -261,7 +261,8 @@ def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(
     outcome = run_boom(boom)
     assert outcome is not None
     result = outcome.result
-    response, fields = result.responses["reduced"], result.fields["fly"]
+    response, fields = result.responses["reduced"], result.bodies["fly"].fields
+    assert fields is not None
     tip = response.displacement[::100, response.output_names.index("fly: tip z")]
     last = int(np.argmax(fields.points[:, 0]))
     assert fields.displacement[:, last, 2] == pytest.approx(tip, rel=1e-5)
@@ -273,7 +274,7 @@ def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(
     assert "Largest von Mises stress of each section" in page and "fly, full" in page
     along = {name: one[1] for name, one in result.travelling.items()}
     assert along["fly"][[0, -1]] == pytest.approx([2.0, 3.2]) and not along["base"].any()
-    listing = write_bodies(tmp_path, "fields", {name: Travelling(*one) for name, one in result.travelling.items()})
+    listing = write_series(tmp_path, "fields", {name: Travelling(*one) for name, one in result.travelling.items()})
     assert listing.read_text().count("DataSet") == 3 * 6
     first = meshio.read(tmp_path / "fields" / "fly-00005.vtu")
     assert first.points[:, 0].max() == pytest.approx(9.2)
@@ -390,7 +391,7 @@ def test_the_published_boom_lift_on_two_rigid_pads_an_overlap() -> None:
     first = {name: values[::-2, 0] for name, values in outcome.result.frequencies.models.items()}
     expected = [0.8888, 0.9407, 0.9978, 1.0609, 1.1306, 1.2082, 1.2948]
     assert first["full"] == pytest.approx(expected, rel=1e-3) and first["reduced"] == pytest.approx(expected, rel=1e-3)
-    overlap = 4.785 - outcome.result.frequencies.extensions[::-2, 1]
+    overlap = 4.785 - outcome.result.frequencies.paths[::-2, 1]
     assert overlap == pytest.approx(4.478 * np.arange(0.05, 0.36, 0.05), abs=0.02)
 
 

@@ -14,7 +14,7 @@ import pytest
 from boom_results import boom, make_fields, make_space  # noqa: F401 fixtures
 
 from pmr.report.document import ReportFiles, write_report
-from pmr.results import Energy, FrequencyCurves, Response, RunResult, Shapes
+from pmr.results import BodyResult, Energy, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Scene
 
 MakeResult = Callable[..., RunResult]
@@ -86,10 +86,9 @@ def make_result() -> MakeResult:
             scene=scene,
             summary=SUMMARY if summary is None else summary,
             responses={name: _response(name, t, len(offsets)) for name in responses},
-            path=scene.slider.path.value(t),
-            path_rate=scene.slider.path.rate(t),
-            loads=np.stack([load.signal.value(t) for load in scene.loads], axis=1),
-            shapes=Shapes(np.array([1.0, 0.1, 0.01, 0.001]), X, np.stack([X, X**2, 0.0 * X], axis=1)),
+            paths=Paths(("slider",), scene.slider.path.value(t)[:, None], scene.slider.path.rate(t)[:, None]),
+            loads=_loads(scene, t),
+            bodies={"": BodyResult(Shapes(np.array([1.0, 0.1, 0.01, 0.001]), X, np.stack([X, X**2, 0.0 * X], axis=1)))},
             frequencies=_frequencies(closed_form),
         )
 
@@ -116,10 +115,16 @@ def _response(name: str, t: np.ndarray, sliders: int) -> Response:
     )
 
 
-def _frequencies(closed_form: bool) -> FrequencyCurves:
+def _loads(scene: Scene, t: np.ndarray) -> Loads:
+    units = tuple("N m" if load.direction.startswith("r") else "N" for load in scene.loads)
+    values = np.stack([load.signal.value(t) for load in scene.loads], axis=1)
+    return Loads(tuple(load.name for load in scene.loads), units, values)
+
+
+def _frequencies(closed_form: bool) -> Frequencies:
     s = np.linspace(1.25, 3.75, 9)
-    omega = 2.0 * np.pi * np.stack([1.0 + s, 10.0 + s, 30.0 + s], axis=1)
-    return FrequencyCurves(s, omega, 1.01 * omega, omega if closed_form else np.empty((9, 0)))
+    f = np.stack([1.0 + s, 10.0 + s, 30.0 + s], axis=1)
+    return Frequencies(s, s[:, None], {"full": f, "reduced": 1.01 * f} | ({"closed_form": f} if closed_form else {}))
 
 
 @pytest.fixture(scope="session")

@@ -176,7 +176,7 @@ def test_frequencies_over_decades_are_labelled_in_hertz() -> None:
 
 def test_the_band_of_the_estimate_holds_what_is_drawn(make_result) -> None:
     result = make_result()
-    wide = np.full(len(result.path), 2e-3)
+    wide = np.full(len(result.along), 2e-3)
     figure = band(result, lambda response: response.tip, wide)
     (filled,) = [one for one in figure.axes[0].collections if len(one.get_paths()[0].vertices) > 4]
     off = 1e3 * np.abs(result.responses["reduced"].tip - result.responses["full"].tip).max()

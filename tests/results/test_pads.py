@@ -3,17 +3,17 @@ from __future__ import annotations
 import numpy as np
 from boom_results import make_fields, make_space  # noqa: F401 fixtures
 
-from pmr.results.pads import CUBE, THICK, pads_over_time, place_of
+from pmr.results.pads import CUBE, THICK, pads_over_time
 
 
 def test_pads_of_the_mouth_stay_and_those_of_the_tail_move_with_the_body(make_space, make_fields) -> None:  # noqa: F811
     result = make_space(fields=make_fields("triangle"))
-    found, s = pads_over_time(result), place_of(result)
+    found, along = pads_over_time(result), result.travelling[""][1]
     assert found is not None and len(found.names) == sum(len(ring.places) for ring in result.scene.pads)
     moving = [ring.moving for ring in result.scene.pads for _ in ring.places]
     start = found.corners[:, :, :, 0].min(axis=2)
     for k, stays in enumerate(moving):
-        assert np.allclose(start[:, k] - start[0, k], 0.0 if stays else s[0] - s)
+        assert np.allclose(start[:, k] - start[0, k], 0.0 if stays else along - along[0])
     size = np.ptp(found.corners, axis=2)
     assert np.allclose(size.min(axis=2), THICK)
     assert found.values["force"].shape == start.shape

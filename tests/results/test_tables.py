@@ -49,14 +49,14 @@ def test_forces_have_their_extremes_times_and_places(folder: Path) -> None:
         force = response.force(f"force of {row['force of']}", 0)
         assert (float(row["min [N]"]), float(row["max [N]"])) == (force.min(), force.max())
         at = int(np.flatnonzero(response.t == float(row["t_max [s]"]))[0])
-        assert force[at] == force.max() and float(row["s_max [m]"]) == pytest.approx(result.path[at], rel=1e-12)
+        assert force[at] == force.max() and float(row["s_max [m]"]) == pytest.approx(result.along[at], rel=1e-12)
 
 
 def test_frequencies_are_in_hertz_over_the_path(folder: Path) -> None:
     result, found = RunResult.load(folder), rows(folder, "frequencies")
-    assert [float(row["s [m]"]) for row in found] == result.frequencies.s.tolist()
+    assert [float(row["s [m]"]) for row in found] == result.frequencies.along.tolist()
     first = [float(row["full 1 [Hz]"]) for row in found]
-    assert first == pytest.approx((result.frequencies.full[:, 0] / (2.0 * np.pi)).tolist(), rel=1e-14)
+    assert first == pytest.approx(result.frequencies.models["full"][:, 0].tolist(), rel=1e-14)
     assert [float(row["reduced 1 [Hz]"]) for row in found] == pytest.approx(first, rel=1e-2)
 
 

@@ -14,7 +14,7 @@ from pmr.report.booms.motion import motion, said
 from pmr.report.marks import ErrorTable, Row, signed_deviation
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant, times_the_true_error
 from pmr.report.subject import is_round_off, not_drawn
-from pmr.results import BoomResult
+from pmr.results import RunResult
 
 PLACES = {
     "tip": "tip",
@@ -26,7 +26,7 @@ PLACES = {
 }
 
 
-def chapter(result: BoomResult, anchor: str) -> Chapter:
+def chapter(result: RunResult, anchor: str) -> Chapter:
     """Everything that the report says of one run; `anchor` is put before every identifier."""
     caption = f"The boom on its way out; deflection is drawn {plain(figures.exaggeration(result))} times its size."
     return Chapter(
@@ -40,9 +40,9 @@ def chapter(result: BoomResult, anchor: str) -> Chapter:
     )
 
 
-def opening(result: BoomResult) -> str:
+def opening(result: RunResult) -> str:
     """What it is about, in a sentence or two."""
-    boom, low, high = result.scene, float(result.reach.min()), float(result.reach.max())
+    boom, low, high = result.scene, float(result.along.min()), float(result.along.max())
     out = f"{low:.4g}{SPACE}m to {high:.4g}{SPACE}m" if high > low else f"{low:.4g}{SPACE}m"
     return (
         f"A boom of {len(boom.sections)} sections, all of which bend: {', '.join(boom.names)}. It reaches {out} from "
@@ -50,7 +50,7 @@ def opening(result: BoomResult) -> str:
     )
 
 
-def rows(result: BoomResult) -> list[Row]:
+def rows(result: RunResult) -> list[Row]:
     """Lines of the error table, as the terminal shows them too."""
     summary, found = result.summary, list[Row]()
     for place, called in PLACES.items():
@@ -76,7 +76,7 @@ def rows(result: BoomResult) -> list[Row]:
     return found
 
 
-def estimate(result: BoomResult) -> str:
+def estimate(result: RunResult) -> str:
     """What the estimate includes, or why there is none; empty where none was asked for."""
     found = result.summary.get("estimate")
     if found is None:
@@ -91,7 +91,7 @@ def estimate(result: BoomResult) -> str:
     )
 
 
-def _numbers(result: BoomResult) -> Iterator[KeyNumber]:
+def _numbers(result: RunResult) -> Iterator[KeyNumber]:
     summary, responses = result.summary, result.responses
     sizes = summary["coordinates"]
     yield KeyNumber(f"{plain(sizes['full'])}{SPACE}→{SPACE}{sizes['reduced']}", "coordinates")
@@ -114,7 +114,7 @@ def _numbers(result: BoomResult) -> Iterator[KeyNumber]:
     )
 
 
-def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
+def _blocks(result: RunResult, prefix: str) -> Iterator[Block]:
     table = rows(result)
     compared = "full" in result.responses
     caption = "Normalised RMS errors, and largest values." if compared else "Over all times and places."
@@ -142,14 +142,14 @@ def _blocks(result: BoomResult, prefix: str) -> Iterator[Block]:
     if result.summary["cylinders"]:
         note = "What a cylinder or rope pushes its section out with, friction included; negative where it pulls."
         yield _forces(result, prefix, "cylinders", "Cylinder forces", note)
-    if grids := tuple(borne.reactions(result.responses["reduced"], result.reach, "s is the reach")):
+    if grids := tuple(borne.reactions(result.responses["reduced"], result.along, "s is the reach")):
         yield Block(heading="Supports", grids=grids)
     if "max_von_mises" in result.summary:
         yield _stresses(result)
     yield _origin(result)
 
 
-def _tip(result: BoomResult, prefix: str) -> Block:
+def _tip(result: RunResult, prefix: str) -> Block:
     difference = "; below, the difference to the full model" if "full" in result.responses else ""
     rows, still = [], []
     for d in (d for d in "yz" if tip(result, result.responses["reduced"], d) is not None):
@@ -161,7 +161,7 @@ def _tip(result: BoomResult, prefix: str) -> Block:
     return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(result, still))
 
 
-def _published(result: BoomResult) -> tuple[Grid]:
+def _published(result: RunResult) -> tuple[Grid]:
     assert result.scene.published is not None
     rows = []
     for one in result.summary["published_frequencies"]:
@@ -173,7 +173,7 @@ def _published(result: BoomResult) -> tuple[Grid]:
     return (Grid(caption, ("reach", "published", *models), tuple(rows)),)
 
 
-def _forces(result: BoomResult, prefix: str, kind: str, heading: str, note: str) -> Block:
+def _forces(result: RunResult, prefix: str, kind: str, heading: str, note: str) -> Block:
     found: Sequence[Mapping[str, Any]] = result.summary[kind]
     names = [f"force of {one['name']}" for one in found]
     rubbing = any("friction" in one for one in found)
@@ -199,7 +199,7 @@ def _forces(result: BoomResult, prefix: str, kind: str, heading: str, note: str)
     return Block(heading=heading, rows=tuple((one,) for one in drawn), grids=(table,))
 
 
-def _stresses(result: BoomResult) -> Block:
+def _stresses(result: RunResult) -> Block:
     """Of every section: the largest stress of each model, when, and where it is along the section."""
     found = []
     for one in result.summary["sections"]:
@@ -211,7 +211,7 @@ def _stresses(result: BoomResult) -> Block:
     return Block(heading="Stress", grids=(Grid("Largest von Mises stress of each section.", head, tuple(found)),))
 
 
-def _origin(result: BoomResult) -> Block:
+def _origin(result: RunResult) -> Block:
     summary = result.summary
     sizes = tuple(
         (one["name"], f"{plain(one['coordinates']['full'])} → {plain(one['coordinates']['reduced'])}")

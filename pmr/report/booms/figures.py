@@ -16,7 +16,7 @@ from pmr.report.booms.lines import COLOURS, Array, lines, tip
 from pmr.report.decimation import extremes
 from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, RAMP, WIDE, bins_of, key, octave_axis, sheet
 from pmr.report.numbers import round_number, unit_for
-from pmr.results import BoomResult, Response
+from pmr.results import Response, RunResult
 
 #: Extensions at which the boom is drawn; largest deflection as drawn, over its reach; forces in one figure.
 DRAWN, REACH, MOST_FORCES = 4, 0.05, 12
@@ -24,17 +24,17 @@ DRAWN, REACH, MOST_FORCES = 4, 0.05, 12
 LEVELS = 9
 
 
-def exaggeration(result: BoomResult) -> float:
+def exaggeration(result: RunResult) -> float:
     """How many times its size a deflection is drawn: a round number."""
     response = result.responses["reduced"]
     largest = max(float(np.abs(line.moved).max(initial=0.0)) for line in lines(result, response))
-    return round_number(REACH * float(result.reach.max()) / largest) if largest > 0.0 else 1.0
+    return round_number(REACH * float(result.along.max()) / largest) if largest > 0.0 else 1.0
 
 
-def boom(result: BoomResult) -> Figure:
+def boom(result: RunResult) -> Figure:
     """The deflected boom with all its sections, from its shortest to its longest; outer ones are drawn thicker."""
-    goals = np.linspace(result.reach.min(), result.reach.max(), DRAWN if np.ptp(result.reach) > 0.0 else 1)
-    steps = [int(np.argmin(np.abs(result.reach - goal))) for goal in goals]
+    goals = np.linspace(result.along.min(), result.along.max(), DRAWN if np.ptp(result.along) > 0.0 else 1)
+    steps = [int(np.argmin(np.abs(result.along - goal))) for goal in goals]
     found, scale = lines(result, result.responses["reduced"]), exaggeration(result)
     figure, axes = sheet(WIDE, 0.7 + 0.75 * len(steps), rows=len(steps), sharex=True, sharey=True)
     for ax, step in zip(axes[:, 0], steps, strict=True):
@@ -49,11 +49,11 @@ def boom(result: BoomResult) -> Figure:
     return figure
 
 
-def extensions(result: BoomResult) -> Figure:
+def extensions(result: RunResult) -> Figure:
     """Extension of every section over time."""
     figure, axes = sheet(HALF, 2.0)
     ax, t = axes[0, 0], result.responses["reduced"].t
-    for k, (name, values) in enumerate(zip(result.scene.names[1:], result.extensions.T, strict=True), start=1):
+    for k, (name, values) in enumerate(zip(result.paths.names, result.paths.values.T, strict=True), start=1):
         shown = extremes(values, bins_of(ax))
         wide = 1.0 + 1.2 * (len(result.scene.names) - 1 - k)  # sections may extend together
         ax.plot(t[shown], values[shown], color=COLOURS[k % len(COLOURS)], label=name, linewidth=wide)
@@ -64,13 +64,13 @@ def extensions(result: BoomResult) -> Figure:
     return figure
 
 
-def frequencies(result: BoomResult) -> Figure:
+def frequencies(result: RunResult) -> Figure:
     """Lowest natural frequencies against how far the boom reaches."""
     found = result.frequencies
     figure, axes = sheet(HALF, 2.0)
     ax, handles = axes[0, 0], []
     for name in (name for name in PENS if name in found.models):
-        ax.plot(found.reach, found.models[name], marker="o" if len(found.reach) == 1 else "", **PENS[name].line())
+        ax.plot(found.along, found.models[name], marker="o" if len(found.along) == 1 else "", **PENS[name].line())
         handles.append(Line2D([], [], label=PENS[name].label, **PENS[name].line()))
     values = np.concatenate([one.ravel() for one in found.models.values()])
     octave_axis(ax, float(values.min()), float(values.max()))
@@ -80,7 +80,7 @@ def frequencies(result: BoomResult) -> Figure:
     return figure
 
 
-def frequency_map(result: BoomResult) -> Figure:
+def frequency_map(result: RunResult) -> Figure:
     """First natural frequency over the extensions of two joints, as lines of equal frequency, and the run's way."""
     found = result.frequencies.over_joints
     assert found is not None  # who asks for the figure has looked
@@ -89,7 +89,7 @@ def frequency_map(result: BoomResult) -> Figure:
     levels = MaxNLocator(LEVELS).tick_values(found.lowest.min(), found.lowest.max())
     ax.contourf(found.first, found.second, found.lowest.T, levels, cmap=LinearSegmentedColormap.from_list("", RAMP[:3]))
     columns = [result.scene.names.index(name) - 1 for name in found.joints]
-    ax.plot(*result.extensions[:, columns].T, color="white", linewidth=2.5)
+    ax.plot(*result.paths.values[:, columns].T, color="white", linewidth=2.5)
     lines = ax.contour(found.first, found.second, found.lowest.T, levels, colors=INK, linewidths=0.5)
     for label in ax.clabel(lines, fmt=lambda value: f"{value:.3g}", inline=False):
         label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
@@ -98,7 +98,7 @@ def frequency_map(result: BoomResult) -> Figure:
     return figure
 
 
-def tip_history(result: BoomResult, direction: str) -> Figure:
+def tip_history(result: RunResult, direction: str) -> Figure:
     """Displacement of the last section's tip; below it the difference to the full model."""
     curves = {name: tip(result, result.responses[name], direction) for name in PENS if name in result.responses}
     signals = {name: curve for name, curve in curves.items() if curve is not None}
@@ -115,7 +115,7 @@ def tip_history(result: BoomResult, direction: str) -> Figure:
     return figure
 
 
-def forces(result: BoomResult, names: Sequence[str]) -> Figure:
+def forces(result: RunResult, names: Sequence[str]) -> Figure:
     """Forces over time, one panel each on one scale."""
     shown = names[:MOST_FORCES]
     panels = [
@@ -149,11 +149,11 @@ def forces(result: BoomResult, names: Sequence[str]) -> Figure:
     return figure
 
 
-def _drawn(result: BoomResult) -> Mapping[str, Response]:
+def _drawn(result: RunResult) -> Mapping[str, Response]:
     return {name: result.responses[name] for name in PENS if name in result.responses}
 
 
-def _trace(ax: Axes, result: BoomResult, curves: Mapping[str, Array], size: float, weight: float = 1.0) -> None:
+def _trace(ax: Axes, result: RunResult, curves: Mapping[str, Array], size: float, weight: float = 1.0) -> None:
     t = result.responses["reduced"].t
     for order, (name, curve) in enumerate(curves.items()):
         kept = extremes(curve, bins_of(ax))

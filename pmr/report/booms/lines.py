@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.results import BoomResult, Response
+from pmr.results import Response, RunResult
 
 Array = NDArray[np.float64]
 
@@ -26,10 +26,10 @@ class SectionLine:
     tail: Array
 
 
-def lines(result: BoomResult, response: Response) -> list[SectionLine]:
+def lines(result: RunResult, response: Response) -> list[SectionLine]:
     """Of all sections, from the base out; vertical displacements."""
     boom, found = result.scene, []
-    tails = np.cumsum(np.hstack([np.zeros((len(response.t), 1)), result.extensions]), axis=1)
+    tails = np.cumsum(np.hstack([np.zeros((len(response.t), 1)), result.paths.values]), axis=1)
     for number, (part, tail) in enumerate(zip(boom.sections, tails.T, strict=True)):
         names = response.output_names
         tip = f"{part.name}: {part.observe.tip_along('z')}"
@@ -43,7 +43,7 @@ def lines(result: BoomResult, response: Response) -> list[SectionLine]:
     return found
 
 
-def tip(result: BoomResult, response: Response, direction: str) -> Array | None:
+def tip(result: RunResult, response: Response, direction: str) -> Array | None:
     """Displacement (T,) m of the last section's tip along y or z; None where there is none."""
     last = result.scene.sections[-1]
     name = f"{last.name}: {last.observe.tip_along(direction)}"

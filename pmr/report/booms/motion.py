@@ -11,12 +11,12 @@ from pmr.report.booms.figures import exaggeration
 from pmr.report.booms.lines import SectionLine, lines
 from pmr.report.decimation import packed, speeds, spread
 from pmr.report.numbers import plain, quantity
-from pmr.results import BoomResult
+from pmr.results import RunResult
 
 FRAMES, POINTS = 1000, 16
 
 
-def motion(result: BoomResult) -> dict[str, Any]:
+def motion(result: RunResult) -> dict[str, Any]:
     """What the player needs, ready for JSON.
 
     Of each section its places in m, displacements (frames, points) and its tail (frames,); of each pad above or below
@@ -28,7 +28,7 @@ def motion(result: BoomResult) -> dict[str, Any]:
     largest = max((float(np.abs(pad["force"]).max()) for pad in pads), default=0.0) or 1.0
     moved = [line.moved[frames][:, spread(len(line.x), POINTS)] for line in found]
     return {
-        "length": float(result.reach.max()),
+        "length": float(result.along.max()),
         "largest": max(float(np.abs(line.moved).max(initial=0.0)) for line in found),
         "reach": [min(float(w.min()) for w in moved), max(float(w.max()) for w in moved)],
         "scale": exaggeration(result),
@@ -59,7 +59,7 @@ def said(data: dict[str, Any]) -> str:
     return f"Deflection is drawn {drawn}; it reaches {quantity(data['largest'], 'm')}.{bars}"
 
 
-def _pads(result: BoomResult, found: list[SectionLine], frames: Any) -> Iterator[dict[str, Any]]:
+def _pads(result: RunResult, found: list[SectionLine], frames: Any) -> Iterator[dict[str, Any]]:
     """Rings above and below, one for all pads of a ring on one face; `section` is the inner one."""
     response, boom = result.responses["reduced"], result.scene
     for number, part in enumerate(boom.sections[1:], start=1):

@@ -58,7 +58,7 @@ def residual(result: RunResult, what: Quantity, level: str) -> str:
 
 def basis(result: RunResult) -> str:
     """Below the shapes of the basis."""
-    count = result.shapes.shapes.shape[1]
+    count = shapes.of(result).shapes.shape[1]
     first = f"the first {shapes.MOST_SHAPES} of {count}" if count > shapes.MOST_SHAPES else f"all {count}"
     flat = " A flat line belongs to a vector that moves the body along its axis only."
     scaled = f"Transverse shapes of the basis vectors, {first}, each over its largest value."
@@ -67,7 +67,7 @@ def basis(result: RunResult) -> str:
 
 def frequencies(result: RunResult) -> str:
     """Below the eigenfrequencies."""
-    omega = result.frequencies.reduced
+    omega = result.frequencies.models["reduced"]
     level = np.abs(np.diff(omega, axis=0)) < LEVEL * omega[1:]
     along = " Level stretches belong to vibration along the axis." if level.any() else ""
     return f"Lowest eigenfrequencies while the {moving(result)} rests.{along}"

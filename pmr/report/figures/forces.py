@@ -45,8 +45,10 @@ def forces(result: RunResult, group: Sequence[Force]) -> Figure:
 def stress(result: RunResult) -> Figure:
     """Largest von Mises stress over time; below it the difference, beside it the time about the largest of all."""
     time, t = Timeline(result), stress_times(result)
-    known = [name for name in ("full", "reduced") if name in result.peak_stress]  # in the order in which they are drawn
-    signals = {name: onto(time.t, t, result.peak_stress[name]) for name in known}
+    known = [
+        name for name in ("full", "reduced") if name in result.body.peak_stress
+    ]  # in the order in which they are drawn
+    signals = {name: onto(time.t, t, result.body.peak_stress[name]) for name in known}
     peak = int(np.argmax(signals["reduced"]))
     figure = curves(time, signals, "Stress", "Pa", time.window(peak))
     unit = unit_for(max(float(s.max()) for s in signals.values()), "Pa")

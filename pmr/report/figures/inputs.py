@@ -28,7 +28,7 @@ def position(result: RunResult) -> Figure:
     time, ahead = Timeline(result), offsets(result)
     figure, axes = sheet(HALF, 1.7)
     ax = axes[0, 0]
-    _plot(ax, time.t, [result.path + offset for offset in ahead])
+    _plot(ax, time.t, [result.along + offset for offset in ahead])
     time.frame(ax, f"{moving(result).capitalize()} position in m")
     ax.set_ylim(0.0, length(result))
     names = [f"s {signed(offset)} m" if offset else "s" for offset in ahead]
@@ -45,8 +45,8 @@ def loads(result: RunResult) -> Figure:
     for row, base in enumerate(units):
         ax = axes[row, 0]
         chosen = [i for i, load in enumerate(acting) if load.unit == base]
-        unit = unit_for(float(np.abs(result.loads[:, chosen]).max()), base)
-        _plot(ax, time.t, [result.loads[:, i] / unit.size for i in chosen], first=len(names))
+        unit = unit_for(float(np.abs(result.loads.values[:, chosen]).max()), base)
+        _plot(ax, time.t, [result.loads.values[:, i] / unit.size for i in chosen], first=len(names))
         quantity = "Force" if base == "N" else "Moment"
         time.frame(ax, f"{quantity} in {unit.name}", last=row == len(units) - 1)
         ax.axhline(0.0, linewidth=0.0)  # a constant load is seen beside zero

@@ -13,13 +13,19 @@ from pmr.report.figures.canvas import INK, MUTED, PENS, WIDE, key, sheet
 from pmr.report.figures.timeline import drawn
 from pmr.report.numbers import unit_for
 from pmr.report.subject import fixtures, length, line, moving, offsets
-from pmr.results import RunResult
+from pmr.results import RunResult, Shapes
 
 MOST_SHAPES = 25
 COLUMNS = 5
 CELL, GAP = 3.1, 1.1  # height of a small multiple in largest values, and its width in beam lengths
 FLAT = 1e-6  # of the largest transverse amplitude: below, a vector moves the beam along its axis only
 SNAPSHOTS = 6
+
+
+def of(result: RunResult) -> Shapes:
+    """The shapes of the body's basis."""
+    assert result.body.shapes is not None  # who asks for them has looked
+    return result.body.shapes
 
 
 def has_flat(result: RunResult) -> bool:
@@ -32,7 +38,7 @@ def basis(result: RunResult) -> Figure:
 
     They share one pair of axes, since two dozen pairs take longer to draw than all other figures.
     """
-    x, shapes = result.shapes.x, result.shapes.shapes
+    x, shapes = of(result).x, of(result).shapes
     count = min(shapes.shape[1], MOST_SHAPES)
     columns = min(COLUMNS, count)
     rows = -(-count // columns)
@@ -75,7 +81,7 @@ def snapshots(result: RunResult) -> Figure:
     for i, ax in enumerate(axes.flat[: len(chosen)]):
         for order, (name, w) in enumerate(deflected.items()):
             ax.plot(lines[name].x, w[i] / unit.size, zorder=2.0 + order / 10.0, **PENS[name].line())
-        _fixtures(ax, result, float(result.path[chosen[i]]))
+        _fixtures(ax, result, float(result.along[chosen[i]]))
         ax.set_title(f"t = {float(reduced.t[chosen[i]]):.4g} s", loc="left", pad=2.0)
     end = length(result)
     axes[0, 0].set_xlim(-0.03 * end, 1.02 * end)
@@ -103,5 +109,5 @@ def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
 
 
 def _flat(result: RunResult) -> NDArray[np.bool_]:
-    amplitude = np.abs(result.shapes.shapes).max(axis=0)
+    amplitude = np.abs(of(result).shapes).max(axis=0)
     return np.asarray(amplitude <= FLAT * amplitude.max())

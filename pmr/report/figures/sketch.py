@@ -40,7 +40,7 @@ class _Stretch:
 def sketch(result: RunResult) -> Figure:
     """The system at the beginning, seen from the side, z up."""
     low, high = result.scene.path_bounds
-    stretch = _Stretch(float(result.path[0]), low, high)
+    stretch = _Stretch(float(result.along[0]), low, high)
     return _telescopic(result, stretch) if moving(result) == "mouth" else _on_supports(result, stretch)
 
 
@@ -138,7 +138,7 @@ def _loads(paper: Paper, result: RunResult, tail: float, tip: float, above: floa
     inch, listed = paper.inch, list(_masses(paper, result, tip))
     for k, load in enumerate(loads(result)):
         at = min(tail + load.at, tip)
-        _load(paper, load, result.loads[:, k], at, above)
+        _load(paper, load, result.loads.values[:, k], at, above)
         if at > tip - 0.5 * inch:
             listed.append((load.name, LOAD))
         else:

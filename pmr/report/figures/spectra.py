@@ -12,19 +12,19 @@ from matplotlib.ticker import NullLocator
 
 from pmr.report.decimation import spread
 from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, key, log_axis, octave_axis, sheet
+from pmr.report.figures.shapes import of
 from pmr.report.numbers import share_captured
 from pmr.report.subject import length, moving
 from pmr.results import FrequencyResponse, RunResult
 
 CLOSED_FORM_POINTS = 11
-TURN = 2.0 * np.pi  # rad
 #: Of places from one end of the path to the other.
 COLOURS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#c9b30e")
 
 
 def singular_values(result: RunResult) -> Figure:
     """Singular values over the first of them; those of the basis are filled, kappa(r) is what they hold."""
-    sigma, taken = result.shapes.singular_values, result.shapes.shapes.shape[1]
+    sigma, taken = of(result).singular_values, of(result).shapes.shape[1]
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
     number, relative = np.arange(1, len(sigma) + 1), sigma / sigma[0]
@@ -54,24 +54,23 @@ def frequencies(result: RunResult) -> Figure:
 
     Where a body slides out of a mouth, against what of it reaches beyond that.
     """
-    curves = result.frequencies
-    shown = [family for family in (curves.full, curves.reduced) if np.isfinite(family).any()]
-    top = np.max([np.nanmax(family, axis=1) for family in shown], axis=0)[:, None]
-    closed = np.where(curves.closed_form <= 1.01 * top, curves.closed_form, np.nan)
+    found = result.frequencies
+    curves = {name: f for name, f in found.models.items() if name in PENS}
+    top = np.max([np.nanmax(f, axis=1) for f in curves.values()], axis=0)[:, None]
+    closed = found.models.get("closed_form", np.empty((len(found.along), 0)))
+    closed = np.where(closed <= 1.01 * top, closed, np.nan)
     telescopic = moving(result) == "mouth"
-    x = length(result) - curves.s if telescopic else curves.s
+    x = length(result) - found.along if telescopic else found.along
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
     handles = []
-    for label, omega, look, where in (
-        ("full", curves.full, PENS["full"].line(), slice(None)),
-        ("reduced", curves.reduced, PENS["reduced"].line(), slice(None)),
-        ("closed form", closed, _dots(INK, "none", 2.6), spread(len(curves.s), CLOSED_FORM_POINTS)),
-    ):
-        if np.isfinite(omega).any():
-            ax.plot(x[where], omega[where] / TURN, **look)
+    few = spread(len(x), CLOSED_FORM_POINTS)
+    drawn = [(name, x, curves[name], PENS[name].line()) for name in PENS if name in curves]
+    for label, at, f, look in (*drawn, ("closed form", x[few], closed[few], _dots(INK, "none", 2.6))):
+        if np.isfinite(f).any():
+            ax.plot(at, f, **look)
             handles.append(Line2D([], [], label=label, **look))
-    octave_axis(ax, min(float(np.nanmin(family)) for family in shown) / TURN, float(top.max()) / TURN)
+    octave_axis(ax, min(float(np.nanmin(f)) for f in curves.values()), float(top.max()))
     ax.set_xlabel("Length beyond the mouth in m" if telescopic else "Slider position s in m")
     ax.set_ylabel("Eigenfrequency in Hz")
     key(figure, handles)

@@ -65,7 +65,7 @@ class Timeline:
     def __init__(self, result: RunResult) -> None:
         self.result = result
         self.t = result.responses["reduced"].t
-        self.phases = sliding(self.t, result.path_rate)
+        self.phases = sliding(self.t, np.abs(result.paths.rates).max(axis=1, initial=0.0))
 
     def signals(self, what: Quantity) -> dict[str, Array]:
         """A quantity for each simulator that knows it; the others hold values that are no numbers."""

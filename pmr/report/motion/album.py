@@ -35,7 +35,7 @@ class Album:
 
 def album(result: RunResult, prefix: str) -> Album:
     """Make the pictures; without fields there are none, and nothing is said."""
-    fields = result.fields
+    fields = result.body.fields
     if fields is None:
         return Album()
     planned = list(_Views(result, fields).shots())
@@ -99,7 +99,7 @@ class _Views:
         return "close", shot, f"The neighbourhood of the largest stress, {seen}; displacements as above."
 
     def _mesh(self) -> tuple[str, Shot, str]:
-        at = float(self.result.path[0])
+        at = float(self.result.along[0])
         tail = tuple(_piece(block, PAD) for block in self.stage.tail)
         near = tuple(_piece(block, MOVING, np.array([-at, 0.0, 0.0])) for block in self.stage.near)
         body = Piece(self.body.points, self.body.faces, None, "#eef2f5", edges=0.9)

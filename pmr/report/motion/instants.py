@@ -86,7 +86,7 @@ def _named_frame(result: RunResult, fields: Fields) -> int | None:
 
 def positions(result: RunResult, fields: Fields) -> Array:
     """Where the mouth is at the times of the fields, (F,) m."""
-    return onto(fields.t, result.responses["reduced"].t, result.path)
+    return onto(fields.t, result.responses["reduced"].t, result.along)
 
 
 def stress_of(fields: Fields) -> NDArray[np.float32]:

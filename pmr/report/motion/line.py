@@ -53,7 +53,7 @@ def motion(result: RunResult) -> dict[str, Any]:
         "times": [float(t[0]), float(t[-1])],
         "frames": len(frames),
         "beams": beams,
-        "s": packed(result.path[frames]),
+        "s": packed(result.along[frames]),
         "offsets": offsets(result),
         "supports": [{"at": fixture.at, "kind": fixture.kind} for fixture in fixtures(result)],
         "loads": [
@@ -61,7 +61,7 @@ def motion(result: RunResult) -> dict[str, Any]:
                 "name": load.name,
                 "at": load.at,
                 "direction": load.direction,
-                "values": packed(result.loads[frames, i]),
+                "values": packed(result.loads.values[frames, i]),
             }
             for i, load in enumerate(loads(result))
             if load.direction != "aside"

@@ -37,7 +37,7 @@ def player(result: RunResult) -> dict[str, Any]:
     Points in m, coefficients (frames, k) with shapes (k, 3 P) of the displacement in m and (k, S) of the faces' stress
     over that of the last colour; the first face of each pair of triangles has the same number as the second.
     """
-    fields = result.fields
+    fields = result.body.fields
     if fields is None or len(fields.t) < 2:
         return {}
     body = surface(fields, result.scene.body.box)

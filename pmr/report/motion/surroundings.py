@@ -46,7 +46,7 @@ def stage(result: RunResult, body: Surface) -> Stage:
         tuple(block for ring in found[moving] for block in _pads(ring, low, high)) for moving in (True, False)
     )
     ahead = max((ring.at + ring.length / 2.0 for ring in found[True]), default=0.1)
-    start = np.array([low[0] - float(result.path.max()) - 0.1, *(low[1:] - 1.2 * THICK)])
+    start = np.array([low[0] - float(result.along.max()) - 0.1, *(low[1:] - 1.2 * THICK)])
     end = np.array([ahead, *(high[1:] + 1.2 * THICK)])
     return Stage(_block(start, end, _SIDES[2:]), near, tail)
 

@@ -24,7 +24,7 @@ def data(whole: RunResult) -> dict[str, Any]:
 
 
 def test_motion_is_that_of_the_beam(whole: RunResult, data: dict[str, Any]) -> None:
-    frames = spread(len(whole.path), FRAMES)
+    frames = spread(len(whole.along), FRAMES)
     assert [beam["label"] for beam in data["beams"]] == ["full", "ANCF", "reduced"]
     for beam, name in zip(data["beams"], ("full", "ancf", "reduced"), strict=True):
         moved = unpacked(beam["w"]).reshape(data["frames"], -1)
@@ -34,9 +34,9 @@ def test_motion_is_that_of_the_beam(whole: RunResult, data: dict[str, Any]) -> N
 
 
 def test_slider_and_load_go_with_it(whole: RunResult, data: dict[str, Any]) -> None:
-    frames = spread(len(whole.path), FRAMES)
-    assert unpacked(data["s"]) == pytest.approx(whole.path[frames], abs=1e-3)
-    assert unpacked(data["loads"][0]["values"]) == pytest.approx(whole.loads[frames, 0], rel=1e-3)
+    frames = spread(len(whole.along), FRAMES)
+    assert unpacked(data["s"]) == pytest.approx(whole.along[frames], abs=1e-3)
+    assert unpacked(data["loads"][0]["values"]) == pytest.approx(whole.loads.values[frames, 0], rel=1e-3)
     assert (data["loads"][0]["at"], data["loads"][0]["direction"]) == (5.0, "up")
 
 

@@ -17,7 +17,7 @@ from pmr.report.motion.player import compressed, player, said
 from pmr.report.motion.renderer import NoPictureError
 from pmr.report.motion.surface import surface
 from pmr.report.sections import chapter as case
-from pmr.results import RunResult
+from pmr.results import BodyResult, RunResult
 
 
 def unpacked(series: dict[str, Any]) -> np.ndarray:
@@ -40,7 +40,7 @@ def data(boom_in_motion: RunResult) -> dict[str, Any]:
 
 
 def test_motion_and_stress_are_those_of_the_fields(boom_in_motion: RunResult, data: dict[str, Any]) -> None:
-    fields = boom_in_motion.fields
+    fields = boom_in_motion.body.fields
     body = surface(fields)
     moved = body.moved(fields, fields.displacement).reshape(len(fields.t), -1)
     assert np.abs(frames_of(data["motion"]) - moved).max() < 1e-4 * np.abs(moved).max()
@@ -50,7 +50,7 @@ def test_motion_and_stress_are_those_of_the_fields(boom_in_motion: RunResult, da
 
 
 def test_the_page_gets_what_the_surface_has(boom_in_motion: RunResult, data: dict[str, Any]) -> None:
-    body = surface(boom_in_motion.fields)
+    body = surface(boom_in_motion.body.fields)
     assert np.allclose(unpacked(data["points"]).reshape(-1, 3), body.points, atol=1e-3)
     indices = np.frombuffer(base64.b64decode(data["triangles"]), "<u4").reshape(-1, 3)
     assert np.array_equal(indices, body.triangles) and data["faces"] == len(body.faces)
@@ -72,9 +72,9 @@ def test_few_shapes_hold_a_motion_that_needs_few_and_no_more_than_there_is_room_
 
 
 def test_what_rests_is_no_error(boom_in_motion: RunResult) -> None:
-    fields = boom_in_motion.fields
+    fields = boom_in_motion.body.fields
     still = replace(fields, displacement=0.0 * fields.displacement, von_mises={})
-    data = player(replace(boom_in_motion, fields=still))
+    data = player(replace(boom_in_motion, bodies={"": BodyResult(None, still)}))
     assert data["stress"] is None and data["scale"] == 1.0
     assert "NaN" not in json.dumps(data)
 
@@ -82,11 +82,11 @@ def test_what_rests_is_no_error(boom_in_motion: RunResult) -> None:
 def test_without_fields_with_one_time_or_too_many_faces_nothing_is_played(
     monkeypatch, boom: RunResult, boom_in_motion: RunResult
 ) -> None:
-    fields = boom_in_motion.fields
+    fields = boom_in_motion.body.fields
     once = replace(
         fields, t=fields.t[:1], displacement=fields.displacement[:1], von_mises={"outer": fields.von_mises["outer"][:1]}
     )
-    assert player(boom) == player(replace(boom_in_motion, fields=once)) == {}
+    assert player(boom) == player(replace(boom_in_motion, bodies={"": BodyResult(None, once)})) == {}
     monkeypatch.setattr(players, "MOST_FACES", 10)
     assert player(boom_in_motion) == {}
     assert said({}) == ""

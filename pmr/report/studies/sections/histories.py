@@ -18,8 +18,9 @@ from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import length, percent
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.names import case_name
-from pmr.results import FrequencyCurves, Response, RunResult, Shapes
+from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Published, Scene
+from pmr.scene.names import ALONE, SLIDER
 from pmr.studies.results import RunRecord
 
 SIMULATORS = ("full", "ancf", "reduced")
@@ -74,16 +75,15 @@ def run_result(study: FinishedStudy, run: RunRecord) -> RunResult:
     ]
     summary = _nested(run.figures) | {"notes": list(dict.fromkeys(remarks)), "seconds": {}}
     responses = {name: records.record(Response, arrays, f"{name}.") for name in SIMULATORS}
-    none = np.zeros((0, 0))
+    nowhere = np.zeros((0, 1))
     return RunResult(
         scene=scene,
         summary=summary,
         responses=responses,
-        path=arrays["path"],
-        path_rate=arrays["path_rate"],
-        loads=arrays["loads"],
-        shapes=Shapes(arrays["singular_values"], arrays["x"], arrays["shapes"]),
-        frequencies=FrequencyCurves(np.zeros(0), none, none, none),
+        paths=Paths((SLIDER,), arrays["path"][:, None], arrays["path_rate"][:, None]),
+        loads=Loads((), (), arrays["loads"]),
+        bodies={ALONE: BodyResult(Shapes(arrays["singular_values"], arrays["x"], arrays["shapes"]))},
+        frequencies=Frequencies(nowhere[:, 0], nowhere, {}),
     )
 
 

@@ -1,0 +1,111 @@
+"""What one simulator says of a run: displacements, forces and energies over time, by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Kinetic, strain and external energy in J over time, each (T,); external is minus the work of the loads."""
+
+    kinetic: Array
+    strain: Array
+    external: Array
+
+    @property
+    def total(self) -> Array:
+        return self.kinetic + self.strain + self.external
+
+
+@dataclass(frozen=True)
+class Response:
+    """What one simulator says of the beam, in quantities that all of them share.
+
+    Attributes
+    ----------
+    t : (T,) array, s
+    x : (o,) array, m
+        Beam coordinates of the outputs.
+    displacement : (T, o) array, m
+        Transverse; the last column is the tip.  In space that of all places along y, along z, then of the tip.
+    energy : Energy
+    slider_force : (T, m) array, N
+        Multipliers of the sliders; in space forces of all pads.  Which is which, `force_names` say.
+    residual_position : (T,) array, m
+        Largest violation of a row, the largest absolute entry of C(s) q; NaN where a simulator has no such rows.
+    residual_velocity : (T,) array, m/s
+        Largest violation of its time derivative, that of C(s) q' + C'(s) s' q; NaN likewise.
+    seconds : float
+        Wall time of the solver alone.
+    output_names, output_units : tuples of str
+        Of the columns of `displacement`, (o,); empty in results of version 0.1 and where nobody named them.
+    others : (T, k) array or None
+        Outputs that are neither in m nor in N, `other_names` in `other_units`; then reactions of rigid supports.
+    force_names : tuple of str
+        Of the columns of `slider_force`, (m,), likewise.
+    round_off : float, m
+        What of a displacement may be round-off alone (`pmr.compare.errors.round_off`); 0 where that isn't known.
+    force_round_off : float, N
+        The same of a force (`pmr.compare.errors.force_round_off`).
+    force_peaks : (T, m) array, N, or None
+        `slider_force`, but of pads that only push the largest within the step that ends at t; None where a step is one.
+    surplus : float
+        Share of the largest energy that neither loads nor moving rows put in; NaN where a simulator can't tell, and in
+        results of version 0.1.
+    """
+
+    t: Array
+    x: Array
+    displacement: Array
+    energy: Energy
+    slider_force: Array
+    residual_position: Array
+    residual_velocity: Array
+    seconds: float
+    output_names: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+    force_names: tuple[str, ...] = ()
+    round_off: float = 0.0
+    force_round_off: float = 0.0
+    force_peaks: Array | None = None
+    surplus: float = np.nan
+    others: Array | None = None
+    other_names: tuple[str, ...] = ()
+    other_units: tuple[str, ...] = ()
+
+    def other(self, name: str) -> Array:
+        """One of the other outputs, (T,)."""
+        assert self.others is not None
+        return self.others[:, self.other_names.index(name)]
+
+    def force(self, name: str, unnamed: int) -> Array:
+        """A force by its name, (T,) N, NaN if it isn't known; column `unnamed` where the response has no names.
+
+        Of pads that only push the peaks within each step, where these are known.
+        """
+        forces = self.slider_force if self.force_peaks is None else self.force_peaks
+        if not self.force_names:
+            return forces[:, unnamed]
+        if name not in self.force_names:
+            return np.full(len(self.t), np.nan)
+        return forces[:, self.force_names.index(name)]
+
+    @property
+    def columns(self) -> dict[str, list[str]]:
+        """What the columns of each array (T, c) are called, with their units in brackets."""
+        moved = self.output_names or tuple(f"output {k}" for k in range(self.displacement.shape[1]))
+        forces = self.force_names or tuple(f"force {k}" for k in range(self.slider_force.shape[1]))
+        others = [f"{name} [{unit}]" for name, unit in zip(self.other_names, self.other_units, strict=True)]
+        found = {"displacement": [f"{name} [m]" for name in moved], "slider_force": [f"{name} [N]" for name in forces]}
+        return found | ({"others": others} if others else {})
+
+    @property
+    def tip(self) -> Array:
+        """Transverse displacement of the free end, (T,) m."""
+        return self.displacement[:, -1]

@@ -1,0 +1,11 @@
+"""What bodies and what belongs to them are called."""
+
+from __future__ import annotations
+
+#: What a body alone is called in a system, and the path on which its moving rows travel.
+ALONE, SLIDER = "", "slider"
+
+
+def named(body: str, what: str) -> str:
+    """What something of a body is called among those of all bodies; of a body alone as it is."""
+    return what if body == ALONE else f"{body}: {what}"
