@@ -16,7 +16,7 @@ from pmr.cli import app
 from pmr.errors import environment
 from pmr.fem.compat import PETSc
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 VERSIONS = ROOT / ".ci" / "versions"
 
 

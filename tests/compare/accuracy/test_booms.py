@@ -17,7 +17,7 @@ from pmr.reduced.attachment import CYLINDER
 from pmr.scene import Boom
 from pmr.scene.boom import BoomAccuracy
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
+WORKFLOWS = Path(__file__).parents[3] / "workflows"
 QUICK = (
     "time.end=0.2",
     "section.mesh.elements=12",

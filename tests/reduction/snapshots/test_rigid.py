@@ -24,7 +24,7 @@ from pmr.scene import Damping
 from pmr.scene.structures import PointMass
 
 pytestmark = pytest.mark.mpi
-BOOM = Path(__file__).parents[2] / "workflows" / "boom_beam.toml"
+BOOM = Path(__file__).parents[3] / "workflows" / "boom_beam.toml"
 CLAMPED = "supports=[{on='tail',kind='clamped',points='all'}]"
 #: Of 41 lengths from 5 to 9 m those at which the round-off of an eigenvalue, measured by a constant, misled.
 LENGTHS = [5.5, 6.4, 7.7, 8.6]
