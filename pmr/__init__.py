@@ -28,7 +28,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pmr.compare.boom_motions import simulate_either as simulate
+    from pmr.compare.simulated import simulate
     from pmr.errors import ConvergenceError, InputError, SimulationError
     from pmr.files.matrices import from_matrices
     from pmr.pipeline.booms import reduce_either as reduce
@@ -54,7 +54,7 @@ _PLACES = {
     "load_scene": "pmr.scene:load_any",
     "reduce": "pmr.pipeline.booms:reduce_either",
     "run": "pmr.pipeline.booms:run_either",
-    "simulate": "pmr.compare.boom_motions:simulate_either",
+    "simulate": "pmr.compare.simulated:simulate",
 }
 __all__ = [
     "ConvergenceError", "InputError", "ReducedModel", "RunResult", "SimulationError", "Stepper", "System",

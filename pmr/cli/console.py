@@ -18,7 +18,10 @@ from pmr.errors import InputError
 from pmr.errors.text import visible
 from pmr.files.whole import NotWrittenError, ensure_ordinary
 
-Model = Annotated[Path, typer.Argument(metavar="reduced.npz", help="A reduced model that `pmr run` wrote.")]
+Model = Annotated[
+    Path,
+    typer.Argument(metavar="FILE", help="What `pmr run` wrote: reduced.npz, or system.npz of a boom."),
+]
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable.")
 ]

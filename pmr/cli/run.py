@@ -136,19 +136,17 @@ def run(
 def _save(outcome: Outcome | BoomOutcome, folder: Path) -> None:
     """Everything but the report, which comes later: the one that is there belongs to the old results and goes."""
     from pmr.export.paraview import Travelling, write_series
-    from pmr.reduced.model import ReducedModel
     from pmr.report.document import REPORT_FILES
     from pmr.results import RESULT_FILES
     from pmr.results.pads import pads_over_time
     from pmr.results.tables import write as write_tables
 
-    result, models = outcome.result, outcome.reduced
+    result = outcome.result
     recovery = result.scene.recovery
     with fresh(folder, (*RESULT_FILES, *REPORT_FILES)) as new:
         result.save(new)
         write_tables(result, new)
-        for name, model in ({"": models} if isinstance(models, ReducedModel) else models).items():
-            model.save(new / ("-".join(filter(None, ("reduced", name))) + ".npz"))
+        outcome.save(new)
         bodies = {name: Travelling(*one) for name, one in result.travelling.items()}
         if recovery is not None and recovery.series and bodies:
             write_series(new, "fields", bodies, pads_over_time(result))

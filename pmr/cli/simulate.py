@@ -1,9 +1,9 @@
-"""``pmr simulate``: a saved reduced model under another path and other loads."""
+"""``pmr simulate``: a saved body or boom under other paths and other loads."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -22,32 +22,33 @@ def simulate(
     out_dir: Folder = None,
     overrides: Overrides = None,
 ) -> None:
-    """Simulate a saved model; FEniCSx is not needed.
+    """Simulate a saved body or boom; FEniCSx is not needed.
 
-    The scene is that of the model but for path, signals of loads (by the same names), time and simulators; one of
-    another body is refused.  DIR then holds summary.json, scene.json and trajectories.npz, as after `pmr run`.
+    The scene is that of the file but for paths, signals of loads (by the same names), time and simulators; one of other
+    bodies or joints is refused.  DIR then holds summary.json, scene.json and trajectories.npz, as after `pmr run`.
 
-    Example:
-
+    Examples
+    --------
         pmr simulate reports/paper_simple/reduced.npz --scene paper_evolved --set time.end=5
+
+        pmr simulate reports/boom_three/system.npz --scene boom_three --set sections.fly.loads.gust.signal=0.0
     """
     from pmr import scene as scenes
     from pmr.compare.saved_model import simulate_saved
-    from pmr.reduced.model import ReducedModel
     from pmr.report import sentences
     from pmr.results import RESULT_FILES
-    from pmr.results.tables import reaction_extremes
+    from pmr.results.tables import reactions
     from pmr.results.tables import write as write_tables
+    from pmr.system.system import System
 
     finished(model.parent)
-    reduced, file = ReducedModel.load(model), scene_file(scene)
-    reduced.ensure_whole(str(model))
-    asked, folder = scenes.load(file, overrides or ()), out_dir or Path("reports", scene.stem)
+    system, file = System.load(model), scene_file(scene)
+    asked, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", scene.stem)
     if folder.resolve() == model.parent.resolve():
         raise InputError("command line", "--out", str(folder), "a folder other than the model's is allowed")
     ensure_writable(folder, RESULT_FILES)
     try:
-        result = simulate_saved(reduced, asked)
+        result: Any = simulate_saved(system, asked)
     except InputError as error:
         raise error.found_in(str(file)) from None
     with fresh(folder, RESULT_FILES) as new:
@@ -58,8 +59,8 @@ def simulate(
     table.add_row("largest displacement", f"{1e3 * summary['max_displacement']:.4g} mm")
     for name, force in zip(response.force_names, response.slider_force.T, strict=False):
         table.add_row(visible(name), f"{force.min():.4g} to {force.max():.4g} N")
-    for of, found in reaction_extremes(response, result.along).items():
-        table.add_row(visible(f"reaction of {of.support}"), f"{found.least:.4g} to {found.most:.4g} {of.unit}")
+    for _, support, unit, least, _, _, most, *_ in reactions(result).rows:
+        table.add_row(visible(f"reaction of {support}"), f"{least:.4g} to {most:.4g} {unit}")
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
     for said in filter(None, (sentences.estimate(result), sentences.step(result))):

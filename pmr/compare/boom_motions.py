@@ -1,4 +1,4 @@
-"""How a boom moves: its reduced sections by every simulator that it names, and its full model.
+"""How the full model of a boom moves.
 
 All sections in full order are simulated by whoever is fastest for their size, and checked before they judge, as the
 reference of one body is (`pmr.compare.references`).
@@ -14,29 +14,23 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from pmr.compare import responses
 from pmr.compare.boom_figures import CURVES, frequencies
-from pmr.compare.booms import Said, respond, response_of, with_friction
-from pmr.compare.made_for import check_made_for
-from pmr.compare.responses import agreement
+from pmr.compare.booms import Said, respond, response_of
 from pmr.compare.trust import distrust
-from pmr.errors import InputError, SimulationError
+from pmr.errors import SimulationError
 from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.system import FullSystem
-from pmr.reduced.model import ReducedModel
 from pmr.results import Response
-from pmr.scene import Boom, Scene
-from pmr.scene.boom_parts import DRIVEN, section_scene
-from pmr.simulation import Excitation, Progress, SystemSimulator, exudyn
+from pmr.scene import Boom
 from pmr.simulation.booms import excitation_of
 from pmr.simulation.native import multibody
 from pmr.simulation.native.multibody_march import places
 from pmr.simulation.petsc import Checkpoint, Recording, observe_system, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.booms import contacts_of, system_of
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.booms import contacts_of
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -44,78 +38,6 @@ Array = NDArray[np.float64]
 MARCHED_UP_TO = 1200
 #: (rad/s)^2, below all that is looked for: what holds is not singular there.
 SHIFT = -1.0
-#: s: what takes no longer is simulated several times.
-SHORT = 2.0
-
-
-@dataclass(frozen=True)
-class BoomSimulations:
-    """What the simulators say: the first one's motion and response, seconds, and how far each two agree, in m."""
-
-    first: SystemTrajectory
-    response: Response
-    seconds: Mapping[str, float]
-    agreement: Mapping[str, float]
-
-
-def simulate_reduced(boom: Boom, system: System, excitation: Excitation, clock: Clock) -> BoomSimulations:
-    """From equilibrium, by all of them."""
-    names, motions = boom.simulation.simulators, dict[str, SystemTrajectory]()
-    for name in names:
-        with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done:
-            simulator = exudyn.simulate_system if name == "exudyn" else multibody.simulate
-            motions[name] = _repeated(boom, system, excitation, simulator, done)
-    found = {name: respond(system, motion) for name, motion in motions.items()}
-    return BoomSimulations(
-        motions[names[0]],
-        found[names[0]],
-        {name: motion.seconds for name, motion in motions.items()},
-        agreement(found),
-    )
-
-
-def simulate_either(scene: Scene | Boom, reduced: ReducedModel | Mapping[str, ReducedModel]) -> Response:
-    """Response of a scene's reduced model, as `pmr.compare.responses.simulate_reduced`, or of a boom's sections.
-
-    Raises
-    ------
-    InputError
-        If a boom comes with anything but a model for each of its sections, a scene with anything but one model, or
-        loads act elsewhere than those that a model was made for.
-    """
-    if isinstance(scene, Boom):
-        if not isinstance(reduced, Mapping) or set(reduced) != set(scene.names):
-            given = sorted(reduced) if isinstance(reduced, Mapping) else type(reduced).__name__
-            allowed = f"a model for each section, by its name, is allowed: {', '.join(scene.names)}"
-            raise InputError("pmr.simulate", "models", given, allowed)
-        models = {name: reduced[name] for name in scene.names}
-        for number, (name, model) in enumerate(models.items()):
-            if model.section is None or model.section.name != name:
-                is_of = "a whole body" if model.section is None else f"section {model.section.name}"
-                raise InputError("pmr.simulate", f"models.{name}", is_of, f"the model of section {name} is allowed")
-            check_made_for(replace(model, section=None), section_scene(scene, number))
-            loads = {load.name for load in scene.sections[number].loads}
-            if loads != set(model.input_names) - {"gravity", DRIVEN}:
-                allowed = f"the inputs of its model are allowed: {', '.join(model.input_names)}"
-                raise InputError("scene", f"sections.{name}.loads", sorted(loads), allowed)
-        system = system_of(scene, models)
-        excitation = excitation_of(scene, system)
-        found = simulate_reduced(scene, system, excitation, Clock()).response
-        return with_friction(scene, system.contacts, found)
-    if not isinstance(reduced, ReducedModel):
-        raise InputError("pmr.simulate", "model", type(reduced).__name__, "a ReducedModel is allowed with this scene")
-    return responses.simulate_reduced(scene, reduced)
-
-
-def _repeated(
-    boom: Boom, system: System, excitation: Excitation, simulator: SystemSimulator, done: Progress
-) -> SystemTrajectory:
-    """A short simulation is repeated as the scene says, and the fastest counts."""
-    start = multibody.static_start(system, excitation)
-    found = [simulator(system, excitation, start, done)]
-    while len(found) < boom.simulation.repeats and found[0].seconds < SHORT:
-        found.append(simulator(system, excitation, start))
-    return min(found, key=lambda one: one.seconds)
 
 
 @dataclass(frozen=True)

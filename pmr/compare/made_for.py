@@ -5,46 +5,58 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from pmr.errors import InputError
-from pmr.reduced.model import ReducedModel
-from pmr.scene import Scene
+from pmr.scene import Boom, Scene
 from pmr.scene.scene import OneBody
 from pmr.scene.section import Section
 
 #: What may differ from the scene that the model was made from: signals, and how reductions are computed or judged.
-FREE = ("signal", "acceleration", "rise", "path", "travel", "frequency_response", "solver", "estimate")
+FREE = frozenset({
+    *("signal", "acceleration", "rise", "path", "travel", "frequency_response", "solver", "estimate"),
+    *("extension", "overlap", "follows", "ratio", "offset", "friction_speed"),
+})  # fmt: skip
+#: What a model is made from: tables of a scene.
+BUILT = (*OneBody.model_fields, "damping", "slider", "sections")
 
 
-def check_made_for(reduced: ReducedModel, scene: Scene) -> None:
-    """Body, supports, pads, damping, what is observed, and places and directions of loads are those of the model.
+class Made(Protocol):
+    """A model or system that knows the scene it was made from, if it does."""
+
+    @property
+    def provenance(self) -> dict[str, Any]: ...
+
+
+def check_made_for(model: Made, scene: Scene | Boom) -> None:
+    """Bodies, supports, pads, joints, damping, what is observed, places and directions of loads are those of the model.
 
     Raises InputError with the first key that differs and what the model has.  Keys that the file of an older model does
     not hold are not compared.
     """
-    reduced.ensure_whole("model")
-    made = reduced.provenance.get("scene")
+    made = model.provenance.get("scene")
     if not isinstance(made, Mapping):
         return
-    for key, value, known in _differences(made, scene, reduced.provenance.get("files") or {}):
+    for key, value, known in _differences(made, scene, model.provenance.get("files") or {}):
         shown = list(value) if isinstance(value, tuple) else value
         raise InputError("scene", key, shown, f"that of the model is allowed: {known!r}")
 
 
-def _differences(made: Mapping[str, Any], scene: Scene, files: Mapping[str, str]) -> Iterator[tuple[str, Any, Any]]:
+def _differences(
+    made: Mapping[str, Any], scene: Scene | Boom, files: Mapping[str, str]
+) -> Iterator[tuple[str, Any, Any]]:
     """Key, value, and that of the model."""
     if made.get("gravity") and scene.gravity:
         yield from _between(made["gravity"], scene.gravity, "gravity")
     known = {load.get("name"): load for load in made.get("loads") or ()}
-    for i, load in enumerate(scene.loads):
+    for i, load in enumerate(getattr(scene, "loads", ())):
         yield from _between(known.get(load.name, {}), load, f"loads[{i}]")
-    for name in (*OneBody.model_fields, "damping", "slider"):
-        if name != "loads" and name in made:
+    for name in BUILT:
+        if name != "loads" and name in made and hasattr(scene, name):
             yield from _between(made[name], getattr(scene, name), name)
-    for name, digest in scene.digests.items():
+    for name, digest in scene.recorded["files"].items():
         if files.get(name, digest) != digest:
-            yield f"{name}.file", scene.files[name].name, f"content of SHA-256 {files[name][:12]}"
+            yield f"{name}.file", scene.files_read[name].name, f"content of SHA-256 {files[name][:12]}"
 
 
 def _between(made: Any, asked: Any, key: str) -> Iterator[tuple[str, Any, Any]]:

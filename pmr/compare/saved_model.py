@@ -1,57 +1,122 @@
-"""A saved reduced model under a scene: what `pmr run` says of it, less what needs the full model."""
+"""A saved system under a scene: what `pmr run` says of it, less what needs the full model."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from pmr.compare import boom_figures as figures
+from pmr.compare import pad_forces
+from pmr.compare.booms import with_friction
 from pmr.compare.estimated import reduction_error, step_part
 from pmr.compare.frequencies import reduced_frequencies
-from pmr.compare.made_for import check_made_for
 from pmr.compare.responses import check_installed, simulate
-from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated, trusted
+from pmr.compare.simulated import check_fits, simulate_sections
+from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated, theory, trusted
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
-from pmr.reduced.model import ReducedModel
-from pmr.results import BodyResult, Frequencies, Loads, Paths, RunResult, Shapes
-from pmr.scene import Scene
-from pmr.scene.names import ALONE
-from pmr.simulation import Excitation
+from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult, Shapes
+from pmr.scene import Boom, Scene
+from pmr.simulation import Excitation, contact_step
+from pmr.simulation.booms import excitation_of
+from pmr.simulation.excitation import on_path
+from pmr.simulation.native.multibody_march import contact_frequency, places
+from pmr.system.contacts import ALONE
+from pmr.system.system import System
 
 #: Frequencies, and places along the path at which they are found.
 FREQUENCIES, POSITIONS = 6, 11
+#: Why there is no estimate for a boom of several sections.
+NO_ESTIMATE = "the file of a boom has its sections as they are simulated, without the modes that tell it"
 
 
-def simulate_saved(reduced: ReducedModel, scene: Scene) -> RunResult:
-    """Simulate a reduced model under another scene's path, loads and time stepping, by the simulators that it names.
+def simulate_saved(system: System, scene: Any) -> RunResult:
+    """Simulate a system under another scene's paths, loads and time stepping, by the simulators that it names.
 
     There are no errors in the result but what is estimated without the full model, and no singular values.  Raises
-    InputError if the scene describes another body than the model's, loads and inputs differ, the path leaves the
-    model's, or a simulator can't do what is asked;
+    InputError if the scene describes other bodies or joints than the system's, loads and inputs differ, a path leaves
+    the system's, or a simulator can't do what is asked;
     SimulationError if a step fails.
     """
     check_installed(scene)
-    excitation = Excitation.of(scene)
-    if set(excitation.loads) != set(reduced.input_names):
-        allowed = f"the model's inputs are allowed: {', '.join(reduced.input_names)}"
-        raise InputError("scene", "loads", list(excitation.loads), allowed)
-    check_made_for(reduced, scene)
+    check_fits(scene, system)
+    return _alone(system, scene) if ALONE in system.bodies else _sections(system, scene)
+
+
+def _figures(system: System, response: Response, simulator: str) -> Part:
+    """What was simulated, and how far it moves."""
+    made = {name: system.provenance.get(name) for name in ("scene_hash", "basis", "versions")}
+    return Part(
+        {
+            "model": made,
+            "max_displacement": float(np.abs(response.displacement).max()),
+            "coordinates": {"reduced": sum(body.size for body in system.bodies.values())},
+            "simulators": {"reduced": simulator},
+        }
+    )
+
+
+def _sections(system: System, boom: Boom) -> RunResult:
+    """Of a boom of several sections, which starts in equilibrium."""
+    excitation, clock = excitation_of(boom, system), Clock()
+    _check_paths(system, excitation)
+    x, omega = places(system, excitation), contact_frequency(system, excitation)
+    found = simulate_sections(boom, system, excitation, clock)
+    made = contact_step.as_made(excitation.stepping, found.first.parts, omega)
+    response = with_friction(boom, system.contacts, found.response)
+    steps, reach = figures.on_the_way(boom, excitation.times, figures.PLACES), boom.reach(excitation.times)
+    curves = {"reduced": figures.frequencies(system, x[steps])}
+    frequencies = Frequencies(reach[steps], excitation.s[steps], curves, figures.frequency_map(boom, system))
+    responses, sizes = {"reduced": response}, {name: {"reduced": one.size} for name, one in system.bodies.items()}
+    parts = [
+        made_with(boom),
+        _figures(system, response, boom.simulation.simulators[0]),
+        simulated(found.seconds, found.agreement, {}),
+        figures.sections(boom, responses, sizes, {}),
+        Part({"estimate": {"tip": None, "beam": None, "reason": NO_ESTIMATE}}),
+        figures.joints(boom, response, system),
+        Part(pad_forces.reactions(boom, response, reach), pad_forces.missing(boom)),
+        figures.beside_published(boom, frequencies),
+        driven(excitation),
+        Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
+        trusted({}, responses),
+        theory({f"sections.{part.name}.": part for part in boom.sections}, float(reach.max()), responses),
+    ]
+    return RunResult(
+        boom,
+        gathered(parts),
+        responses,
+        Paths(tuple(excitation.paths), excitation.s, excitation.rates),
+        Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
+        frequencies,
+        {name: BodyResult() for name in boom.names},
+        reach,
+    )
+
+
+def _check_paths(system: System, excitation: Excitation) -> None:
+    """Refuse with an InputError an extension on which a row of the system is not defined."""
+    for (name, path), s in zip(excitation.paths.items(), excitation.s.T, strict=True):
+        try:
+            on_path(path, s, system.ranges[name], excitation.times)
+        except InputError as error:
+            raise InputError("scene", f"sections.{name}.joint", error.value, error.allowed) from None
+
+
+def _alone(system: System, scene: Scene) -> RunResult:
+    """Of one body on one path."""
+    excitation, clock = Excitation.of(scene), Clock()
+    reduced: Any = system.bodies[ALONE]
     excitation.along(reduced.domain)
-    clock = Clock()
     simulations = simulate(scene, reduced, {}, clock)
     response = simulations.responses["reduced"]
-    made = {name: reduced.provenance.get(name) for name in ("scene_hash", "basis", "versions")}
-    figures = {
-        "model": made,
-        "max_displacement": float(np.abs(response.displacement).max()),
-        "coordinates": {"reduced": reduced.size},
-        "simulators": {"reduced": simulations.first},
-    }
     s = np.unique(np.linspace(excitation.s.min(), excitation.s.max(), POSITIONS))
     found = reduced_frequencies(reduced, s, min(FREQUENCIES, reduced.size))
     estimated = reduction_error(scene, reduced, clock)
     parts = [
         made_with(scene),
-        Part(figures),
+        _figures(system, response, simulations.first),
         simulated(simulations.seconds, simulations.agreement, {}),
         driven(excitation),
         estimated.part,

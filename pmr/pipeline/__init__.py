@@ -59,6 +59,7 @@ from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.body import Trajectory
+from pmr.system.system import System
 
 #: Stages whose seconds stand in summary.json, beside those of the simulators.
 STAGES = ("assemble", "snapshots", "pod", "recover")
@@ -73,6 +74,11 @@ class Reduction:
     basis: Basis
     reduced: ReducedModel
 
+    @property
+    def system(self) -> System:
+        """The body alone as a system."""
+        return System.of(self.reduced)
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -80,6 +86,15 @@ class Outcome:
 
     result: RunResult
     reduced: ReducedModel
+
+    @property
+    def system(self) -> System:
+        """The body alone as a system."""
+        return System.of(self.reduced)
+
+    def save(self, folder: Path) -> Path:
+        """Write the reduced model into a folder."""
+        return self.reduced.save(folder / "reduced.npz")
 
 
 def run(

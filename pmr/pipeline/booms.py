@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from pmr.compare import boom_figures as figures
 from pmr.compare import pad_forces
 from pmr.compare.accuracy import booms as order
-from pmr.compare.boom_estimate import BoomError, boom_error
-from pmr.compare.boom_motions import BoomSimulations, FullBoom, FullRun, simulate_reduced
+from pmr.compare.boom_estimate import BoomError, boom_error, models_of
+from pmr.compare.boom_motions import FullBoom, FullRun
 from pmr.compare.booms import quantities, with_friction
 from pmr.compare.errors import relative_error
 from pmr.compare.responses import check_installed
+from pmr.compare.simulated import BoomSimulations, simulate_sections
 from pmr.compare.summary import Part, compared, driven, gathered, made_with, simulated, theory, trusted
 from pmr.errors import InputError, on_first
 from pmr.errors.environment import Clock
@@ -37,6 +38,7 @@ from pmr.simulation.booms import excitation_of
 from pmr.simulation.native.multibody_march import contact_frequency, places
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.booms import system_of
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -46,10 +48,19 @@ STAGES = ("assemble", "reduce", "recover", "estimate")
 
 @dataclass(frozen=True)
 class BoomOutcome:
-    """What a run of a boom returns on rank 0: its result, and the reduced model of each section."""
+    """What a run of a boom returns on rank 0: its result, and the system of its reduced sections."""
 
     result: RunResult
-    reduced: Mapping[str, ReducedModel]
+    system: System
+
+    @property
+    def reduced(self) -> Mapping[str, ReducedModel]:
+        """The reduced model of each section."""
+        return models_of(self.system)
+
+    def save(self, folder: Path) -> Path:
+        """Write the system into a folder."""
+        return self.system.save(folder / "system.npz")
 
 
 def run_boom(
@@ -105,7 +116,7 @@ class _Run:
             large = self.full is not None and self.full.simulator == "petsc"
             steps = figures.on_the_way(boom, excitation.times, figures.FEWER_PLACES if large else figures.PLACES)
             curves = {} if self.full is None else {"full": self._full_frequencies(self.full, steps)}
-        simulations = on_first(self.comm, lambda: simulate_reduced(boom, system, excitation, clock))
+        simulations = on_first(self.comm, lambda: simulate_sections(boom, system, excitation, clock))
         made = excitation.stepping
         if simulations is not None:
             made = contact_step.as_made(made, simulations.first.parts, omega)
@@ -136,14 +147,14 @@ class _Run:
             theory({f"sections.{part.name}.": part for part in boom.sections}, float(reach.max()), responses),
         ]
         paths = Paths(tuple(excitation.paths), excitation.s, excitation.rates)
-        units = tuple(unit for body in self.reduced.values() for unit in body.input_units)
-        loads = Loads(system.input_names, units, excitation.forces(system.input_names))
+        loads = Loads(system.input_names, system.input_units, excitation.forces(system.input_names))
         bodies = {name: BodyResult() for name in boom.names}
         bodies |= {
             name: BodyResult(fields=one.reduced.fields, peak_stress=one.histories()) for name, one in seen.items()
         }
         result = RunResult(boom, gathered(parts), responses, paths, loads, frequencies, bodies, reach)
-        return BoomOutcome(result, self.reduced)
+        made_from = boom.recorded | {"versions": result.summary["versions"]}
+        return BoomOutcome(result, replace(system, provenance=made_from))
 
     def _full_frequencies(self, full: FullBoom, steps: NDArray[np.int64]) -> Array:
         """At some steps."""
@@ -214,13 +225,19 @@ def _chosen(
 class BoomReduction:
     """The full models of a boom's sections by their names, and what they are reduced to; the same on every rank."""
 
+    boom: Boom
     built: Mapping[str, Built]
     sections: Mapping[str, ReducedSection]
 
     @property
     def reduced(self) -> Mapping[str, ReducedModel]:
-        """What `pmr.simulate(boom, ...)` takes."""
+        """The reduced model of each section."""
         return {name: one.model for name, one in self.sections.items()}
+
+    @property
+    def system(self) -> System:
+        """What `pmr.simulate(boom, ...)` takes, and a file holds."""
+        return replace(system_of(self.boom, self.reduced), provenance=self.boom.recorded)
 
 
 def reduce_either(
@@ -236,7 +253,7 @@ def reduce_either(
     if not isinstance(scene, Boom):
         return reduce(scene, comm, clock)
     built = build_sections(scene, comm)
-    return BoomReduction(built, reduce_sections(scene, built))
+    return BoomReduction(scene, built, reduce_sections(scene, built))
 
 
 def run_either(

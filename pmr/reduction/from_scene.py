@@ -57,14 +57,8 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 
 def provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
     """What a reduced model says of where it comes from."""
-    described = scene.model_dump(mode="json", exclude={"published"})
-    for section, file in scene.files.items():
-        # The model travels; its folders stay, the hash has the content.
-        described[section]["file"] = file.name
     return {
-        "scene": described,
-        "scene_hash": scene.hash,
-        "files": scene.digests,
+        **scene.recorded,
         "basis": description(scene, basis),
         "kappa": basis.kappa(),
         "versions": environment.versions() | versions(),

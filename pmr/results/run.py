@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 
 #: Names of all that a run may leave in its folder, the report aside: files that go together.
 RESULT_FILES = (
-    "scene.json", "summary.json", "trajectories.npz", "reduced.npz", "reduced-*.npz", "fields*.npz", "fields.pvd",
-    "fields/*.vtu", "tables/*.csv",
+    "scene.json", "summary.json", "trajectories.npz", "reduced.npz", "system.npz", "fields*.npz", "fields.pvd",
+    "fields/*.vtu", "tables/*.csv", "reduced-*.npz",  # the last of earlier versions
 )  # fmt: skip
 #: Circular frequencies in rad/s, as a file has those of a body alone, of one in Hz.
 TURN = 2.0 * np.pi

@@ -86,6 +86,29 @@ class Whole(Section):
     def bodies(self) -> Mapping[str, OneBody]:
         """Each body by its name; a body alone has the empty one."""
 
+    @property
+    def files_read(self) -> dict[str, Path]:
+        """What is read to make its models, by the table that names it, such as ``mesh`` or ``sections[1].mesh``."""
+        content = dict[str, Any](sections=[{} for _ in getattr(self, "sections", ())])
+        return {
+            ("" if described is content else f"sections[{number}].") + table: file
+            for number, (body, described) in enumerate(self._bodies(content))
+            for table, file in body.files.items()
+        }
+
+    @property
+    def recorded(self) -> dict[str, Any]:
+        """What a saved model says of the scene that it was made from: ``scene``, ``scene_hash``, ``files``.
+
+        Files are named without their folders, and by the SHA-256 of what they hold.
+        """
+        content = self.model_dump(mode="json", exclude={"published", "section"})
+        for body, described in self._bodies(content):
+            for table, file in body.files.items():
+                described[table]["file"] = file.name
+        files = {table: hashlib.sha256(file.read_bytes()).hexdigest() for table, file in self.files_read.items()}
+        return {"scene": content, "scene_hash": self.hash, "files": files}
+
     @abstractmethod
     def _bodies(self, content: dict[str, Any]) -> Iterable[tuple[OneBody, dict[str, Any]]]:
         """Each body, and where `content` says what it is."""

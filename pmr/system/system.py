@@ -185,6 +185,11 @@ class System(Joined[SlidingBody]):
 
     provenance: dict[str, Any] = field(default_factory=dict)  # how it came about: the scene, its hash, versions
 
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Of each of `input_names`, as far as reduced bodies know them."""
+        return tuple(unit for body in self.bodies.values() for unit in getattr(body, "input_units", ()))
+
     def save(self, path: str | Path) -> Path:
         """Write reduced bodies, contacts and provenance as one npz file, not compressed; nothing in it is pickled.
 
@@ -204,16 +209,21 @@ class System(Joined[SlidingBody]):
             by a later format.
         """
         found = saved.read(Path(path))
-        if isinstance(found, ReducedModel):
-            return cls.of(found)
         try:
+            if isinstance(found, ReducedModel):
+                return cls.of(found)
             return cls(found.bodies, found.contacts, found.provenance)
         except InputError as error:
             raise InputError(str(path), error.key, error.value, error.allowed) from None
 
     @classmethod
     def of(cls, body: SlidingBody) -> System:
-        """A body alone, whose rows are contacts with the ground; what moves does so along one path, ``slider``."""
+        """A body alone, whose rows are contacts with the ground; what moves does so along one path, ``slider``.
+
+        An InputError is raised where it is a section of a boom, which its joints hold.
+        """
+        if isinstance(body, ReducedModel):
+            body.ensure_whole("system")
         moving, (first, _) = body.moving, body.domain
         contacts = tuple(
             Contact(

@@ -18,6 +18,7 @@ from pmr.compare.responses import simulate_reduced
 from pmr.compare.saved_model import simulate_saved
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
+from pmr.system.system import System
 
 ROOT = Path(__file__).parents[2]
 EARLIER = ROOT / "tests" / "files" / "earlier" / "reduced.npz"
@@ -98,16 +99,16 @@ def test_a_path_beyond_what_the_model_was_made_for_is_refused_with_the_time() ->
     model = whole.reduce(scene.load(file, ours)).reduced
     path = "slider.path={kind='ramp',times=[0.0,1.0],values=[4.0,4.4]}"
     with pytest.raises(InputError, match=r"slider.path = 4.2\d*: 1.4 to 4.2 m is allowed; left at t = 0.5"):
-        simulate_saved(model, scene.load(file, ["mesh.elements=8", path, "time.end=1", "recovery.every=1"]))
+        simulate_saved(System.of(model), scene.load(file, ["mesh.elements=8", path, "time.end=1", "recovery.every=1"]))
 
 
 def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_refused() -> None:
     file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8", "recovery.every=1"]
     model = whole.reduce(scene.load(file, ours)).reduced
     with pytest.raises(InputError, match=r"gravity.direction = .*that of the model is allowed: \[0.0, 0.0, -1.0\]"):
-        simulate_saved(model, scene.load(file, [*ours, "gravity.inclination=30.0"]))
+        simulate_saved(System.of(model), scene.load(file, [*ours, "gravity.inclination=30.0"]))
     with pytest.raises(InputError, match=r"loads\[1\].direction = 'z': that of the model is allowed: 'y'"):
-        simulate_saved(model, scene.load(file, [*ours, "loads.gust.direction=z"]))
+        simulate_saved(System.of(model), scene.load(file, [*ours, "loads.gust.direction=z"]))
     with pytest.raises(InputError, match=r"loads\[1\].on = 3.0: that of the model is allowed: 'tip'"):
         simulate_reduced(scene.load(file, [*ours, "loads.gust.on=3"]), model)
     told = model.provenance["scene"]
@@ -138,7 +139,7 @@ def test_what_is_baked_into_a_saved_model_is_refused_where_a_scene_says_somethin
     check_made_for(model, scene.load(file, [*ours, *FREE]))
     for change, says in BAKED.items():
         with pytest.raises(InputError, match=f"scene: {says}"):
-            simulate_saved(model, scene.load(file, [*ours, change]))
+            simulate_saved(System.of(model), scene.load(file, [*ours, change]))
         with pytest.raises(InputError, match=f"scene: {says}"):
             simulate_reduced(scene.load(file, [*ours, change]), model)
 
@@ -163,7 +164,7 @@ def test_a_load_beyond_what_the_model_was_made_for_is_said(saved: Path) -> None:
     for frequency in (8.0, 300.0):
         load = f"loads=[{{name='F',on=5.0,signal={{kind='sine',amplitude=1.0,frequency={frequency}}}}}]"
         asked = scene.load(file, [*OURS, "time.end=0.2", "time.step=5e-4", load])
-        said[frequency] = " ".join(simulate_saved(model, asked).summary["warnings"])
+        said[frequency] = " ".join(simulate_saved(System.of(model), asked).summary["warnings"])
     assert "beyond the highest enrichment mode" in said[300.0] and "enrichment" not in said[8.0]
 
 

@@ -73,7 +73,7 @@ def test_a_reduced_model_that_rings_is_said_to(load_scene, path: str, rung: bool
     changes = [*FAST[:2], FAST[2].replace("smooth_ramp", path), "compare.against=[]"]
     outcome = run(load_scene("paper_evolved", changes))
     assert outcome is not None
-    for result in (outcome.result, simulate_saved(outcome.reduced, outcome.result.scene)):
+    for result in (outcome.result, simulate_saved(outcome.system, outcome.result.scene)):
         said = [line for line in result.summary["warnings"] if line.startswith("of the forces of sliders and pads")]
         assert len(said) == rung
 
