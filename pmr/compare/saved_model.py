@@ -12,15 +12,12 @@ from pmr.compare.booms import with_friction
 from pmr.compare.estimated import reduction_error, step_part
 from pmr.compare.frequencies import reduced_frequencies
 from pmr.compare.responses import check_installed, simulate
-from pmr.compare.simulated import check_fits, simulate_sections
+from pmr.compare.simulated import driven_by, simulate_sections
 from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated, theory, trusted
-from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Boom, Scene
 from pmr.simulation import Excitation, contact_step
-from pmr.simulation.booms import excitation_of
-from pmr.simulation.excitation import on_path
 from pmr.simulation.native.multibody_march import contact_frequency, places
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
@@ -40,8 +37,8 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     SimulationError if a step fails.
     """
     check_installed(scene)
-    check_fits(scene, system)
-    return _alone(system, scene) if ALONE in system.bodies else _sections(system, scene)
+    excitation = driven_by(scene, system)
+    return (_alone if ALONE in system.bodies else _sections)(system, scene, excitation)
 
 
 def _figures(system: System, response: Response, simulator: str) -> Part:
@@ -57,11 +54,9 @@ def _figures(system: System, response: Response, simulator: str) -> Part:
     )
 
 
-def _sections(system: System, boom: Boom) -> RunResult:
+def _sections(system: System, boom: Boom, excitation: Excitation) -> RunResult:
     """Of a boom of several sections, which starts in equilibrium."""
-    excitation, clock = excitation_of(boom, system), Clock()
-    _check_paths(system, excitation)
-    x, omega = places(system, excitation), contact_frequency(system, excitation)
+    clock, x, omega = Clock(), places(system, excitation), contact_frequency(system, excitation)
     found = simulate_sections(boom, system, excitation, clock)
     made = contact_step.as_made(excitation.stepping, found.first.parts, omega)
     response = with_friction(boom, system.contacts, found.response)
@@ -95,20 +90,10 @@ def _sections(system: System, boom: Boom) -> RunResult:
     )
 
 
-def _check_paths(system: System, excitation: Excitation) -> None:
-    """Refuse with an InputError an extension on which a row of the system is not defined."""
-    for (name, path), s in zip(excitation.paths.items(), excitation.s.T, strict=True):
-        try:
-            on_path(path, s, system.ranges[name], excitation.times)
-        except InputError as error:
-            raise InputError("scene", f"sections.{name}.joint", error.value, error.allowed) from None
-
-
-def _alone(system: System, scene: Scene) -> RunResult:
+def _alone(system: System, scene: Scene, excitation: Excitation) -> RunResult:
     """Of one body on one path."""
-    excitation, clock = Excitation.of(scene), Clock()
     reduced: Any = system.bodies[ALONE]
-    excitation.along(reduced.domain)
+    clock = Clock()
     simulations = simulate(scene, reduced, {}, clock)
     response = simulations.responses["reduced"]
     s = np.unique(np.linspace(excitation.s.min(), excitation.s.max(), POSITIONS))

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from pmr.compare import responses
 from pmr.compare.booms import respond, with_friction
 from pmr.compare.made_for import check_made_for
@@ -19,6 +21,7 @@ from pmr.scene.boom_parts import DRIVEN, section_scene
 from pmr.scene.built import WEIGHT
 from pmr.simulation import Excitation, Progress, SystemSimulator, exudyn
 from pmr.simulation.booms import excitation_of
+from pmr.simulation.excitation import on_path
 from pmr.simulation.native import multibody
 from pmr.system.booms import system_of
 from pmr.system.contacts import ALONE
@@ -66,12 +69,30 @@ def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedMo
         with anything but its system or a model for each of its sections.
     """
     system = reduced if isinstance(reduced, System) else joined(scene, reduced)
-    check_fits(scene, system)
+    excitation = driven_by(scene, system)
     if ALONE in system.bodies:
         model: Any = system.bodies[ALONE]
         return responses.simulate_with_states(scene, model, ()).response
-    found = simulate_sections(scene, system, excitation_of(scene, system), Clock()).response
+    found = simulate_sections(scene, system, excitation, Clock()).response
     return with_friction(scene, system.contacts, found)
+
+
+def driven_by(scene: Any, system: System) -> Excitation:
+    """Paths, loads and time grid of a `Scene` or `Boom` for a system.
+
+    An InputError is raised as by `check_fits`, or where a path leaves the rows of the system.
+    """
+    check_fits(scene, system)
+    alone = ALONE in system.bodies
+    excitation = Excitation.of(scene) if alone else excitation_of(scene, system)
+    for (name, path), s in zip(excitation.paths.items(), excitation.s.T, strict=True):
+        try:
+            on_path(path, s, system.ranges.get(name, (-np.inf, np.inf)), excitation.times)
+        except InputError as error:
+            raise InputError(
+                "scene", error.key if alone else f"sections.{name}.joint", error.value, error.allowed
+            ) from None
+    return excitation
 
 
 def check_fits(scene: Any, system: System) -> None:

@@ -1,0 +1,128 @@
+"""`pmr simulate` of a saved boom: what `pmr run` finds, without FEniCSx, and none but the boom it was made from."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from processes import FENICSX, PETSC, called, without
+
+import pmr
+from pmr.compare.simulated import check_fits
+from pmr.errors import InputError
+from pmr.system.system import System
+
+SHORT = ["compare.against=[]", "section.mesh.elements=8", "time.end=0.1", "simulation.repeats=1"]
+#: Another way out, another load, another step.
+OTHER = [
+    "sections.fly.joint.extension={kind='smooth_ramp',times=[0.0,0.1],values=[1.5,1.8]}",
+    "sections.fly.loads.tip force.signal={kind='sine',amplitude=500.0,frequency=5.0}",
+    "time.step=1e-3",
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With the system of a boom, as a run leaves it."""
+    outcome = pmr.run(pmr.load_scene("boom_two", SHORT))
+    assert outcome is not None
+    found = tmp_path_factory.mktemp("boom")
+    outcome.result.save(found)
+    outcome.save(found)
+    return found
+
+
+@pytest.fixture(scope="module")
+def system(folder: Path) -> System:
+    return System.load(folder / "system.npz")
+
+
+def sets(overrides: list[str]) -> list[str]:
+    return [part for one in overrides for part in ("--set", one)]
+
+
+def test_it_finds_what_the_run_found(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    asked = ["--scene", "boom_two", "--out", str(out), *sets(SHORT)]
+    done = without((*FENICSX, *PETSC, "exudyn"), "simulate", str(folder / "system.npz"), *asked)
+    assert done.returncode == 0, done.stderr
+    with np.load(out / "trajectories.npz") as found, np.load(folder / "trajectories.npz") as run:
+        for key in ("reduced.displacement", "reduced.slider_force"):
+            within = 1e-12 * np.abs(run[key]).max()
+            np.testing.assert_allclose(found[key], run[key], rtol=0.0, atol=within)
+    one, other = (json.loads((place / "summary.json").read_text()) for place in (out, folder))
+    for key in ("max_displacement", "pads", "cylinders", "reactions", "scene_hash", "title"):
+        assert one[key] == other[key]
+    assert one["estimate"]["reason"] and one["model"]["scene_hash"] == other["scene_hash"]
+
+
+def test_under_another_scene_it_is_the_run_of_that_scene(system: System) -> None:
+    """The run makes sections of its own, on another stretch."""
+    scene = pmr.load_scene("boom_two", [*SHORT, *OTHER])
+    found, outcome = pmr.simulate(scene, system), pmr.run(scene)
+    assert outcome is not None
+    expected = outcome.result.responses["reduced"]
+    for key in ("displacement", "slider_force"):
+        size = np.abs(getattr(expected, key)).max()
+        np.testing.assert_allclose(getattr(found, key), getattr(expected, key), rtol=0.0, atol=1e-10 * size)
+
+
+#: What is in the bodies and the contacts for good.
+BAKED = {
+    "sections.fly.masses.payload.mass=500": r"sections\[1\].masses\[0\].mass = 500.0: .* allowed: 250.0",
+    "sections.fly.body.material.young=70e9": r"sections\[1\].body.material.young = 70000000000.0",
+    "sections.base.body.box.wall=0.01": r"sections\[0\].body.box.wall = 0.01",
+    "sections.fly.joint.tail.0.stiffness=1e7": r"sections\[1\].joint.tail\[0\].stiffness = 10000000.0",
+    "sections.fly.joint.mouth.0.unilateral=false": r"sections\[1\].joint.mouth\[0\].unilateral = False",
+    "sections.fly.joint.mouth.0.at=0.2": r"sections\[1\].joint.mouth\[0\].at = 0.2",
+    "sections.fly.joint.cylinder.stiffness=1e7": r"sections\[1\].joint.cylinder.stiffness = 10000000.0",
+    "sections.fly.joint.rigid_overlap=true": r"sections\[1\].joint.rigid_overlap = True",
+    "sections.fly.reduction.coordinates=7": r"sections\[1\].reduction.coordinates = 7",
+    "sections.fly.loads=[]": "sections.fly.loads = .*the inputs of its model are allowed: tip force, gravity",
+    "sections.fly.loads.tip force.direction=x": r"sections\[1\].loads\[0\].direction = 'x'",
+    "gravity.inclination=30": r"gravity.direction = .* allowed: \[0.0, 0.0, -1.0\]",
+    "damping.ratio=0.02": "damping.mass",
+}
+FREE = ["title=x", "time.step=1e-3", "gravity.rise=0.1", *OTHER[:2]]
+
+
+def test_what_is_baked_into_a_saved_boom_is_refused_where_a_scene_says_something_else(system: System) -> None:
+    check_fits(pmr.load_scene("boom_two", [*SHORT, *FREE]), system)
+    for change, says in BAKED.items():
+        with pytest.raises(InputError, match=f"scene: {says}"):
+            pmr.simulate(pmr.load_scene("boom_two", [*SHORT, change]), system)
+
+
+def test_another_boom_or_a_body_alone_is_refused(system: System, folder: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"sections = \['base', 'middle', 'fly'\]: the sections of the system "
+    ):
+        pmr.simulate(pmr.load_scene("boom_three"), system)
+    with pytest.raises(InputError, match=r"sections = \[\]: the sections of the system are allowed: base, fly"):
+        pmr.simulate(pmr.load_scene("boom_beam"), system)
+    alone = System.load(Path(__file__).parents[1] / "files" / "earlier" / "reduced.npz")
+    with pytest.raises(InputError, match="a scene of one body is allowed"):
+        pmr.simulate(pmr.load_scene("boom_two"), alone)
+
+
+def test_an_extension_beyond_the_systems_rows_is_refused(folder: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+    """Further in than the one that it was made from; in one line, with file, section, time."""
+    further_in = "sections.fly.joint.extension={kind='ramp',times=[0.0,0.1],values=[0.7,0.5]}"
+    asked = ("--scene", "boom_two", *sets([*SHORT, further_in]), "--out", str(tmp_path / "out"))
+    done = called(monkeypatch, capsys, "simulate", str(folder / "system.npz"), *asked)
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert "boom_two.toml: sections.fly.joint = 0.59" in done.stderr
+    assert "0.6 to 5.7 m is allowed; left at t = 0.05" in done.stderr
+    assert not (tmp_path / "out" / "summary.json").exists()
+
+
+def test_models_that_know_no_scene_are_simulated_as_they_are(system: System) -> None:
+    """A system that was put together in Python: only sections and loads have to be those of the scene."""
+    bodies = {name: replace(body, provenance={}) for name, body in system.bodies.items()}
+    scene = pmr.load_scene("boom_two", [*SHORT, "sections.fly.joint.tail.0.stiffness=1e7"])
+    found = pmr.simulate(scene, System(bodies, system.contacts))
+    expected = pmr.simulate(pmr.load_scene("boom_two", SHORT), system)
+    np.testing.assert_array_equal(found.displacement, expected.displacement)
