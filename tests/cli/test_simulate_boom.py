@@ -97,9 +97,7 @@ def test_what_is_baked_into_a_saved_boom_is_refused_where_a_scene_says_something
 
 
 def test_another_boom_or_a_body_alone_is_refused(system: System, folder: Path) -> None:
-    with pytest.raises(
-        InputError, match=r"sections = \['base', 'middle', 'fly'\]: the sections of the system "
-    ):
+    with pytest.raises(InputError, match=r"sections = \['base', 'middle', 'fly'\]: the sections of the system "):
         pmr.simulate(pmr.load_scene("boom_three"), system)
     with pytest.raises(InputError, match=r"sections = \[\]: the sections of the system are allowed: base, fly"):
         pmr.simulate(pmr.load_scene("boom_beam"), system)
