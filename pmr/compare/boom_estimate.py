@@ -99,7 +99,7 @@ def _rubbing(boom: Boom, system: System, excitation: Excitation) -> Response:
 def _borne(system: System, run: SystemTrajectory) -> dict[str, Array]:
     """What contacts and loads press on the carriers and inputs of each body with, (S, K + i) in N."""
     found, first = {}, 0
-    for name, body in models_of(system).items():
+    for name, body in system.reduced.items():
         rows = [system.row(side.place) for side in system.sides if side.place.body == name]
         last = first + len(body.input_names)
         assert body.carriers is not None
@@ -138,11 +138,6 @@ def run_from_rest(system: System, excitation: Excitation) -> SystemTrajectory:
     return multibody.simulate(system, excitation, multibody.static_start(system, excitation))
 
 
-def models_of(system: System) -> dict[str, ReducedModel]:
-    """Its bodies, all of which are reduced."""
-    return {name: body for name, body in system.bodies.items() if isinstance(body, ReducedModel)}
-
-
 @dataclass(frozen=True)
 class BoomError:
     """``estimate`` of a summary, and that along each section, fractions; none: not known."""
@@ -173,7 +168,7 @@ def boom_error(
     if why is not None:
         nothing = dict.fromkeys(("tip", "beam", "pad_force", "cylinder_force", "largest", "seconds", "not_covered"))
         return BoomError(Part({"estimate": nothing | {"reason": why}}, said))
-    damped = any(body.rayleigh is None and body.D.any() for body in models_of(system).values())
+    damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())
     left_out = [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped]
     figures = {"largest": found.largest, "seconds": found.seconds, "not_covered": left_out}
     return BoomError(Part({"estimate": {**found.errors, **figures}}), found.sections)

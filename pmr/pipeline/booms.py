@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.compare import boom_figures as figures
 from pmr.compare import pad_forces
 from pmr.compare.accuracy import booms as order
-from pmr.compare.boom_estimate import BoomError, boom_error, models_of
+from pmr.compare.boom_estimate import BoomError, boom_error
 from pmr.compare.boom_motions import FullBoom, FullRun
 from pmr.compare.booms import quantities, with_friction
 from pmr.compare.errors import relative_error
@@ -56,7 +56,7 @@ class BoomOutcome:
     @property
     def reduced(self) -> Mapping[str, ReducedModel]:
         """The reduced model of each section."""
-        return models_of(self.system)
+        return self.system.reduced
 
     def save(self, folder: Path) -> Path:
         """Write the system into a folder."""

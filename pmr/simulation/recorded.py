@@ -12,11 +12,15 @@ from pydantic import TypeAdapter
 from pmr.errors import InputError
 from pmr.errors.text import visible
 from pmr.reduced.model import ReducedModel
-from pmr.scene.built import Gravity
+from pmr.scene import Boom
+from pmr.scene.built import WEIGHT, Gravity
 from pmr.scene.checks import MOST_STEPS
 from pmr.scene.signals import Signal, SignalBase
+from pmr.simulation.booms import excitation_of
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.stepping import TimeStepping
+from pmr.system.contacts import ALONE
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
@@ -28,15 +32,9 @@ class Recorded:
 
     title: str
     excitation: Excitation
-    gravity: Gravity | None
-
-    @property
-    def first_loads(self) -> Array:
-        """Loads (i,) that a model starts with step by step: those at t = 0, and weight in full, however it rises."""
-        found = self.excitation.f[0].copy()
-        if self.gravity is not None:
-            found[-1] = self.gravity.acceleration
-        return found
+    #: (i,) array: loads that a model starts with step by step, those at t = 0, and weight in full, however it rises
+    first_loads: Array
+    static: bool = False  #: Whether it starts in equilibrium with these; else at rest and undeformed
 
 
 def recorded(model: ReducedModel, source: str) -> Recorded:
@@ -66,7 +64,46 @@ def recorded(model: ReducedModel, source: str) -> Recorded:
         allowed = f"{len(signals)} given, one for each input is allowed: {', '.join(model.input_names)}"
         raise InputError(source, "provenance.scene.loads", None, allowed)
     loads = dict(zip(model.input_names, signals, strict=True))
-    return Recorded(title, Excitation({SLIDER: path}, loads, stepping), gravity)
+    excitation = Excitation({SLIDER: path}, loads, stepping)
+    first_loads = excitation.f[0].copy()
+    if gravity is not None:
+        first_loads[-1] = gravity.acceleration
+    return Recorded(title, excitation, first_loads)
+
+
+def recorded_system(system: System, source: str) -> Recorded:
+    """The scene in a system's provenance, as `recorded` has that of a body alone, with the same errors."""
+    if ALONE in system.bodies:
+        return recorded(system.reduced[ALONE], source)
+    try:
+        scene = system.provenance["scene"]
+        if any(map(_names_a_file, _signals(scene))):
+            raise ValueError("a signal in a model holds its numbers itself")
+        boom = Boom.model_validate(scene)
+        found = of_boom(boom, system)
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        why = "this one has none" if error.args == ("scene",) else repr(error)
+        allowed = f"a system that holds its scene (sections, gravity, time) is allowed: {why}"
+        raise InputError(source, "provenance.scene", None, allowed) from None
+    if found.excitation.stepping.steps > MOST_STEPS:
+        steps = found.excitation.stepping.steps
+        raise InputError(source, "provenance.scene.time", steps, f"at most {MOST_STEPS:,} steps are allowed")
+    return found
+
+
+def of_boom(boom: Boom, system: System) -> Recorded:
+    """What a boom of several sections starts with: equilibrium under its weight in full."""
+    excitation = excitation_of(boom, system)
+    first_loads = excitation.forces(system.input_names)[0].copy()
+    inputs = [name for body in system.bodies.values() for name in body.input_names]
+    first_loads[[name == WEIGHT for name in inputs]] = boom.gravity.acceleration
+    return Recorded(boom.title, excitation, first_loads, static=True)
+
+
+def _signals(scene: Any) -> list[Any]:
+    """What may be signals in the sections of a boom."""
+    parts = [part for part in scene["sections"] if isinstance(part, dict)]
+    return [one for part in parts for one in (part.get("joint"), part.get("loads"))]
 
 
 def _signal(data: Any) -> SignalBase:

@@ -190,6 +190,16 @@ class System(Joined[SlidingBody]):
         """Of each of `input_names`, as far as reduced bodies know them."""
         return tuple(unit for body in self.bodies.values() for unit in getattr(body, "input_units", ()))
 
+    @property
+    def reduced(self) -> dict[str, ReducedModel]:
+        """The bodies; an InputError is raised where one is not reduced."""
+        found = {name: body for name, body in self.bodies.items() if isinstance(body, ReducedModel)}
+        for name in self.bodies:
+            if name not in found:
+                kind = type(self.bodies[name]).__name__
+                raise InputError("system", f"bodies.{name}", kind, "a ReducedModel is allowed here")
+        return found
+
     def save(self, path: str | Path) -> Path:
         """Write reduced bodies, contacts and provenance as one npz file, not compressed; nothing in it is pickled.
 

@@ -18,6 +18,7 @@ import pmr
 from pmr.cli.app import main
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -94,6 +95,11 @@ class Subject:
     @cached_property
     def model(self) -> ReducedModel:
         return ReducedModel.load(self.model_file)
+
+    @cached_property
+    def system(self) -> System:
+        """What `pmr run` leaves, read again."""
+        return System.load(self.outcome.save(self.out("saved")))
 
     def out(self, name: str) -> Path:
         """A place to write to."""

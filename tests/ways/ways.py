@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.io
 import scipy.linalg
-from export.fmi.libraries import Instance, library
+from export.fmi.libraries import Instance, compiled
 from fuzz import toml
 from numpy.typing import NDArray
 from processes import undrawn
@@ -30,6 +30,7 @@ from pmr.scene import Boom, Scene
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import simulator as march
+from pmr.simulation.recorded import recorded_system
 from pmr.studies.files import kind_names
 from pmr.system.body import displacement, length_outputs
 
@@ -268,9 +269,9 @@ def script(subject: Subject) -> None:
 def fmu(subject: Subject) -> None:
     """Its source, compiled here, under the inputs of its own reference gives the reference's outputs."""
     with refusals():
-        made = contents(subject.model, "reduced.npz", "body", "3")
+        made = contents(subject.system, recorded_system(subject.system, "system.npz"), "body", "3")
     given, expected = (_table(made.texts[f"resources/reference_{one}.csv"]) for one in ("in", "out"))
-    instance = Instance(library(subject.model, subject.out("fmu"), "3"))
+    instance = Instance(compiled(made, subject.out("fmu"), "3"))
     t, inputs, outputs = given.pop("time"), list(given), [name for name in expected if name != "time"]
     rows = np.column_stack(list(given.values()))
     instance.initialise(inputs, rows[0])

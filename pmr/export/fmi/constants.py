@@ -1,91 +1,92 @@
-"""A reduced model as constants of the C source in `source/` (body.h says what each of them is)."""
+"""A system as constants of the C source in `source/` (body.h and rows.h say what each of them is)."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.constraints.polynomials import rebased
+from pmr.constraints.polynomials import same_degree
+from pmr.constraints.rows import Row
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.reduced.model import ReducedModel
-from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.native.system import table_breaks
-from pmr.system.compliant_rows import compliant_rows
+from pmr.export.fmi.blocks import Arrangement, Block, arrangement
+from pmr.system.contacts import named
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 _NUMBERS_A_LINE = 8
+#: Tables of a block by their names in C.
+_TABLES = {"C": "rows", "G": "between", "S": "staying", "H": "inputs", "X": "outputs"}
 
 
 @dataclass(frozen=True)
 class Constants:
-    """A body in modal form, and what the C source is told of it."""
+    """A system in modal form, and what the C source needs of it."""
 
-    form: ModalForm
-    gives_way: NDArray[np.bool_]  #: (m,) array: rows whose flexibility or pad gives way; the others are rigid
-    sizes: dict[str, float]  #: Macros of model.h
-    arrays: dict[str, Array]  #: Arrays of model.c by their declarations
+    rows: Arrangement
+    macros: dict[str, object]  #: Of model.h
+    arrays: dict[str, Array]  #: Of model.c by their declarations
 
     @property
     def model_exchange(self) -> bool:
         """Whether an ordinary differential equation is left: no row is rigid."""
-        return bool(self.gives_way.all())
+        return bool(self.rows.gives_way.all())
 
 
-def constants(model: ReducedModel, source: str) -> Constants:
-    """Modal form and tables of a model on common breaks; raises InputError of `source` if it keeps residual inertia."""
-    if model.flexibility is not None and model.flexibility.keeps_inertia:
-        raise InputError(source, "flexibility.inertia", None, "a model without residual inertia is allowed in an FMU")
-    m, i, o = len(model.row_names), len(model.input_names), len(model.outputs)
-    gives_way = np.isin(np.arange(m), compliant_rows(model))
-    form = modal_form(model)
-    body, breaks = form.body, table_breaks(form.body)
-    none = {"rows": (m, m), "inputs": (m, i), "outputs": (o, m)}
-    tables = {name: PPoly(np.zeros((1, len(breaks) - 1, *shape)), breaks) for name, shape in none.items()}
-    if body.flexibility is not None:
-        tables = {name: rebased(getattr(body.flexibility, name), breaks) for name in none}
-    C = rebased(body.rows, breaks)
-    coupled = not form.classically_damped
-    pushes = ~np.isnan(body.row_clearance)
-    sizes: dict[str, float] = {
-        "MODES": body.size,
+def constants(system: System) -> Constants:
+    """Modal form and tables of a system; an InputError is raised if a body keeps residual inertia."""
+    for name, body in system.bodies.items():
+        if body.flexibility is not None and body.flexibility.keeps_inertia:
+            key = named(name, "flexibility.inertia")
+            raise InputError("system", key, None, "a model without residual inertia is allowed in an FMU")
+    rows = arrangement(system)
+    bodies, gives_way = [part.form.body for part in rows.parts], rows.gives_way
+    stays = rows.constants
+    (m, r), i, o = stays.C.shape, stays.H.shape[1], stays.X.shape[1]
+    coupled = not all(part.form.classically_damped for part in rows.parts)
+    clearance = system.clearance
+    pushes = ~np.isnan(clearance)
+    laid_out, arrays = _laid_out(rows)
+    macros: dict[str, object] = {
+        "MODES": r,
         "ROWS": max(m, 1),
         "INPUTS": max(i, 1),
         "OUTPUTS": max(o, 1),
-        "INTERVALS": len(breaks) - 1,
-        "POWERS_C": len(C.c),
-        "POWERS_G": len(tables["rows"].c),
-        "POWERS_H": len(tables["inputs"].c),
-        "POWERS_X": len(tables["outputs"].c),
+        "PATHS": max(len(rows.paths), 1),
         "DAMPING_COUPLES": int(coupled),
-        "DAMPING_SIZE": body.size ** (2 if coupled else 1),
+        "DAMPING_SIZE": r ** (2 if coupled else 1),
         "MODEL_EXCHANGE": int(gives_way.all()),
         "BEYOND_ENDS": BEYOND_ENDS,
     }
-    X = tables["outputs"].c.swapaxes(2, 3)
-    arrays = {
-        "const double breaks[INTERVALS + 1]": breaks,
-        "const double table_C[INTERVALS][POWERS_C][ROWS * MODES]": _by_interval(C.c),
-        "const double table_G[INTERVALS][POWERS_G][ROWS * ROWS]": _by_interval(tables["rows"].c),
-        "const double table_H[INTERVALS][POWERS_H][ROWS * INPUTS]": _by_interval(tables["inputs"].c),
-        "const double table_X[INTERVALS][POWERS_X][ROWS * OUTPUTS]": _by_interval(X),
-        "const double omega2[MODES]": form.omega2,
-        "const double damping[DAMPING_SIZE]": body.D.ravel() if coupled else np.diagonal(body.D),
-        "const double inputs[INPUTS][MODES]": _present(body.B.T, body.size),
-        "const double shapes[MODES][OUTPUTS]": _present(body.outputs.T, body.size),
-        "const double direct[INPUTS][OUTPUTS]": _present(
-            body.flexibility.direct.T if body.flexibility else np.zeros((i, o)), o
-        ),
-        "const double compliance[ROWS]": body.row_compliance if m else np.ones(1),  # a row that holds nothing
-        "const double clearance[ROWS]": _present(np.where(pushes, body.row_clearance, 0.0), 1),
+    of_bodies = {name: scipy.linalg.block_diag(*(getattr(body, name) for body in bodies)) for name in "DB"}
+    shapes = scipy.linalg.block_diag(*(body.outputs for body in bodies))
+    direct = np.zeros((i, o))
+    for part in rows.parts:
+        known = part.form.body.flexibility if part.body.carriers is None else part.flexibility
+        if known is not None:
+            direct[part.inputs, part.outputs] = known.direct.T
+    arrays |= {
+        "const double constant_C[ROWS][MODES]": _present(stays.C, r),
+        "const double constant_F[ROWS][ROWS]": stays.F if m else np.ones((1, 1)),  # a row that holds nothing
+        "const double constant_H[ROWS][INPUTS]": _present(stays.H, max(i, 1)),
+        "const double constant_X[ROWS][OUTPUTS]": _present(stays.X, max(o, 1)),
+        "const double path_ends[PATHS][2]": np.array(rows.ranges or [(0.0, 0.0)]),
+        "const double omega2[MODES]": np.concatenate([part.form.omega2 for part in rows.parts]),
+        "const double damping[DAMPING_SIZE]": of_bodies["D"].ravel() if coupled else np.diagonal(of_bodies["D"]),
+        "const double inputs[INPUTS][MODES]": _present(of_bodies["B"].T, r),
+        "const double shapes[MODES][OUTPUTS]": _present(shapes.T, 1),
+        "const double direct[INPUTS][OUTPUTS]": _present(direct, max(o, 1)),
+        "const double clearance[ROWS]": _present(np.where(pushes, clearance, 0.0), 1),
         "const int pushes[ROWS]": _present(pushes.astype(int), 1),
         "const int gives_way[ROWS]": gives_way.astype(int) if m else np.ones(1, int),
     }
-    return Constants(form, gives_way, sizes, arrays)
+    return Constants(rows, macros | laid_out, arrays)
 
 
 @dataclass(frozen=True)
@@ -97,25 +98,26 @@ class Source:
     token: str
 
 
-def source_text(constants: Constants, start_values: Array, nominal: Array) -> Source:
+def source_text(constants: Constants, path_names: Sequence[str], start_values: Array, nominal: Array) -> Source:
     """model.h and model.c.
 
-    `start_values` (5 + 2 i,) are those of the variables from the time to the scheme's parameter: t, s, s', loads, their
-    rates, step, rho_inf; `nominal` (2 r,) are sizes of the modal coordinates and of their rates.
+    `start_values` (4 + 2 p + 2 i,) are those of the variables up to the kind of start: t, s, s', loads, their rates,
+    step, rho_inf, start; `nominal` (2 r,) are sizes of the modal coordinates and of their rates.
     """
     arrays = constants.arrays | {
-        "const double start_values[3 + 2 * INPUTS + 2]": start_values,
+        "const double start_values[1 + 2 * PATHS + 2 * INPUTS + 3]": start_values,
         "const double nominal[2 * MODES]": nominal,
     }
-    macros = [f"#define {name} {value}" for name, value in constants.sizes.items()]
-    names = constants.form.body.row_names or ("none",)
+    macros = [f"#define {name} {value}" for name, value in constants.macros.items()]
     parts = [f"{declaration} = {_listed(array)};" for declaration, array in arrays.items()]
-    parts.append(f"const char *const row_names[ROWS] = {{{', '.join(map(c_string, names))}}};")
+    texts = {"row_names[ROWS]": constants.rows.system.contact_names, "path_names[PATHS]": path_names}
+    for name, words in texts.items():
+        parts.append(f"const char *const {name} = {{{', '.join(map(c_string, words or ('none',)))}}};")
     digest = hashlib.sha256("\n".join([*macros, *parts]).encode()).hexdigest()
     token = "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32)))
     parts.append(f"const char *const model_token = {c_string('{' + token + '}')};")
     header = ["/* Sizes of the model. */", "#ifndef MODEL_H", "#define MODEL_H", "", *macros, "", "#endif", ""]
-    text = ["/* Constants of the model. */", '#include "body.h"', "", *parts, ""]
+    text = ["/* Constants of the model. */", '#include "rows.h"', "", *parts, ""]
     return Source("\n".join(header), "\n".join(text), "{" + token + "}")
 
 
@@ -125,9 +127,83 @@ def c_string(text: str) -> str:
     return f'"{plain}"'
 
 
-def _by_interval(c: Array) -> Array:
-    """Coefficients (powers, k, m, n) as (k, powers, m n)."""
-    return _present(c.swapaxes(0, 1).reshape(c.shape[1], c.shape[0], -1), 1)
+def _laid_out(rows: Arrangement) -> tuple[dict[str, object], dict[str, Array]]:
+    """Macros and arrays of blocks and pairs, all tables one after the other (rows.h, rows.c)."""
+    found: dict[str, list[NDArray[Any]]] = {
+        name: [] for name in ("breaks", "contacts", "touched", "weights", "between")
+    }
+    found |= {f"table_{name}": [] for name in _TABLES}
+    listed, carriers = [], [_carriers(block.on_carriers) for block in rows.blocks]
+    for block, touched in zip(rows.blocks, carriers, strict=True):
+        at = {name: sum(part.size for part in parts) for name, parts in found.items()}
+        tables = {name: getattr(block, attribute) for name, attribute in _TABLES.items()}
+        tables["S"], tables["H"] = (PPoly(c, block.rows.x) for c in same_degree(tables["S"].c, tables["H"].c))
+        found["breaks"].append(block.rows.x)
+        found["contacts"] += [block.contacts, block.stays]
+        for name, table in tables.items():
+            found[f"table_{name}"].append(table.c.swapaxes(0, 1))
+        width = max((row.touched.shape[1] for row in block.on_carriers), default=0)
+        for wide in (_widened(row, width, touched) for row in block.on_carriers):
+            found["touched"].append(wide[0])
+            found["weights"].append(wide[1])
+        if block.on_carriers:  # interval by interval, with all rows of each
+            q = len(block.on_carriers)
+            for name in ("touched", "weights"):
+                found[name][-q:] = [np.stack(found[name][-q:], axis=1)]
+        p = block.part
+        sizes = [block.path, len(block.rows.x) - 1, len(block.contacts), len(block.stays)]
+        sizes += [n for of in (p.modes, p.inputs, p.outputs) for n in (of.start, of.stop - of.start)]
+        sizes += [len(tables[name].c) for name in "CGHX"]
+        sizes += [at[name] for name in ("breaks", "contacts", *(f"table_{name}" for name in _TABLES))]
+        listed.append([*sizes, len(touched), width, at["touched"], at["weights"]])
+    pairs = []
+    for k, first in enumerate(rows.blocks):
+        for l, second in enumerate(rows.blocks[k + 1 :], k + 1):
+            if first.part is second.part and (R := first.part.flexibility.rows).any():
+                pairs.append([k, l, sum(part.size for part in found["between"])])
+                found["between"].append(R[np.ix_(carriers[k], carriers[l])])
+    nothing = [[0, 1, 0, 0, *(0,) * 6, *(1,) * 4, *(0,) * 11]]  # one that adds nothing: C has no arrays of nothing
+    macros: dict[str, object] = {
+        "WHOLE": int(rows.whole),
+        "BLOCKS": max(len(listed), 1),
+        "PAIRS": len(pairs),
+        "BLOCK_LIST": _initialisers(listed or nothing),
+        "PAIR_LIST": _initialisers(pairs or [[0, 0, 0]]),
+        "WIDTH": max([1, *(sizes[-3] for sizes in listed)]),
+        "LARGEST": max([1, *(max(table.c[0, 0].size for table in _tables(block)) for block in rows.blocks)]),
+    }
+    if not listed:
+        found["breaks"].append(np.array([0.0, 1.0]))
+    kinds = {"contacts": "int", "touched": "int"}
+    arrays = {
+        f"const {kinds.get(name, 'double')} {name}[]": _flat(parts, name in kinds) for name, parts in found.items()
+    }
+    return macros, arrays
+
+
+def _tables(block: Block) -> Iterable[PPoly]:
+    return (getattr(block, attribute) for attribute in _TABLES.values())
+
+
+def _carriers(rows: Sequence[Row]) -> NDArray[np.int64]:
+    """Numbers of the carriers that rows touch, ascending."""
+    return np.unique(np.concatenate([np.empty(0, np.int64), *(row.touched.ravel() for row in rows)]))
+
+
+def _widened(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
+    """Which of the carriers (., width) a row touches in each interval, and with what (., powers, width)."""
+    missing = width - row.touched.shape[1]
+    touched = np.searchsorted(carriers, np.pad(row.touched, ((0, 0), (0, missing)), "edge"))
+    return touched, np.pad(row.coefficients, ((0, 0), (0, 0), (0, missing))).swapaxes(0, 1)
+
+
+def _initialisers(lists: Sequence[Sequence[int]]) -> str:
+    return ", ".join(f"{{{', '.join(map(str, numbers))}}}" for numbers in lists)
+
+
+def _flat(parts: Sequence[Array], integer: bool) -> Array:
+    found = np.concatenate([np.empty(0), *(part.ravel() for part in parts)])
+    return _present(found.astype(int) if integer else found, 1)
 
 
 def _present(array: Array, least: int) -> Array:

@@ -119,7 +119,7 @@ def _root(model: Described, version: str, more: dict[str, str]) -> ET.Element:
         {
             "fmiVersion": version,
             "modelName": model.title,
-            "description": "Reduced model of a sliding body, in modal coordinates",
+            "description": "Reduced model in modal coordinates",
             "generationTool": f"pmr {__version__}",
             "variableNamingConvention": "flat",
             **more,

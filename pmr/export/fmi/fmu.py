@@ -17,8 +17,8 @@ from pmr.export.fmi.description import Described, build_description, description
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.variables import variables
 from pmr.files.whole import replaced
-from pmr.reduced.model import ReducedModel
-from pmr.simulation.recorded import recorded
+from pmr.simulation.recorded import Recorded, recorded_system
+from pmr.system.system import System
 
 VERSIONS = ("2", "3")
 _SOURCE = Path(__file__).with_name("source")
@@ -63,16 +63,47 @@ class Contents:
 def write_fmu(
     npz_path: str | Path, target: str | Path, version: str = "3", platforms: Sequence[Platform] = PLATFORMS
 ) -> Path:
-    """Write a saved reduced model as an FMU for Co-Simulation and, where no row is rigid, Model Exchange.
+    """Write a saved system or reduced model as an FMU, under the scene that it was made from.
 
-    `version` of the interface is ``"2"`` or ``"3"``; `platforms` are the systems to compile for.  Raises InputError as
-    `contents`, or if the file is no reduced model or the compiler is missing.
+    Arguments and errors as for `write`, and an InputError is raised if the file is neither.
+    """
+    npz_path = Path(npz_path)
+    system = System.load(npz_path)
+    return write(system, recorded_system(system, npz_path.name), target, version, platforms)
+
+
+def write(
+    system: System,
+    scene: Recorded,
+    target: str | Path,
+    version: str = "3",
+    platforms: Sequence[Platform] = PLATFORMS,
+) -> Path:
+    """Write a system as an FMU for Co-Simulation and, where no row is rigid, Model Exchange.
+
+    Parameters
+    ----------
+    system : System
+        Its paths and loads become inputs, outputs of its bodies and forces of its contacts become outputs.
+    scene : Recorded
+        What it starts with, and under what its reference trajectory is.
+    target : str or Path
+        The archive; its name is that of the binaries.
+    version : {"2", "3"}
+        Of the interface.
+    platforms : sequence of Platform
+        The systems to compile for.
+
+    Raises
+    ------
+    InputError
+        If a body keeps inertia, a rigid row only pushes, the compiler is missing, or as `pmr.simulation` raises it.
     """
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
     environment.check_installed("ziglang")
-    npz_path, target = Path(npz_path), Path(target)
-    found = contents(ReducedModel.load(npz_path), npz_path.name, target.stem, version)
+    target = Path(target)
+    found = contents(system, scene, target.stem, version)
     with tempfile.TemporaryDirectory() as folder:
         binaries = _binaries(Path(folder), found, version, platforms)
     files: dict[str, str | bytes] = {**found.texts, **binaries}
@@ -83,15 +114,13 @@ def write_fmu(
     return target
 
 
-def contents(model: ReducedModel, file_name: str, name: str, version: str) -> Contents:
-    """Description, source and reference trajectory of a model whose binaries are called `name`.
-
-    Raises InputError if the provenance has no scene, the model keeps inertia, or has rigid rows that only push.
-    """
-    scene, found = recorded(model, file_name), constants(model, file_name)
-    run = reference(model, scene)
-    source = source_text(found, run.start_values, run.nominal)
-    listed = variables(model, found.form.body.size, run.start_values, run.nominal)
+def contents(system: System, scene: Recorded, name: str, version: str) -> Contents:
+    """Description, source and reference trajectory of a system whose binaries are called `name`; errors as `write`."""
+    found = constants(system)
+    run = reference(found.rows, scene)
+    listed = variables(found.rows, run.start_values, run.nominal)
+    paths = [variable.name for variable in listed if variable.within is not None]
+    source = source_text(found, paths, run.start_values, run.nominal)
     others = {f"fmi{other}.c" for other in VERSIONS if other != version}
     files = {file.name: file.read_text() for file in sorted(_SOURCE.iterdir()) if file.name not in others}
     files |= {"model.h": source.header, "model.c": source.text}

@@ -7,21 +7,24 @@ a step has where rows only push follow the signals themselves (docs/fmu.md says 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.export.fmi.variables import Variable
-from pmr.reduced.model import ReducedModel
+from pmr.export.fmi.blocks import Arrangement
+from pmr.export.fmi.variables import STARTS, Variable
 from pmr.scene.signals import Ramp
 from pmr.simulation import contact_step
-from pmr.simulation.excitation import SLIDER, Excitation
-from pmr.simulation.modal import modal_form
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.native import multibody
 from pmr.simulation.native import simulator as march
+from pmr.simulation.native.multibody_march import contact_frequency
 from pmr.simulation.recorded import Recorded
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import displacement
+from pmr.system.contacts import ALONE
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 #: Instants at which outputs are written, as far as the steps go.
@@ -30,45 +33,80 @@ INSTANTS = 101
 
 @dataclass(frozen=True)
 class Reference:
-    """A simulation under the scene of a model."""
+    """A simulation under the scene of a system of p paths, i inputs, o outputs and m contacts."""
 
-    stepping: TimeStepping  #: With the parts that rows that only push take
-    #: (T, 3 + 2 i) array: time, s, its rate, loads and their rates, at every step; rates lead to the next step
+    stepping: TimeStepping  #: With the parts that contacts that only push take
+    #: (T, 1 + 2 p + 2 i) array: time, paths, their rates, loads and their rates, at every step; rates lead to the next
     inputs: Array
-    first_loads: Array  #: (i,) array, N: where nothing else is said
+    first_loads: Array  #: (i,) array, N: where nothing else is given
+    static: bool  #: Whether it starts in equilibrium
     t: Array  #: (S,) array, s
     outputs: Array  #: (S, o + m) array: displacements and forces
     nominal: Array  #: (2 r,) array: largest modal coordinates and rates
 
     @property
     def start_values(self) -> Array:
-        """Of the variables up to the scheme's parameter, in the order of `pmr.export.fmi.variables`."""
-        loads = self.first_loads if len(self.first_loads) else np.zeros(1)  # C has no arrays of nothing
+        """Of the variables up to the kind of start, in the order of `pmr.export.fmi.variables`."""
+        loads = _some(self.first_loads)
+        paths = _some(self.inputs[0, 1 : 1 + (self.inputs.shape[1] - 1) // 2 - len(self.first_loads)])
         step = self.stepping.step / max(self.stepping.parts, 1)
-        return np.concatenate([self.inputs[0, :2], [0.0], loads, 0.0 * loads, [step, self.stepping.rho_inf]])
+        start = STARTS["static" if self.static else "at rest"]
+        return np.concatenate([[0.0], paths, 0.0 * paths, loads, 0.0 * loads, [step, self.stepping.rho_inf, start]])
 
 
-def reference(model: ReducedModel, scene: Recorded) -> Reference:
-    """Simulate a model under its own scene, in straight lines from step to step."""
-    excitation, form, names = scene.excitation, modal_form(model), model.input_names
-    t, s, f = excitation.times, excitation.along(model.domain)[:, None], excitation.forces(names)
-    path, *loads = (Ramp(times=t.tolist(), values=values.tolist()) for values in np.hstack([s, f]).T)
-    stepping = contact_step.with_parts(model, excitation)
-    given = Excitation({SLIDER: path}, dict(zip(names, loads, strict=True)), stepping)
-    trajectory = march.simulate_modal(form, given)
+def reference(rows: Arrangement, scene: Recorded) -> Reference:
+    """Simulate a system under its own scene, in straight lines from step to step."""
+    system, excitation = rows.system, scene.excitation
+    t, f = excitation.times, excitation.forces(system.input_names)
+    s = np.column_stack([np.empty((len(t), 0)), *(excitation.paths[path].value(t) for path in rows.paths)])
+    lines = [Ramp(times=t.tolist(), values=values.tolist()) for values in np.hstack([s, f]).T]
+    paths, loads = lines[: len(rows.paths)], lines[len(rows.paths) :]
+    stepping = _with_parts(system, excitation)
+    given = Excitation(
+        dict(zip(rows.paths, paths, strict=True)), dict(zip(system.input_names, loads, strict=True)), stepping
+    )
+    z, v, y, forces = _followed(rows, given, scene.static)
     shown = np.unique(np.linspace(0, len(t) - 1, min(INSTANTS, len(t))).round().astype(int))
-    y = displacement(form.body, trajectory.q[shown], s[shown, 0], trajectory.multipliers[shown], f[shown])
-    largest = np.abs(np.hstack([trajectory.q, trajectory.v])).max(axis=0)
-    smallest = 1e-9 * np.repeat(largest.reshape(2, -1).max(axis=1), model.size)
+    largest = np.abs(np.hstack([z, v])).max(axis=0)
+    smallest = 1e-9 * np.repeat(largest.reshape(2, -1).max(axis=1), z.shape[1])
     nominal = np.maximum(largest, smallest)
     return Reference(
         stepping=stepping,
         inputs=np.hstack([t[:, None], s, _leading(s, stepping.step), f, _leading(f, stepping.step)]),
         first_loads=scene.first_loads,
+        static=scene.static,
         t=t[shown],
-        outputs=np.hstack([y, trajectory.multipliers[shown]]),
+        outputs=np.hstack([y, forces])[shown],
         nominal=np.where(nominal > 0.0, nominal, 1.0),
     )
+
+
+def _with_parts(system: System, excitation: Excitation) -> TimeStepping:
+    """The time grid with as many parts of a step as its contacts take."""
+    if ALONE in system.bodies:
+        return contact_step.with_parts(system.reduced[ALONE], excitation)
+    omega = contact_frequency(system, excitation)
+    return replace(excitation.stepping, parts=contact_step.parts(omega, excitation.stepping) if omega else 0)
+
+
+def _followed(rows: Arrangement, given: Excitation, static: bool) -> tuple[Array, Array, Array, Array]:
+    """Modes and their rates (T, r), displacements (T, o) and forces (T, m)."""
+    system, parts = rows.system, rows.parts
+    if ALONE in system.bodies:
+        form, domain = parts[0].form, parts[0].form.body.domain
+        found = march.simulate_modal(form, given)
+        f = given.forces(system.input_names)
+        return (
+            found.q,
+            found.v,
+            displacement(form.body, found.q, given.along(domain), found.multipliers, f),
+            found.multipliers,
+        )
+    moved = multibody.simulate(system, given, multibody.static_start(system, given) if static else None)
+    z, v = (
+        np.hstack([getattr(moved.bodies[part.name], what) @ part.form.inverse.T for part in parts]) for what in "qv"
+    )
+    return z, v, np.hstack(list(multibody.displacements(system, moved).values())), moved.forces
 
 
 def inputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
@@ -82,6 +120,11 @@ def outputs_csv(found: Reference, variables: Sequence[Variable]) -> str:
     outputs = [v for v in variables if v.causality == "output"]
     names = [v.name for v in outputs if not v.is_rate]
     return _csv(["time", *names], np.hstack([found.t[:, None], found.outputs]))
+
+
+def _some(values: Array) -> Array:
+    """The values, or a zero where there are none: C has no arrays of nothing."""
+    return values if len(values) else np.zeros(1)
 
 
 def _leading(values: Array, step: float) -> Array:

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS
-from pmr.reduced.model import ReducedModel
+from pmr.export.fmi.blocks import Arrangement
 from pmr.scene.built import force_of
 from pmr.system.body import force_outputs
+from pmr.system.contacts import SLIDER, named
 
 Array = NDArray[np.float64]
 #: What the parameter `start` may be.
@@ -38,17 +39,17 @@ class Variable:
     is_rate: bool = False  #: Whether it is the rate of an output
 
 
-def variables(model: ReducedModel, modes: int, start: Array, nominal: Array) -> list[Variable]:
-    """All variables of a model with so many modes, by `pmr.export.fmi.constants.source_text`'s start and nominal."""
+def variables(rows: Arrangement, start: Array, nominal: Array) -> list[Variable]:
+    """All variables of a system, by `pmr.export.fmi.constants.source_text`'s start and nominal."""
     names = _Names()
-    found = list(_given(model, names, start))
-    count = max(len(model.input_names), 1)
-    first = 6 + 2 * count
+    found = list(_given(rows, names, start))
+    first, modes = 4 + 2 * _count(rows.paths) + 2 * _count(rows.system.input_names), len(nominal) // 2
+    of_modes = [(part.name, k + 1) for part in rows.parts for k in range(part.form.body.size)]
     for k in range(2 * modes):
-        mode, rate = k % modes + 1, k >= modes
+        (body, mode), rate = of_modes[k % modes], k >= modes
         called, unit = ("rate of mode", "m/s") if rate else ("mode", "m")
-        what = f"{called} {mode}, modal mass 1 kg"
-        name = names(f"mode_{mode}{'_rate' * rate}")
+        what = f"{named(body, f'{called} {mode}')}, modal mass 1 kg"
+        name = names(f"{named(body, f'mode {mode}')}{' rate' * rate}")
         size = float(nominal[k])
         found.append(Variable(name, first + k, what, "local", initial="approx", unit=unit, start=0.0, nominal=size))
     states = found[-2 * modes :]
@@ -59,54 +60,77 @@ def variables(model: ReducedModel, modes: int, start: Array, nominal: Array) -> 
         found.append(
             Variable(name, reference, f"derivative: {state.description}", "local", unit=unit, derivative_of=first + k)
         )
-    found += _observed(model, names, first + 4 * modes)
+    found += _observed(rows, names, first + 4 * modes)
     return found
 
 
-def _given(model: ReducedModel, names: _Names, start: Array) -> Iterator[Variable]:
+def path_names(paths: Sequence[str]) -> list[str]:
+    """What the path coordinates are called: s alone where there is one for all sliders."""
+    return ["s" if path == SLIDER else f"s {path}" for path in paths]
+
+
+def _count(listed: Sequence[str]) -> int:
+    """How many numbers these take: C has no arrays of nothing."""
+    return max(len(listed), 1)
+
+
+def _given(rows: Arrangement, names: _Names, start: Array) -> Iterator[Variable]:
     """Time, inputs and parameters."""
-    count, (low, high) = max(len(model.input_names), 1), model.domain
-    units = [unit.replace("^", "") for unit in model.input_units]
-    own = [names(name) for name in ("time", "s", "s_rate", "internal_step", "rho_inf", "start")]  # whatever loads are
-    yield Variable(own[0], 0, "time", "independent", initial="", unit="s")
-    beyond = f"up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
-    path = f"path coordinate of the sliders; {beyond}"
-    yield Variable(own[1], 1, path, "input", initial="", unit="m", start=float(start[1]), within=(low, high))
-    inputs = [(own[2], 2, "rate of s", "m/s")]
-    pairs = zip(model.input_names, units, strict=True)
-    loads = [(names(name), 3 + k, f"load {name}", unit) for k, (name, unit) in enumerate(pairs)]
+    system, paths = rows.system, path_names(rows.paths)
+    units = [unit.replace("^", "") for part in rows.parts for unit in part.body.input_units]
+    fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # whatever loads are called
+    yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
+    own = [(names(path), names(f"{path}_rate")) for path in paths]
+    at = 1
+    for (name, _), path, (low, high) in zip(own, rows.paths, rows.ranges, strict=True):
+        what = "of the sliders" if path == SLIDER else path
+        what = f"path coordinate {what}; up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
+        yield Variable(name, at, what, "input", initial="", unit="m", start=float(start[at]), within=(low, high))
+        at += 1
+    first = 1 + _count(paths)
+    inputs = [
+        (name, first + k, f"rate of {path}", "m/s") for k, ((_, name), path) in enumerate(zip(own, paths, strict=True))
+    ]
+    first, count = first + _count(paths), _count(system.input_names)
+    pairs = zip(system.input_names, units, strict=True)
+    loads = [(names(name), first + k, f"load {name}", unit) for k, (name, unit) in enumerate(pairs)]
     rates = [
         (names(f"{name}_rate"), count + at, f"rate of the {what}", "m/s3" if unit == "m/s2" else f"{unit}/s")
         for name, at, what, unit in loads
     ]
     for name, at, what, unit in (*inputs, *loads, *rates):
         yield Variable(name, at, what, "input", "continuous", "", unit, float(start[at]))
-    first, step, rho_inf = 3 + 2 * count, start[3 + 2 * count], start[4 + 2 * count]
+    first += 2 * count
     how = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"
     given = (
-        ("longest internal step in Co-Simulation", "s", step),
-        ("spectral radius of generalized-alpha at infinite frequency", "", rho_inf),
-        (how, "", STARTS["at rest"]),
+        ("longest internal step in Co-Simulation", "s"),
+        ("spectral radius of generalized-alpha at infinite frequency", ""),
+        (how, ""),
     )
-    for k, (what, unit, value) in enumerate(given):
-        found = Variable(own[3 + k], first + k, what, "parameter", "fixed", "exact", unit, float(value))
+    for k, (what, unit) in enumerate(given):
+        found = Variable(fixed[k], first + k, what, "parameter", "fixed", "exact", unit, float(start[first + k]))
         yield replace(found, is_choice=what is how)
 
 
-def _observed(model: ReducedModel, names: _Names, first: int) -> Iterator[Variable]:
+def _observed(rows: Arrangement, names: _Names, first: int) -> Iterator[Variable]:
     """Outputs, their rates where they are motions, and the forces of the rows."""
-    o, force = len(model.outputs), force_outputs(model)
-    called = model.output_names or tuple(f"output {k}" for k in range(o))
-    units = model.output_units or ("m",) * o
+    called, units, force = list[str](), list[str](), list[bool]()
+    for part in rows.parts:
+        own, o = part.form.body, len(part.form.body.outputs)
+        called += [named(part.name, name) for name in own.output_names or [f"output {k}" for k in range(o)]]
+        units += own.output_units or ("m",) * o
+        force += force_outputs(own).tolist()
+    count = _count(called)
     outputs = [names(name if not is_force else force_of(name)) for name, is_force in zip(called, force, strict=True)]
-    for k in range(o):
-        yield Variable(outputs[k], first + k, called[k], unit=units[k])
-    for k in np.flatnonzero(~force).tolist():
+    for k, output in enumerate(outputs):
+        yield Variable(output, first + k, called[k], unit=units[k])
+    for k in np.flatnonzero(~np.array(force, bool)).tolist():
         name, what = names(f"{outputs[k]}_rate"), f"rate of {called[k]}"
-        yield Variable(name, first + max(o, 1) + k, what, unit=f"{units[k]}/s", is_rate=True)
-    for k, name in enumerate(model.row_names):
-        what = f"{force_of(name)}; on the body with the opposite sign"
-        yield Variable(names(force_of(name)), first + 2 * max(o, 1) + k, what, unit="N")
+        yield Variable(name, first + count + k, what, unit=f"{units[k]}/s", is_rate=True)
+    for k, contact in enumerate(rows.system.contacts):
+        on = "on the body with the opposite sign" if contact.outer is None else f"pushes {contact.inner.body} away"
+        what = f"{force_of(contact.name)}; {on}"
+        yield Variable(names(force_of(contact.name)), first + 2 * count + k, what, unit="N")
 
 
 class _Names:
@@ -124,8 +148,3 @@ class _Names:
             found = f"{plain}_{count}"
         self._taken.add(found)
         return found
-
-
-def named(found: Sequence[Variable], causality: str) -> list[Variable]:
-    """Those of one causality."""
-    return [variable for variable in found if variable.causality == causality]

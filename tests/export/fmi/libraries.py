@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.fmu import Contents, contents
 from pmr.reduced.model import ReducedModel
+from pmr.simulation.recorded import recorded
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-pedantic", "-Werror", "-fPIC", "-shared"]
@@ -42,7 +44,12 @@ class Library:
 
 def library(model: ReducedModel, folder: Path, version: str) -> Library:
     """The FMU's source, compiled without a warning."""
-    found, place = contents(model, "model.npz", "body", version), folder / f"fmi{version}"
+    return compiled(contents(System.of(model), recorded(model, "model.npz"), "body", version), folder, version)
+
+
+def compiled(found: Contents, folder: Path, version: str) -> Library:
+    """Source of an FMU, compiled without a warning."""
+    place = folder / f"fmi{version}"
     place.mkdir()
     for name, text in found.sources.items():
         (place / name).write_text(text)

@@ -16,7 +16,8 @@ from on_pads import beam_on_pads, flexible_on_pads
 from oracle import flexible, inertial, project, rich_body
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.export.fmi.fmu import contents
+from pmr.export.fmi.blocks import arrangement
+from pmr.export.fmi.fmu import Contents, contents
 from pmr.export.fmi.reference import reference
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
@@ -28,6 +29,7 @@ from pmr.simulation.recorded import recorded
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import displacement
 from pmr.system.compliant_rows import CompliantRows
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -51,6 +53,11 @@ def provided(model: ReducedModel, path: SignalBase, loads: tuple[SignalBase, ...
     time = {"end": END, "step": STEP, "rho_inf": 0.8}
     scene: dict[str, Any] = {"slider": {"path": path.model_dump(mode="json")}, "loads": listed, "time": time}
     return replace(model, provenance={"scene": scene})
+
+
+def described(model: ReducedModel, version: str) -> Contents:
+    """What an FMU of it holds."""
+    return contents(System.of(model), recorded(model, "model.npz"), "body", version)
 
 
 def model_of(kind: str) -> ReducedModel:
@@ -138,7 +145,7 @@ def test_parts_of_steps_follow_straight_lines_and_communicated_ones_the_signals(
     if made.model.clearance is None:
         return
     scene, (values, rates), (moved, _, forces) = recorded(made.model, "model"), made.names(), made.observed()
-    carried = reference(made.model, scene)
+    carried = reference(arrangement(System.of(made.model)), scene)
     parts = carried.stepping.parts
     assert parts > 1
     run = march.simulate(made.model, scene.excitation)
@@ -167,7 +174,7 @@ def test_it_starts_with_the_loads_of_the_scene_and_its_whole_weight() -> None:
     model = model_of("flexible")
     scene = model.provenance["scene"]
     scene |= {"loads": scene["loads"][:1], "gravity": {"rise": 1.0}}
-    root = ET.fromstring(contents(model, "model.npz", "body", "3").texts["modelDescription.xml"])
+    root = ET.fromstring(described(model, "3").texts["modelDescription.xml"])
     start = {v.attrib["name"]: float(v.attrib["start"]) for v in root.iter("Float64") if v.get("causality") == "input"}
     assert list(start.values()) == [2.0, 0.0, float(LOADS[0].value(0.0)), 9.80665, 0.0, 0.0]
 
@@ -175,7 +182,7 @@ def test_it_starts_with_the_loads_of_the_scene_and_its_whole_weight() -> None:
 def test_the_path_has_ends_and_may_lie_a_little_beyond(made: Made) -> None:
     low, high = made.model.domain
     for version, tag in (("2", "Real"), ("3", "Float64")):
-        root = ET.fromstring(contents(made.model, "model.npz", "body", version).texts["modelDescription.xml"])
+        root = ET.fromstring(described(made.model, version).texts["modelDescription.xml"])
         elements = [(v.get("name"), v if version == "3" else v.find(tag)) for v in root.iter() if v.get("name") == "s"]
         ((_, path),) = [(name, e) for name, e in elements if e is not None and e.get("unit") == "m"]
         assert (float(path.attrib["min"]), float(path.attrib["max"])) == (low, high)
@@ -210,7 +217,7 @@ def test_any_name_leaves_a_description_that_can_be_read(version: str) -> None:
             output_names=(*pair, *(f"{pair[1]}{k}" for k in range(o - 2))),
         )
         named.provenance["scene"]["title"] = pair[0]
-        texts = contents(named, "model.npz", "body", version).texts
+        texts = described(named, version).texts
         root = ET.fromstring(texts["modelDescription.xml"].encode())
         listed = list(root.find("ModelVariables"))
         names = [v.attrib["name"] for v in listed]
@@ -440,14 +447,14 @@ def test_residual_inertia_is_refused() -> None:
     model = provided(inertial(rich_body(), 6), PATH, LOADS)
     assert model.flexibility is not None and model.flexibility.inertia is not None
     kept = replace(model.flexibility, inertia=replace(model.flexibility.inertia, kept=True))
-    with pytest.raises(InputError, match=r"model.npz: flexibility.inertia"):
-        contents(replace(model, flexibility=kept), "model.npz", "body", "3")
+    with pytest.raises(InputError, match=r"system: flexibility.inertia"):
+        described(replace(model, flexibility=kept), "3")
 
 
 def test_the_same_model_makes_the_same_source(tmp_path: Path) -> None:
     model = model_of("flexible")
     model.save(tmp_path / "a.npz")
-    once, again = (contents(one, "a.npz", "body", "2").texts for one in (model, ReducedModel.load(tmp_path / "a.npz")))
+    once, again = (described(one, "2").texts for one in (model, ReducedModel.load(tmp_path / "a.npz")))
     assert once == again
 
 
@@ -456,7 +463,7 @@ def test_what_probes_measure_has_its_unit() -> None:
     units = [*("m",) * (len(model.outputs) - 4), "Pa", "1", "mm", "furlong"]
     measured = replace(model, output_units=tuple(units), output_names=tuple(f"p{k}" for k in range(len(units))))
     for version, tag in (("2", "Real"), ("3", "Float64")):
-        root = ET.fromstring(contents(measured, "model.npz", "body", version).texts["modelDescription.xml"])
+        root = ET.fromstring(described(measured, version).texts["modelDescription.xml"])
         defined = {unit.attrib["name"]: unit for unit in root.iter("Unit")}
         found = {v.attrib["unit"] for v in root.iter(tag) if "unit" in v.attrib}
         assert {"Pa", "Pa/s", "1", "1/s", "mm", "mm/s", "furlong", "furlong/s"} <= found == set(defined)
@@ -468,7 +475,7 @@ def test_a_moment_has_its_unit() -> None:
     model = model_of("flexible")
     for load, name, direction in zip(model.provenance["scene"]["loads"], model.input_names, ("ry", "z"), strict=True):
         load |= {"name": name, "direction": direction}
-    texts = contents(model, "model.npz", "body", "3").texts
+    texts = described(model, "3").texts
     root = ET.fromstring(texts["modelDescription.xml"])
     units = [v.attrib["unit"] for v in root.iter("Float64") if v.attrib["causality"] == "input"]
     assert units == ["m", "m/s", "N m", "N", "N m/s", "N/s"]

@@ -1,35 +1,30 @@
-/* A reduced body with rows that move along a path: modal equations of motion, a step of generalized-alpha, outputs.
+/* Reduced bodies and the contacts that move along paths: modal equations of motion, a step of generalized-alpha, outputs.
 
        z'' + D z' + Omega^2 z + C(s)^T lambda = B f,     C z + H f - F lambda = 0,     F = G(s) + 1/k
        y = O z + W f - X(s) lambda
 
-   z are coordinates of modes with a modal mass of 1 kg, in m.  Tables are polynomials in s between breaks. */
+   z are coordinates of modes with a modal mass of 1 kg, in m, one body after the other; s are the path coordinates; each
+   contact is a row of C. */
 #ifndef BODY_H
 #define BODY_H
 
 #include <stddef.h>
 
-/* MODES, ROWS, INPUTS, OUTPUTS, INTERVALS, powers of the tables; 1 where there is none.  BEYOND_ENDS: share of the path
-   by which s may lie beyond its ends, where it is taken then. */
+/* MODES, ROWS, INPUTS, OUTPUTS, PATHS, 1 where there is none; BLOCKS and PAIRS of rows.h.  BEYOND_ENDS: share of a path by
+   which s may lie beyond its ends, where it is taken then. */
 #include "model.h"
 
-/* Constants of the model (model.c).  Tables: the highest power first. */
-extern const double breaks[INTERVALS + 1];
-extern const double table_C[INTERVALS][POWERS_C][ROWS * MODES];
-extern const double table_G[INTERVALS][POWERS_G][ROWS * ROWS];
-extern const double table_H[INTERVALS][POWERS_H][ROWS * INPUTS];
-extern const double table_X[INTERVALS][POWERS_X][ROWS * OUTPUTS];
+/* Constants of the model (model.c); rows.h has those of the rows. */
 extern const double omega2[MODES];
 extern const double damping[DAMPING_SIZE]; /* the diagonal of D, or all of it where damping couples the modes */
 extern const double inputs[INPUTS][MODES];
 extern const double shapes[MODES][OUTPUTS];
 extern const double direct[INPUTS][OUTPUTS];
-extern const double compliance[ROWS]; /* 1/k */
 extern const double clearance[ROWS];  /* of rows that only push */
 extern const int pushes[ROWS];
 extern const int gives_way[ROWS]; /* F has entries there; other rows are rigid */
 extern const double nominal[2 * MODES];
-extern const double start_values[3 + 2 * INPUTS + 2]; /* of the variables up to INTERNAL_STEP and RHO_INF */
+extern const double start_values[1 + 2 * PATHS + 2 * INPUTS + 3]; /* of the variables up to START */
 extern const char *const row_names[ROWS];
 extern const char *const model_token;
 
@@ -37,8 +32,8 @@ extern const char *const model_token;
 enum {
     TIME = 0,
     PATH,
-    PATH_RATE,
-    LOADS,
+    PATH_RATE = PATH + PATHS,
+    LOADS = PATH_RATE + PATHS,
     LOAD_RATES = LOADS + INPUTS,
     INTERNAL_STEP = LOAD_RATES + INPUTS,
     RHO_INF,
@@ -64,14 +59,20 @@ typedef struct {
     double closed[ROWS]; /* 1 where a row holds */
 } Memory;
 
-/* Tables at one s, with their first and second derivatives where they are asked for. */
+/* The rows, or how they change. */
 typedef struct {
-    double s;
-    int order; /* of the derivatives that are there; -1: nothing is */
-    int interval;
-    double C[3][ROWS][MODES];
-    double F[3][ROWS][ROWS];
-    double H[3][ROWS][INPUTS];
+    double C[ROWS][MODES];
+    double F[ROWS][ROWS];
+    double H[ROWS][INPUTS];
+} Rows;
+
+/* The rows at one place. */
+typedef struct {
+    int known; /* 0: nothing is */
+    double s[PATHS];
+    int interval[BLOCKS];
+    double x[BLOCKS]; /* m into the interval */
+    Rows rows;
 } Place;
 
 /* Generalized-alpha with one step size. */

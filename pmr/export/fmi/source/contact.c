@@ -4,7 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "tables.h"
+#include "dense.h"
+#include "rows.h"
 
 /* Times that all wrong rows may change sides without leaving fewer wrong ones; solves after which it is given up. */
 #define CHANCES 3
@@ -21,8 +22,10 @@ int solve_closed(Body *body, double A[ROWS][ROWS], const int *among, double *mot
         numbers[count] = k;
         for (l = 0; l <= count; l++) entries[l] = A[k][numbers[l]];
         if (factorise_row(count, ROWS, entries, factor[0])) {
-            snprintf(body->message, sizeof body->message, "at s = %g m the row %s depends on others, or nothing holds it",
-                     body->memory.variables[PATH], row_names[k]);
+            char where[100 * PATHS];
+            say_where(body, where, sizeof where);
+            snprintf(body->message, sizeof body->message, "at %s the row %s depends on others, or nothing holds it", where,
+                     row_names[k]);
             return 1;
         }
         count++;
@@ -64,6 +67,7 @@ static int mark_wrong(Body *body, double A[ROWS][ROWS], const double *excess, co
 int settle(Body *body, double A[ROWS][ROWS], const double *motion, const int *among, double *multipliers)
 {
     double excess[ROWS];
+    char where[100 * PATHS];
     int wrong[ROWS], fewest = ROWS + 1, chances = CHANCES, tried, k;
     for (k = 0; k < ROWS; k++) excess[k] = motion[k] - clearance[k];
     for (tried = 0; tried < LIMIT; tried++) {
@@ -83,8 +87,8 @@ int settle(Body *body, double A[ROWS][ROWS], const double *motion, const int *am
         for (k = 0; k < ROWS; k++)
             if (wrong[k] && changes-- > 0) body->memory.closed[k] = 1.0 - body->memory.closed[k];
     }
-    snprintf(body->message, sizeof body->message, "at s = %g m it was not settled which pads are closed",
-             body->memory.variables[PATH]);
+    say_where(body, where, sizeof where);
+    snprintf(body->message, sizeof body->message, "at %s it was not settled which pads are closed", where);
     return 1;
 }
 
@@ -95,8 +99,8 @@ int let_go(Body *body, const int *among)
     for (k = 0; k < ROWS; k++) {
         if (!among[k] || memory->closed[k] != 0.0 || (memory->force[k] == 0.0 && memory->share[k] == 0.0)) continue;
         for (n = 0; n < MODES; n++) {
-            memory->acceleration[n] += body->place.C[0][k][n] * memory->force[k];
-            memory->alike[n] += body->place.C[0][k][n] * memory->share[k];
+            memory->acceleration[n] += body->place.rows.C[k][n] * memory->force[k];
+            memory->alike[n] += body->place.rows.C[k][n] * memory->share[k];
         }
         memory->force[k] = memory->share[k] = 0.0;
         found = 1;

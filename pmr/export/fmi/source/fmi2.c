@@ -285,9 +285,10 @@ EXPORT fmi2Status fmi2SetRealInputDerivatives(void *c, const Reference *referenc
     Instance *instance = c;
     size_t n;
     for (n = 0; n < count; n++) {
+        int is_path = references[n] >= PATH && references[n] < PATH_RATE;
         int is_load = references[n] >= LOADS && references[n] < LOAD_RATES;
-        Reference rate = references[n] == PATH ? PATH_RATE : references[n] + INPUTS;
-        if (orders[n] != 1 || !(references[n] == PATH || is_load))
+        Reference rate = references[n] + (is_path ? PATHS : INPUTS);
+        if (orders[n] != 1 || !(is_path || is_load))
             return refused(instance, "first derivatives of the path coordinate and of loads are allowed");
         if (set_variables(&instance->body, &rate, 1, values + n)) return told(instance, 1);
     }

@@ -117,7 +117,7 @@ Memory *saved(const Body *body)
 void restore(Body *body, const Memory *memory)
 {
     body->memory = *memory;
-    body->place.order = -1;
+    body->place.known = 0;
     body_changed(body);
 }
 

@@ -1,12 +1,6 @@
-/* Piecewise polynomials and small dense systems. */
-#ifndef TABLES_H
-#define TABLES_H
-
-/* Number of the interval that holds s, sought from `near` on. */
-int interval_of(double s, int near);
-
-/* Values (width,) and derivatives up to `order` of polynomials at x from the interval's beginning, one after another. */
-void evaluate(const double *coefficients, int powers, int width, double x, int order, double *values);
+/* Small dense systems. */
+#ifndef DENSE_H
+#define DENSE_H
 
 /* Solve A x = b for n unknowns in place, A row after row; 1 if A is singular. */
 int solve_dense(int n, double *A, double *x);

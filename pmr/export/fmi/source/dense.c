@@ -1,34 +1,9 @@
-#include "tables.h"
+#include "dense.h"
 
 #include <math.h>
 
-#include "body.h"
-
 /* A pivot below this share of its entry: the row depends on those before it. */
 #define SINGULAR 1e-12
-
-int interval_of(double s, int near)
-{
-    while (near > 0 && s < breaks[near]) near--;
-    while (near < INTERVALS - 1 && s >= breaks[near + 1]) near++;
-    return near;
-}
-
-void evaluate(const double *coefficients, int powers, int width, double x, int order, double *values)
-{
-    int n, p;
-    double *first = values + width, *second = first + width;
-    for (n = 0; n < width; n++) values[n] = coefficients[n];
-    for (n = 0; n < order * width; n++) first[n] = 0.0;
-    for (p = 1; p < powers; p++) {
-        const double *next = coefficients + p * width;
-        if (order > 1)
-            for (n = 0; n < width; n++) second[n] = second[n] * x + 2.0 * first[n];
-        if (order > 0)
-            for (n = 0; n < width; n++) first[n] = first[n] * x + values[n];
-        for (n = 0; n < width; n++) values[n] = values[n] * x + next[n];
-    }
-}
 
 int solve_dense(int n, double *A, double *x)
 {
