@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.boom_figures import CURVES, frequencies
 from pmr.compare.booms import Said, respond, response_of
+from pmr.compare.simulated import simulator_of
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError
 from pmr.errors.environment import Clock
@@ -24,7 +25,6 @@ from pmr.fullmodel.system import FullSystem
 from pmr.results import Response
 from pmr.scene import Boom
 from pmr.simulation.booms import excitation_of
-from pmr.simulation.native import multibody
 from pmr.simulation.native.multibody_march import places
 from pmr.simulation.petsc import Checkpoint, Recording, observe_system, static_start
 from pmr.simulation.petsc.rows import contact_rows
@@ -51,7 +51,7 @@ class FullRun:
 
 @dataclass(frozen=True)
 class FullBoom:
-    """All sections in full order, who simulates them, and on rank 0 the `system` of those that are diagonalised."""
+    """All sections in full order, who simulates them, and on rank 0 the `system` of those that are not distributed."""
 
     whole: FullSystem
     simulator: str
@@ -64,7 +64,7 @@ class FullBoom:
         whole = FullSystem(bodies, contacts_of(boom, bodies))
         fastest = "march" if whole.size <= MARCHED_UP_TO else "petsc"
         simulator = fastest if boom.simulation.full == "auto" else boom.simulation.full
-        return cls(whole, simulator, whole.gather() if simulator == "march" else None)
+        return cls(whole, simulator, None if simulator == "petsc" else whole.gather())
 
     def frequencies(self, boom: Boom, steps: NDArray[np.int64]) -> Array:
         """The lowest natural frequencies (S, f) in Hz at some steps, every contact closed; collective."""
@@ -99,13 +99,13 @@ class FullBoom:
                     found = replace(found, seconds=history.seconds, surplus=history.surplus)
                     states = {name: one.q for name, one in history.states.items()}
                 elif self.system is not None:
-                    trajectory = multibody.simulate(self.system, excitation, start, done)
+                    trajectory = simulator_of(self.simulator)(self.system, excitation, start, done)
                     found = respond(self.system, trajectory)
                     states = {name: one.q[steps] for name, one in trajectory.bodies.items()}
         except SimulationError as error:
             failed = str(error).removeprefix("full: ")  # the clock's stage
         failed = comm.bcast(failed or (distrust(found) if found is not None else None) or "")
-        if self.simulator == "march":
+        if self.simulator != "petsc":
             whole = comm.bcast(states)
             states = {name: q[:, self.whole.bodies[name].share] for name, q in whole.items()}
         return FullRun(None if failed else found, failed, states)

@@ -217,7 +217,5 @@ def _in_march(scene: Scene, body: SlidingBody) -> Simulate:
 
 _PREPARED: dict[str, Prepare] = {
     "march": _in_march,
-    "exudyn": _in_exudyn("springs"),
-    "exudyn-multiplier": _in_exudyn("multipliers"),
-    "exudyn-callback": _in_exudyn("callbacks"),
+    **{name: _in_exudyn(formulation) for name, formulation in exudyn.FORMULATIONS.items()},
 }

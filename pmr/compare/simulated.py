@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,11 @@ from pmr.results import Response
 from pmr.scene import Boom
 from pmr.scene.boom_parts import DRIVEN, section_scene
 from pmr.scene.built import WEIGHT
-from pmr.simulation import Excitation, Progress, SystemSimulator, exudyn
+from pmr.simulation import Excitation, Progress, SystemSimulator, contact_step, exudyn
 from pmr.simulation.booms import excitation_of
 from pmr.simulation.excitation import on_path
 from pmr.simulation.native import multibody
+from pmr.simulation.native.multibody_march import contact_frequency
 from pmr.system.booms import system_of
 from pmr.system.contacts import ALONE
 from pmr.system.system import System, SystemTrajectory
@@ -42,12 +44,15 @@ class BoomSimulations:
 
 
 def simulate_sections(boom: Boom, system: System, excitation: Excitation, clock: Clock) -> BoomSimulations:
-    """From equilibrium, by all of them."""
+    """From equilibrium, by all of them; Exudyn makes each step in the parts that the compiled simulator chose."""
     names, motions = boom.simulation.simulators, dict[str, SystemTrajectory]()
+    omega = contact_frequency(system, excitation)
     for name in names:
+        given = excitation
+        if name != "march" and names[0] == "march":
+            given = given.with_stepping(contact_step.as_made(given.stepping, motions["march"].parts, omega))
         with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done:
-            simulator = exudyn.simulate_system if name == "exudyn" else multibody.simulate
-            motions[name] = _repeated(boom, system, excitation, simulator, done)
+            motions[name] = _repeated(boom, system, given, simulator_of(name), done)
     found = {name: respond(system, motion) for name, motion in motions.items()}
     return BoomSimulations(
         motions[names[0]],
@@ -55,6 +60,13 @@ def simulate_sections(boom: Boom, system: System, excitation: Excitation, clock:
         {name: motion.seconds for name, motion in motions.items()},
         agreement(found),
     )
+
+
+def simulator_of(name: str) -> SystemSimulator:
+    """By its name in a scene."""
+    if name == "march":
+        return multibody.simulate
+    return partial(exudyn.simulate_system, formulation=exudyn.FORMULATIONS[name])
 
 
 def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel]) -> Response:

@@ -11,7 +11,7 @@ from pmr.scene.boom import Boom, Linear
 from pmr.scene.boom_parts import DRIVEN, footprint, is_axial, is_planar, seats, section_scene
 from pmr.scene.checks import check_magnitudes, check_time, jump_of
 from pmr.scene.section import check_sizes
-from pmr.scene.simulators import SIMULATORS
+from pmr.scene.simulators import Needs, refuse
 from pmr.scene.structure_checks import check_names, check_reserved, check_structure, refusal
 
 #: Round-off of a user's arithmetic, m for each m of length.
@@ -250,11 +250,15 @@ def _ordered(boom: Boom) -> None:
 
 
 def _simulators(boom: Boom) -> None:
-    if boom.simulation.full == "exudyn":
-        raise refusal("simulation.full", "exudyn", "auto, march and petsc are allowed for sections")
     if "ancf" in boom.compare.against:
         raise refusal("compare.against", list(boom.compare.against), "['full'] or [] is allowed for sections")
+    pushing = tuple(
+        " ".join(filter(None, (part.name, ring.name)))
+        for part in boom.sections
+        for rings in ((part.pads,) if part.joint is None else (part.pads, part.joint.tail, part.joint.mouth))
+        for ring in rings
+        if ring.unilateral
+    )
+    needs = Needs(pushing=pushing, giving=tuple(part.name for part in boom.sections if part.reduction.flexibility))
     for name in boom.simulation.simulators:
-        if not SIMULATORS[name].several_paths:
-            able = [one for one, can in SIMULATORS.items() if can.several_paths and can.reduced_models]
-            raise refusal("simulation.simulators", name, f"{' and '.join(able)} are allowed for sections")
+        refuse(name, needs)

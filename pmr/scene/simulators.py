@@ -18,7 +18,6 @@ class Needs:
     giving: tuple[str, ...] = ()  #: Rows that give way
     rigid_moving: tuple[str, ...] = ()  #: Rigid rows that travel along a path
     kept_inertia: bool = False  #: The inertia of the residual part is kept
-    paths: tuple[str, ...] = ()
     rho_inf: float = 0.0  #: Spectral radius at infinite frequency
 
 
@@ -29,18 +28,17 @@ class Capabilities:
     rows_that_push: bool = False
     rows_that_give_way: bool = True
     kept_inertia: bool = False
-    several_paths: bool = False
     reduced_models: bool = True  # it is one of `simulation.simulators`
     package: str | None = None  # that it needs installed
 
 
 #: By the names of `simulation.simulators` and `simulation.full`.
 SIMULATORS = {
-    "march": Capabilities(rows_that_push=True, kept_inertia=True, several_paths=True),
-    "exudyn": Capabilities(several_paths=True, package="exudyn"),
+    "march": Capabilities(rows_that_push=True, kept_inertia=True),
+    "exudyn": Capabilities(rows_that_push=True, package="exudyn"),
     "exudyn-multiplier": Capabilities(package="exudyn"),
     "exudyn-callback": Capabilities(rows_that_give_way=False, package="exudyn"),
-    "petsc": Capabilities(rows_that_push=True, several_paths=True, reduced_models=False),
+    "petsc": Capabilities(rows_that_push=True, reduced_models=False),
 }
 
 
@@ -61,7 +59,6 @@ def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
     """Refuse, by InputError, what the simulator of this name can't do, in a line that names the key that mends it."""
     can, asked = SIMULATORS[name], asked or Asked("scene", "simulation.simulators", name)
     lacking = {
-        "several_paths": (len(needs.paths) > 1, f"knows one path for all, here there are {', '.join(needs.paths)}"),
         "rows_that_push": (needs.pushing, f"knows no rows that only push ({', '.join(needs.pushing)})"),
         "kept_inertia": (needs.kept_inertia, "does not keep residual inertia (reduction.residual_inertia)"),
         "rows_that_give_way": (needs.giving, f"knows no rows that give way ({', '.join(needs.giving)})"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from pmr.scene.signals import SignalBase
 from pmr.simulation.stepping import TimeStepping
 
 Array = NDArray[np.float64]
+Load = TypeVar("Load")
 #: What the path of a scene's one slider is called.
 SLIDER = "slider"
 
@@ -95,7 +97,7 @@ class Excitation:
         return np.column_stack([np.empty((self.stepping.steps + 1, 0)), *values])
 
 
-def in_order(loads: Mapping[str, SignalBase], names: Sequence[str]) -> tuple[SignalBase, ...]:
+def in_order(loads: Mapping[str, Load], names: Sequence[str]) -> tuple[Load, ...]:
     """The loads of a body whose inputs have these names; an InputError if one has no load, or a load no input."""
     if set(loads) != set(names):
         allowed = f"{', '.join(loads) or 'none'} given, one for each input is allowed: {', '.join(names)}"

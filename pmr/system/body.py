@@ -105,6 +105,9 @@ class WithRows:
     def section(self) -> None:
         """None: a full model is simulated by itself or in a system, never taken for another."""
 
+    def ensure_whole(self, source: str) -> None:
+        """It is."""
+
     @property
     def row_compliance(self) -> Array:
         return self.rows.compliance

@@ -16,7 +16,6 @@ NEEDS = {
     "rows_that_push": Needs(pushing=("top",), giving=("top",)),
     "rows_that_give_way": Needs(giving=("slider",)),
     "kept_inertia": Needs(kept_inertia=True),
-    "several_paths": Needs(paths=("boom", "jib")),
 }
 
 

@@ -110,7 +110,7 @@ def exudyn_script(model: ReducedModel, file_name: str) -> str:
     inertia or has rows that only push.
     """
     model.ensure_whole(file_name)
-    refuse("exudyn", needs_of(model, model.domain[0]), Asked(file_name, "", None))
+    refuse("exudyn-multiplier", needs_of(model, model.domain[0]), Asked(file_name, "", None))
     scene, compliant = scene_text(model, file_name), compliant_rows(model)
     moved = np.flatnonzero(~force_outputs(model))
     if not moved.size:

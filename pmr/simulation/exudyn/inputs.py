@@ -1,98 +1,134 @@
-"""What drives a sliding body, as a simulator asks for it at a time t: path, loads, and what depends on the path.
-
-`SignalInputs` evaluates at any time; `TabulatedInputs` looks up what it evaluated beforehand at the steps.
-"""
+"""What drives a system, as Exudyn asks for it at a time t: places on paths, loads, and what depends on the places."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import InputError
 from pmr.scene.signals import SignalBase
 from pmr.simulation.excitation import Excitation, in_order
-from pmr.system.body import SlidingBody
+from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.lengths import Lengths
 
 Array = NDArray[np.float64]
 
-#: Entries of what depends on s that are held at once; bounds the memory of a long simulation.
+#: Entries of what depends on places that are held at once; bounds the memory of a long simulation.
 ENTRIES_AHEAD = 1_000_000
 
-
-#: Something of s that a simulator needs at every step: ``evaluate(s (T,)) -> (T, ...)``.
-OfPath = Callable[[Array], Array]
-
-
-def moving_rows(body: SlidingBody) -> list[int]:
-    """Numbers of the rows that do more than hold one coordinate."""
-    return [i for i in range(len(body.row_names)) if i not in body.held]
+#: Something of the places that a simulator needs at every step: ``evaluate(x (T, k)) -> (T, ...)``.
+OfPlaces = Callable[[Array], Array]
+#: A path in m or a load in N: a signal, whose `value` and `rate` are asked for, or a function of the mbs and the time
+#: in s, which may read ``mbs.variables``.
+Driving: TypeAlias = SignalBase | Callable[[Any, float], float]
 
 
-class SignalInputs:
-    """Evaluates the signals whenever asked; what depends on s only where s has changed since the last time.
+class Inputs(ABC):
+    """Places and loads at a time, and what depends on the places, a block of them ahead as far as they are known."""
 
-    Errors as for `pmr.simulation.excitation.in_order`.
-    """
+    @abstractmethod
+    def begin(self, t: float) -> None:
+        """The step that ends at t s begins."""
 
-    def __init__(self, body: SlidingBody, path: SignalBase, loads: Mapping[str, SignalBase]) -> None:
-        self._path, self._loads = path, in_order(loads, body.input_names)
+    @abstractmethod
+    def number(self, t: float) -> int:
+        """Of the places at t s."""
 
-    def position(self, t: float) -> float:
-        """Path coordinate s(t) in m."""
-        return float(self._path.value(t))
+    @abstractmethod
+    def places(self, first: int, count: int) -> Array:
+        """X (T, sides) m from a number on, `count` of them or as many as are known."""
 
+    @abstractmethod
     def loads(self, t: float) -> tuple[float, ...]:
         """One value an input, in N (or N m)."""
-        return tuple(float(load.value(t)) for load in self._loads)
 
-    def along(self, evaluate: OfPath, entries: int) -> Callable[[float], Array]:
-        """`evaluate` at s(t) as a function of t; `entries` is how many numbers it gives for each s."""
-        last: tuple[float, Array] | None = None
+    def at(self, t: float) -> Array:
+        """X (1, sides) m at t s."""
+        return self.places(self.number(t), 1)
 
-        def value(t: float) -> Array:
-            nonlocal last
-            s = self.position(t)
-            if last is None or s != last[0]:
-                last = s, evaluate(np.array([s]))[0]
-            return last[1]
-
-        return value
-
-
-class TabulatedInputs:
-    """Path and loads at all steps, what depends on s a block of steps ahead: where the time grid is known.
-
-    Errors as for `Excitation.along` and `Excitation.forces`.
-    """
-
-    def __init__(self, body: SlidingBody, excitation: Excitation) -> None:
-        self.s, self.f = excitation.along(body.domain), excitation.forces(body.input_names)
-        self._positions = self.s.tolist()
-        self._loads = [tuple(f) for f in self.f.tolist()]
-        self._step = excitation.stepping.step
-
-    def position(self, t: float) -> float:
-        return self._positions[round(t / self._step)]
-
-    def loads(self, t: float) -> tuple[float, ...]:
-        return self._loads[round(t / self._step)]
-
-    def along(self, evaluate: OfPath, entries: int) -> Callable[[float], Array]:
+    def along(self, evaluate: OfPlaces, entries: int) -> Callable[[float], Array]:
+        """`evaluate` at x(t) as a function of t; `entries` is how many numbers it gives for each place."""
         block = max(1, ENTRIES_AHEAD // max(entries, 1))
         first, values, index = 0, np.empty(0), np.empty(0, int)
 
         def value(t: float) -> Array:
             nonlocal first, values, index
-            k = round(t / self._step)
+            k = self.number(t)
             if not first <= k < first + len(index):
                 first = k
-                visited, index = np.unique(self.s[k : k + block], return_inverse=True)
-                values = evaluate(visited)
+                visited, index = np.unique(self.places(k, block), axis=0, return_inverse=True)
+                values, index = evaluate(visited), index.ravel()
             return np.asarray(values[index[k - first]])
 
         return value
 
 
-Inputs: TypeAlias = SignalInputs | TabulatedInputs
+class SignalInputs(Inputs):
+    """Evaluates signals and functions where the time has changed, or a step begins.
+
+    An InputError is raised if a path or load is missing, or a load has no input.
+    """
+
+    def __init__(
+        self, mbs: Any, equations: Equations, paths: Mapping[str, Driving], loads: Mapping[str, Driving]
+    ) -> None:
+        if missing := set(equations.system.paths) - set(paths):
+            allowed = f"{', '.join(paths) or 'none'} given, one for each path is allowed: {', '.join(sorted(missing))}"
+            raise InputError("system", "paths", None, allowed)
+        self._mbs, self._equations, self._paths, self._k = mbs, equations, dict(paths), 0
+        # m/s at t = 0, where a function counts as at rest
+        self.rates = {name: float(path.rate(0.0)) if hasattr(path, "rate") else 0.0 for name, path in paths.items()}
+        self._loads = in_order(loads, equations.system.input_names)
+        self._x = np.empty(0)
+        self.begin(0.0)
+
+    def begin(self, t: float) -> None:
+        self.s = {name: self._value(path, t) for name, path in self._paths.items()}  # m
+        before, self._t, self._x = self._x, t, self._equations.at(self.s)
+        self._k += int(not np.array_equal(before, self._x))
+        self._f = tuple(self._value(load, t) for load in self._loads)
+
+    def number(self, t: float) -> int:
+        if t != self._t:
+            self.begin(t)
+        return self._k
+
+    def places(self, first: int, count: int) -> Array:
+        return self._x
+
+    def loads(self, t: float) -> tuple[float, ...]:
+        self.number(t)
+        return self._f
+
+    def _value(self, driving: Driving, t: float) -> float:
+        return float(driving.value(t) if hasattr(driving, "value") else driving(self._mbs, t))
+
+
+class TabulatedInputs(Inputs):
+    """Looks up what was evaluated beforehand, at all parts of all steps.
+
+    Errors as for `Equations.visited` and `Excitation.forces`.
+    """
+
+    def __init__(self, equations: Equations, excitation: Excitation, lengths: Lengths) -> None:
+        stepping, numbers = excitation.stepping.divided(lengths.finest), lengths.numbers
+        fine = excitation.with_stepping(stepping)
+        self.x, self.f = equations.visited(fine)[numbers], fine.forces(equations.system.input_names)[numbers]
+        self._loads, self._step = [tuple(f) for f in self.f.tolist()], stepping.step
+        self._numbers = {number: k for k, number in enumerate(numbers.tolist())}
+
+    def begin(self, t: float) -> None:
+        """All is known."""
+
+    def number(self, t: float) -> int:
+        return self._numbers[round(t / self._step)]
+
+    def places(self, first: int, count: int) -> Array:
+        return self.x[first : first + count]
+
+    def loads(self, t: float) -> tuple[float, ...]:
+        return self._loads[self.number(t)]

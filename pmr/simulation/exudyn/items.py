@@ -1,16 +1,16 @@
-r"""The Exudyn items that make up a sliding body: nodes, objects, markers.
+r"""The Exudyn items that make up a system: nodes, one object, markers, a connector for rigid contacts.
 
 .. math::
     M \ddot q + D \dot q + K q + C(s(t))^T \lambda = B f(t), \qquad C(s(t))\, q = 0
 
-An ObjectGenericODE2 carries the body, an ObjectConnectorCoordinateVector the rows.
+An ObjectGenericODE2 carries all bodies, a node each; an ObjectConnectorCoordinateVector the rows.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,21 +18,20 @@ import exudyn as exu
 import numpy as np
 import scipy.sparse as sp
 from exudyn.itemInterface import (
-    MarkerNodeCoordinate,
     MarkerNodeCoordinates,
+    MarkerObjectODE2Coordinates,
     NodeGenericODE2,
     NodePointGround,
-    ObjectConnectorCoordinate,
     ObjectConnectorCoordinateVector,
     ObjectGenericODE2,
 )
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.start import InitialState
-from pmr.system.body import SlidingBody
 
-Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 PreStep = Callable[[Any, float], bool]
 
 
@@ -41,24 +40,44 @@ def _nothing(mbs: Any, t: float) -> bool:
 
 
 @dataclass(frozen=True)
-class SlidingBodyItems:
-    """Numbers of the items that make up one sliding body in an mbs."""
+class SystemItems:
+    """Numbers of the items that make up a system in an mbs."""
 
-    nBody: Any  # NodeGenericODE2 with the n coordinates
-    oBody: Any  # ObjectGenericODE2 with M, D and K
-    # all coordinates of the body; connectors attached here feel the full flexibility at the model's ports alone
-    mBody: Any
-    nGround: Any
+    # NodeGenericODE2 of each body with its coordinates, those that supports of a full one hold left out
+    nBodies: Mapping[str, Any]
+    # all coordinates of each body; connectors attached here feel the full flexibility at the model's ports alone
+    mBodies: Mapping[str, Any]
+    oSystem: Any  # ObjectGenericODE2 with M, D and K of all bodies
+    mSystem: Any  # all coordinates
     mGround: Any
-    # ObjectConnectorCoordinateVector of `rows`; its output variable Force is their lambda in N; None where there are
-    # no such rows
-    oSlider: Any
-    # ObjectConnectorCoordinate for each of the body's rows that hold one coordinate, in the order of ``body.held``: a
-    # vector connector would carry its dense n columns for each of them
-    oSupports: tuple[Any, ...]
-    rows: tuple[int, ...]  # numbers of the body's rows that oSlider holds, in its order
-    # sets rows and loads to the time t in s; the system's pre-step function calls it
+    # ObjectConnectorCoordinateVector of the `contacts`; its output variable Force is their lambda in N; None where
+    # there are no such contacts
+    oContacts: Any = None
+    contacts: tuple[int, ...] = ()  # numbers of the system's contacts that oContacts holds, in its order
+    # sets rows and loads to the time t in s; the mbs' pre-step function calls it
     update: PreStep = _nothing
+
+    @property
+    def nBody(self) -> Any:  # noqa: N802
+        """Of a body alone."""
+        (node,) = self.nBodies.values()
+        return node
+
+    @property
+    def mBody(self) -> Any:  # noqa: N802
+        """Of a body alone."""
+        (marker,) = self.mBodies.values()
+        return marker
+
+    @property
+    def oBody(self) -> Any:  # noqa: N802
+        """What carries a body alone."""
+        return self.oSystem
+
+    @property
+    def oSlider(self) -> Any:  # noqa: N802
+        """What holds its rigid rows."""
+        return self.oContacts
 
 
 def add_pre_step_function(mbs: Any, function: PreStep) -> None:
@@ -79,20 +98,28 @@ def add_pre_step_function(mbs: Any, function: PreStep) -> None:
     mbs.SetPreStepUserFunction(both)
 
 
-def add_body(mbs: Any, body: SlidingBody, start: InitialState, **parameters: Any) -> SlidingBodyItems:
-    """Node, object, ground and supports of a body; `parameters` are those of its ObjectGenericODE2."""
-    name = f"slidingBody{mbs.systemData.NumberOfObjects()}"
-    nBody = add_coordinates(mbs, name, start)
-    damping = {"dampingMatrix": matrix(body.D)} if _has_entries(body.D) else {}
-    model = {"massMatrix": matrix(body.M), "stiffnessMatrix": matrix(body.K)} | damping | parameters
-    oBody = mbs.AddObject(ObjectGenericODE2(name=name, nodeNumbers=[nBody], **model))
-    mBody = mbs.AddMarker(MarkerNodeCoordinates(name=name, nodeNumber=nBody))
-    nGround = mbs.AddNode(NodePointGround(name=f"{name}Ground"))
-    mGround = mbs.AddMarker(MarkerNodeCoordinates(name=f"{name}Ground", nodeNumber=nGround))
-    oSupports = tuple(
-        _fix(mbs, f"{name}Support{row}", nBody, coordinate, nGround) for row, coordinate in body.held.items()
+def add_bodies(
+    mbs: Any, equations: Equations, start: Mapping[str, InitialState], K: Any = None, **parameters: Any
+) -> SystemItems:
+    """Nodes, object and ground, with K or the bodies' own; `parameters` are those of its ObjectGenericODE2."""
+    name = f"system{mbs.systemData.NumberOfObjects()}"
+    called = {body: f"{name} {body}".strip() for body in equations.system.bodies}
+    nodes = {body: add_coordinates(mbs, called[body], start[body]) for body in called}
+    given = {"massMatrix": equations.M, "stiffnessMatrix": equations.K if K is None else K}
+    given |= {"dampingMatrix": equations.D} if _has_entries(equations.D) else {}
+    matrices = {key: matrix(A) for key, A in given.items()}
+    oSystem = mbs.AddObject(ObjectGenericODE2(name=name, nodeNumbers=list(nodes.values()), **matrices, **parameters))
+    ground = mbs.AddNode(NodePointGround(name=f"{name}Ground"))
+    return SystemItems(
+        nBodies=nodes,
+        mBodies={
+            body: mbs.AddMarker(MarkerNodeCoordinates(name=called[body], nodeNumber=node))
+            for body, node in nodes.items()
+        },
+        oSystem=oSystem,
+        mSystem=mbs.AddMarker(MarkerObjectODE2Coordinates(name=f"{name}All", objectNumber=oSystem)),
+        mGround=mbs.AddMarker(MarkerNodeCoordinates(name=f"{name}Ground", nodeNumber=ground)),
     )
-    return SlidingBodyItems(nBody, oBody, mBody, nGround, mGround, None, oSupports, ())
 
 
 def add_coordinates(mbs: Any, name: str, start: InitialState) -> Any:
@@ -109,30 +136,30 @@ def add_coordinates(mbs: Any, name: str, start: InitialState) -> Any:
     )
 
 
-def with_rows(
-    mbs: Any, items: SlidingBodyItems, rows: list[int], mOther: Any = None, **parameters: Any
-) -> SlidingBodyItems:
-    """The same items and a vector connector for `rows` between the marker `mOther` (the ground) and the body."""
-    if not rows:
+def with_contacts(
+    mbs: Any, items: SystemItems, contacts: Indices, mOther: Any = None, **parameters: Any
+) -> SystemItems:
+    """The same items and a vector connector for `contacts` between the marker `mOther` (the ground) and all bodies."""
+    if not len(contacts):
         return items
-    name = f"{mbs.GetMarker(items.mBody)['name']}Slider"
-    markers = [items.mGround if mOther is None else mOther, items.mBody]
+    name = f"{mbs.GetMarker(items.mSystem)['name']}Contacts"
+    markers = [items.mGround if mOther is None else mOther, items.mSystem]
     connector = ObjectConnectorCoordinateVector(name=name, markerNumbers=markers, **parameters)
-    return replace(items, oSlider=mbs.AddObject(connector), rows=tuple(rows))
+    return replace(items, oContacts=mbs.AddObject(connector), contacts=tuple(contacts.tolist()))
 
 
 class Steps:
-    """The update of a body before each step; refuses steps that it is not called for, or not right for.
+    """The update of a system before each step; refuses steps that it is not called for, or not right for.
 
-    `held` says whether constraints of the body move.  What is refused comes out of Exudyn as an error of its own, with
-    the line of an `InputError` in it.
+    `held` says whether constraints move.  What is refused comes out of Exudyn as an error of its own, with the line of
+    an `InputError` in it.
     """
 
     def __init__(self, held: bool) -> None:
         self._held, self._reached = held, 0.0
         self._update: PreStep = _nothing
 
-    def updated(self, mbs: Any, items: SlidingBodyItems, update: PreStep) -> SlidingBodyItems:
+    def updated(self, mbs: Any, items: SystemItems, update: PreStep) -> SystemItems:
         """The items, with ``update(mbs, t)`` called before each step that ends at t."""
         self._update = update
         add_pre_step_function(mbs, self._begin)
@@ -160,14 +187,6 @@ class Steps:
             raise InputError("Exudyn", "generalizedAlpha.useIndex2Constraints", True, allowed)
         self._reached = t
         return self._update(mbs, t)
-
-
-def _fix(mbs: Any, name: str, nBody: Any, coordinate: int, nGround: Any) -> Any:
-    markers = [
-        mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nGround, coordinate=0)),
-        mbs.AddMarker(MarkerNodeCoordinate(name=name, nodeNumber=nBody, coordinate=coordinate)),
-    ]
-    return mbs.AddObject(ObjectConnectorCoordinate(name=name, markerNumbers=markers))
 
 
 def matrix(A: Any) -> Any:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
 from pmr.simulation.exudyn.items import add_pre_step_function
+from pmr.simulation.lengths import Lengths
 from pmr.simulation.stepping import Progress, TimeStepping
 
 Array = NDArray[np.float64]
@@ -59,16 +60,25 @@ def change(newton: Any, settings: Mapping[str, bool | float]) -> None:
             raise InputError("scene", f"simulation.newton.{name}", value, str(error).splitlines()[0]) from None
 
 
-def solve(mbs: Any, chosen: Any, place: Callable[[float], str], progress: Progress | None = None) -> float:
+def solve(
+    mbs: Any,
+    chosen: Any,
+    place: Callable[[float], str],
+    progress: Progress | None = None,
+    times: Array | None = None,
+) -> float:
     """Assemble and integrate; returns the solver's wall time in s.
 
-    `place` says where paths lead at a time in s; `progress` is told the share that is done about a hundred times.  The
-    SimulationError that is raised where a step fails has its number, time and place.
+    `place` says where paths lead at a time in s; `progress` is told the share that is done about a hundred times; steps
+    end at the `times` where these are given, (N,) in s, t = 0 among them.  The SimulationError that is raised where a
+    step fails has its number, time and place.
     """
     if progress is not None:
         _report(mbs, chosen.timeIntegration, progress)
     mbs.Assemble()
     solver = exu.MainSolverImplicitSecondOrder()  # mbs.SolveDynamic would print its failures
+    if times is not None:
+        solver.SetUserFunctionUpdateCurrentTime(mbs, _to_the_next(times))
     begin = time.perf_counter()
     try:
         with _warnings_logged():
@@ -83,6 +93,16 @@ def solve(mbs: Any, chosen: Any, place: Callable[[float], str], progress: Progre
         number = round(t * chosen.timeIntegration.numberOfSteps / chosen.timeIntegration.endTime)
         raise SimulationError(f"{_where(number, t, place)}: {reason}")
     return seconds
+
+
+def _to_the_next(times: Array) -> Callable[[Any, Any, Any], None]:
+    """The solver's function that says when a step ends."""
+    ends = iter(zip(times[1:].tolist(), np.diff(times).tolist(), strict=True))
+
+    def update(solver: Any, system: Any, settings: Any) -> None:
+        solver.it.currentTime, solver.it.currentStepSize = next(ends)
+
+    return update
 
 
 def _report(mbs: Any, integration: Any, progress: Progress) -> None:
@@ -109,8 +129,8 @@ def of_connector(mbs: Any, connector: Any) -> Any:
     return mbs.AddSensor(SensorObject(objectNumber=connector, outputVariableType=kind, storeInternal=True))
 
 
-def stored(mbs: Any, sensor: Any, stepping: TimeStepping, place: Callable[[float], str]) -> Array:
-    """Values (T, c) that a sensor stored, one row a step, t = 0 included.
+def stored(mbs: Any, sensor: Any, stepping: TimeStepping | Lengths, place: Callable[[float], str]) -> Array:
+    """Values (T, c) that a sensor stored, one row a step or a part of it, t = 0 included.
 
     A SimulationError is raised where steps are missing or a value is not finite.
     """
@@ -120,7 +140,7 @@ def stored(mbs: Any, sensor: Any, stepping: TimeStepping, place: Callable[[float
     finite = np.isfinite(values).all(axis=1)
     if not finite.all():
         number = int(np.argmin(finite))
-        raise SimulationError(f"{_where(number, number * stepping.step, place)}: not finite")
+        raise SimulationError(f"{_where(number, float(stepping.times[number]), place)}: not finite")
     return np.asarray(values)
 
 

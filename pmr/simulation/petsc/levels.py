@@ -7,14 +7,14 @@ in them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.fullmodel.system import FullSystem
 from pmr.simulation import contact_step
-from pmr.simulation.native.scheme import GeneralizedAlpha
+from pmr.simulation.lengths import Lengths
 from pmr.simulation.petsc.constraint import compliances, paths
 from pmr.simulation.petsc.effective import BlockFactor
 from pmr.simulation.petsc.integrate import Integrator
@@ -22,32 +22,8 @@ from pmr.simulation.petsc.pushing import Pushing
 from pmr.simulation.petsc.recorder import Recorder, Sampled
 from pmr.simulation.petsc.rows import PathCompliance
 from pmr.simulation.petsc.start import State
-from pmr.simulation.stepping import TimeStepping
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Lengths:
-    """Of how many parts each step is made, (T,), the most of which is a multiple of all."""
-
-    stepping: TimeStepping
-    parts: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, stepping: TimeStepping, omega: float) -> Lengths:
-        """As scheduled, or as many as contacts of circular frequency `omega` in rad/s take; 0: none only pushes."""
-        if omega == 0.0:
-            return cls(stepping, np.ones(stepping.steps, np.int64))
-        return cls(stepping, np.array(stepping.schedule or [contact_step.parts(omega, stepping)] * stepping.steps))
-
-    @property
-    def finest(self) -> int:
-        return int(self.parts.max())
-
-    def method(self, parts: int) -> GeneralizedAlpha:
-        """For the parts of a step that is made in so many."""
-        return GeneralizedAlpha(self.stepping.divided(parts).step, self.stepping.rho_inf)
 
 
 def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:

@@ -13,14 +13,16 @@ from pmr.errors import SimulationError
 from pmr.fem.factor import factor_of
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import BODY, FullSystem
-from pmr.scene.simulators import REFERENCE, Needs, refuse
+from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.balance import refuse_growth
 from pmr.simulation.excitation import Excitation
+from pmr.simulation.lengths import Lengths
 from pmr.simulation.native.multibody_march import places
+from pmr.simulation.needs import needs_of_contacts
 from pmr.simulation.petsc.checkpoint import Checkpoint
 from pmr.simulation.petsc.effective import BlockFactor
 from pmr.simulation.petsc.history import History, Recording, SystemHistory
-from pmr.simulation.petsc.levels import Lengths, PartedSteps, contact_frequency
+from pmr.simulation.petsc.levels import PartedSteps, contact_frequency
 from pmr.simulation.petsc.pushing import Pushing
 from pmr.simulation.petsc.recorder import Recorder, Sampled
 from pmr.simulation.petsc.resume import Keeper, Reached, identity
@@ -118,7 +120,9 @@ class _Run:
         self._begin, self._contacts = time.perf_counter(), len(system.contacts)
         self._system, self._initial, self._excitation = system.supported(), initial, excitation
         self._at = sampled(self._system, excitation)
-        self._needs = _needs(self._system, excitation, self._at)
+        self._needs = needs_of_contacts(
+            self._system, self._system.compliance == 0.0, self._at.x, excitation.stepping.rho_inf
+        )
         refuse("petsc", self._needs, REFERENCE)
         self._recorder = Recorder(self._system, excitation.stepping, recording)
         self._onset = Onset(self._at.x[0], self._at.rates[0], self._at.f[0])
@@ -204,19 +208,3 @@ def sampled(system: FullSystem, excitation: Excitation) -> Sampled:
             rates[:, k] = side.place.rate * excitation.rates[:, names.index(side.place.path)]
     x = places(system, excitation)
     return Sampled(excitation.times, excitation.s, x, rates, excitation.forces(system.input_names))
-
-
-def _needs(system: FullSystem, excitation: Excitation, at: Sampled) -> Needs:
-    """What the contacts ask of a simulator."""
-    travelling = {side.contact for side, x in zip(system.sides, at.x.T, strict=True) if np.any(x != x[0])}
-    rigid, pushing = system.compliance == 0.0, ~np.isnan(system.clearance)
-    names = np.array([*system.contact_names, ""])[:-1]  # text, whatever their number
-    moving = np.array([k in travelling for k in range(len(names))], bool)
-    return Needs(
-        pushing=tuple(names[pushing].tolist()),
-        rigid_pushing=tuple(names[pushing & rigid].tolist()),
-        giving=tuple(names[~rigid].tolist()),
-        rigid_moving=tuple(names[rigid & moving].tolist()),
-        paths=tuple(excitation.paths),
-        rho_inf=excitation.stepping.rho_inf,
-    )

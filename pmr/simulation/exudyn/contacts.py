@@ -1,0 +1,134 @@
+"""The contacts of a system step by step: forces of those that give way, and what that means for energy and work.
+
+docs/system_of_bodies.md, section 3, has the balance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.simulation.balance import dot, half_form, mean
+from pmr.simulation.exudyn import inputs as driving
+from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.native import contact as native
+from pmr.simulation.native.scheme import GeneralizedAlpha
+from pmr.system.assembly import ContactRows
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Contacts:
+    """Which contacts are rigid and which give way, and the forces of the latter, of which some may only push."""
+
+    def __init__(self, equations: Equations, inputs: driving.Inputs) -> None:
+        self._equations = equations
+        self.rigid = ~np.any(equations.rows(inputs.at(0.0)).F[0], axis=1)
+        self.gives = ~self.rigid
+        self._names = [name for name, gives in zip(equations.system.contact_names, self.gives, strict=True) if gives]
+        self._room = np.zeros((len(self._names),) * 2)
+        # of the method none but the clearances and which are closed is asked for
+        self._pushing = native.contact(equations.system.clearance[self.gives], GeneralizedAlpha(1.0, 0.0).memory())
+        self._rows: ContactRows | None = None
+
+    @property
+    def push(self) -> bool:
+        """Whether any only pushes."""
+        return self._pushing is not None
+
+    def springs(self, x: Array) -> Array:
+        """K + C^T F^-1 C and B - C^T F^-1 H side by side, (T, n, n + i), of those that give way and hold both ways."""
+        rows, K, B = self.rows(x), self._equations.K, self._equations.B
+        answers = self._answers(rows, np.concatenate([rows.C, -rows.H], axis=2))
+        return np.asarray(np.hstack([K, B]) + rows.C.transpose(0, 2, 1) @ answers)
+
+    def rows(self, x: Array) -> ContactRows:
+        """Of those that give way at x (T, k) m."""
+        all_of, gives = self._equations.rows(x), self.gives
+        return ContactRows(all_of.C[:, gives], all_of.F[:, gives][:, :, gives], all_of.H[:, gives], all_of.X)
+
+    def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
+        """Of those that give way, (T, m') N, at T places; a SimulationError if which are closed is not settled."""
+        motion = np.einsum("tmn,tn->tm", rows.C, q) + np.einsum("tmi,ti->tm", rows.H, f)
+        if self._pushing is None:
+            return np.asarray(self._answers(rows, motion[:, :, None])[:, :, 0])
+        return np.array([self.settled(rows.at(k), one) for k, one in enumerate(motion)]).reshape(motion.shape)
+
+    def settled(self, rows: ContactRows, motion: Array) -> Array:
+        """The same at one place, where the contacts move by C q + H f (m',) m."""
+        assert self._pushing is not None
+        if rows is not self._rows:
+            self._rows, self._pushing.factored[0] = rows, native.STALE
+        found = motion.copy()
+        if native.settle(self._pushing, np.ascontiguousarray(rows.F), self._room, found):
+            raise SimulationError(f"which of the contacts {', '.join(self._names)} are closed was not settled")
+        return found
+
+    def stiffness(self, rows: ContactRows) -> Array:
+        """C^T F^-1 C (n, n) of those that were closed when the forces were settled last."""
+        assert self._pushing is not None
+        closed = rows.of(self._pushing.closed)
+        return np.asarray(closed.C.T @ np.linalg.solve(closed.F, closed.C))
+
+    def _answers(self, rows: ContactRows, right: Array) -> Array:
+        try:
+            return np.asarray(np.linalg.solve(rows.F, right))
+        except np.linalg.LinAlgError:
+            raise SimulationError(f"the contacts {', '.join(self._names)} depend on each other") from None
+
+
+@dataclass(frozen=True)
+class Motion:
+    """At N times: places x (N, k) m, coordinates and rates (N, n), loads f (N, i) N and contact forces (N, m) N."""
+
+    x: Array
+    q: Array
+    v: Array
+    f: Array
+    forces: Array
+
+    def part(self, steps: slice) -> Motion:
+        """Some of its times."""
+        return Motion(*(array[steps] for array in vars(self).values()))
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What is stored, (N,) J, and the work done since t = 0, (N,) J."""
+
+    stored: Array
+    work: Array
+
+
+def followed(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
+    """Fills in the forces of contacts that give way, and balances the energy, some thousand times at once."""
+    m, (n, i) = len(equations.system.contacts), equations.B.shape
+    N, block = len(motion.q), max(2, driving.ENTRIES_AHEAD // max(1, m * (n + m + i)))
+    stored, work = np.zeros(N), np.zeros(N)
+    for first in range(0, max(1, N - 1), block - 1):
+        steps = slice(first, min(first + block, N))
+        part, rows = motion.part(steps), equations.rows(motion.x[steps])
+        g = contacts.gives
+        giving = ContactRows(rows.C[:, g], rows.F[:, g][:, :, g], rows.H[:, g], rows.X)
+        part.forces[:, g] = contacts.forces(giving, part.q, part.f)
+        with np.errstate(over="ignore", invalid="ignore"):
+            stored[steps], done = _balanced(equations, rows, part)
+        work[steps][1:] = work[first] + np.cumsum(done)
+    return Balance(stored, work)
+
+
+def _balanced(equations: Equations, rows: ContactRows, motion: Motion) -> tuple[Array, Array]:
+    """What is stored (T,) and the work of each step (T - 1,), both in J, with the contacts at T places."""
+    q, f, forces = motion.q, motion.f, motion.forces
+    given, bent = np.einsum("tmi,ti->tm", rows.H, f), np.einsum("tmn,tn->tm", rows.F, forces)
+    stored = half_form(equations.M, motion.v) + half_form(equations.K, q) + dot(forces, bent / 2.0 - given)
+    moved = np.asarray(q @ equations.B) + f @ equations.assembly.energy - np.einsum("tmi,tm->ti", rows.H, forces)
+    C, H, F = (np.diff(part, axis=0) for part in (rows.C, rows.H, rows.F))
+    turned = np.einsum("tmn,tn->tm", C, mean(q)) + np.einsum("tmi,ti->tm", H, mean(f))
+    turned -= np.einsum("tmn,tn->tm", F, mean(forces)) / 2.0
+    work = dot(mean(f), np.diff(moved, axis=0)) + dot(mean(forces), turned)
+    return stored + dot(f, f @ equations.assembly.energy) / 2.0, work

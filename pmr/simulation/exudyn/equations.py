@@ -1,0 +1,101 @@
+r"""What Exudyn is given of a system: the matrices of all coordinates, and the contacts' rows wherever the paths lead.
+
+.. math::
+    M \ddot q + D \dot q + K q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
+    y = O q + W f - X \lambda
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.scene.simulators import Needs
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.native.multibody_march import places
+from pmr.simulation.needs import needs_of_contacts
+from pmr.simulation.start import InitialState, check_position, checked, consistent_start
+from pmr.system.assembly import Assembly, ContactRows
+from pmr.system.body import SlidingBody
+from pmr.system.compliant_rows import CompliantRows
+from pmr.system.contacts import ALONE, named
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+
+class Equations:
+    """Of a system, on the n coordinates that its supports leave free; x are the places of its contacts' sides in m."""
+
+    def __init__(self, system: System) -> None:
+        self.system, self.assembly = system, Assembly(system)
+        self.sparse = all(sp.issparse(body.K) for body in system.bodies.values())
+        a = self.assembly
+        self.M, self.D, self.K = (A if self.sparse else A.toarray() for A in (a.M, a.D, a.K))
+        self.B, self.outputs, self.size = a.B.toarray(), a.outputs, a.size
+        self.alone: SlidingBody | None = system.bodies.get(ALONE)
+        if self.alone is not None:
+            self.alone.ensure_whole("model")
+        self._compliant = CompliantRows(self.alone) if self.alone is not None and not self.sparse else None
+        self._travelling = [k for k, side in enumerate(system.sides) if side.place.path is not None]
+        self.output_names = tuple(
+            named(name, one)
+            for name, body in system.bodies.items()
+            for one in body.output_names or [f"output {k}" for k in range(len(body.output_positions))]
+        )
+
+    def visited(self, excitation: Excitation) -> Array:
+        """X (T, sides) at the steps of an excitation; an InputError is raised where a path leaves a row."""
+        if self.alone is not None:
+            excitation.along(self.alone.domain)  # which knows the scene's key
+        return places(self.system, excitation)
+
+    def at(self, s: Mapping[str, float]) -> Array:
+        """X (1, sides) where the paths are at s m; errors as for `visited`."""
+        return self.system.coordinates(s)[None]
+
+    def rows(self, x: Array) -> ContactRows:
+        """All contacts at places x (T, sides) m.
+
+        A SimulationError is raised where a body alone slides over a support, where its flexibility can't be inverted.
+        """
+        if self._compliant is not None and self._travelling:
+            self._compliant.flexibility(x[:, self._travelling[0]])
+        return self.assembly.along(x)
+
+    def whole(self, name: str, values: Array) -> Array:
+        """Coordinates (T, n') of one body out of all (T, n), those that supports hold among them."""
+        found = np.zeros((len(values), self.system.bodies[name].size))
+        found[:, self.assembly.free[name]] = values[:, self.assembly.coordinates[name]]
+        return found
+
+    def start(
+        self, s: Mapping[str, float], rates: Mapping[str, float], initial: Mapping[str, InitialState]
+    ) -> dict[str, InitialState]:
+        """A consistent one of each body; an InputError is raised where a position violates a rigid contact.
+
+        Of a body alone a velocity that does so is corrected.
+        """
+        found = {}
+        for name, body in self.system.bodies.items():
+            start = checked(initial[name], body.size) if name in initial else InitialState.at_rest(body.size)
+            if self.alone is not None:
+                (place,), (rate,) = s.values(), rates.values()
+                start = consistent_start(body, float(np.clip(place, *body.domain)), rate, start)
+            free = self.assembly.free[name]
+            found[name] = InitialState(start.q[free], start.v[free])
+        rows = self.rows(self.at(s)).at(0)
+        rigid = ~np.any(rows.F, axis=1)
+        q = np.concatenate([one.q for one in found.values()])
+        check_position(rows.C[rigid], q, tuple(np.array(self.system.contact_names)[rigid].tolist()))
+        return found
+
+    def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
+        """What the system asks of a simulator where its places lead along x (T, sides) m."""
+        found = needs_of_contacts(self.system, ~np.any(self.rows(x[:1]).F[0], axis=1), x, rho_inf)
+        flexibility = None if self.alone is None else self.alone.flexibility
+        return replace(found, kept_inertia=flexibility is not None and flexibility.keeps_inertia)

@@ -1,0 +1,215 @@
+r"""Three ways of having Exudyn know the contacts and loads of a system.
+
+Springs: rows and loads are set once a step; contacts that give way are no constraints but springs that travel,
+``K(s) = K + C^T F^-1 C``, and where some only push, Python is called in every iteration for the forces of all that give
+way, those of the closed ones found by pivoting (`pmr.simulation.native.contact`); Newton's method takes the stiffness
+of those that are closed.  Multipliers: contacts that give way keep theirs, for comparison.  Callbacks: as in the paper,
+Python is called for rows, their Jacobian and loads in every iteration, for comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, TypeAlias
+
+import exudyn as exu
+import numpy as np
+import scipy.sparse as sp
+from exudyn.itemInterface import MarkerNodeCoordinates, ObjectGenericODE2
+from numpy.typing import NDArray
+
+from pmr.simulation.exudyn.contacts import Contacts
+from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.exudyn.inputs import Inputs
+from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, matrix, with_contacts
+from pmr.simulation.start import InitialState
+from pmr.system.assembly import ContactRows
+
+Array = NDArray[np.float64]
+Start = Mapping[str, InitialState]
+
+#: How Exudyn knows the contacts and loads of a system.
+#: ``springs``: set once a step; contacts that give way, by a pad's stiffness or by residual flexibility, are no
+#: constraints but springs that travel.  ``multipliers``: the same with a constraint and its multiplier for every
+#: contact.  ``callbacks``: the paper's way, Python is called in every iteration.  ``callbacks-modified-newton``: the
+#: same, but a Jacobian is kept as long as Newton's method converges with it.
+Formulation = Literal["springs", "multipliers", "callbacks", "callbacks-modified-newton"]
+AddItems: TypeAlias = Callable[[Any, Equations, Inputs, Start], SystemItems]
+
+
+def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
+    """Items of a system whose rows, travelling springs and loads are set once a step.
+
+    Sparse matrices of which contacts give way, but none only pushes, are handed on to `add_with_multipliers`: springs
+    would fill the stiffness anew in every step.
+    """
+    n, contacts = equations.size, Contacts(equations, inputs)
+    springs = bool(contacts.gives.any()) and not contacts.push
+    if springs and equations.sparse:
+        return add_with_multipliers(mbs, equations, inputs, start)
+    rigid = np.flatnonzero(contacts.rigid)
+    rows = inputs.along(lambda x: equations.rows(x).C[:, rigid], n * len(rigid))
+    system = inputs.along(contacts.springs, n * (n + equations.B.shape[1]))
+
+    def force(t: float) -> Array:
+        B = system(t)[:, n:] if springs else equations.B
+        return np.asarray(B @ np.array(inputs.loads(t)))
+
+    steps, given = Steps(held=bool(len(rigid))), {"forceVector": force(0.0)}
+    if contacts.push:
+        given |= _pushing(contacts, equations, inputs, steps)
+    else:
+        given["jacobianUserFunction"] = _nothing_beyond_matrices(equations, steps)
+    K = system(0.0)[:, :n] if springs else None
+    items = with_contacts(mbs, add_bodies(mbs, equations, start, K, **given), rigid, scalingMarker1=rows(0.0))
+    x_set, loads_set = inputs.at(0.0), inputs.loads(0.0)
+
+    def update(mbs: Any, t: float) -> bool:
+        nonlocal x_set, loads_set
+        inputs.begin(t)
+        x, loads = inputs.at(t), inputs.loads(t)
+        moved = bool(np.any(x != x_set))
+        if moved and len(rigid):
+            mbs.SetObjectParameter(items.oContacts, "scalingMarker1", rows(t))
+        if moved and springs:
+            mbs.SetObjectParameter(items.oSystem, "stiffnessMatrix", system(t)[:, :n])
+        if loads != loads_set or (moved and springs):
+            mbs.SetObjectParameter(items.oSystem, "forceVector", force(t))
+        x_set, loads_set = x, loads
+        return True
+
+    return steps.updated(mbs, items, update)
+
+
+def _pushing(contacts: Contacts, equations: Equations, inputs: Inputs, steps: Steps) -> dict[str, Any]:
+    """Forces of contacts that give way, some of which only push, as functions of the coordinates."""
+    n, m = equations.size, int(contacts.gives.sum())
+
+    def side_by_side(x: Array) -> Array:
+        rows = contacts.rows(x)
+        return np.concatenate([rows.C, rows.H, rows.F], axis=2)
+
+    table = inputs.along(side_by_side, m * (n + m + equations.B.shape[1]))
+
+    def settled(t: float, q: Any) -> tuple[ContactRows, Array]:
+        found = table(t)
+        rows = ContactRows(found[:, :n], found[:, -m:], found[:, n:-m], np.empty((0, m)))
+        return rows, contacts.settled(rows, rows.C @ np.asarray(q) + rows.H @ np.array(inputs.loads(t)))
+
+    def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
+        rows, forces = settled(t, q)
+        return -rows.C.T @ forces
+
+    def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
+        steps.check(t)
+        rows, _ = settled(t, q)
+        stiffness = factor * contacts.stiffness(rows)
+        return matrix(sp.csr_matrix(stiffness) if equations.sparse else stiffness)
+
+    return {"forceUserFunction": force, "jacobianUserFunction": jacobian}
+
+
+def add_with_multipliers(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
+    r"""Items of a system with constraints for all contacts, also for those that give way.
+
+    Coordinates w without mass, one a contact, carry what gives way:
+
+    .. math:: C q + H f - F w = 0 \quad (\lambda), \qquad F w - F \lambda = 0
+
+    so that w = lambda in N.  Contacts that hold firm have w = 0.
+    """
+    n, contacts, (m, i) = equations.size, Contacts(equations, inputs), _counts(equations)
+    gives, rigid = np.flatnonzero(contacts.gives), np.diag(contacts.rigid.astype(float))
+
+    def side_by_side(x: Array) -> Array:
+        rows = equations.rows(x)
+        return np.concatenate([rows.C, rows.F, rows.H], axis=2)
+
+    table = inputs.along(side_by_side, m * (n + m + i))
+
+    def parts(t: float) -> tuple[Array, Array, Array]:
+        C, F, H = np.split(table(t), [n, n + m], axis=1)
+        return C, F, -H @ np.array(inputs.loads(t))
+
+    C, F, offset = parts(0.0)
+    q, forces = np.concatenate([one.q for one in start.values()]), np.zeros(m)
+    forces[gives] = np.linalg.solve(F[np.ix_(gives, gives)], (C @ q - offset)[gives])
+    steps = Steps(held=bool(m))
+    jacobian, force = _nothing_beyond_matrices(equations, steps), equations.B @ np.array(inputs.loads(0.0))
+    items = add_bodies(mbs, equations, start, forceVector=force, jacobianUserFunction=jacobian)
+    name = f"{mbs.GetMarker(items.mSystem)['name']}Rows"
+    nRows = add_coordinates(mbs, name, InitialState(forces, np.zeros(m)))
+    nothing = exu.MatrixContainer(np.zeros((m, m)))
+    oRows = mbs.AddObject(
+        ObjectGenericODE2(
+            name=name,
+            nodeNumbers=[nRows],
+            massMatrix=rigid,
+            stiffnessMatrix=F + rigid,
+            jacobianUserFunction=lambda *arguments: nothing,
+        )
+    )
+    mRows = mbs.AddMarker(MarkerNodeCoordinates(name=name, nodeNumber=nRows))
+    items = with_contacts(mbs, items, np.arange(m), mRows, scalingMarker0=F, scalingMarker1=C, offset=offset)
+
+    def update(mbs: Any, t: float) -> bool:
+        inputs.begin(t)
+        C, F, offset = parts(t)
+        mbs.SetObjectParameter(items.oContacts, "scalingMarker0", F)
+        mbs.SetObjectParameter(items.oContacts, "scalingMarker1", C)
+        mbs.SetObjectParameter(items.oContacts, "offset", offset)
+        mbs.SetObjectParameter(oRows, "stiffnessMatrix", F + rigid)
+        mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ np.array(inputs.loads(t)))
+        return True
+
+    return steps.updated(mbs, items, update)
+
+
+def add_with_callbacks(mbs: Any, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
+    """Items of a system of rigid contacts, whose rows and loads Exudyn asks for in every iteration: the paper's way."""
+    m, _ = _counts(equations)
+    rows = inputs.along(lambda x: equations.rows(x).C, equations.size * m)
+
+    def force(mbs: Any, t: float, item: int, q: Any, q_t: Any) -> Any:
+        return equations.B @ np.array(inputs.loads(t))
+
+    def constraint(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Any:
+        return rows(t) @ q
+
+    def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, velocity_level: bool) -> Any:
+        return rows(t)
+
+    return with_contacts(
+        mbs,
+        add_bodies(mbs, equations, start, forceUserFunction=force),
+        np.arange(m),
+        scalingMarker0=np.zeros((m, 1)),  # its height is the number of rows
+        constraintUserFunction=constraint,
+        jacobianUserFunction=jacobian,
+    )
+
+
+def _counts(equations: Equations) -> tuple[int, int]:
+    """Of contacts and inputs."""
+    return len(equations.system.contacts), equations.B.shape[1]
+
+
+def _nothing_beyond_matrices(equations: Equations, steps: Steps) -> Any:
+    """Jacobian of the forces beyond K and D, which Exudyn adds itself; without it, it would difference K q."""
+    empty = sp.csr_matrix(equations.K.shape)
+    no_more = matrix(empty if equations.sparse else empty.toarray())
+
+    def jacobian(mbs: Any, t: float, item: int, q: Any, q_t: Any, factor: float, factor_t: float) -> Any:
+        steps.check(t)
+        return no_more
+
+    return jacobian
+
+
+#: Its name as a simulator of a scene, and what adds its items.
+FORMULATIONS: dict[Formulation, tuple[str, AddItems]] = {
+    "springs": ("exudyn", add_with_springs),
+    "multipliers": ("exudyn-multiplier", add_with_multipliers),
+    "callbacks": ("exudyn-callback", add_with_callbacks),
+    "callbacks-modified-newton": ("exudyn-callback", add_with_callbacks),
+}

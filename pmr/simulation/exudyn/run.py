@@ -1,0 +1,126 @@
+"""One simulation of a system in Exudyn: its times and items, and what comes of the sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.scene.simulators import refuse
+from pmr.simulation import balance
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, followed
+from pmr.simulation.exudyn.equations import Equations
+from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
+from pmr.simulation.exudyn.inputs import TabulatedInputs
+from pmr.simulation.exudyn.solver import change, of_connector, of_nodes, solve, solver_settings, stored
+from pmr.simulation.lengths import Lengths
+from pmr.simulation.native.multibody_march import contact_frequency
+from pmr.simulation.start import InitialState
+from pmr.simulation.stepping import Progress
+from pmr.system.body import FullBody, SlidingBody, Trajectory
+from pmr.system.contacts import ALONE
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+
+
+class Run:
+    """Of a system under an excitation, in the parts of each step that its schedule says, or that contacts take."""
+
+    def __init__(
+        self, system: System, excitation: Excitation, initial: Mapping[str, InitialState], formulation: Formulation
+    ) -> None:
+        self.system, self._excitation, self._formulation = system, excitation, formulation
+        self._equations = Equations(system)
+        pushes = not np.isnan(system.clearance).all()
+        self._lengths = Lengths.of(excitation.stepping, contact_frequency(system, excitation) if pushes else 0.0)
+        self._inputs = TabulatedInputs(self._equations, excitation, self._lengths)
+        name, add = FORMULATIONS[formulation]
+        self._needs = self._equations.needs(self._inputs.x, excitation.stepping.rho_inf)
+        refuse(name, self._needs)
+        s, rates = (dict(zip(excitation.paths, at[0].tolist(), strict=True)) for at in (excitation.s, excitation.rates))
+        start = self._equations.start(s, rates, initial)
+        self._container = exu.SystemContainer()  # owns the mbs: must stay alive
+        self._mbs = self._container.AddSystem()
+        self._items = add(self._mbs, self._equations, self._inputs, start)
+        kind, nodes = exu.OutputVariableType, list(self._items.nBodies.values())
+        self._of_nodes = [of_nodes(self._mbs, nodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
+        alone = self._equations.alone
+        self._accelerations = (
+            of_nodes(self._mbs, nodes, kind.Coordinates_tt) if alone is not None and alone.held else []
+        )
+        connector = self._items.oContacts
+        self._of_contacts = None if connector is None else of_connector(self._mbs, connector)
+
+    def trajectory(self, progress: Progress | None) -> SystemTrajectory:
+        """Take all steps."""
+        linear = exu.LinearSolverType.EigenSparse if self._equations.sparse else exu.LinearSolverType.EigenDense
+        chosen = solver_settings(self._excitation.stepping.divided(self._lengths.finest), linear)
+        chosen.timeIntegration.numberOfSteps = self._lengths.steps
+        chosen.timeIntegration.newton.useModifiedNewton = self._formulation == "callbacks-modified-newton"
+        change(chosen.timeIntegration.newton, self._excitation.options.newton)
+        times = self._lengths.times if np.ptp(self._lengths.parts) else None
+        seconds = solve(self._mbs, chosen, self._describe, progress, times)
+        motion = self._motion()
+        balanced = followed(self._equations, Contacts(self._equations, self._inputs), motion)
+        return self._trajectory(motion, balanced, seconds)
+
+    def supports(self, body: SlidingBody, found: SystemTrajectory) -> Array:
+        """Forces (T, h) in N on the coordinates of a full body alone that its supports hold, from its equations."""
+        assert isinstance(body, FullBody)
+        held, moved = list(body.held.values()), found.bodies[ALONE]
+        (sensor,) = self._accelerations
+        a = self._equations.whole(ALONE, self._stored(sensor)[self._lengths.ends])
+        inner = body.K[held] @ moved.q.T + body.D[held] @ moved.v.T + body.M[held] @ a.T
+        pressed = np.zeros((len(a), len(held)))
+        for name, force, s in zip(self.system.contact_names, found.forces.T, moved.s.T, strict=True):
+            row = body.rows.rows[body.row_names.index(name)]
+            pressed += force[:, None] * row.at(s)[:, held].toarray()
+        return np.asarray(found.loads @ body.B[held].T - inner.T - pressed)
+
+    def _describe(self, t: float) -> str:
+        """Where the paths lead at a time in s."""
+        at = ((name, float(path.value(t))) for name, path in self._excitation.paths.items())
+        return ", ".join(f"{name} at {s:g} m" for name, s in at)
+
+    def _motion(self) -> Motion:
+        """What the sensors stored; forces of contacts that give way are still zero where they have no multiplier."""
+        q, v = (np.hstack([self._stored(sensor) for sensor in sensors]) for sensors in self._of_nodes)
+        forces = np.zeros((len(q), len(self.system.contacts)))
+        if self._of_contacts is not None:
+            forces[:, self._items.contacts] = self._stored(self._of_contacts)
+        return Motion(self._inputs.x, q, v, self._inputs.f, forces)
+
+    def _stored(self, sensor: Any) -> Array:
+        return stored(self._mbs, sensor, self._lengths, self._describe)
+
+    def _trajectory(self, motion: Motion, balanced: Balance, seconds: float) -> SystemTrajectory:
+        """From all parts of all steps."""
+        system, ends, parts = self.system, self._lengths.ends, self._lengths.parts
+        pushes, t = ~np.isnan(system.clearance), self._excitation.times
+        B, inertia = self._equations.B, self._equations.M.diagonal()
+        least = balance.round_off(B.T @ (B / inertia[:, None]), motion.f, float(t[1]))
+        surplus = balance.surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
+        balance.refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving))
+        forces = motion.forces[ends]
+        within = np.maximum.reduceat(motion.forces[1:], ends[:-1], axis=0)
+        bodies = {
+            name: Trajectory(
+                t,
+                self._equations.whole(name, motion.q[ends]),
+                self._equations.whole(name, motion.v[ends]),
+                system.pressed(name, forces),
+                motion.x[ends][:, system.sides_of(name)],
+                seconds,
+                surplus=surplus,
+            )
+            for name in system.bodies
+        }
+        peaks = np.where(pushes, np.vstack([forces[:1], within]), forces)
+        made = np.concatenate([[1], parts])
+        energy, work = balanced.stored[ends], balanced.work[ends]
+        return SystemTrajectory(t, bodies, forces, peaks, motion.f[ends], energy, work, seconds, surplus, made)
