@@ -1,6 +1,8 @@
-"""One model simulated with ever smaller steps, and what the runs say of each other (`pmr.compare.step_error`)."""
+"""A motion simulated with ever smaller steps, and what the runs say of each other (`pmr.compare.step_error`)."""
 
 from __future__ import annotations
+
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,35 +53,80 @@ def reference_rho(body: SlidingBody, rho_inf: float) -> float:
     return max(rho_inf, UNDAMPED) if known else rho_inf
 
 
-class Runs:
-    """One model with the given step, half of it, and so on, as little damped by the scheme as `reference_rho` says."""
+class Stepped(Protocol):
+    """What is simulated with several steps: a body, or a system of them (`pmr.compare.boom_steps`)."""
 
-    def __init__(self, form: ModalForm, excitation: Excitation) -> None:
-        self._form, self._excitation, stepping = form, excitation, excitation.stepping
+    @property
+    def excitation(self) -> Excitation: ...
+    @property
+    def pushing(self) -> bool:
+        """Whether any contact only pushes."""
+    @property
+    def given(self) -> TimeStepping:
+        """The time grid that the error is asked for of."""
+    @property
+    def reference_rho(self) -> float:
+        """`rho_inf` of the runs that the given one is compared with."""
+    @property
+    def round_off(self) -> float:
+        """What of a displacement may be round-off, in m."""
+    @property
+    def tips(self) -> list[int]:
+        """Numbers of the tip's displacements among all."""
+
+    def displacements(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
+        """All or some, (T, o) m at each `every`-th step; errors as for `pmr.simulation.Simulator`."""
+
+
+class SteppedBody:
+    """A model of one body, of which the last `tips` displacements are the tip's."""
+
+    def __init__(self, form: ModalForm, excitation: Excitation, tips: int) -> None:
+        self._form, self.excitation = form, excitation
         self._moved = np.flatnonzero(length_outputs(form.body))
+        self.tips = list(range(len(self._moved) - tips, len(self._moved)))
+        self.pushing = bool(pushing_rows(form.body))
         # As many parts a step in every run: were they fewer in a shorter step, impacts would be the same in all.
-        self._given = contact_step.with_parts(form.body, excitation)
-        self._rho = reference_rho(form.body, stepping.rho_inf)
+        self.given = contact_step.with_parts(form.body, excitation)
+        self.reference_rho = reference_rho(form.body, excitation.stepping.rho_inf)
+        self.round_off = round_off(form.body, excitation.forces(form.body.input_names), excitation.stepping.end)
+
+    def displacements(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
+        chosen = self._moved if which is None else self._moved[which]
+        body, excitation = self._form.body, self.excitation.with_stepping(stepping)
+        recorded = excitation.stepping.steps * (2 * body.size + len(body.row_names))
+        if recorded > MOST_RECORDED and not (body.flexibility is not None and body.flexibility.keeps_inertia):
+            return march.observe(self._form, excitation, chosen.tolist(), every).y
+        run = march.simulate_modal(self._form, excitation)
+        at = slice(None, None, every)
+        f = excitation.forces(body.input_names)[at]
+        return displacement(body, run.q[at], run.s[at], run.deforming[at], f)[:, chosen]
+
+
+class Runs:
+    """What is `stepped`, with the given step, half of it, and so on, as little damped by the scheme as it says."""
+
+    def __init__(self, stepped: Stepped) -> None:
+        self._stepped, stepping = stepped, stepped.given
         self._stride = -(-stepping.steps // COMPARED)
-        self._round_off = round_off(form.body, excitation.forces(form.body.input_names), stepping.end)
-        self._budget = BUDGET_OF_IMPACTS if pushing_rows(form.body) else BUDGET
+        self._budget = BUDGET_OF_IMPACTS if stepped.pushing else BUDGET
         self.halved, self.taken = -1, 0
 
     @property
     def stepping(self) -> TimeStepping:
         """Of the last run."""
-        given = self._given
-        return TimeStepping(given.end, given.step / 2**self.halved, self._rho, given.parts)
+        given = self._stepped.given
+        return TimeStepping(given.end, given.step / 2**self.halved, self._stepped.reference_rho, given.parts)
 
     @property
     def _work(self) -> int:
         """Steps of the last run, those that are parts of one included."""
-        return self.stepping.steps * max(1, self._given.parts)
+        return self.stepping.steps * max(1, self._stepped.given.parts)
 
     @property
     def resolved(self) -> bool:
         """Whether the last run can tell all tones of path and loads from slower ones."""
-        return not any(aliased(signal, self.stepping) for _, signal in self._excitation.signals)
+        return not any(aliased(signal, self.stepping) for _, signal in self._stepped.excitation.signals)
 
     @property
     def affordable(self) -> bool:
@@ -89,10 +136,11 @@ class Runs:
 
     def given(self, first: Array) -> Array:
         """Displacements (T, o) in m with the given step and rho_inf, beside the `first` run; raises as `next`."""
-        if self._rho == self._given.rho_inf:
+        given = self._stepped.given
+        if self._stepped.reference_rho == given.rho_inf:
             return first
         self.taken += self._work
-        return self._outputs(self._moved, self._stride, self._given)
+        return self._moving(given, self._stride)
 
     def next(self) -> Array:
         """Displacements (T, o) in m of the next run, where runs are compared.
@@ -101,37 +149,27 @@ class Runs:
         """
         self.halved += 1
         try:
-            y = self._outputs(self._moved, self._stride * 2**self.halved)
+            y = self._moving(self.stepping, self._stride * 2**self.halved)
         except SimulationError:
             self.halved -= 1
             raise
         self.taken += self._work
         return y
 
-    def band(self, tips: int) -> float:
+    def band(self) -> float:
         """Frequency in Hz above which 1 % of the tip's motion lies, by its RMS, in the last run; 0 if nothing moves.
 
         Where the tip rests, on a support for instance, that of all outputs.
         """
-        y = self._outputs(self._moved[-tips:], 1)
+        y = self._moving(self.stepping, 1, self._stepped.tips)
         if not np.any(y):
-            y = self._outputs(self._moved, 1)
+            y = self._moving(self.stepping, 1)
         return band(y, self.stepping.step)
 
-    def _outputs(self, which: NDArray[np.intp], every: int, stepping: TimeStepping | None = None) -> Array:
-        body, excitation = self._form.body, self._excitation.with_stepping(stepping or self.stepping)
-        recorded = excitation.stepping.steps * (2 * body.size + len(body.row_names))
-        if recorded > MOST_RECORDED and not (body.flexibility is not None and body.flexibility.keeps_inertia):
-            y = march.observe(self._form, excitation, which.tolist(), every).y
-            return self._moving(y)
-        run = march.simulate_modal(self._form, excitation)
-        at = slice(None, None, every)
-        f = excitation.forces(body.input_names)[at]
-        return self._moving(displacement(body, run.q[at], run.s[at], run.deforming[at], f)[:, which])
-
-    def _moving(self, y: Array) -> Array:
-        """Zeros in the columns that don't exceed round-off."""
-        return settled(y, y, self._round_off)[0]
+    def _moving(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
+        """With zeros in the columns that don't exceed round-off."""
+        y = self._stepped.displacements(stepping, every, which)
+        return settled(y, y, self._stepped.round_off)[0]
 
 
 class Ladder:
@@ -167,7 +205,7 @@ class Ladder:
         small = len(self.differences) > 1 and own + sum(self.differences[-2:]) <= NEGLIGIBLE
         return self.rest <= SETTLED * own or small
 
-    def error(self, columns: slice) -> float:
+    def error(self, columns: slice | list[int]) -> float:
         """Error of the first run in some of the outputs; the rest is shared out as the difference is."""
         whole = relative_error(self.first, self.last)
         part = relative_error(self.first[:, columns], self.last[:, columns])

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.halved_steps import Ladder, Runs
+from pmr.compare.halved_steps import Ladder, Runs, Stepped, SteppedBody
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
@@ -32,7 +32,6 @@ from pmr.scene.signals import SignalBase
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.body import pushing_rows
 
 Array = NDArray[np.float64]
 
@@ -56,13 +55,21 @@ class StepError:
 
 
 def step_error(model: ReducedModel, excitation: Excitation, tips: int = 1) -> StepError:
-    """Error of the time step, from rest; the last `tips` displacements are the tip's.
+    """Error of the time step of one body, from rest; the last `tips` displacements are the tip's.
 
-    `march` makes the runs; Exudyn's solver has the same scheme and start.  Raises InputError as for
-    `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
+    `march` makes the runs; Exudyn's solver has the same scheme and start.  Errors as for `step_error_of`.
+    """
+    return step_error_of(SteppedBody(modal_form(model), excitation, tips))
+
+
+def step_error_of(stepped: Stepped) -> StepError:
+    """Error of the time step.
+
+    Raises InputError as for `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second
+    would be too long.
     """
     begin = time.perf_counter()
-    runs = Runs(modal_form(model), excitation)
+    runs = Runs(stepped)
     y = runs.next()
     if not runs.affordable:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
@@ -77,17 +84,17 @@ def step_error(model: ReducedModel, excitation: Excitation, tips: int = 1) -> St
             break
         moving.add(y)
         mean.add(_rms(y))
-    ladder = mean if pushing_rows(model) and not moving.settled else moving
+    ladder = mean if stepped.pushing and not moving.settled else moving
     halvings = ladder.halvings(LIMIT) if runs.resolved else None
     return StepError(
         beam=ladder.error(slice(None)),
-        tip=ladder.error(slice(-tips, None)),
+        tip=ladder.error(stepped.tips),
         largest=float(np.abs(ladder.first - ladder.last).max()) if ladder is moving else None,
         finest=runs.stepping.step,
         settled=ladder.settled and runs.resolved,
         by="motion" if ladder is moving else "mean",
-        enough=None if halvings is None else excitation.stepping.step / 2**halvings,
-        band=runs.band(tips),
+        enough=None if halvings is None else stepped.given.step / 2**halvings,
+        band=runs.band(),
         seconds=time.perf_counter() - begin,
     )
 
