@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 
 from pmr.compare import coverage, errors
 from pmr.compare.attached import UnsettledError, borne, lifting, settled
+from pmr.compare.boom_runs import Seen, outputs, run_from_rest
 from pmr.compare.booms import columns_of, quantities, respond, with_friction
 from pmr.compare.estimate import MARGIN
+from pmr.compare.outputs import Floors, differences
 from pmr.compare.summary import Part
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
@@ -33,7 +35,6 @@ from pmr.results import Response
 from pmr.scene import Boom
 from pmr.scene.built import force_of
 from pmr.simulation import Excitation
-from pmr.simulation.native import multibody
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -43,10 +44,16 @@ Array = NDArray[np.float64]
 class BoomEstimate:
     """Estimated errors of a boom's reduced model, with margin."""
 
-    errors: Mapping[str, float]  # fractions: of `pmr.compare.booms.quantities`, and of probes by their names
+    # fractions: of `pmr.compare.booms.quantities`, of velocities and the worst probe, and of probes by their names
+    errors: Mapping[str, float]
     sections: Mapping[str, float]  # along each section
     largest: float  # m: largest error of any output at any time
     seconds: float
+    unknown: Mapping[str, str] = field(default_factory=dict)  # none: what can't be told of one kind isn't of any
+
+    def of(self, kind: str) -> float:
+        """Error of one kind of output; 0 where there is no such output."""
+        return self.errors.get(kind, 0.0)
 
 
 def no_estimate(modal: Mapping[str, ReducedModel]) -> str | None:
@@ -74,29 +81,33 @@ def estimate(
     begin = time.perf_counter()
     if why := no_estimate(modal):
         raise ValueError(f"no estimate: {why}")
-    loads = _borne(system, run)
+    loads = loads_borne(system, run)
     richer = {name: with_attachment_modes(extended(body), loads[name]) for name, body in modal.items()}
-    own = with_friction(boom, system.contacts, respond(system, run))
-    better = _rubbing(boom, replace(system, bodies=richer), excitation)
+    fuller = replace(system, bodies=richer)
+    second = run_from_rest(fuller, excitation)
+    own, better = (with_friction(boom, system.contacts, respond(*one)) for one in ((system, run), (fuller, second)))
     if lifting(run.forces[:, ~np.isnan(system.clearance)]):
         other = {name: with_attachment_modes(body, loads[name]) for name, body in modal.items()}
         pushing = [force_of(one.name) for one in system.contacts if one.clearance is not None]
-        _check_settled(own, better, _rubbing(boom, replace(system, bodies=other), excitation), pushing)
+        third = replace(system, bodies=other)
+        found = with_friction(boom, system.contacts, respond(third, run_from_rest(third, excitation)))
+        _check_settled(own, better, found, pushing)
     measured = quantities(boom, own)
-    found = errors.errors({"reduced": own, "full": better}, errors.relative_error, quantities=measured)
+    told = errors.errors({"reduced": own, "full": better}, errors.relative_error, quantities=measured)[
+        "reduced_vs_full"
+    ]
+    rated, fully = (outputs(boom, *of, Seen(rates=True)) for of in ((system, run), (fuller, second)))
+    nothing = Floors(0.0, 0.0, np.zeros(len(rated.units)))
+    told |= differences(rated, fully, nothing, ["velocity", *["probe"] * bool(rated.units)])
     return BoomEstimate(
-        {kind: MARGIN * size for kind, size in found["reduced_vs_full"].items()},
+        {kind: MARGIN * size for kind, size in told.items()},
         {name: MARGIN * _along(columns_of(name, own), own, better) for name in boom.names},
         float(MARGIN * np.abs(better.displacement - own.displacement).max()),
         time.perf_counter() - begin,
     )
 
 
-def _rubbing(boom: Boom, system: System, excitation: Excitation) -> Response:
-    return with_friction(boom, system.contacts, response_from_rest(system, excitation))
-
-
-def _borne(system: System, run: SystemTrajectory) -> dict[str, Array]:
+def loads_borne(system: System, run: SystemTrajectory) -> dict[str, Array]:
     """What contacts and loads press on the carriers and inputs of each body with, (S, K + i) in N."""
     found, first = {}, 0
     for name, body in system.reduced.items():
@@ -121,23 +132,6 @@ def _along(columns: Sequence[int], own: Response, better: Response) -> float:
     return errors.relative_error(own.displacement[:, columns], better.displacement[:, columns])
 
 
-def with_loads_answered(system: System, modal: Mapping[str, ReducedModel], excitation: Excitation) -> System:
-    """Of the `modal` bodies with attachment modes for what those of the system bear in a run from rest."""
-    loads = _borne(system, run_from_rest(system, excitation))
-    bodies = {name: with_attachment_modes(body, loads[name]) for name, body in modal.items()}
-    return replace(system, bodies=bodies)
-
-
-def response_from_rest(system: System, excitation: Excitation) -> Response:
-    """Of a run from static equilibrium."""
-    return respond(system, run_from_rest(system, excitation))
-
-
-def run_from_rest(system: System, excitation: Excitation) -> SystemTrajectory:
-    """From static equilibrium."""
-    return multibody.simulate(system, excitation, multibody.static_start(system, excitation))
-
-
 @dataclass(frozen=True)
 class BoomError:
     """``estimate`` of a summary, and that along each section, fractions; none: not known."""
@@ -153,19 +147,23 @@ def boom_error(
     excitation: Excitation,
     run: SystemTrajectory,
     clock: Clock,
+    found: BoomEstimate | None = None,
 ) -> BoomError:
-    """Of the reduction of all sections, as their enrichment modes and inertia tell it, and what is not in it."""
+    """Of the reduction of all sections, as their enrichment modes and inertia tell it, and what is not in it.
+
+    One that is `found` already is not computed again.
+    """
     if not all(part.reduction.estimate for part in boom.sections):
         return BoomError(Part())
     why, said = no_estimate(modal), list[str]()
     if why is None:
         try:
             with clock.stage("estimate"):
-                found = estimate(boom, modal, system, excitation, run)
+                found = found or estimate(boom, modal, system, excitation, run)
         except (SimulationError, InputError) as error:
             why = str(error).removeprefix("estimate: ")  # the clock's stage
             said = [error.warning] if isinstance(error, UnsettledError) else []
-    if why is not None:
+    if why is not None or found is None:
         nothing = dict.fromkeys(("tip", "beam", "pad_force", "cylinder_force", "largest", "seconds", "not_covered"))
         return BoomError(Part({"estimate": nothing | {"reason": why}}, said))
     damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())

@@ -8,15 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import columns_of, friction
+from pmr.compare.booms import columns_of, friction, tip_names
 from pmr.compare.errors import relative_error
+from pmr.compare.frequencies import RESPONSES, frequency_response
 from pmr.compare.pad_forces import PULLED, newton
 from pmr.compare.summary import Part
-from pmr.results import Frequencies, FrequencyMap, Response
+from pmr.results import Frequencies, FrequencyMap, FrequencyResponse, Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Boom
 from pmr.scene.boom_parts import DRIVEN
 from pmr.scene.built import force_of
+from pmr.simulation import Excitation
+from pmr.simulation.native.multibody_march import places
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.booms import cylinder
@@ -31,11 +34,6 @@ CURVES, PLACES, FEWER_PLACES = 4, 13, 4
 MAPPED = 9
 #: Share of the reach by which a published one may lie beyond it: it is rounded.
 BESIDE = 1e-4
-
-
-def frequencies(system: System, x: Array) -> Array:
-    """The lowest natural frequencies (S, f) in Hz of a small system at places x (S, sides) m, every contact closed."""
-    return Assembly(system).frequencies(x, CURVES)
 
 
 def on_the_way(boom: Boom, t: Array, count: int) -> NDArray[np.int64]:
@@ -64,8 +62,17 @@ def frequency_map(boom: Boom, system: System) -> FrequencyMap | None:
             if joint is not None and joint.follows in extensions:
                 extensions[name] = joint.offset + joint.ratio * extensions[joint.follows]
     x = system.coordinates(extensions)
-    found = frequencies(system, x.reshape(-1, x.shape[-1]))[:, 0]
+    found = Assembly(system).frequencies(x.reshape(-1, x.shape[-1]), 1)[:, 0]
     return FrequencyMap((first, second), a, b, found.reshape(MAPPED, MAPPED))
+
+
+def in_frequency(boom: Boom, system: System, excitation: Excitation) -> FrequencyResponse | None:
+    """Of the tip at places from the shortest reach to the longest; None unless the last section asks for it."""
+    if not boom.sections[-1].observe.frequency_response:
+        return None
+    steps = on_the_way(boom, excitation.times, RESPONSES)
+    at, reach = places(system, excitation)[steps], boom.reach(excitation.times)[steps]
+    return frequency_response(system, at, reach, tip_names(boom))
 
 
 def _follows(boom: Boom, name: str) -> bool:

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from pmr.compare.boom_figures import CURVES, frequencies
+from pmr.compare.boom_figures import CURVES
 from pmr.compare.booms import Said, respond, response_of
 from pmr.compare.simulated import simulator_of
 from pmr.compare.trust import distrust
@@ -29,6 +29,7 @@ from pmr.simulation.native.multibody_march import places
 from pmr.simulation.petsc import Checkpoint, Recording, observe_system, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.stepping import TimeStepping
+from pmr.system.assembly import Assembly
 from pmr.system.booms import contacts_of
 from pmr.system.system import System
 
@@ -70,7 +71,7 @@ class FullBoom:
         """The lowest natural frequencies (S, f) in Hz at some steps, every contact closed; collective."""
         x = places(self.whole, excitation_of(boom, self.whole))[steps]
         if self.simulator == "march":
-            found = None if self.system is None else frequencies(self.system, x)
+            found = None if self.system is None else Assembly(self.system).frequencies(x, CURVES)
         else:
             found = _sparse(self.whole, x)
         return np.asarray(self.whole.comm.bcast(found))

@@ -157,7 +157,7 @@ def quantities(boom: Boom, response: Response) -> Mapping[str, Quantity]:
     At a kink of an extension a force is as high as its step is short or its cylinder stiff: such steps are left out
     ``_between_kinks``, where there are any.
     """
-    tips, t = tip_columns(boom, response), response.t
+    tips, t = tip_columns(boom, response.output_names), response.t
     at = [kink for path in boom.paths.values() for kink in path.kinks(boom.time.end)]
     away = np.all([np.abs(t - kink) > BESIDE_KINK * boom.time.step for kink in at], axis=0)
     found: dict[str, Quantity] = {
@@ -200,11 +200,15 @@ def force_kinds(boom: Boom, names: Sequence[str]) -> list[str]:
     ]
 
 
-def tip_columns(boom: Boom, response: Response) -> list[int]:
-    """Columns of the displacements of the last section's tip."""
+def tip_columns(boom: Boom, names: Sequence[str]) -> list[int]:
+    """Which of the displacements are those of the last section's tip."""
+    return [k for k, name in enumerate(names) if name in tip_names(boom)]
+
+
+def tip_names(boom: Boom) -> set[str]:
+    """What displacements of the last section's tip are called."""
     last = boom.sections[-1]
-    named = {f"{last.name}: {last.observe.tip_along(direction)}" for direction in "yz"}
-    return [k for k, name in enumerate(response.output_names) if name in named]
+    return {named(last.name, last.observe.tip_along(direction)) for direction in "yz"}
 
 
 def columns_of(section: str, response: Response) -> list[int]:

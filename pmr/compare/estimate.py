@@ -23,6 +23,7 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,16 @@ Array = NDArray[np.float64]
 MARGIN, MARGIN_OF_ALL_MODES = 1.25, 1.1
 
 
+class Estimated(Protocol):
+    """What an estimate says of each kind of output."""
+
+    @property
+    def unknown(self) -> Mapping[str, str]: ...
+
+    def of(self, kind: str) -> float:
+        """Error as a fraction, with margin; 0 where it is unknown."""
+
+
 @dataclass(frozen=True)
 class Estimate:
     """Estimated errors of a reduced model's outputs, with margin.
@@ -67,6 +78,10 @@ class Estimate:
     seconds: float  # wall time of the estimate, all runs included
     unknown: Mapping[str, str] = field(default_factory=dict)  # kinds without an estimate, and why, in words
     scatter: str = ""  # what is to be said of peak forces where these are not settled
+
+    def of(self, kind: str) -> float:
+        """Error of one kind of output, with margin; 0 where it is unknown."""
+        return getattr(self, kind, None) or 0.0
 
     @property
     def probe(self) -> float | None:
@@ -166,7 +181,7 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
 def _by_series(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Told:
     """By the enrichment modes, and the next term of the series."""
     assert model.flexibility is not None
-    tips = own.outputs.tips
+    tips = len(own.outputs.tips)
     better = _Simulated.of(extended(model), excitation, tips)
     share, beyond = kappa(model, own.run.s), better.outputs.minus(own.outputs)
     if (
@@ -182,7 +197,7 @@ def _by_series(model: ReducedModel, own: _Simulated, excitation: Excitation, flo
 
 def _pushed(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Told:
     """By the enrichment modes, and attachment modes for what the model bore."""
-    loads, tips = excitation.forces(model.input_names), own.outputs.tips
+    loads, tips = excitation.forces(model.input_names), len(own.outputs.tips)
     better = _Simulated.of(with_loads_answered(extended(model), own.run, loads), excitation, tips)
     missing = {"attachment": better.outputs.minus(own.outputs)}
     if not lifting(own.run.multipliers[:, pushing_rows(own.form.body)]):

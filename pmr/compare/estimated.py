@@ -12,6 +12,7 @@ from scipy.ndimage import maximum_filter1d
 
 from pmr.compare import coverage, estimate, step_error
 from pmr.compare.attached import UnsettledError
+from pmr.compare.halved_steps import Stepped
 from pmr.compare.summary import Part
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
@@ -133,19 +134,18 @@ def envelope(error: Array) -> Array:
 
 
 def step_part(
-    scene: Scene, reduced: ReducedModel, omega: Array, clock: Clock, found: step_error.StepError | None = None
+    stepped: Stepped, natural: Array, clock: Clock, searched: bool, found: step_error.StepError | None = None
 ) -> Part:
-    """``step``: the time step's error; `omega` (S, f) rad/s are natural frequencies along the path.
+    """``step``: the time step's error; `natural` (S, f) in Hz are frequencies along the way.
 
-    One that is `found` already is not computed again.
+    One that is `found` already is not computed again.  Where the step was `searched` by its error, nothing is said.
     """
-    excitation = Excitation.of(scene)
     with clock.stage("step"):
         try:
-            found = found or step_error.step_error(reduced, excitation, len(transverse(scene)))
+            found = found or step_error.step_error_of(stepped)
         except (SimulationError, InputError) as error:
             said = [f"the error of the time step is not known: {error}"]
             return Part({"step": step_error.summary(None, str(error))}, said)
-    searched = scene.accuracy is not None  # then the step was chosen by its error
-    said = [] if searched else step_error.warnings(found, excitation.stepping, excitation.signals, omega)
+    excitation = stepped.excitation
+    said = [] if searched else step_error.warnings(found, excitation.stepping, excitation.signals, natural)
     return Part({"step": step_error.summary(found)}, said)

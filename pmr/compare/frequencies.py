@@ -1,4 +1,4 @@
-r"""Circular frequencies of a reduced model with its rows held at one path coordinate after the other; tip responses.
+r"""Frequencies of a reduced model with its rows held at one path coordinate after the other; tip responses.
 
 Closed forms are those of the uniform Euler-Bernoulli beam, pinned at 0, supported at s, free at L.  The rotation of the
 beam over the support is the one unknown; the moments with which the two spans resist it must cancel.  With a = beta s,
@@ -13,20 +13,22 @@ b = beta (L - s) and beta^4 = rho A omega^2 / (E I) the spans' dynamic stiffness
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from pmr.compare.summary import Part
+from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.results import Frequencies, FrequencyResponse
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam, transverse
-from pmr.simulation.state_space import state_space
-from pmr.system.compliant_rows import CompliantRows
+from pmr.scene.names import SLIDER, named
+from pmr.system.assembly import Assembly, ContactRows
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -45,31 +47,21 @@ def visited_positions(scene: Scene, size: int) -> Array:
 
 
 def frequency_curves(scene: Scene, reduced: ReducedModel, s: Array, full: Array) -> Frequencies:
-    """Those of the reduced model, and in closed form where there is one, beside the full model's (S, f) at s (S,)."""
+    """Those of the reduced model, and in closed form where there is one, beside the full model's (S, f) in rad/s."""
     count = full.shape[1]
-    found = {"reduced": reduced_frequencies(reduced, s, count), "full": full}
-    found["closed_form"] = closed_form_frequencies(scene, s, count)
-    known = {name: values / (2.0 * np.pi) for name, values in found.items() if values.shape[1]}
-    return Frequencies(s, s[:, None], known)
+    circular = {"full": full, "closed_form": closed_form_frequencies(scene, s, count)}
+    found = {"reduced": reduced_frequencies(reduced, s, count)}
+    found |= {name: values / (2.0 * np.pi) for name, values in circular.items()}
+    return Frequencies(s, s[:, None], {name: values for name, values in found.items() if values.shape[1]})
 
 
 def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
-    """The `count` lowest frequencies (S, count) in rad/s at the path coordinates s (S,) m.
+    """The `count` lowest frequencies (S, count) in Hz at the path coordinates s (S,) m.
 
-    Where fewer coordinates are free than asked for, the rest is NaN.  Raises SimulationError if rows that give way do
-    so by nothing at one of the s.
+    Where fewer coordinates are free than asked for, the rest is NaN.
     """
-    result = np.full((len(s), count), np.nan)
-    compliant = CompliantRows(model)
-    firm = [i for i in range(len(model.row_names)) if i not in compliant.numbers]
-    K = compliant.system(s)[:, :, : model.size] if compliant.numbers else np.repeat(model.K[None], len(s), axis=0)
-    for i, at in enumerate(s):
-        Z = scipy.linalg.null_space(model.C(at)[firm]) if firm else np.eye(model.size)
-        if Z.shape[1] == 0:
-            continue
-        omega2 = scipy.linalg.eigh(Z.T @ K[i] @ Z, Z.T @ model.M @ Z, eigvals_only=True)[:count]
-        result[i, : len(omega2)] = np.sqrt(np.maximum(omega2, 0.0))
-    return result
+    system = System.of(model)
+    return Assembly(system).frequencies(system.coordinates({SLIDER: s}), count)
 
 
 def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
@@ -128,35 +120,66 @@ def _residual(x: Any, share: float) -> Any:
     return supported + free
 
 
-def frequency_response(scene: Scene, reduced: ReducedModel) -> FrequencyResponse | None:
-    """The tip's to each load, along the path: what a drive or a controller meets; None unless asked for.
+def frequency_response(system: System, places: Array, along: Array, tips: Collection[str]) -> FrequencyResponse:
+    r"""How far the tip moves under each load, with all paths at rest: what a drive or a controller meets.
 
-    With the sliders at rest, from a tenth of the lowest natural frequency to the highest.  Raises InputError if rows
-    are rigid or only push, or the model keeps residual inertia.
+    .. math::
+        (-\omega^2 M + i \omega D + K)\, q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
+        y = O q + W f - X \lambda
+
+    from a tenth of the lowest natural frequency to the highest, at `places` (S, sides) in m, which `along` (S,) in m
+    tells apart; `tips` are names of outputs.  An InputError is raised where a contact only
+    pushes, or residual inertia is kept.
     """
+    if pushing := [one.name for one in system.contacts if one.clearance is not None]:
+        allowed = f"contacts that hold both ways are allowed: {', '.join(pushing)} only push"
+        raise InputError("scene", "observe.frequency_response", True, allowed)
+    if any(body.flexibility is not None and body.flexibility.keeps_inertia for body in system.bodies.values()):
+        allowed = "false is allowed where residual inertia is kept"
+        raise InputError("scene", "observe.frequency_response", True, allowed)
+    assembly = Assembly(system)
+    rows, natural = assembly.along(places), assembly.frequencies(places, assembly.size)
+    names = [named(body, one) for body, of in system.bodies.items() for one in of.output_names]
+    which = [k for k, name in enumerate(names) if name in tips]
+    f = np.geomspace(0.1 * np.nanmin(natural), 1.2 * np.nanmax(natural), RESPONSE_FREQUENCIES)
+    moved = np.array([_responses(assembly, rows.at(k), np.append(0.0, f), which) for k in range(len(along))])
+    static = moved[:, 0].real
+    furthest = np.abs(static).max(axis=0).argmax(axis=0)  # of each load, the direction in which it moves the tip
+    inputs = np.arange(len(system.input_names))
+    return FrequencyResponse(
+        along,
+        f,
+        np.abs(moved[:, 1:])[:, :, furthest, inputs],
+        static[:, furthest, inputs],
+        damped=bool(assembly.D.count_nonzero()),
+        outputs=tuple(names[which[k]] for k in furthest),
+        inputs=system.input_names,
+        units=tuple(_UNITS.get(unit, f"m/({unit})") for unit in system.input_units),
+    )
+
+
+def _responses(assembly: Assembly, rows: ContactRows, f: Array, which: list[int]) -> NDArray[np.complex128]:
+    """Of some outputs at frequencies f (W,) in Hz, (W, o, i), at one place."""
+    M, D, K, B = (A.toarray() for A in (assembly.M, assembly.D, assembly.K, assembly.B))
+    n, scale = len(K), float(np.abs(K).max())  # forces in the unit of stiffness: rows of both kinds are of one size
+    held = np.block([[K, scale * rows.C.T], [scale * rows.C, -(scale**2) * rows.F]])
+    right = np.vstack([B, -scale * rows.H])
+    O, W, found = assembly.outputs.toarray()[which], assembly.direct[which], []
+    for omega in 2.0 * np.pi * f:
+        matrix = held.astype(complex)
+        matrix[:n, :n] += 1j * omega * D - omega**2 * M
+        x = np.linalg.solve(matrix, right)
+        found.append(O @ x[:n] + W - scale * rows.X[which] @ x[n:])
+    return np.array(found)
+
+
+def of_body(scene: Scene, reduced: ReducedModel) -> FrequencyResponse | None:
+    """Of a body along its path; None unless asked for."""
     if not scene.observe.frequency_response:
         return None
-    s = np.unique(np.linspace(*scene.path_bounds, RESPONSES))
-    space = state_space(reduced, s, "scene")
-    natural = space.natural / (2.0 * np.pi)
-    f = np.geomspace(0.1 * natural.min(), 1.2 * natural.max(), RESPONSE_FREQUENCIES)
-    tips = [
-        k for k, name in enumerate(space.outputs) if name in {scene.observe.tip_along(d) for d in transverse(scene)}
-    ]
-    static = space.frequency_response(np.zeros(1))[:, 0, tips].real
-    furthest = np.abs(static).max(axis=0).argmax(axis=0)  # of each load, the direction in which it moves the tip
-    inputs = np.arange(len(space.inputs))
-    gain = np.abs(space.frequency_response(2.0 * np.pi * f)[:, :, tips])[:, :, furthest, inputs]
-    return FrequencyResponse(
-        s,
-        f,
-        gain,
-        static[:, furthest, inputs],
-        damped=bool(np.any(reduced.D)),
-        outputs=tuple(space.outputs[tips[k]] for k in furthest),
-        inputs=space.inputs,
-        units=tuple(_UNITS.get(unit, f"m/({unit})") for unit in reduced.input_units),
-    )
+    system, s = System.of(reduced), np.unique(np.linspace(*scene.path_bounds, RESPONSES))
+    tips = {scene.observe.tip_along(direction) for direction in transverse(scene)}
+    return frequency_response(system, system.coordinates({SLIDER: s}), s, tips)
 
 
 def frequency_part(found: FrequencyResponse | None) -> Part:

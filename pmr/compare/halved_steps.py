@@ -61,15 +61,19 @@ class Stepped(Protocol):
     @property
     def pushing(self) -> bool:
         """Whether any contact only pushes."""
+
     @property
     def given(self) -> TimeStepping:
         """The time grid that the error is asked for of."""
+
     @property
     def reference_rho(self) -> float:
         """`rho_inf` of the runs that the given one is compared with."""
+
     @property
     def round_off(self) -> float:
         """What of a displacement may be round-off, in m."""
+
     @property
     def tips(self) -> list[int]:
         """Numbers of the tip's displacements among all."""

@@ -28,8 +28,11 @@ from pmr.system.body import Trajectory, displacement, force_outputs, length_outp
 
 Array = NDArray[np.float64]
 
-#: Kinds of outputs by the names that scenes and summaries give them.
+#: Kinds of outputs by the names that scenes and summaries give them, and the one that only sections have.
 KINDS = ("beam", "tip", "pad_force", "velocity", "probe")
+CYLINDERS = "cylinder_force"
+#: Those that are forces.
+FORCES = ("pad_force", CYLINDERS)
 #: Share of the largest probe in the same unit below which a probe's error is one of that share instead of its own.
 LITTLE = 0.01
 _HISTORIES = ("displacement", "velocity", "force", "probe")
@@ -44,18 +47,34 @@ class Outputs:
     force: Array  # (T, p) N
     probe: Array  # (T, k)
     units: tuple[str, ...]  # of the probes
-    tips: int  # so many of the last displacements are the tip's
+    tips: tuple[int, ...]  # numbers of the displacements that are the tip's
+    forces: tuple[str, ...] = ()  # kind of each force; none: all are those of sliders and pads
 
     def of(self, kind: str) -> Array:
-        """One of `KINDS`, (T, k)."""
+        """One of `KINDS`, or `CYLINDERS`, (T, k)."""
         if kind == "tip":
-            return self.displacement[:, -self.tips :]
-        return {
-            "beam": self.displacement,
-            "pad_force": self.force,
-            "velocity": self.velocity,
-            "probe": self.probe,
-        }[kind]
+            return self.displacement[:, list(self.tips)]
+        if kind in FORCES:
+            return self._forces(kind, self.force)
+        return {"beam": self.displacement, "velocity": self.velocity, "probe": self.probe}[kind]
+
+    def _forces(self, kind: str, force: Array) -> Array:
+        """Those columns of some forces (T, p) that are of one of the `FORCES`."""
+        if not self.forces:
+            return force if kind == "pad_force" else force[:, :0]
+        return force[:, [k for k, one in enumerate(self.forces) if one == kind]]
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Those that there are any outputs of; rates may be asked for of all that is moved."""
+        return tuple(kind for kind in (*KINDS, CYLINDERS) if kind == "velocity" or self.of(kind).shape[1])
+
+    def moved_at(self, places: Sequence[int]) -> Outputs:
+        """The same with some of the displacements alone, by their numbers."""
+        which, rates = list(places), self.velocity.shape[1] > 0
+        tips = tuple(which.index(one) for one in self.tips if one in which)
+        velocity = self.velocity[:, which] if rates else self.velocity
+        return replace(self, displacement=self.displacement[:, which], velocity=velocity, tips=tips)
 
     def plus(self, difference: Outputs) -> Outputs:
         """The sum of both, kind by kind."""
@@ -103,12 +122,13 @@ def observed(model: ReducedModel, y: Array, multipliers: Array, tips: int) -> Ou
     moved, probes = y[:, length_outputs(model)], other_outputs(model)
     force = np.hstack([y[:, force_outputs(model)], multipliers[:, released_rows(model)]])
     units = tuple(unit for unit, counts in zip(model.output_units, probes, strict=False) if counts)
-    return Outputs(moved, np.empty((len(y), 0)), force, y[:, probes], units, tips)
+    last = range(moved.shape[1] - tips, moved.shape[1])
+    return Outputs(moved, np.empty((len(y), 0)), force, y[:, probes], units, tuple(last))
 
 
 def lagging(found: Outputs, model: ReducedModel, run: Trajectory, excitation: Excitation) -> Outputs:
     """The outputs of a trajectory with what damping makes of the residual part's own deformation; velocities remain."""
-    late = observed(model, lag(model, run, excitation), np.zeros_like(run.multipliers), found.tips)
+    late = observed(model, lag(model, run, excitation), np.zeros_like(run.multipliers), len(found.tips))
     return found.plus(replace(late, velocity=np.zeros_like(found.velocity)))
 
 
@@ -120,11 +140,12 @@ def differences(one: Outputs, reference: Outputs, floors: Floors, kinds: Sequenc
     for kind in kinds:
         match kind:
             case "tip":
-                pair = moves[0][:, -reference.tips :], moves[1][:, -reference.tips :]
+                pair = moves[0][:, list(reference.tips)], moves[1][:, list(reference.tips)]
             case "beam":
                 pair = moves
-            case "pad_force":
-                pair = settled(one.force, reference.force, floors.force)
+            case "pad_force" | "cylinder_force":
+                forces = settled(one.force, reference.force, floors.force)
+                pair = one._forces(kind, forces[0]), reference._forces(kind, forces[1])
             case "probe":
                 found[kind] = float(probe_differences(one, reference, floors).max(initial=0.0))
                 continue

@@ -8,17 +8,22 @@ import numpy as np
 
 from pmr.compare import boom_figures as figures
 from pmr.compare import pad_forces
+from pmr.compare.boom_runs import SteppedBoom
 from pmr.compare.booms import with_friction
 from pmr.compare.estimated import reduction_error, step_part
-from pmr.compare.frequencies import reduced_frequencies
+from pmr.compare.frequencies import frequency_part, reduced_frequencies
+from pmr.compare.halved_steps import SteppedBody
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.simulated import driven_by, simulate_sections
 from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated, theory, trusted
 from pmr.errors.environment import Clock
 from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Boom, Scene
+from pmr.scene.choice import transverse
 from pmr.simulation import Excitation, contact_step
+from pmr.simulation.modal import modal_form
 from pmr.simulation.native.multibody_march import contact_frequency, places
+from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
@@ -61,8 +66,9 @@ def _sections(system: System, boom: Boom, excitation: Excitation) -> RunResult:
     made = contact_step.as_made(excitation.stepping, found.first.parts, omega)
     response = with_friction(boom, system.contacts, found.response)
     steps, reach = figures.on_the_way(boom, excitation.times, figures.PLACES), boom.reach(excitation.times)
-    curves = {"reduced": figures.frequencies(system, x[steps])}
+    curves = {"reduced": Assembly(system).frequencies(x[steps], figures.CURVES)}
     frequencies = Frequencies(reach[steps], excitation.s[steps], curves, figures.frequency_map(boom, system))
+    in_frequency = figures.in_frequency(boom, system, excitation)
     responses, sizes = {"reduced": response}, {name: {"reduced": one.size} for name, one in system.bodies.items()}
     parts = [
         made_with(boom),
@@ -70,9 +76,11 @@ def _sections(system: System, boom: Boom, excitation: Excitation) -> RunResult:
         simulated(found.seconds, found.agreement, {}),
         figures.sections(boom, responses, sizes, {}),
         Part({"estimate": {"tip": None, "beam": None, "reason": NO_ESTIMATE}}),
+        step_part(SteppedBoom(boom, system, excitation), curves["reduced"], clock, boom.accuracy is not None),
         figures.joints(boom, response, system),
         Part(pad_forces.reactions(boom, response, reach), pad_forces.missing(boom)),
         figures.beside_published(boom, frequencies),
+        frequency_part(in_frequency),
         driven(excitation),
         Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
         trusted({}, responses),
@@ -87,6 +95,7 @@ def _sections(system: System, boom: Boom, excitation: Excitation) -> RunResult:
         frequencies,
         {name: BodyResult() for name in boom.names},
         reach,
+        in_frequency,
     )
 
 
@@ -98,6 +107,7 @@ def _alone(system: System, scene: Scene, excitation: Excitation) -> RunResult:
     response = simulations.responses["reduced"]
     s = np.unique(np.linspace(excitation.s.min(), excitation.s.max(), POSITIONS))
     found = reduced_frequencies(reduced, s, min(FREQUENCIES, reduced.size))
+    stepped = SteppedBody(modal_form(reduced), excitation, len(transverse(scene)))
     estimated = reduction_error(scene, reduced, clock)
     parts = [
         made_with(scene),
@@ -105,7 +115,7 @@ def _alone(system: System, scene: Scene, excitation: Excitation) -> RunResult:
         simulated(simulations.seconds, simulations.agreement, {}),
         driven(excitation),
         estimated.part,
-        step_part(scene, reduced, found, clock),
+        step_part(stepped, found, clock, scene.accuracy is not None),
         pads(scene, response),
         contact(reduced, excitation),
         trusted({}, simulations.responses),
@@ -117,7 +127,7 @@ def _alone(system: System, scene: Scene, excitation: Excitation) -> RunResult:
         simulations.responses,
         Paths(tuple(excitation.paths), excitation.s, excitation.rates),
         Loads(reduced.input_names, reduced.input_units, excitation.forces(reduced.input_names)),
-        Frequencies(s, s[:, None], {"reduced": found / (2.0 * np.pi)}),
+        Frequencies(s, s[:, None], {"reduced": found}),
         {ALONE: BodyResult(shapes)},
         tip_error=estimated.band,
     )

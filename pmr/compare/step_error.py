@@ -65,8 +65,8 @@ def step_error(model: ReducedModel, excitation: Excitation, tips: int = 1) -> St
 def step_error_of(stepped: Stepped) -> StepError:
     """Error of the time step.
 
-    Raises InputError as for `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second
-    would be too long.
+    Raises InputError as for `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the
+    second would be too long.
     """
     begin = time.perf_counter()
     runs = Runs(stepped)
@@ -114,11 +114,11 @@ def summary(found: StepError | None, reason: str | None = None) -> dict[str, flo
 
 
 def warnings(
-    found: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], omega: Array
+    found: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
 ) -> list[str]:
     """A line where the step's error exceeds `LIMIT`, or can't be told; signals with their names.
 
-    `omega` (S, f) rad/s are natural frequencies with the sliders at S places of the path, ascending.
+    `natural` (S, f) in Hz are frequencies at S places on the way, ascending.
     """
     if found.beam <= LIMIT and found.settled:
         return []
@@ -130,7 +130,7 @@ def warnings(
     at_least = "" if found.settled else "at least "
     parts = [f"the time step of {h:.4g} s {judged} is {at_least}{size}, as steps of {found.finest:.2g} s show"]
     parts += [_load(name, signal, stepping) for name, signal in signals if signal.highest_frequency(0.0, stepping.end)]
-    parts.append(_motion(found.band, h, omega))
+    parts.append(_motion(found.band, h, natural))
     if not found.settled:
         parts.append(f"even steps of {found.finest:.2g} s don't settle it")
     elif found.enough is not None:
@@ -143,10 +143,10 @@ def _load(name: str, signal: SignalBase, stepping: TimeStepping) -> str:
     return f"{name} goes up to {f:.4g} Hz, {_steps(f, stepping.step)}"
 
 
-def _motion(band: float, h: float, omega: Array) -> str:
+def _motion(band: float, h: float, natural: Array) -> str:
     """How far the motion's band reaches, by itself and in modes."""
-    known = omega[:, ~np.isnan(omega).all(axis=0)]  # some reduced models have fewer modes than are drawn
-    lowest = np.sort(np.nanmin(known, axis=0)) / (2.0 * np.pi) if known.size else np.empty(0)
+    known = natural[:, ~np.isnan(natural).all(axis=0)]  # some reduced models have fewer modes than are drawn
+    lowest = np.sort(np.nanmin(known, axis=0)) if known.size else np.empty(0)
     said = f"the motion goes up to {band:.3g} Hz, {_steps(band, h)}"
     excited = int(np.count_nonzero(lowest <= band))
     if not excited:

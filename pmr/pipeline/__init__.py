@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from pmr.compare import memory
 from pmr.compare.accuracy import order
 from pmr.compare.estimated import asks_for_other, other_of, reduction_error, step_part
-from pmr.compare.frequencies import CURVES, frequency_curves, frequency_part, frequency_response, visited_positions
+from pmr.compare.frequencies import CURVES, frequency_curves, frequency_part, of_body, visited_positions
+from pmr.compare.halved_steps import SteppedBody
 from pmr.compare.references import references
 from pmr.compare.responses import check_installed, full_simulator, quantities, simulate
 from pmr.compare.summary import (
@@ -55,8 +56,10 @@ from pmr.reduction.snapshots import Snapshots
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Scene
+from pmr.scene.choice import transverse
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
+from pmr.simulation.modal import modal_form
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.body import Trajectory
 from pmr.system.system import System
@@ -128,7 +131,7 @@ def run(
     reduction = _cached_or_reduced(scene, built.model, clock, cached)
     choice = _chosen(scene, reduction, clock, cached)
     if choice is not None:
-        scene, reduction = choice.scene, replace(reduction, reduced=choice.reduced)
+        scene, reduction = choice.scene, replace(reduction, reduced=choice.models[ALONE])
     other = _other(scene, reduction, cached)
     with clock.stage("frequencies"):
         curves = _frequency_curves(scene, reduction, cached)
@@ -146,7 +149,8 @@ def run(
     excitation, reduced = Excitation.of(scene), reduction.reduced
     estimate, step = (None, None) if choice is None else (choice.found.estimate, choice.found.step_error)
     estimated = reduction_error(scene, reduced, clock, other, estimate)
-    in_frequency = frequency_response(scene, reduced)
+    stepped = SteppedBody(modal_form(reduced), excitation, len(transverse(scene)))
+    in_frequency = of_body(scene, reduced)
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     parts = [
         made_with(scene, fenicsx_versions()),
@@ -157,7 +161,7 @@ def run(
         struck(reduced, excitation, responses),
         driven(excitation),
         estimated.part,
-        step_part(scene, reduced, 2.0 * np.pi * curves.models["reduced"], clock, step),
+        step_part(stepped, curves.models["reduced"], clock, scene.accuracy is not None, step),
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
         Part(warnings=build_warnings(built.structure)),
@@ -254,7 +258,7 @@ def _cached_or_reduced(scene: Scene, model: FullModel, clock: Clock, cached: Cac
     return Reduction(model, found.snapshots, found.basis, found.model)
 
 
-def _chosen(scene: Scene, reduction: Reduction, clock: Clock, cached: Cache | None) -> order.Choice | None:
+def _chosen(scene: Scene, reduction: Reduction, clock: Clock, cached: Cache | None) -> order.Choice[Scene] | None:
     """Model and step for the scene's tolerance or within its budget, if it has one."""
     if scene.ordered is None:
         return None

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from pmr.compare import boom_figures as figures
 from pmr.compare import pad_forces
-from pmr.compare.accuracy import booms as order
+from pmr.compare.accuracy import mesh, order
 from pmr.compare.boom_estimate import BoomError, boom_error
 from pmr.compare.boom_motions import FullBoom, FullRun
+from pmr.compare.boom_runs import SteppedBoom
 from pmr.compare.booms import quantities, with_friction
 from pmr.compare.errors import relative_error
+from pmr.compare.estimated import step_part
+from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
 from pmr.compare.simulated import BoomSimulations, simulate_sections
 from pmr.compare.summary import Part, compared, driven, gathered, made_with, simulated, theory, trusted
@@ -37,6 +40,7 @@ from pmr.simulation import contact_step
 from pmr.simulation.booms import excitation_of
 from pmr.simulation.native.multibody_march import contact_frequency, places
 from pmr.simulation.petsc import Checkpoint
+from pmr.system.assembly import Assembly
 from pmr.system.booms import system_of
 from pmr.system.system import System
 
@@ -99,14 +103,31 @@ class _Run:
                 {} if cache is None else {name: cache_in(cache, one.model) for name, one in self.built.items()}
             )
             self.sections = reduce_sections(boom, self.built, self.caches)
-        self.choice = _chosen(boom, self.sections, comm, clock)
+        self.choice = self._chosen()
         if self.choice is not None:
             models = self.choice.models
+            self.boom = boom = self.choice.scene
             self.sections = {name: replace(one, modal=models[name]) for name, one in self.sections.items()}
         self.reduced = {name: one.model for name, one in self.sections.items()}
         self.system = system_of(boom, self.reduced)
         self.excitation = excitation_of(boom, self.system)
         self.full = FullBoom.of(boom, self.built) if "full" in boom.compare.against else None
+
+    def _chosen(self) -> order.Choice[Boom] | None:
+        """Models and step for the boom's tolerance or within its budget, if it has one; the same on every rank."""
+        boom, comm, models = self.boom, self.comm, {name: one.modal for name, one in self.sections.items()}
+        if boom.ordered is None:
+            return None
+        with self.clock.stage("search"):
+            choice: order.Choice[Boom] = comm.bcast(on_first(comm, lambda: order.choose_sections(boom, models)))
+        if not boom.ordered.mesh or (finer := mesh.finer_sections(boom)) is None:
+            return order.without_mesh(choice)
+        with self.clock.stage("finer mesh"):
+            built = build_sections(finer, comm)
+            on_finer = {name: one.modal for name, one in reduce_sections(finer, built).items()}
+            found = on_first(comm, lambda: order.with_mesh_of_sections(choice, boom, models, finer, on_finer))
+            choice = comm.bcast(found)
+        return choice
 
     def outcome(self, checkpoint: Checkpoint | None) -> BoomOutcome | None:
         """All the rest; None beside rank 0."""
@@ -129,15 +150,22 @@ class _Run:
         found = {} if whole.response is None else {"full": whole.response}
         found |= {"reduced": simulations.response}
         responses = {name: with_friction(boom, system.contacts, one) for name, one in found.items()}
-        curves |= {"reduced": figures.frequencies(system, x[steps])}
+        curves |= {"reduced": Assembly(system).frequencies(x[steps], figures.CURVES)}
         modal = {name: one.modal for name, one in self.sections.items()}
-        error = boom_error(boom, modal, system, excitation.with_stepping(made), simulations.first, clock)
+        estimate, step = (
+            (None, None) if self.choice is None else (self.choice.found.estimate, self.choice.found.step_error)
+        )
+        error = boom_error(boom, modal, system, excitation.with_stepping(made), simulations.first, clock, estimate)
+        stepped = SteppedBoom(boom, system, excitation)
         reach, over_joints = boom.reach(excitation.times), figures.frequency_map(boom, system)
         frequencies = Frequencies(reach[steps], excitation.s[steps], curves, over_joints)
+        in_frequency = figures.in_frequency(boom, system, excitation)
         structures = {id(one): one.structure for one in self.built.values()}
         parts = [
             *self._parts(simulations, responses, error, seen),
+            step_part(stepped, curves["reduced"], clock, boom.accuracy is not None, step),
             figures.beside_published(boom, frequencies),
+            frequency_part(in_frequency),
             Part(probes.places({name: one.structure.outputs for name, one in self.built.items()})),
             driven(excitation),
             Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
@@ -152,7 +180,7 @@ class _Run:
         bodies |= {
             name: BodyResult(fields=one.reduced.fields, peak_stress=one.histories()) for name, one in seen.items()
         }
-        result = RunResult(boom, gathered(parts), responses, paths, loads, frequencies, bodies, reach)
+        result = RunResult(boom, gathered(parts), responses, paths, loads, frequencies, bodies, reach, in_frequency)
         made_from = boom.recorded | {"versions": result.summary["versions"]}
         return BoomOutcome(result, replace(system, provenance=made_from))
 
@@ -201,24 +229,11 @@ class _Run:
             compared(responses, quantities(boom, reduced), simulators, relative_error),
             simulated(seconds, simulations.agreement, stages),
             error.part,
-            Part() if choice is None else Part(order.summary(boom, choice), order.warnings(boom, choice)),
+            Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
             figures.sections(boom, responses, sizes, more),
             figures.joints(boom, reduced, self.system),
             Part(pad_forces.reactions(boom, reduced, boom.reach(self.excitation.times)), pad_forces.missing(boom)),
         ]
-
-
-def _chosen(
-    boom: Boom, sections: Mapping[str, ReducedSection], comm: MPI.Comm, clock: Clock
-) -> order.BoomChoice | None:
-    """Coordinates for the boom's tolerance or within its budget, if it has one; the same on every rank."""
-    if boom.ordered is None:
-        return None
-    models = {name: one.modal for name, one in sections.items()}
-    with clock.stage("search"):
-        found = on_first(comm, lambda: order.choose(boom, models, excitation_of(boom, system_of(boom, models))))
-        choice: order.BoomChoice = comm.bcast(found)
-    return choice
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from pmr.scene.section import Count, Distance, ExistingFile, Name, Place, Quantity, Section, Share, Switch, Time
 
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
-OutputKind = Literal["beam", "tip", "pad_force", "velocity", "probe"]
+OutputKind = Literal["beam", "tip", "pad_force", "cylinder_force", "velocity", "probe"]
 SimulatorName = Literal["march", "exudyn", "exudyn-multiplier", "exudyn-callback"]
 
 

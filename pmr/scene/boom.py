@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from pmr.errors.text import LONGEST_NAME
+from pmr.scene import asked
 from pmr.scene.built import Face, Gravity
 from pmr.scene.scene import OneBody, Whole
 from pmr.scene.section import (
-    Count,
     Distance,
     Frequency,
     Friction,
@@ -123,25 +123,6 @@ class BoomSection(OneBody):
     joint: Joint | None = Field(default=None, description="How it slides in the section before it")
 
 
-Outputs = Annotated[tuple[Literal["beam", "tip", "pad_force", "cylinder_force"], ...], Field(min_length=1)]
-
-
-class BoomAccuracy(Section):
-    """An error that is allowed, instead of the sections' coordinates, which are chosen to hold it."""
-
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
-        description="Allowed error of the reduction as a fraction"
-    )
-    outputs: Outputs = Field(default=("beam", "tip"), description="Where errors count")
-
-
-class BoomBudget(Section):
-    """The other way round: how many coordinates all sections may have; the best model within them is chosen."""
-
-    coordinates: Count = Field(description="Most coordinates of all sections together")
-    outputs: Outputs = Field(default=("beam", "tip"), description="Where errors count")
-
-
 class Boom(Whole):
     """Sections from the base out, each of which slides in the one before it.
 
@@ -151,8 +132,10 @@ class Boom(Whole):
     section: dict[str, Any] = Field(default={}, description="What every section takes over unless it says otherwise")
     sections: Annotated[tuple[BoomSection, ...], Field(min_length=2)] = Field(description="From the base out")
     gravity: Gravity = Field(default=Gravity(rise=0.0), description="The weight of everything")
-    accuracy: BoomAccuracy | None = Field(default=None, description="An allowed error, in place of coordinates")
-    budget: BoomBudget | None = Field(default=None, description="Coordinates in all, in place of an allowed error")
+    accuracy: asked.Accuracy | None = Field(
+        default=None, description="An allowed error, in place of coordinates and step"
+    )
+    budget: asked.Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
     published: PublishedBoom | None = Field(default=None, description="Figures from a publication")
 
     @model_validator(mode="before")
@@ -183,7 +166,7 @@ class Boom(Whole):
         return {part.name: part for part in self.sections}
 
     @property
-    def ordered(self) -> BoomAccuracy | BoomBudget | None:
+    def ordered(self) -> asked.Accuracy | asked.Budget | None:
         """What is asked for in place of coordinates, if anything."""
         return self.accuracy or self.budget
 

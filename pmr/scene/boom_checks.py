@@ -9,7 +9,7 @@ import numpy as np
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.boom import Boom, Linear
 from pmr.scene.boom_parts import DRIVEN, footprint, is_axial, is_planar, seats, section_scene
-from pmr.scene.checks import check_magnitudes, check_time, jump_of
+from pmr.scene.checks import check_magnitudes, check_ordered, check_time, jump_of
 from pmr.scene.section import check_sizes
 from pmr.scene.simulators import Needs, refuse
 from pmr.scene.structure_checks import check_names, check_reserved, check_structure, refusal
@@ -43,6 +43,7 @@ def check_boom(boom: Boom) -> None:
     _rigid_overlaps_and_friction(boom)
     _simulators(boom)
     _ordered(boom)
+    _frequency_response(boom)
 
 
 def _names(boom: Boom) -> None:
@@ -62,9 +63,6 @@ def _reduction(boom: Boom, number: int) -> None:
     if choice.basis != "free_modes" or choice.file is not None:
         allowed = "'free_modes' is allowed, without a file: sections have no common path"
         raise refusal(f"{key}.basis", choice.basis, allowed)
-    if boom.sections[number].observe.frequency_response:
-        where = f"sections[{number}].observe.frequency_response"
-        raise refusal(where, True, "false is allowed for sections of a boom")
     if choice.residual_inertia:
         raise refusal(f"{key}.residual_inertia", True, "false is allowed for sections of a boom")
     if choice.ports:
@@ -238,11 +236,23 @@ def _rigid_overlaps_and_friction(boom: Boom) -> None:
                 raise refusal(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
 
 
+def _frequency_response(boom: Boom) -> None:
+    """Linear equations: contacts hold both ways."""
+    for number, part in enumerate(boom.sections):
+        if not part.observe.frequency_response:
+            continue
+        key = f"sections[{number}].observe.frequency_response"
+        if number < len(boom.sections) - 1:
+            raise refusal(key, True, f"false is allowed: the tip is that of {boom.names[-1]}")
+        joints = [ring.unilateral for k in range(1, len(boom.sections)) for ring in boom.joint(k).rings]
+        if any(joints) or any(ring.unilateral for one in boom.sections for ring in one.pads):
+            raise refusal(key, True, "true is allowed with pads that hold both ways: some only push")
+
+
 def _ordered(boom: Boom) -> None:
     if boom.ordered is None:
         return
-    if boom.accuracy is not None and boom.budget is not None:
-        raise refusal("budget", None, "accuracy or budget is allowed, not both")
+    check_ordered(boom)
     for number, part in enumerate(boom.sections):
         if not part.reduction.needs_inertia:
             allowed = "flexibility and estimate = true are allowed: such models hold all smaller ones"

@@ -193,15 +193,20 @@ def _simulators(scene: Scene) -> None:
         refuse(name, reduced)
 
 
-def _accuracy(scene: Scene) -> None:
-    choice, asked = scene.reduction, scene.ordered
-    if asked is None:
-        return
+def check_ordered(scene: Scene | Boom) -> None:
+    """What is asked for in place of coordinates is one thing, and each kind of output once."""
     key = "accuracy" if scene.accuracy is not None else "budget"
     if scene.accuracy is not None and scene.budget is not None:
         raise refusal("budget", None, "accuracy or budget is allowed, not both")
+    if scene.ordered is not None and len(set(scene.ordered.outputs)) < len(scene.ordered.outputs):
+        raise refusal(f"{key}.outputs", list(scene.ordered.outputs), "each kind once is allowed")
+
+
+def _accuracy(scene: Scene) -> None:
+    choice, key = scene.reduction, "accuracy" if scene.accuracy is not None else "budget"
+    if scene.ordered is None:
+        return
+    check_ordered(scene)
     if choice.basis != "free_modes" or not (choice.flexibility and choice.estimate):
         allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"
         raise refusal(key, None, allowed)
-    if len(set(asked.outputs)) < len(asked.outputs):
-        raise refusal(f"{key}.outputs", list(asked.outputs), "each kind once is allowed")

@@ -123,6 +123,10 @@ def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult])
     for place, k in (("s_min", 0), ("s_max", -1)):
         record |= {f"frequencies.{place}.{i}": float(f) for i, f in enumerate(found.models["reduced"][k, :3], start=1)}
     response = result.responses["reduced"]
-    arrays = {"t": response.t, "tip": response.displacement[:, tip_columns(boom, response)[-1]], "reach": found.along}
+    arrays = {
+        "t": response.t,
+        "tip": response.displacement[:, tip_columns(boom, response.output_names)[-1]],
+        "reach": found.along,
+    }
     arrays |= {f"frequencies.{model}": values for model, values in found.models.items()}
     return TaskResult(record, arrays, {f"simulate.{name}": one.seconds for name, one in result.responses.items()})

@@ -11,7 +11,7 @@ body without coordinates; one body on one path is the case of one body whose con
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -268,3 +268,10 @@ class SystemTrajectory:
     parts: NDArray[np.int64] | None = None  # (T,): of how many parts each step was made (`pmr.simulation.contact_step`)
     # (T, m) N s: of the step that ends at t, as generalized-alpha weighs forces; None where no contact only pushes
     impulses: Array | None = None
+
+    def at(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
+        """Some of its steps, by their numbers (S,); what belongs to a step that ends there is left out."""
+        bodies = {name: one.at(steps) for name, one in self.bodies.items()}
+        kept = ("t", "forces", "peaks", "loads", "energy", "work")
+        changed: dict[str, Any] = {name: getattr(self, name)[steps] for name in kept}
+        return replace(self, bodies=bodies, parts=None, impulses=None, **changed)

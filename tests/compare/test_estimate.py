@@ -96,7 +96,7 @@ def test_what_probes_measure_has_estimates_by_name(r: int) -> None:
 
 def test_a_probe_that_sees_little_is_measured_by_a_hundredth_of_the_largest() -> None:
     one, floors = np.array([[1.0, 1e-4, 3.0], [-1.0, 1e-4, -3.0]]), Floors(0.0, 0.0, np.array([0.0, 0.0, 0.0]))
-    reference = Outputs(one[:, :0], one[:, :0], one[:, :0], one, ("Pa", "Pa", "mm"), 0)
+    reference = Outputs(one[:, :0], one[:, :0], one[:, :0], one, ("Pa", "Pa", "mm"), ())
     off = replace(reference, probe=one * (1.1, 3.0, 1.2))
     assert probe_differences(off, reference, floors) == pytest.approx([0.1, 0.02, 0.2])
     assert differences(off, reference, floors, ["probe"])["probe"] == pytest.approx(0.2)

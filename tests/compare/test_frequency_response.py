@@ -7,14 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from pmr import pipeline as whole
 from pmr import scene as scenes
-from pmr.compare.frequencies import frequency_part, frequency_response
+from pmr.compare.frequencies import frequency_part, of_body
 from pmr.errors import InputError
+from pmr.pipeline.booms import run_boom
 from pmr.report import sections
 from pmr.report.numbers import SPACE
 from pmr.results import RunResult
+from pmr.system.assembly import Assembly
+from pmr.system.booms import system_of
 
 BOOM = Path(__file__).parents[2] / "workflows" / "boom_beam.toml"
 ASKED = [
@@ -76,7 +80,7 @@ def test_summary_results_and_report_have_it(outcome: whole.Outcome, tmp_path: Pa
 
 def test_only_who_asks_for_it_gets_it() -> None:
     scene = scenes.load(BOOM)
-    assert frequency_response(scene, None) is None and frequency_part(None).figures == {}  # type: ignore[arg-type]
+    assert of_body(scene, None) is None and frequency_part(None).figures == {}  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -85,3 +89,46 @@ def test_only_who_asks_for_it_gets_it() -> None:
 def test_what_has_no_linear_response_is_refused(other: str) -> None:
     with pytest.raises(InputError, match="observe.frequency_response"):
         scenes.load(BOOM, ["observe.frequency_response=true", other])
+
+
+def test_a_boom_answers_as_its_equations_with_multipliers_say() -> None:
+    """Of two sections, at places from its shortest reach to its longest; cylinders are rigid, and so are such rows."""
+    changes = [
+        "compare.against=[]",
+        "section.mesh.elements=8",
+        "time.end=0.2",
+        "section.joint.extension={kind='smooth_ramp',times=[0.0,0.2],values=[1.0,1.3]}",
+        "sections.fly.observe.frequency_response=true",
+        *(f"section.joint.{end}.0.unilateral=false" for end in ("tail", "mouth")),
+    ]
+    boom = scenes.load_any(BOOM.with_name("boom_two.toml"), changes)
+    outcome = run_boom(boom)
+    assert outcome is not None
+    found, system = outcome.result.frequency_response, system_of(boom, outcome.reduced)
+    assert found is not None and len(found.s) == 5 and np.all(np.diff(found.s) > 0.0)
+    assembly = Assembly(system)
+    for place in (0, 4):
+        rows = assembly.at(system.coordinates({"fly": found.s[place] - boom.length(1)}))
+        M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
+        at = [name for body, of in system.bodies.items() for name in (f"{body}: {one}" for one in of.output_names)]
+        for k in (0, 200, 399):
+            w = 2.0 * np.pi * found.f[k]
+            # Rigid contacts by their null space, the others by their stiffness: another way than with multipliers.
+            rigid = np.all(rows.F == 0.0, axis=1)
+            Z = scipy.linalg.null_space(rows.C[rigid])
+            C, H, X = rows.C[~rigid], rows.H[~rigid], rows.X[:, ~rigid]
+            k_c = np.linalg.inv(rows.F[np.ix_(~rigid, ~rigid)])
+            A = Z.T @ (K + C.T @ k_c @ C + 1j * w * D - w**2 * M) @ Z
+            q = Z @ np.linalg.solve(A, Z.T @ (assembly.B.toarray() - C.T @ k_c @ H))
+            y = assembly.outputs.toarray() @ q + assembly.direct - X @ k_c @ (C @ q + H)
+            for number, (name, output) in enumerate(zip(found.inputs, found.outputs, strict=True)):
+                assert name == system.input_names[number]
+                gain, size = np.abs(y[at.index(output), number]), np.abs(y).max()
+                assert found.gain[place, k, number] == pytest.approx(gain, rel=1e-6, abs=1e-9 * size)
+    figures = outcome.result.summary["frequency_response"]
+    assert figures["s"] == found.s.tolist() and set(figures["gain"]) == set(system.input_names)
+
+
+def test_pads_of_joints_that_only_push_have_no_linear_response() -> None:
+    with pytest.raises(InputError, match="observe.frequency_response.*only push"):
+        scenes.load_any(BOOM.with_name("boom_two.toml"), ["sections.fly.observe.frequency_response=true"])

@@ -79,18 +79,18 @@ def test_a_coarse_step_is_said_with_the_band_of_load_and_motion() -> None:
     load = Chirp(amplitude=50.0, times=(0.0, 10.0), frequencies=(0.5, 5.0))
     found = step_error(model, driven(REST, load, stepping))
     assert found.beam > 0.3 and found.settled and 2.0 < found.band < 20.0
-    omega = 2.0 * np.pi * np.array([[2.0, 60.0], [1.0, 50.0]])
-    (line,) = warnings(found, stepping, [("load F", load)], omega)
+    natural = np.array([[2.0, 60.0], [1.0, 50.0]])
+    (line,) = warnings(found, stepping, [("load F", load)], natural)
     for words in ("step of 0.5 s is too coarse", "load F goes up to 5 Hz, 0.4 steps a period", "the motion goes up to",
                   "number 1, 1 Hz and above", "bring the error below 2 %"):  # fmt: skip
         assert words in line
     with catch_warnings():  # of modes that a reduced model hasn't at any place
         simplefilter("error")
-        fewer = np.column_stack([omega, [np.nan, np.nan]])
+        fewer = np.column_stack([natural, [np.nan, np.nan]])
         assert warnings(found, stepping, [("load F", load)], fewer) == [line]
     assert found.enough is not None and true_error(model, REST, load, TimeStepping(10.0, found.enough), 16) < LIMIT
     fine = TimeStepping(10.0, found.enough)
-    assert warnings(step_error(model, driven(REST, load, fine)), fine, [("load F", load)], omega) == []
+    assert warnings(step_error(model, driven(REST, load, fine)), fine, [("load F", load)], natural) == []
 
 
 def test_two_runs_that_both_miss_a_tone_are_not_believed() -> None:
@@ -219,7 +219,7 @@ def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, 
     def fails(*_: object, **__: object) -> None:
         raise SimulationError("march failed at step 3")
 
-    monkeypatch.setattr("pmr.compare.estimated.step_error.step_error", fails)
+    monkeypatch.setattr("pmr.compare.estimated.step_error.step_error_of", fails)
     outcome = run(load_scene("evolved_residual", [*COARSE, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     summary_ = outcome.result.summary

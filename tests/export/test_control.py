@@ -58,7 +58,7 @@ def test_the_response_is_that_of_the_equations(model: ReducedModel) -> None:
 def test_undamped_poles_are_the_frequencies(model: ReducedModel) -> None:
     bare = replace(model, D=np.zeros_like(model.D), rayleigh=None)
     space = state_space(bare, S, "model")
-    expected = reduced_frequencies(bare, S, 4)
+    expected = 2.0 * np.pi * reduced_frequencies(bare, S, 4)
     for A, omega in zip(space.A, expected, strict=True):
         found = np.sort(np.abs(np.linalg.eigvals(A).imag))[::2][:4]
         np.testing.assert_allclose(found, omega, rtol=1e-8)

@@ -18,15 +18,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pmr.compare.accuracy.family import Family, Member
+from pmr.compare.accuracy.family import Member, Motions
 from pmr.compare.estimate import MARGIN, MARGIN_OF_ALL_MODES
 from pmr.compare.halved_steps import ROUGH
 from pmr.compare.outputs import Outputs, differences
 from pmr.errors import SimulationError
 from pmr.simulation.resolution import unseen
-
-#: So many modes less tell what all modes leave unsure.
-LESS = 4
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ class Demand:
 class Errors:
     """Errors in the kinds that are demanded, fractions with margin; motions are compared at `coarse` intervals."""
 
-    def __init__(self, family: Family, demand: Demand, coarse: int) -> None:
+    def __init__(self, family: Motions, demand: Demand, coarse: int) -> None:
         self.family, self.demand, self.coarse = family, demand, coarse
         self._floors = family.floors(coarse)
         self._unsure: dict[int, dict[str, float]] = {}
@@ -69,8 +66,7 @@ class Errors:
     def unsure(self, steps: int) -> dict[str, float]:
         """What the motion of all modes may be off by itself, by kind: its difference to that of a few less."""
         if steps not in self._unsure:
-            best, kept = self.family.best, self.family.best.residual_inertia
-            fewer = self.missing(Member(max(self.family.fewest, best.coordinates - LESS), kept), steps)
+            fewer = self.missing(self.family.less, steps)
             found = dict.fromkeys(self.demand.kinds, float("inf")) if fewer is None else self.size(fewer, steps)
             self._unsure[steps] = found
         return self._unsure[steps]
@@ -112,7 +108,7 @@ class Errors:
 
 #: Steps of a run up to which shorter ones are tried.
 LONGEST = 2_100_000
-#: The same of a model that keeps its residual inertia, a step of which costs ten times as much.
+#: The same of a model that keeps its residual inertia, a step of which costs ten times as much, and of several bodies.
 LONGEST_WITH_INERTIA = 256_000
 #: How often the step that a scene names is doubled at most.
 COARSER = 6
@@ -130,7 +126,7 @@ class Rung:
     settled: bool  # whether runs with shorter steps approach each other; else it is only a part of the error
 
 
-def coarsest(family: Family, every: float | None = None) -> int:
+def coarsest(family: Motions, every: float | None = None) -> int:
     """The fewest steps, halves of the given number, that follow path and loads; `every` so many seconds one ends.
 
     Where rows only push it is the given number: steps take as many parts as impacts need, so longer ones save nothing.
@@ -150,12 +146,12 @@ def coarsest(family: Family, every: float | None = None) -> int:
     return steps
 
 
-def rungs(family: Family, member: Member, coarse: int, kinds: Sequence[str]) -> Iterator[Rung]:
+def rungs(family: Motions, member: Member, coarse: int, kinds: Sequence[str]) -> Iterator[Rung]:
     """From the coarsest one on, each half the step of the one before, until runs become too long.
 
     A step with which the motion can't be computed is passed over.
     """
-    steps, longest = coarse, LONGEST_WITH_INERTIA if member.residual_inertia else LONGEST
+    steps, longest = coarse, LONGEST_WITH_INERTIA if family.costs_much(member) else LONGEST
     floors, runs = family.floors(coarse), list[tuple[int, Outputs]]()
 
     def apart(one: Outputs, other: Outputs) -> float:
@@ -178,7 +174,7 @@ def rungs(family: Family, member: Member, coarse: int, kinds: Sequence[str]) -> 
             yield Rung(member, count, missing.plus(damped), ratio <= ROUGH)
 
 
-def coarser(family: Family, rung: Rung, coarse: int) -> Iterator[Rung]:
+def coarser(family: Motions, rung: Rung, coarse: int) -> Iterator[Rung]:
     """All rungs before one that is settled, from the coarsest on: what they leave out is known from that one.
 
     Some of them are not settled by themselves, and good enough all the same.

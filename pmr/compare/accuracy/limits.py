@@ -9,13 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.compare.accuracy.errors import Demand, Errors, Rung, rungs
-from pmr.compare.accuracy.family import Family, Member
+from pmr.compare.accuracy.family import Member, Motions
 from pmr.compare.accuracy.search import Found, comparable, judged
 from pmr.errors import InputError
 from pmr.errors.text import rounded
 from pmr.scene.asked import Budget
-from pmr.simulation.blocks import Recorder
-from pmr.simulation.native import simulator as march
 
 #: Steps over which a step is timed, and how often.
 TIMED, TIMES = 4096, 3
@@ -27,7 +25,7 @@ class _Option:
     rung: Rung
 
 
-def best_within(family: Family, demand: Demand, budget: Budget, coarse: int) -> Found:
+def best_within(family: Motions, demand: Demand, budget: Budget, coarse: int) -> Found:
     """The member with the smallest error that a budget allows; the tolerance of the demand does not count.
 
     By coordinates or by the time of a step: the most that are allowed, with the longest step whose part of the error is
@@ -40,9 +38,8 @@ def best_within(family: Family, demand: Demand, budget: Budget, coarse: int) -> 
     options = [option for inertia in kept for option in _options(errors, budget, inertia)]
     if not options:
         key = "microseconds_per_step" if budget.real_time is None else "real_time"
-        allowed = (
-            f"the smallest model takes {rounded(seconds_a_step(family, Member(family.fewest)) * 1e6)} us a step here"
-        )
+        took = seconds_a_step(family, family.member(family.fewest))
+        allowed = f"the smallest model takes {rounded(took * 1e6)} us a step here"
         raise InputError("scene", f"budget.{key}", getattr(budget, key), allowed)
 
     def total(option: _Option) -> dict[str, float]:
@@ -59,25 +56,21 @@ def best_within(family: Family, demand: Demand, budget: Budget, coarse: int) -> 
     return replace(found, holds=True, seconds=time.perf_counter() - begin)
 
 
-def seconds_a_step(family: Family, member: Member) -> float:
+def seconds_a_step(family: Motions, member: Member) -> float:
     """Least time that `march` takes for a step of a member, on this machine."""
-    form, excitation = family.form(member), family.with_steps(TIMED)
-    if member.residual_inertia:
-        seconds = [march.follow(form, excitation, Recorder(np.array([0, TIMED]))).seconds for _ in range(TIMES)]
-    else:
-        seconds = [march.observe(form, excitation, every=TIMED).seconds for _ in range(TIMES)]
-    return min(seconds) / TIMED
+    return min(family.seconds(member, TIMED) for _ in range(TIMES)) / TIMED
 
 
 def _options(errors: Errors, budget: Budget, inertia: bool) -> Iterator[_Option]:
     """Models within the budget, each with a step."""
     family, coarse = errors.family, errors.coarse
     if budget.real_time is None:
-        member = _largest(family, budget, inertia, np.inf)
+        member = _most_coordinates(errors, budget.coordinates, inertia) if budget.coordinates else None
+        member = member or _largest(family, budget, inertia, np.inf)
         if member is not None:
             yield _Option(member, _balanced(errors, member))
         return
-    probe = Member(min(8, family.most), False)
+    probe = family.member(min(8, family.most))
     for rung in rungs(family, probe, coarse, errors.demand.kinds):
         member = _largest(family, budget, inertia, family.end / (rung.steps * budget.real_time))
         if member is None:
@@ -85,17 +78,33 @@ def _options(errors: Errors, budget: Budget, inertia: bool) -> Iterator[_Option]
         yield _Option(member, rung)
 
 
-def _largest(family: Family, budget: Budget, inertia: bool, seconds: float) -> Member | None:
-    """The member with most coordinates that a budget and the seconds a step allow."""
-    if budget.coordinates is not None:
-        return Member(min(max(budget.coordinates, family.fewest), family.most), inertia)
+def _most_coordinates(errors: Errors, allowed: int, inertia: bool) -> Member:
+    """The best member with so many coordinates: from the smallest one on, each goes where it helps most.
+
+    Raises InputError if motions need more than are allowed.
+    """
+    family, at = errors.family, comparable(errors.family.excitation.stepping.steps, errors.coarse)
+    member = family.member(family.fewest, inertia)
+    if allowed < member.coordinates and member.sizes:
+        least = f"at least {member.coordinates} are needed"
+        needed = f"{least}: rigid-body motions, one mode of each section, those of cylinders"
+        raise InputError("scene", "budget.coordinates", allowed, needed)
+    while member.coordinates < allowed and (more := family.neighbours(member, 1)):
+        member = more[0] if len(more) == 1 else min(more, key=lambda one: max(errors.reduction(one, at).values()))
+    return member
+
+
+def _largest(family: Motions, budget: Budget, inertia: bool, seconds: float) -> Member | None:
+    """The member with most modes that a budget and the seconds a step allow."""
     if budget.microseconds_per_step is not None:
         seconds = 1e-6 * budget.microseconds_per_step
     low, high, middle = family.fewest - 1, family.most + 1, family.most
     while high - low > 1:  # all of them first: most budgets of time are generous
-        low, high = (middle, high) if seconds_a_step(family, Member(middle, inertia)) <= seconds else (low, middle)
+        low, high = (
+            (middle, high) if seconds_a_step(family, family.member(middle, inertia)) <= seconds else (low, middle)
+        )
         middle = (low + high) // 2
-    return Member(low, inertia) if low >= family.fewest else None
+    return family.member(low, inertia) if low >= family.fewest else None
 
 
 def _balanced(errors: Errors, member: Member) -> Rung:

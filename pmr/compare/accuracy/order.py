@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Generic, TypeVar
 
-import numpy as np
-
+from pmr.compare import boom_estimate as of_sections
 from pmr.compare.accuracy import mesh
+from pmr.compare.accuracy.boom_family import BoomFamily
 from pmr.compare.accuracy.errors import Demand, coarsest
-from pmr.compare.accuracy.family import Family, member_of
+from pmr.compare.accuracy.family import Family, Motions, member_of
 from pmr.compare.accuracy.limits import best_within
 from pmr.compare.accuracy.search import Found, comparable, search
 from pmr.compare.coverage import BLOWS, JUMPS
@@ -19,11 +19,14 @@ from pmr.compare.outputs import impulsive
 from pmr.errors import InputError
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
-from pmr.scene import Scene
-from pmr.scene.asked import Accuracy
-from pmr.scene.choice import transverse
+from pmr.scene import Boom, Scene
+from pmr.scene.asked import Accuracy, Budget
+from pmr.scene.boom_parts import section_scene
+from pmr.scene.choice import model_of, transverse
 from pmr.simulation import Excitation
-from pmr.system.body import other_outputs
+from pmr.system.contacts import ALONE
+
+AnyScene = TypeVar("AnyScene", Scene, Boom)
 
 #: Share of a tolerance that a mesh may take for the rest to be searched beside it.
 MOST_OF_MESH = 0.9
@@ -35,15 +38,16 @@ _CALLED = {
     "pad_force": "forces of sliders and pads",
     "velocity": "velocities",
     "probe": "what probes measure",
+    "cylinder_force": "forces of cylinders",
 }
 
 
 @dataclass(frozen=True)
-class Choice:
+class Choice(Generic[AnyScene]):
     """What was chosen."""
 
-    scene: Scene  # with the step and the coordinates that were chosen
-    reduced: ReducedModel
+    scene: AnyScene  # with the step and, of a body alone, the coordinates that were chosen
+    models: Mapping[str, ReducedModel]  # by body, `ALONE` or sections, these without the modes of their cylinders
     found: Found
     mesh: Mapping[str, float] | None = None  # by kind what the mesh is off by, a fraction (`with_mesh`)
     mesh_reason: str | None = "the scene leaves it out"  # why that isn't known
@@ -68,47 +72,73 @@ def prepared(scene: Scene) -> Scene:
     return scene.model_copy(update={"reduction": reduction})
 
 
-def choose(scene: Scene, reduced: ReducedModel, taken: Mapping[str, float] | None = None) -> Choice:
+def choose(scene: Scene, reduced: ReducedModel, taken: Mapping[str, float] | None = None) -> Choice[Scene]:
     """The smallest model and the longest step that hold a `prepared` scene's tolerance; or the best within its budget.
 
     Of the tolerance so much is `taken` by the mesh, by kind.  Raises InputError if errors of this model, or of the
     outputs that are asked for, can't be estimated; SimulationError if its motion can't be computed.
     """
-    asked, excitation = scene.ordered, Excitation.of(scene)
-    assert asked is not None
-    key = "accuracy" if isinstance(asked, Accuracy) else "budget"
+    asked, excitation = _asked(scene), Excitation.of(scene)
     if why := no_estimate(reduced):
-        raise InputError("scene", key, None, f"there is no estimate to go by: {why}")
+        raise InputError("scene", _key(scene), None, f"there is no estimate to go by: {why}")
     if "pad_force" in asked.outputs and impulsive(reduced, excitation):
-        allowed = f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}"
-        raise InputError("scene", f"{key}.outputs", list(asked.outputs), allowed)
-    if "probe" in asked.outputs and not np.any(other_outputs(reduced)):
-        raise InputError("scene", f"{key}.outputs", list(asked.outputs), "no probe, or a scene with probes, is allowed")
+        _refuse(scene, f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}")
     family = Family(reduced, excitation, len(transverse(scene)), rates="velocity" in asked.outputs)
-    recovery = scene.recovery
-    coarse, inertia = coarsest(family, recovery.every if recovery else None), scene.simulation.simulators == ("march",)
-    if isinstance(asked, Accuracy):
-        found = search(family, Demand(asked.tolerance, asked.outputs, inertia, taken or {}), coarse)
-    else:
-        found = best_within(family, Demand(1.0, asked.outputs, inertia), asked, coarse)
+    found = _sought(scene, family, taken)
     if found.estimate is not None and (why := found.estimate.unknown.get("pad_force")) == JUMPS:
         if "pad_force" in asked.outputs:
-            allowed = f"no pad_force, or loads that set in smoothly, are allowed; nothing tells {why}"
-            raise InputError("scene", f"{key}.outputs", list(asked.outputs), allowed)
+            _refuse(scene, f"no pad_force, or loads that set in smoothly, are allowed; nothing tells {why}")
     member = found.member
     update = {"coordinates": member.coordinates, "residual_inertia": member.residual_inertia}
-    chosen = scene.model_copy(
-        update={
-            "time": scene.time.model_copy(update={"step": scene.time.end / found.steps}),
-            "reduction": scene.reduction.model_copy(update=update),
-        }
-    )
-    return Choice(chosen, member_of(reduced, member), found)
+    chosen = _with_step(scene, found.steps).model_copy(update={"reduction": scene.reduction.model_copy(update=update)})
+    return Choice(chosen, {ALONE: member_of(reduced, member)}, found)
+
+
+def choose_sections(
+    boom: Boom, models: Mapping[str, ReducedModel], taken: Mapping[str, float] | None = None
+) -> Choice[Boom]:
+    """The same for the sections of a boom, by their models on free modes; errors as for `choose`."""
+    if why := of_sections.no_estimate(models):
+        raise InputError("scene", _key(boom), None, f"there is no estimate to go by: {why}")
+    family = BoomFamily(boom, models, rates="velocity" in _asked(boom).outputs)
+    found = _sought(boom, family, taken)
+    return Choice(_with_step(boom, found.steps), family.models(found.member), found)
+
+
+def _sought(scene: Scene | Boom, family: Motions, taken: Mapping[str, float] | None) -> Found:
+    asked, recovery = _asked(scene), scene.recovery
+    if lacking := [kind for kind in asked.outputs if kind not in family.kinds]:
+        _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
+    coarse, inertia = coarsest(family, recovery.every if recovery else None), scene.simulation.simulators == ("march",)
+    if scene.accuracy is not None:
+        return search(family, Demand(scene.accuracy.tolerance, asked.outputs, inertia, taken or {}), coarse)
+    assert scene.budget is not None
+    return best_within(family, Demand(1.0, asked.outputs, inertia), scene.budget, coarse)
+
+
+_NEEDED = {"probe": "probes", "pad_force": "pads", "cylinder_force": "cylinders"}
+
+
+def _asked(scene: Scene | Boom) -> Accuracy | Budget:
+    assert scene.ordered is not None
+    return scene.ordered
+
+
+def _key(scene: Scene | Boom) -> str:
+    return "budget" if scene.accuracy is None else "accuracy"
+
+
+def _refuse(scene: Scene | Boom, allowed: str) -> None:
+    raise InputError("scene", f"{_key(scene)}.outputs", list(_asked(scene).outputs), allowed)
+
+
+def _with_step(scene: AnyScene, steps: int) -> AnyScene:
+    return scene.model_copy(update={"time": scene.time.model_copy(update={"step": scene.time.end / steps})})
 
 
 def with_mesh(
-    choice: Choice, asked: Scene, reduced: ReducedModel, reduced_of: Callable[[Scene], ReducedModel]
-) -> Choice:
+    choice: Choice[Scene], asked: Scene, reduced: ReducedModel, reduced_of: Callable[[Scene], ReducedModel]
+) -> Choice[Scene]:
     """What `choose` found for the scene `asked`, with the part of its mesh, if the scene wants that.
 
     `reduced_of` makes the reduction of a scene.
@@ -117,45 +147,75 @@ def with_mesh(
     the mesh leaves some of the tolerance, the rest is searched with that much.  Raises InputError or SimulationError as
     for `pmr.simulation.Simulator`.
     """
-    scene, member = choice.scene, choice.found.member
-    if scene.ordered is None or not scene.ordered.mesh:
-        return choice
+    member, wanted = choice.found.member, _asked(asked)
+    if not wanted.mesh:
+        return without_mesh(choice)
     coordinates = COORDINATES
     while coordinates < member.coordinates:
         coordinates *= 2
-    reduction = scene.reduction.model_copy(update={"coordinates": coordinates, "residual_inertia": False})
-    finer = mesh.finer(scene.model_copy(update={"reduction": reduction}))
+    reduction = asked.reduction.model_copy(update={"coordinates": coordinates, "residual_inertia": False})
+    finer = mesh.finer(_with_step(asked, choice.found.steps).model_copy(update={"reduction": reduction}))
     if finer is None:
-        return replace(choice, mesh_reason="a mesh that is read from a file has no finer one")
+        return without_mesh(choice)
     better = member_of(reduced_of(finer), member)
-    steps = comparable(choice.found.steps, 1)
-    compared = scene.model_copy(update={"time": scene.time.model_copy(update={"step": scene.time.end / steps})})
-    found = mesh.mesh_error(choice.reduced, better, compared, len(transverse(scene)), scene.ordered.outputs)
-    choice = replace(choice, mesh=found, mesh_reason=None)
-    allowed = scene.ordered.tolerance if isinstance(scene.ordered, Accuracy) else 0.0
-    if choice.found.holds and not choice.holds and max(found.values()) <= MOST_OF_MESH * allowed:
-        return replace(choose(asked, reduced, found), mesh=found, mesh_reason=None)
+    compared = _with_step(asked, comparable(choice.found.steps, 1))
+    found = mesh.mesh_error(choice.models[ALONE], better, compared, len(transverse(asked)), wanted.outputs)
+    return _beside_mesh(choice, found, lambda taken: choose(asked, reduced, taken))
+
+
+def with_mesh_of_sections(
+    choice: Choice[Boom],
+    asked: Boom,
+    models: Mapping[str, ReducedModel],
+    finer: Boom,
+    on_finer: Mapping[str, ReducedModel],
+) -> Choice[Boom]:
+    """The same for the sections of a boom, from those with shorter cells."""
+    wanted, found = _asked(asked), choice.found
+    steps, rates = comparable(found.steps, 1), "velocity" in wanted.outputs
+    of_both = ((asked, models), (finer, on_finer))
+    families = [BoomFamily(_with_step(one, steps), bodies, rates) for one, bodies in of_both]
+    own, better = (mesh.Meshed(one.motion(found.member, steps, steps), one.places) for one in families)
+    kinds = [model_of(section_scene(asked, number)) for number in range(len(asked.sections))]
+    part = mesh.part_of(own, better, families[0].floors(steps), kinds, wanted.outputs)
+    return _beside_mesh(choice, part, lambda taken: choose_sections(asked, models, taken))
+
+
+def without_mesh(choice: Choice[AnyScene]) -> Choice[AnyScene]:
+    """The choice with the reason why the part of its mesh isn't known."""
+    wanted = _asked(choice.scene).mesh
+    return replace(choice, mesh_reason=_NOT_FINER) if wanted else choice
+
+
+_NOT_FINER = "a mesh that is read from a file has no finer one"
+
+
+def _beside_mesh(
+    choice: Choice[AnyScene], part: Mapping[str, float], again: Callable[[Mapping[str, float]], Choice[AnyScene]]
+) -> Choice[AnyScene]:
+    """The choice with what the mesh is off by; chosen again where that leaves some of the tolerance, and too little."""
+    choice, accuracy = replace(choice, mesh=part, mesh_reason=None), choice.scene.accuracy
+    allowed = 0.0 if accuracy is None else accuracy.tolerance
+    if choice.found.holds and not choice.holds and max(part.values()) <= MOST_OF_MESH * allowed:
+        return replace(again(part), mesh=part, mesh_reason=None)
     return choice
 
 
-def summary(choice: Choice) -> dict[str, Any]:
+def summary(choice: Choice[Any]) -> dict[str, Any]:
     """``accuracy`` and ``budget`` of summary.json.
 
-    ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,residual_inertia,step}``, ``reasons``,
-    ``seconds`` of the search; ``budget``: ``reduction``, ``step`` and ``mesh`` by kind of output (fractions), their
-    ``sum`` and which is ``first`` to be improved; ``mesh_reason`` says why the part of the mesh isn't known.  A
-    tolerance ``holds`` where the sum is within it.
+    ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,residual_inertia,step}``, of sections
+    ``chosen.sections`` in place of inertia, ``reasons``, ``seconds`` of the search; ``budget``: ``reduction``, ``step``
+    and ``mesh`` by kind of output (fractions), their ``sum`` and which is ``first`` to be improved; ``mesh_reason``
+    says why the part of the mesh isn't known.  A tolerance ``holds`` where the sum is within it.
     """
-    found, asked = choice.found, choice.scene.ordered
-    assert asked is not None
+    found, asked = choice.found, _asked(choice.scene)
+    sizes = {name: model.size for name, model in choice.models.items()}
     parts = {"reduction": found.reduction, "step": found.step} | ({"mesh": choice.mesh} if choice.mesh else {})
-    chosen = {
-        "coordinates": found.member.coordinates,
-        "residual_inertia": found.member.residual_inertia,
-        "step": choice.scene.time.step,
-    }
+    of_bodies = {"residual_inertia": found.member.residual_inertia} if ALONE in sizes else {"sections": sizes}
+    chosen = {"coordinates": found.member.coordinates, **of_bodies, "step": choice.scene.time.step}
     accuracy = {
-        "tolerance": asked.tolerance if isinstance(asked, Accuracy) else None,
+        "tolerance": choice.scene.accuracy.tolerance if choice.scene.accuracy else None,
         "outputs": list(asked.outputs),
         "holds": choice.holds,
         "chosen": chosen,
@@ -171,7 +231,7 @@ def summary(choice: Choice) -> dict[str, Any]:
     return {"accuracy": accuracy, "budget": budget}
 
 
-def warnings(choice: Choice) -> list[str]:
+def warnings(choice: Choice[Any]) -> list[str]:
     """What a user should know: a tolerance that isn't held, by the model or by its mesh; a line each."""
     found, asked = choice.found, choice.scene.accuracy
     if asked is None:

@@ -17,12 +17,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from pmr.compare.accuracy.errors import LONGEST_WITH_INERTIA, Demand, Errors, Rung, coarser, rungs
-from pmr.compare.accuracy.family import Family, Member
-from pmr.compare.estimate import Estimate
+from pmr.compare.accuracy.family import Member, Motions
 from pmr.compare.step_error import StepError
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
@@ -31,8 +31,6 @@ from pmr.errors.text import rounded
 OF_REDUCTION = 0.97
 #: Coordinates that keeping the residual inertia has to save to be worth its time a step.
 WORTH = 2
-#: Coordinates more that are tried where the fewest leave no room for the error of any step.
-ROOM = 2
 #: Share of the reduction's part that a step may have where no step is short enough.
 SMALL = 0.1
 #: Steps up to which a member is simulated to be compared with all modes.
@@ -53,11 +51,11 @@ class Found:
     holds: bool  # whether the total is within the tolerance in every kind
     reasons: tuple[str, ...]  # why this model and this step, a clause each
     seconds: float  # wall time of the search; what is compiled or loaded for the first time is not in it
-    estimate: Estimate | None = None  # that of a run with this model and this step, if there is one
+    estimate: Any = None  # `Estimated` of a run with this model and this step, if there is one
     step_error: StepError | None = None  # what the same run says of its step
 
 
-def search(family: Family, demand: Demand, coarse: int) -> Found:
+def search(family: Motions, demand: Demand, coarse: int) -> Found:
     """The fewest coordinates, then the fewest steps from `coarse` on.
 
     Raises InputError or SimulationError as for `pmr.simulation.Simulator`, if even the motion of all modes can't be
@@ -88,7 +86,7 @@ def _found(one: _Search) -> tuple[Found, float | None]:
             steps = finer
         else:
             break
-    larger = Member(min(member.coordinates + ROOM, family.most), member.residual_inertia)
+    larger = family.roomier(member)
     if not reached and one.within(member, steps) and larger != member:
         beside, reached = one.longest_step(larger, steps)
         member, rung = (larger, beside) if reached else (member, rung)
@@ -99,7 +97,7 @@ def _found(one: _Search) -> tuple[Found, float | None]:
 def judged(errors: Errors, member: Member, rung: Rung, steps: int, reasons: tuple[str, ...]) -> Found:
     """A choice with its errors, compared with `steps` and as its own run tells them; not yet whether it holds."""
     estimate = errors.family.estimate(member, rung.steps)
-    of_run = {kind: getattr(estimate, kind, None) or 0.0 for kind in errors.demand.kinds}
+    of_run = {kind: 0.0 if estimate is None else estimate.of(kind) for kind in errors.demand.kinds}
     reduction, total = errors.reduction(member, steps), errors.total(member, rung, steps)
     step = errors.step(rung, steps)
     return Found(
@@ -135,22 +133,35 @@ class _Search:
 
     def fewest(self, steps: int) -> Member:
         """The member with fewest coordinates that is within; the largest one if none is."""
-        plain = self._smallest(False, steps, self.family.most)
+        plain = self._without_what_it_can_spare(self._smallest(False, steps, self.family.most), steps)
         self.plain = plain.coordinates
+        if not self.family.keeps_inertia:
+            return plain
         worth = Member(plain.coordinates - (WORTH if self.within(plain, steps) else 0), True)
-        asked = self.demand.inertia and self.family.keeps_inertia and not self.tedious
+        asked = self.demand.inertia and not self.tedious
         asked = asked and worth.coordinates >= self.family.fewest
         return self._smallest(True, steps, worth.coordinates) if asked and self.within(worth, steps) else plain
 
     def _smallest(self, inertia: bool, steps: int, top: int) -> Member:
-        """Up to `top` coordinates, by doubling and halving: one fewer than the member found fails."""
+        """Up to `top` modes, by doubling and halving: one fewer than the member found has fails."""
         low, high = self.family.fewest - 1, min(max(self.family.fewest, 4), top)
-        while high < top and not self.within(Member(high, inertia), steps):
+        while high < top and not self.within(self.family.member(high, inertia), steps):
             low, high = high, min(2 * high, top)
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (low, middle) if self.within(Member(middle, inertia), steps) else (middle, high)
-        return Member(high, inertia)
+            low, high = (low, middle) if self.within(self.family.member(middle, inertia), steps) else (middle, high)
+        return self.family.member(high, inertia)
+
+    def _without_what_it_can_spare(self, member: Member, steps: int) -> Member:
+        """With fewer coordinates of one body after the other, as long as the rest is within."""
+        for body in range(len(member.sizes)):
+            while len(fewer := self._fewer(member, body)) and self.within(fewer[0], steps):
+                member = fewer[0]
+        return member
+
+    def _fewer(self, member: Member, body: int) -> list[Member]:
+        """The member with one coordinate of a body less, if there is one."""
+        return [one for one in self.family.neighbours(member, -1) if one.sizes[body] < member.sizes[body]]
 
     def holds(self, member: Member, rung: Rung, steps: int) -> bool:
         """Whether model and step are within the tolerance together, and the step as the run itself says."""
@@ -181,11 +192,12 @@ class _Search:
 
     def _why(self, member: Member, steps: int) -> Iterator[str]:
         r, kept = member.coordinates, member.residual_inertia
-        if r > self.family.fewest and self.within(Member(r - 1, kept), steps):
-            yield f"{r} coordinates: fewer leave no room for the error of the step"
-        elif r > self.family.fewest:
-            size = rounded(100.0 * max(self.errors.reduction(Member(r - 1, kept), steps).values()))
-            yield f"{r} coordinates: with {r - 1} the reduction alone is off by {size} %"
+        if fewer := self.family.neighbours(member, -1):
+            least = min(max(self.errors.reduction(one, steps).values()) for one in fewer)
+            if any(self.within(one, steps) for one in fewer):
+                yield f"{r} coordinates: fewer leave no room for the error of the step"
+            else:
+                yield f"{r} coordinates: with {r - 1} the reduction alone is off by {rounded(100.0 * least)} %"
         else:
             yield f"{r} coordinates: all rigid-body modes, and one mode at least"
         if kept:
@@ -196,7 +208,8 @@ class _Search:
         elif not self.demand.inertia:
             yield "residual inertia not kept: of the simulators named, not all can"
         elif not self.family.keeps_inertia:
-            cause = "pads only push" if self.family.pushing else "damping couples modes"
+            cause = "there are several bodies" if member.sizes else "damping couples modes"
+            cause = "pads only push" if self.family.pushing else cause
             yield f"residual inertia not kept: no model can where {cause}"
         elif self.tedious:
             yield f"residual inertia not kept: {LONGEST_WITH_INERTIA // 4} steps, each of which costs more, don't do"

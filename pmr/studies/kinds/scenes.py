@@ -109,7 +109,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     responses = {"reduced": simulated.response}
     responses |= {name: shared.response_from(needs[name]) for name in scene.compare.against}
     s, full = (needs["frequencies"].arrays[name] for name in ("s", "omega"))
-    reduced = reduced_frequencies(reduction.reduced, s, full.shape[1])
+    reduced = 2.0 * np.pi * reduced_frequencies(reduction.reduced, s, full.shape[1])
     record = compared(summary.compared(responses, quantities(scene), {}).figures, "errors")
     record |= {
         "coordinates.full": reduction.model.size,

@@ -10,12 +10,14 @@ import pytest
 from random_scenes import random_boom
 
 from pmr import scene as scenes
+from pmr.compare.errors import relative_error
 from pmr.compare.estimate import MARGIN
 from pmr.errors import InputError
 from pmr.pipeline.booms import run_boom
 from pmr.reduced.attachment import CYLINDER
+from pmr.results import Response
 from pmr.scene import Boom
-from pmr.scene.boom import BoomAccuracy
+from pmr.scene.asked import Accuracy
 
 WORKFLOWS = Path(__file__).parents[3] / "workflows"
 QUICK = (
@@ -54,7 +56,7 @@ def test_random_booms_hold_what_they_are_asked_for() -> None:
     """Beside their full models; ``PMR_SWEEP=full`` takes eight booms."""
     for seed in (0, 2, 3, 5, 7, 11, 14, 17) if os.environ.get("PMR_SWEEP") == "full" else (3,):
         for tolerance in (1e-3, 1e-4):
-            outcome = run_boom(random_boom(seed).model_copy(update={"accuracy": BoomAccuracy(tolerance=tolerance)}))
+            outcome = run_boom(random_boom(seed).model_copy(update={"accuracy": Accuracy(tolerance=tolerance)}))
             assert outcome is not None
             found = outcome.result.summary
             true = found["errors"]["reduced_vs_full"]
@@ -78,6 +80,64 @@ def test_within_a_budget_the_best_ones_are_taken() -> None:
     assert found["accuracy"]["tolerance"] is None and set(found["budget"]["reduction"]) == {"beam", "tip"}
 
 
+def test_a_tolerance_chooses_the_step_and_counts_the_mesh() -> None:
+    """Of a boom as of one body: with all three parts, which a finer full model on a finer mesh confirms."""
+    extension = "section.joint.extension={kind='smooth_ramp',times=[0.0,0.2],values=[1.0,1.3]}"
+    found = summary("accuracy.tolerance=3e-3", "compare.against=[]", extension)
+    asked, budget = found["accuracy"], found["budget"]
+    step = asked["chosen"]["step"]
+    assert asked["holds"] and step != 1e-3 and len(asked["reasons"]) == 3
+    for kind in ("beam", "tip"):
+        parts = [budget[part][kind] for part in ("reduction", "step", "mesh")]
+        assert min(parts) > 0.0 and max(parts) <= budget["sum"][kind] <= min(sum(parts), 3e-3)
+        assert found["step"][kind] <= budget["step"][kind] and found["estimate"][kind] <= budget["reduction"][kind]
+    sizes = [f"sections.{name}.reduction.coordinates={size}" for name, size in asked["chosen"]["sections"].items()]
+    own = _motion("reduced", f"time.step={step}", *sizes)
+    fine = _motion("full", f"time.step={step / 8.0}", "section.mesh.elements=24")
+    assert 0.0 < _apart(own, fine) <= 3e-3
+
+
+def _motion(model: str, *changes: str) -> Response:
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
+    assert isinstance(boom, Boom)
+    outcome = run_boom(boom)
+    assert outcome is not None
+    return outcome.result.responses[model]
+
+
+def _apart(own: Response, fine: Response) -> float:
+    """Largest error of displacements that both have, at the steps of the coarser one."""
+    common = [name for name in own.output_names if name in fine.output_names]
+    one, other = (
+        response.displacement[::every, [response.output_names.index(name) for name in common]]
+        for response, every in ((own, 1), (fine, (len(fine.t) - 1) // (len(own.t) - 1)))
+    )
+    return relative_error(one, other)
+
+
+def test_budgets_of_time_as_of_one_body() -> None:
+    """More time a step allows more modes; a multiple of real time limits the steps."""
+    common = ("compare.against=[]", "budget.mesh=false")
+    rich = summary("budget.microseconds_per_step=1e6", *common)
+    slow = summary("budget.real_time=1e-6", *common)
+    for found in (rich, slow):
+        assert found["accuracy"]["tolerance"] is None and found["budget"]["mesh_reason"] == "the scene leaves it out"
+        assert found["coordinates"]["reduced"] > 20 and "us here" in found["accuracy"]["reasons"][-1]
+    with pytest.raises(InputError, match="the smallest model takes"):
+        summary("budget.microseconds_per_step=1e-9", *common)
+
+
+def test_velocities_and_cylinders_are_kinds_of_their_own() -> None:
+    """Their errors are estimated, and a tolerance may be asked for them."""
+    kinds = ["velocity", "cylinder_force"]
+    found = summary("accuracy.tolerance=0.02", f"accuracy.outputs={kinds}", "accuracy.mesh=false")
+    assert found["accuracy"]["holds"]
+    for kind in kinds:
+        assert (
+            0.0 < found["estimate"][kind] <= found["budget"]["reduction"][kind] <= found["budget"]["sum"][kind] <= 0.02
+        )
+
+
 def test_what_is_not_held_is_told() -> None:
     found = summary("accuracy.tolerance=1e-12", "section.mesh.elements=3", "compare.against=[]")
     assert not found["accuracy"]["holds"]
@@ -90,8 +150,12 @@ def test_what_is_not_held_is_told() -> None:
         (("accuracy.tolerance=0.01", "budget.coordinates=9"), "accuracy or budget is allowed, not both"),
         (("accuracy.tolerance=0.01", "section.reduction.estimate=false"), "estimate = true are allowed"),
         (("budget.coordinates=3",), "at least 7 are needed"),
-        (("accuracy.tolerance=0.01", "accuracy.outputs=['velocity']"), "accuracy.outputs"),
-        (("accuracy.tolerance=0.01", "section.mesh.elements=2", "section.reduction.coordinates=5"), "mesh with more"),
+        (("accuracy.tolerance=0.01", "accuracy.outputs=['probe']"), "no probe, or a scene with probes"),
+        (("accuracy.tolerance=0.01", "accuracy.outputs=['tip','tip']"), "each kind once"),
+        (
+            ("accuracy.tolerance=0.01", "section.mesh.elements=2", "section.reduction.coordinates=5"),
+            "mesh that has more",
+        ),
     ],
 )
 def test_what_is_refused(changes: tuple[str, ...], said: str) -> None:
