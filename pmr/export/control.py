@@ -27,9 +27,9 @@ FREE = 1e-6
 _SCRIPT = '''\
 """A reduced model with its sliders held at places, as state spaces of python-control.
 
-    from {module} import S, nearest, system
+    from {module} import PATHS, S, nearest, system
 
-S (m) are the places; `system(k)` is the state space at S[k], `nearest(s)` that at the place next to s.
+S (m) are the places, on each of several PATHS; `system(k)` is the state space at S[k], `nearest(s)` that next to s.
 Needs numpy, scipy and control, and the file {data} in this folder.
 """
 
@@ -40,7 +40,8 @@ import numpy as np
 from scipy.io import loadmat
 
 _DATA = loadmat(Path(__file__).with_name({data!r}))
-S = _DATA["s"].ravel()
+S = _DATA["s"] if _DATA["paths"].size > 1 else _DATA["s"].ravel()
+PATHS = [str(cell[0]) for cell in _DATA["paths"].ravel()]
 
 
 def _names(key):
@@ -48,21 +49,21 @@ def _names(key):
 
 
 def system(k):
-    """x' = A x + B f, y = C x + D f with the sliders at S[k] m."""
+    """x' = A x + B f, y = C x + D f at S[k] m."""
     parts = [_DATA[name][:, :, k] for name in "ABCD"]
     return control.ss(*parts, inputs=_names("inputs"), outputs=_names("outputs"), states=_names("states"))
 
 
 def nearest(s):
     """The state space at the place next to s (m)."""
-    return system(int(np.argmin(np.abs(S - s))))
+    return system(int(np.argmin(np.linalg.norm(np.reshape(S, (len(S), -1)) - np.reshape(s, (1, -1)), axis=1))))
 
 
 if __name__ == "__main__":
     for k, s in enumerate(S):
         poles = system(k).poles()
         hertz = np.sort(np.abs(poles[poles.imag > 0.0])) / (2.0 * np.pi)
-        print(f"s = {{s:.4g}} m: {{', '.join(f'{{f:.4g}}' for f in hertz[:4])}} Hz")
+        print(f"s = {{s}} m: {{', '.join(f'{{f:.4g}}' for f in hertz[:4])}} Hz")
 '''
 
 
@@ -112,20 +113,22 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
 
 def _written(space: StateSpace, target: Path) -> Path:
     matrices = {name: np.moveaxis(getattr(space, name), 0, 2) for name in "ABCD"}
-    names = {name: np.array(getattr(space, name), dtype=object) for name in ("inputs", "outputs", "units", "states")}
+    named = ("paths", "inputs", "outputs", "units", "states")
+    names = {name: np.array(getattr(space, name), dtype=object) for name in named}
     with replaced(target) as part, part.open("wb") as stream:
-        scipy.io.savemat(stream, {"s": space.s, **matrices, **names})
+        scipy.io.savemat(stream, {"s": space.grid, **matrices, **names})
     return target
 
 
 def _table(space: StateSpace, f: Array, response: NDArray[np.complex128], output: str) -> str:
     of = [f"{output} / {name}" for name in space.inputs]
-    lines = [",".join(["s in m", "f in Hz", *(f'"{what} of {pair}"' for pair in of for what in ("gain", "phase"))])]
+    places = ["s in m"] if len(space.paths) < 2 else [f'"{path} in m"' for path in space.paths]
+    lines = [",".join([*places, "f in Hz", *(f'"{what} of {pair}"' for pair in of for what in ("gain", "phase"))])]
     gain, phase = np.abs(response), np.degrees(np.angle(response))
-    for k, s in enumerate(space.s):
+    for k, s in enumerate(space.grid.reshape(len(space.s), -1)):
         for w, hertz in enumerate(f):
             numbers = np.column_stack([gain[k, w], phase[k, w]]).ravel()
-            lines.append(",".join(f"{x:.9g}" for x in (s, hertz, *numbers)))
+            lines.append(",".join(f"{x:.9g}" for x in (*s, hertz, *numbers)))
     return "\n".join([*lines, ""])
 
 
@@ -133,13 +136,15 @@ def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    together, axis = space.s.sum(axis=1), "s in m" if len(space.paths) < 2 else "sum of extensions in m"
+    order = np.argsort(together, kind="stable")
     figure = Figure(figsize=(5.0 * len(space.inputs), 4.0), layout="constrained")
     FigureCanvasAgg(figure)
     for k, name in enumerate(space.inputs):
-        axes = figure.add_subplot(1, len(space.inputs), k + 1, yscale="log", xlabel="s in m", ylabel="f in Hz")
-        level = 20.0 * np.log10(np.maximum(gain[:, :, k], FLOOR * gain.max())).T
-        if len(space.s) > 1:
-            mesh = axes.pcolormesh(space.s, f, level, shading="nearest", rasterized=True)
+        axes = figure.add_subplot(1, len(space.inputs), k + 1, yscale="log", xlabel=axis, ylabel="f in Hz")
+        level = 20.0 * np.log10(np.maximum(gain[order, :, k], FLOOR * gain.max())).T
+        if np.ptp(together) > 0.0:
+            mesh = axes.pcolormesh(together[order], f, level, shading="nearest", rasterized=True)
             figure.colorbar(mesh, label="gain in dB")
         else:
             axes.plot(level[:, 0], f)

@@ -70,8 +70,8 @@ def _deck(space: StateSpace) -> Iterator[str]:
     yield "$ A reduced model in modal coordinates (modal mass 1 kg), SI units; each matrix is the sum of two."
     yield "$ M2GG = M, ML    B2GG = D, DL    K2GG = K1, KL1 at the first place, and so on; F1, FL1: loads."
     yield from (f"$ Load {k}: {name}".encode("ascii", "replace").decode() for k, name in enumerate(space.inputs, 1))
-    for k, s in enumerate(space.s, start=1):
-        yield f"$ Place {k}: s = {float(s)!r} m"
+    for k in range(len(space.s)):
+        yield f"$ Place {k + 1}: {space.place(k)}".encode("ascii", "replace").decode()
     yield f"SPOINT  {1:<8d}THRU    {r:<8d}"
     for one in _matrices(space):
         form = _RECTANGULAR_DMIG if one.form == _RECTANGULAR else one.form

@@ -1,7 +1,8 @@
-"""State spaces of a saved model with its sliders held at the places that a file is asked for."""
+"""State spaces of a saved system with its places held: where its paths are asked to be, or a section of it alone."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,44 +12,82 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.export.formats import Options
 from pmr.reduced.model import ReducedModel
+from pmr.scene.names import ALONE
 from pmr.simulation.state_space import StateSpace, state_space
+from pmr.system.saved import read
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
-#: Along the path where none are asked for.
+#: Along the paths where none are asked for.
 PLACES = 21
 
 
 def held_at(npz_path: Path, options: Options) -> StateSpace:
-    """A reduced model at each of its `places`, or a section of a boom without the rows of its joints.
+    """A saved system at each of its `places`, or one of its sections without the contacts of its joints.
 
-    Raises InputError as `places` and `state_space`, and if the model is of another section than the one asked for.
+    Raises InputError as `places`, `section_alone` and `state_space`.
     """
-    model, name = ReducedModel.load(npz_path), options.section
-    if name is None:
-        return state_space(model, places(model, options.at), npz_path.name)
-    if model.section is None or name != model.section.name:
-        allowed = "none is allowed: this is the model of a whole body"
-        if model.section is not None:
-            allowed = f"{model.section.name!r} is allowed, which {npz_path.name} is the model of"
-        raise InputError("command line", "--section", name, allowed)
+    if options.section is None:
+        system = System.load(npz_path)
+        return state_space(system, places(system, options.at), npz_path.name)
     if options.at is not None:
         allowed = "none is allowed with --section: without its joints nothing of a section depends on a place"
         raise InputError("command line", "--at", options.at, allowed)
-    alone = state_space(model.without_joints(), np.array(model.domain[:1]), npz_path.name)
-    inputs, outputs = (tuple(f"{name}.{one}" for one in names) for names in (alone.inputs, alone.outputs))
-    return replace(alone, inputs=inputs, outputs=outputs)
+    return state_space(section_alone(npz_path, options.section), {}, npz_path.name)
 
 
-def places(model: ReducedModel, asked: str | None) -> Array:
-    """Path coordinates (S,) in m: a grid, or those asked for, separated by commas; raises InputError off the path."""
-    low, high = model.domain
+def section_alone(npz_path: Path, name: str) -> System:
+    """One section of a saved boom, or of the file of a section, on its own supports or free; an InputError if not."""
+    found = read(npz_path)
+    bodies = {found.section.name if found.section else "": found} if isinstance(found, ReducedModel) else found.bodies
+    sections = [body for body, model in bodies.items() if model.section is not None]
+    if name not in sections:
+        allowed = f"{', '.join(map(repr, sections))} is allowed, of which {npz_path.name} has the model"
+        if not sections:
+            allowed = "none is allowed: this is the model of a whole body"
+        raise InputError("command line", "--section", name, allowed)
+    alone = System.of(bodies[name].without_joints())
+    held = tuple(replace(one, inner=replace(one.inner, body=name)) for one in alone.contacts)
+    return System({name: alone.bodies[ALONE]}, held)
+
+
+def places(system: System, asked: str | None) -> Mapping[str, Array]:
+    """Coordinates (S,) in m of each path: those asked for, or a grid from the first to the last ends of all paths.
+
+    One path is asked for as ``1.5,2,4``, several as ``mid=2,fly=3; mid=2.5,fly=3``; an InputError is raised off them.
+    """
+    ranges = system.ranges
     if asked is None:
-        return np.linspace(low, high, PLACES)
-    allowed = f"places from {low:g} to {high:g} m, separated by commas, are allowed"
+        return {path: np.linspace(low, high, PLACES) for path, (low, high) in ranges.items()}
+    if not ranges:
+        raise InputError("command line", "--at", asked, "none is allowed: nothing travels")
+    allowed = f"places from {', '.join(f'{low:g} to {high:g} m' for low, high in ranges.values())}"
+    allowed += ", separated by commas, are allowed"
+    if len(ranges) > 1:
+        of_each = ",".join(f"{path}={low:g}" for path, (low, _) in ranges.items())
+        said = ", ".join(f"{path} from {low:g} to {high:g} m" for path, (low, high) in ranges.items())
+        allowed = f"each path by its name, places separated by ;, is allowed, such as {of_each!r}: {said}"
     try:
-        found = np.array(sorted({float(part) for part in asked.split(",")}))
+        found = _named(asked, list(ranges)) if "=" in asked or len(ranges) > 1 else _plain(asked, next(iter(ranges)))
     except ValueError:
         raise InputError("command line", "--at", asked, allowed) from None
-    if not np.all((found >= low) & (found <= high)):  # NaN neither
-        raise InputError("command line", "--at", asked, allowed)
+    for path, (low, high) in ranges.items():
+        if not np.all((found[path] >= low) & (found[path] <= high)):  # NaN neither
+            raise InputError("command line", "--at", asked, allowed)
     return found
+
+
+def _plain(asked: str, path: str) -> Mapping[str, Array]:
+    """Places on the one path, ascending."""
+    return {path: np.array(sorted({float(part) for part in asked.split(",")}))}
+
+
+def _named(asked: str, paths: list[str]) -> Mapping[str, Array]:
+    """Places on several paths as they were asked for; a ValueError is raised where they are not all of them."""
+    found = [
+        {name.strip(): float(value) for name, value in (part.split("=") for part in place.split(","))}
+        for place in asked.split(";")
+    ]
+    if any(set(place) != set(paths) for place in found):
+        raise ValueError(asked)
+    return {path: np.array([place[path] for place in found]) for path in paths}

@@ -82,7 +82,7 @@ def modal_form(body: SlidingBody) -> ModalForm:
     modal = replace(
         projected(body, X).with_rows(kept),
         M=np.eye(len(free)),
-        D=_modal_damping(D, D if known is None else D - known.alpha * M - known.beta * K, omega2, modes, known),
+        D=modal_damping(D, D if known is None else D - known.alpha * M - known.beta * K, omega2, modes, known),
         K=np.diag(omega2),
     )
     return ModalForm(modal, X, np.asarray((body.M @ X).T), tuple(kept))
@@ -160,7 +160,7 @@ def _refined(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
     return omega2, np.asarray(X + product(X, correction.astype(M.dtype)), float)
 
 
-def _modal_damping(D: Array, rest: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:
+def modal_damping(D: Array, rest: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:
     """X^T D X, exactly diagonal where damping is Rayleigh's or, but for round-off, modal.
 
     `rest` is what D has beside alpha M + beta K; all of D where it is not Rayleigh's.

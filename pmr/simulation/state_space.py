@@ -1,46 +1,64 @@
-r"""A reduced model with its sliders held at places: state space on a grid of s, and frequency response.
+r"""A reduced system with its places held: state space on a grid of path coordinates, and frequency response.
 
 .. math::
     \dot x = A(s)\, x + B(s)\, f, \qquad y = C(s)\, x + D(s)\, f, \qquad x = (z, \dot z), \qquad
-    A = \begin{bmatrix} 0 & I \\ -(\Omega^2 + C_r^T F^{-1} C_r) & -D_m \end{bmatrix}
+    A = \begin{bmatrix} 0 & I \\ -(\Omega^2 + C_e^T F^{-1} C_e) & -D_m \end{bmatrix}
 
 in modal coordinates z, which are the same at every s: mass and damping do not depend on it, so matrices between two
-places may be interpolated and scheduled by s.  F = G(s) + 1/k is the flexibility of the rows C_r.
+places may be interpolated and scheduled by s.  F = G(s) + 1/k is the flexibility of the contacts C_e that give way;
+those that are rigid hold the modes, q = X z with C_r X = 0.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
 
-from pmr.constraints.polynomials import evaluate
-from pmr.errors import InputError
-from pmr.reduced.model import ReducedModel
+from pmr.errors import InputError, SimulationError
+from pmr.reduced.soundness import symmetric
 from pmr.scene.built import force_of
-from pmr.simulation.modal import modal_form
-from pmr.system.body import pushing_rows
-from pmr.system.compliant_rows import CompliantRows
+from pmr.scene.names import SLIDER, named
+from pmr.simulation.modal import diagonalise, modal_damping
+from pmr.system.assembly import Assembly, ContactRows
+from pmr.system.compliant_rows import REGULAR
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
+
+#: Share of their largest entry by which rigid rows may differ from place to place and still be the same.
+SAME = 1e-12
 
 
 @dataclass(frozen=True)
 class StateSpace:
     """A(s), B(s), C(s), D(s) at S places, for 2 r states, i inputs and q outputs."""
 
-    s: Array  # (S,) m
+    paths: tuple[str, ...]
+    s: Array  # (S, P) m, on each path
     # (S, 2 r, 2 r), (S, 2 r, i), (S, q, 2 r) and (S, q, i)
     A: Array
     B: Array
     C: Array
     D: Array
-    # names; units are those of the outputs, displacements first, then the forces of the rows
+    # names; units are those of the outputs, those of bodies first, then the forces of the contacts
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]
     states: tuple[str, ...]
+
+    @property
+    def grid(self) -> Array:
+        """The places as files have them: (S,) m on one path, or none, (S, P) on several."""
+        return self.s if len(self.paths) > 1 else self.s.sum(axis=1)
+
+    def place(self, k: int) -> str:
+        """Where the k-th place is, with all digits; of a body alone s."""
+        names = ("s",) if self.paths == (SLIDER,) else self.paths
+        return ", ".join(f"{name} = {float(at)!r} m" for name, at in zip(names, self.s[k], strict=True)) or "at rest"
 
     @property
     def natural(self) -> Array:
@@ -58,48 +76,119 @@ class StateSpace:
         return found
 
 
-def state_space(model: ReducedModel, s: Array, source: str) -> StateSpace:
-    """State space of a model with its sliders at s (S,) m.
+def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> StateSpace:
+    """State space of reduced bodies with their paths at s, (S,) m each or a number.
 
-    An InputError, of the file `source`, is raised where rows are rigid or only push, residual inertia is kept, or the
-    model is a section of a boom that its joints hold.
+    An InputError, of the file `source`, is raised where contacts only push, rigid ones depend on s, or residual inertia
+    is kept; a SimulationError where contacts at one place can't tell their forces apart.
     """
-    model.ensure_whole(source)
-    form = modal_form(model)
-    body, r = form.body, form.body.size
-    rows = CompliantRows(body)
-    rigid = [name for k, name in enumerate(body.row_names) if k not in rows.numbers]
-    if rigid:
-        allowed = (
-            f"rows that give way are allowed in a state space, {', '.join(rigid)} are rigid: reduction.flexibility"
-        )
-        raise InputError(source, "rows", None, allowed)
-    if pushing := [body.row_names[k] for k in pushing_rows(body)]:
-        raise InputError(source, "rows", None, f"rows that hold both ways are allowed: {', '.join(pushing)} only push")
-    if body.flexibility is not None and body.flexibility.keeps_inertia:
-        raise InputError(source, "flexibility.inertia", None, "a model without residual inertia is allowed")
-    system, C = rows.system(s), body.dense_rows(s)
-    answers = np.linalg.solve(rows.flexibility(s), np.concatenate([C, rows.inputs(s)], axis=2))
-    forces, of_loads = answers[:, :, :r], answers[:, :, r:]
-    shapes = np.repeat(body.outputs[None], len(s), axis=0)
-    direct = np.zeros((len(s), len(body.outputs), len(body.input_names)))
-    if body.flexibility is not None:
-        X = evaluate(body.flexibility.outputs, s)
-        shapes, direct = shapes - X @ forces, body.flexibility.direct - X @ of_loads
-    A = np.zeros((len(s), 2 * r, 2 * r))
-    A[:, :r, r:], A[:, r:, :r], A[:, r:, r:] = np.eye(r), -system[:, :, :r], -body.D
-    B = np.zeros((len(s), 2 * r, len(body.input_names)))
-    B[:, r:] = system[:, :, r:]
-    measured = np.concatenate([shapes, forces], axis=1)
-    count = len(body.outputs)
+    _refuse(system, source)
+    assembly = Assembly(system)
+    rows = assembly.along(np.atleast_2d(system.coordinates(s)))
+    firm = np.all(rows.F == 0.0, axis=(0, 2))
+    X, omega2 = _modes(system, assembly, rows.C[:, firm], firm, source)
+    places = np.column_stack([np.empty((len(rows.C), 0)), *(np.broadcast_to(s[p], len(rows.C)) for p in system.paths)])
+    found = [_Held.at(assembly, rows.at(k), firm, X, omega2, p) for k, p in enumerate(places)]
+    r, of_bodies = len(omega2), list(system.bodies.items())
+    A = np.zeros((len(found), 2 * r, 2 * r))
+    A[:, :r, r:], A[:, r:, r:] = np.eye(r), -_damping(system, assembly, X, omega2)
+    A[:, r:, :r] = [-one.stiffness for one in found]
+    B = np.zeros((len(found), 2 * r, assembly.B.shape[1]))
+    B[:, r:] = [one.inputs for one in found]
+    outputs = [
+        named(name, one)
+        for name, body in of_bodies
+        for one in body.output_names or tuple(f"output {k}" for k in range(len(body.output_positions)))
+    ]
+    units = [unit for _, body in of_bodies for unit in body.output_units or ("m",) * len(body.output_positions)]
     return StateSpace(
-        s=s,
+        paths=system.paths,
+        s=places,
         A=A,
         B=B,
-        C=np.concatenate([measured, np.zeros_like(measured)], axis=2),
-        D=np.concatenate([direct, of_loads], axis=1),
-        inputs=body.input_names,
-        outputs=(*(body.output_names or tuple(f"output {k}" for k in range(count))), *map(force_of, body.row_names)),
-        units=(*(body.output_units or ("m",) * count), *("N",) * len(body.row_names)),
+        C=np.array([one.measured for one in found]),
+        D=np.array([one.direct for one in found]),
+        inputs=system.input_names,
+        outputs=(*outputs, *map(force_of, system.contact_names)),
+        units=(*units, *("N",) * len(system.contacts)),
         states=(*(f"mode {k + 1}" for k in range(r)), *(f"rate of mode {k + 1}" for k in range(r))),
     )
+
+
+def _refuse(system: System, source: str) -> None:
+    if pushing := [one.name for one in system.contacts if one.clearance is not None]:
+        raise InputError(source, "rows", None, f"rows that hold both ways are allowed: {', '.join(pushing)} only push")
+    for body in system.bodies.values():
+        if body.flexibility is not None and body.flexibility.keeps_inertia:
+            raise InputError(source, "flexibility.inertia", None, "a model without residual inertia is allowed")
+
+
+def _modes(system: System, assembly: Assembly, C: Array, firm: NDArray[np.bool_], source: str) -> tuple[Array, Array]:
+    """Modes X (n, r) with X^T M X = 1 that rigid contacts C (S, m_r, n) hold, and omega^2 (r,)."""
+    travelling = np.abs(C - C[0]).max(axis=(0, 2)) > SAME * np.abs(C).max(initial=0.0)
+    if travelling.any():
+        names = [name for name, rigid in zip(system.contact_names, firm, strict=True) if rigid]
+        said = ", ".join(name for name, moves in zip(names, travelling, strict=True) if moves)
+        allowed = (
+            f"rows that give way are allowed in a state space at several places, {said} are rigid: one place, or "
+            "reduction.flexibility"
+        )
+        raise InputError(source, "rows", None, allowed)
+    N = scipy.linalg.null_space(C[0]) if len(C[0]) else np.eye(assembly.size)
+    omega2, Y = diagonalise(N.T @ (assembly.M @ N), N.T @ (assembly.K @ N))
+    return N @ Y, omega2
+
+
+def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Array:
+    """X^T D X, exactly diagonal where all bodies have the same classical damping."""
+    known = {body.rayleigh for body in system.bodies.values()}
+    common = known.pop() if len(known) == 1 else None
+    M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
+    return symmetric(
+        modal_damping(D, D if common is None else D - common.alpha * M - common.beta * K, omega2, X, common)
+    )
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A system at one place, on r modes, in which forces and outputs q are those of i loads and 2 r states."""
+
+    stiffness: Array  # (r, r)
+    inputs: Array  # (r, i)
+    measured: Array  # (q, 2 r)
+    direct: Array  # (q, i)
+
+    @classmethod
+    def at(
+        cls, assembly: Assembly, rows: ContactRows, firm: NDArray[np.bool_], X: Array, omega2: Array, s: Array
+    ) -> _Held:
+        soft, r, B = rows.of(~firm), len(omega2), assembly.B.toarray()
+        _check_apart(assembly.system, soft.F, firm, s)
+        C = soft.C @ X
+        answers = np.linalg.solve(soft.F, np.hstack([C, soft.H]))
+        forces, of_rates = np.zeros((len(firm), r + B.shape[1])), np.zeros((len(firm), r))
+        forces[~firm] = answers
+        if firm.any():  # what holds the modes against all other forces: C_r q'' = 0
+            left = rows.C[firm] @ np.linalg.inv(assembly.M.toarray())
+            mobility = np.linalg.pinv(left @ rows.C[firm].T, hermitian=True) @ left
+            forces[firm] = mobility @ (np.hstack([-(assembly.K @ X), B]) - soft.C.T @ answers)
+            of_rates[firm] = -mobility @ (assembly.D @ X)
+        shapes = np.hstack([assembly.outputs @ X, assembly.direct]) - rows.X @ forces
+        moved = np.hstack([shapes[:, :r], -rows.X @ of_rates])
+        return cls(
+            stiffness=np.diag(omega2) + C.T @ answers[:, :r],
+            inputs=X.T @ B - C.T @ answers[:, r:],
+            measured=np.vstack([moved, np.hstack([forces[:, :r], of_rates])]),
+            direct=np.vstack([shapes[:, r:], forces[:, r:]]),
+        )
+
+
+def _check_apart(system: System, F: Array, firm: NDArray[np.bool_], s: Array) -> None:
+    """Raise SimulationError where the flexibility F of contacts that give way is singular."""
+    if not len(F):
+        return
+    scale = np.sqrt(np.maximum(np.diagonal(F), np.finfo(float).tiny))
+    if np.linalg.eigvalsh(F / np.outer(scale, scale))[0] <= REGULAR:
+        names = ", ".join(name for name, rigid in zip(system.contact_names, firm, strict=True) if not rigid)
+        where = ", ".join(f"{path} at {at:g} m" for path, at in zip(system.paths, s, strict=True))
+        raise SimulationError(f"{where}: the rows {names} can't tell there what holds the body")

@@ -20,6 +20,7 @@ from pmr.errors import InputError
 from pmr.export.places import places
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.state_space import state_space
+from pmr.system.system import System
 
 S = np.array([1.7, 2.3, 2.9])
 
@@ -48,7 +49,7 @@ def response(model: ReducedModel, s: float, w: float) -> NDArray[np.complex128]:
 
 def test_the_response_is_that_of_the_equations(model: ReducedModel) -> None:
     omega = np.array([0.0, 3.0, 40.0, 700.0])
-    found = state_space(model, S, "model").frequency_response(omega)
+    found = state_space(System.of(model), {"slider": S}, "model").frequency_response(omega)
     for k, s in enumerate(S):
         for j, w in enumerate(omega):
             expected = response(model, s, w)
@@ -57,7 +58,7 @@ def test_the_response_is_that_of_the_equations(model: ReducedModel) -> None:
 
 def test_undamped_poles_are_the_frequencies(model: ReducedModel) -> None:
     bare = replace(model, D=np.zeros_like(model.D), rayleigh=None)
-    space = state_space(bare, S, "model")
+    space = state_space(System.of(bare), {"slider": S}, "model")
     expected = 2.0 * np.pi * reduced_frequencies(bare, S, 4)
     for A, omega in zip(space.A, expected, strict=True):
         found = np.sort(np.abs(np.linalg.eigvals(A).imag))[::2][:4]
@@ -70,7 +71,7 @@ def test_matlab_and_python_control_read_the_same(saved: Path, model: ReducedMode
         monkeypatch, capsys, "export", str(saved), "--to", "python-control", "--at", "2.3,1.7,2.9", "--out", str(target)
     )
     assert done.returncode == 0, done.stderr
-    space, data = state_space(model, S, "model"), scipy.io.loadmat(target.with_suffix(".mat"))
+    space, data = state_space(System.of(model), {"slider": S}, "model"), scipy.io.loadmat(target.with_suffix(".mat"))
     np.testing.assert_array_equal(data["s"].ravel(), S)
     for name in "ABCD":
         np.testing.assert_array_equal(np.moveaxis(data[name], 2, 0), getattr(space, name))
@@ -98,7 +99,7 @@ def test_a_table_and_a_picture(saved: Path, model: ReducedModel, monkeypatch, ca
 @pytest.mark.parametrize("asked", ["1.7;2", "9", "nan", ""])
 def test_places_off_the_path_are_refused(model: ReducedModel, asked: str) -> None:
     with pytest.raises(InputError, match=r"--at = .*: places from 0 to "):
-        places(model, asked)
+        places(System.of(model), asked)
 
 
 def test_what_leaves_no_state_space_is_refused(monkeypatch, capsys, tmp_path: Path) -> None:
@@ -108,6 +109,6 @@ def test_what_leaves_no_state_space_is_refused(monkeypatch, capsys, tmp_path: Pa
         (flexible_on_pads(beam_on_pads(1e-4), 6), "only push"),
     ):
         with pytest.raises(InputError, match=says):
-            state_space(model, np.array([2.0]), "model")
+            state_space(System.of(model), {"slider": np.array([2.0, 2.5])}, "model")
     done = called(monkeypatch, capsys, "export", "reduced.npz", "--to", "exudyn", "--at", "2")
     assert done.returncode == 2 and "it is allowed with --to matlab" in done.stderr

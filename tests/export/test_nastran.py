@@ -13,6 +13,7 @@ from processes import called
 from pmr.export.nastran import FIELD, _field
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.state_space import state_space
+from pmr.system.system import System
 
 op4 = pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed")
 bdf = pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")
@@ -27,7 +28,7 @@ def written(model: ReducedModel, to: str, folder: Path, *capture: pytest.MonkeyP
 
 
 def matrices(model: ReducedModel) -> dict[tuple[str, str], np.ndarray]:
-    space = state_space(model, S, "model")
+    space = state_space(System.of(model), {"slider": S}, "model")
     found = {("M", ""): np.eye(6), ("D", ""): -space.A[0, 6:, 6:]}
     for k in range(2):
         K = -space.A[k, 6:, :6]

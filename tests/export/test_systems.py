@@ -1,0 +1,150 @@
+"""A whole boom at given extensions: state space, frequency response and Nastran's matrices, against its equations."""
+
+from __future__ import annotations
+
+import runpy
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+from numpy.typing import NDArray
+from oracle import project, rich_body
+from processes import called
+
+import pmr
+from pmr.errors import InputError, SimulationError
+from pmr.export.formats import FORMATS
+from pmr.export.places import places
+from pmr.simulation.state_space import state_space
+from pmr.system.assembly import Assembly
+from pmr.system.contacts import Contact, Place
+from pmr.system.system import System
+
+BOTH_WAYS = [f"section.joint.{end}.0.unilateral=false" for end in ("tail", "mouth")]
+SHORT = ["compare.against=[]", "time.end=0.05", "section.mesh.elements=8"]
+#: Extensions in m of the middle section and the fly.
+S = {"middle": np.array([1.0, 2.5]), "fly": np.array([3.0, 1.5])}
+AT = "middle=1,fly=3; middle=2.5,fly=1.5"
+
+
+@pytest.fixture(scope="module")
+def system() -> System:
+    """Three sections on pads that hold both ways, two rigid cylinders among the contacts."""
+    return pmr.reduce(pmr.load_scene("boom_three", [*SHORT, *BOTH_WAYS])).system
+
+
+@pytest.fixture
+def saved(system: System, tmp_path: Path) -> Path:
+    return system.save(tmp_path / "system.npz")
+
+
+def response(system: System, s: dict[str, float], w: float) -> NDArray[np.complex128]:
+    """Outputs and forces (q, i) from the equations with the forces of all contacts, rigid or not."""
+    assembly = Assembly(system)
+    rows, B = assembly.at(system.coordinates(s)), assembly.B.toarray()
+    M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
+    A = np.block([[K + 1j * w * D - w**2 * M, rows.C.T], [rows.C, -rows.F]])
+    x = np.linalg.solve(A, np.vstack([B, -rows.H]))
+    q, forces = x[: len(K)], x[len(K) :]
+    return np.vstack([assembly.outputs @ q + assembly.direct - rows.X @ forces, forces])
+
+
+def assert_same(found: NDArray[np.complex128], expected: NDArray[np.complex128], contacts: int) -> None:
+    """To each load within 1e-8 of the largest of its kind; where all are zero, of a nanometre and of the load."""
+    for kind, least in ((slice(0, -contacts), 1e-9), (slice(-contacts, None), 1.0)):
+        sizes = np.maximum(np.abs(expected[kind]).max(axis=0), least)
+        np.testing.assert_allclose(found[kind] / sizes, expected[kind] / sizes, rtol=0.0, atol=1e-8)
+
+
+def at(k: int) -> dict[str, float]:
+    return {path: float(values[k]) for path, values in S.items()}
+
+
+def test_the_response_is_that_of_the_equations(system: System) -> None:
+    """Of every output and every contact's force, those of the rigid cylinders too."""
+    omega, space = np.array([0.0, 3.0, 40.0, 700.0]), state_space(system, S, "system.npz")
+    assert space.inputs == system.input_names and space.outputs[-1] == "force of cylinder of fly"
+    assert space.A.shape[1] == 2 * (Assembly(system).size - 2)  # which two cylinders hold
+    found = space.frequency_response(omega)
+    for k in range(2):
+        for j, w in enumerate(omega):
+            assert_same(found[k, j], response(system, at(k), w), len(system.contacts))
+
+
+def test_natural_frequencies_are_those_of_the_system(system: System) -> None:
+    space = state_space(system, S, "system.npz")
+    expected = Assembly(system).frequencies(system.coordinates(S), 5)
+    np.testing.assert_allclose(space.natural[:, :5] / (2.0 * np.pi), expected, rtol=1e-7)
+
+
+def test_files_say_the_same(saved: Path, system: System, monkeypatch, capsys) -> None:
+    """Places on each path by its name; the table of a response, and stiffnesses of Nastran at each place."""
+    space = state_space(system, S, "system.npz")
+    for to in ("python-control", "frequency-response", "dmig", "op4"):
+        done = called(monkeypatch, capsys, "export", str(saved), "--to", to, "--at", AT)
+        assert done.returncode == 0, done.stderr
+    data = scipy.io.loadmat(saved.with_name("state_space.mat"))
+    for name in "ABCD":
+        np.testing.assert_array_equal(np.moveaxis(data[name], 2, 0), getattr(space, name))
+    np.testing.assert_array_equal(data["s"], np.column_stack(list(S.values())))
+    assert [str(cell[0]) for cell in data["paths"].ravel()] == list(S)
+    script = runpy.run_path(str(saved.with_name("state_space.py")))
+    assert_same(script["nearest"]([2.4, 1.6])(40.0j), response(system, at(1), 40.0), len(system.contacts))
+    head, *rows = saved.with_name("frequency_response.csv").read_text().splitlines()
+    assert head.startswith('"middle in m","fly in m",f in Hz') and rows[0].startswith("1,3,") and len(rows) == 800
+    deck = saved.with_name("sliding_body.bdf").read_text()
+    assert "$ Place 2: middle = 2.5 m, fly = 1.5 m" in deck and "DMIG    K2" in deck
+    assert "K2" in saved.with_name("sliding_body.op4").read_text()
+
+
+@pytest.mark.parametrize("asked", ["1,2", "middle=1", "middle=1,fly=x", "middle=1,fly=99", "middle=1;fly=2", "a=1,b=2"])
+def test_places_off_the_paths_are_refused(system: System, asked: str) -> None:
+    with pytest.raises(InputError, match="--at = .*: each path by its name.*'middle="):
+        places(system, asked)
+
+
+def test_without_places_all_sections_come_out_together(system: System) -> None:
+    found = places(system, None)
+    for path, (low, high) in system.ranges.items():
+        np.testing.assert_allclose(found[path], np.linspace(low, high, 21))
+
+
+def test_a_section_of_a_system_is_written_alone_where_it_is_named(saved: Path, monkeypatch, capsys) -> None:
+    done = called(monkeypatch, capsys, "export", str(saved), "--to", "matlab", "--section", "middle")
+    assert done.returncode == 0 and "section middle alone, without its joints" in done.stdout
+    inputs = [str(cell[0]) for cell in scipy.io.loadmat(saved.with_name("state_space.mat"))["inputs"].ravel()]
+    assert inputs and all(name.startswith("middle.") for name in inputs)
+    done = called(monkeypatch, capsys, "export", str(saved), "--to", "matlab", "--section", "jib")
+    assert done.returncode == 2 and "--section = 'jib': 'base', 'middle', 'fly' is allowed" in done.stderr
+
+
+def test_pads_that_only_push_leave_no_state_space(tmp_path: Path, monkeypatch, capsys) -> None:
+    pushing = pmr.reduce(pmr.load_scene("boom_two", SHORT)).system.save(tmp_path / "system.npz")
+    for to in (name for name, one in FORMATS.items() if "at" in one.options):
+        done = called(monkeypatch, capsys, "export", str(pushing), "--to", to)
+        assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+        assert "system.npz: rows: rows that hold both ways are allowed: fly tail bottom" in done.stderr
+
+
+def test_a_rigid_slider_is_held_at_one_place_and_refused_at_several() -> None:
+    """The modes with the slider there, and its force by the accelerations that vanish at it."""
+    rich = rich_body()
+    system = System.of(project(rich, np.eye(rich.size)[:, 2:]))
+    for w in (0.0, 40.0):
+        found = state_space(system, {"slider": 1.7}, "model").frequency_response(np.array([w]))[0, 0]
+        assert_same(found, response(system, {"slider": 1.7}, w), len(system.contacts))
+    with pytest.raises(InputError, match="slider.* are rigid: one place"):
+        state_space(system, {"slider": np.array([1.7, 2.0])}, "model")
+
+
+def test_two_pads_in_one_place_are_refused_with_the_place(system: System) -> None:
+    """Rigid ones, whose flexibility is that of the sections alone."""
+    two = [
+        Contact(f"pad {k}", Place("middle", one.inner.row, 2.0), Place("base", one.inner.row, 2.0), compliance=0.0)
+        for k, one in enumerate(system.contacts[:1] * 2)
+    ]
+    doubled = replace(system, contacts=(*system.contacts, *two))
+    with pytest.raises(SimulationError, match="middle at 1 m, fly at 3 m: the rows .*pad 0, pad 1"):
+        state_space(doubled, at(0), "system.npz")
