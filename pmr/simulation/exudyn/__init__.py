@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from pmr.simulation.exudyn.simulator import (
         Formulation,
         add_pre_step_function,
+        add_sensors,
         add_sliding_body,
         add_system,
         simulate,
@@ -21,6 +22,7 @@ __all__ = [
     "FORMULATIONS",
     "Formulation",
     "add_pre_step_function",
+    "add_sensors",
     "add_sliding_body",
     "add_system",
     "simulate",

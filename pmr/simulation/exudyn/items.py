@@ -56,6 +56,8 @@ class SystemItems:
     contacts: tuple[int, ...] = ()  # numbers of the system's contacts that oContacts holds, in its order
     # sets rows and loads to the time t in s; the mbs' pre-step function calls it
     update: PreStep = _nothing
+    equations: Any = None  # what `add_sensors` needs
+    inputs: Any = None
 
     @property
     def nBody(self) -> Any:  # noqa: N802

@@ -21,6 +21,7 @@ from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
 from pmr.simulation.exudyn.inputs import Driving, SignalInputs
 from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function
 from pmr.simulation.exudyn.run import Run
+from pmr.simulation.exudyn.sensors import SystemSensors, add_sensors
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.body import SlidingBody, Trajectory, pushing_rows
@@ -30,7 +31,9 @@ from pmr.system.system import System, SystemTrajectory
 __all__ = [
     "Formulation",
     "SystemItems",
+    "SystemSensors",
     "add_pre_step_function",
+    "add_sensors",
     "add_sliding_body",
     "add_system",
     "simulate",
@@ -90,7 +93,8 @@ def add_system(
     inputs = SignalInputs(mbs, equations, paths, loads)
     name, add = FORMULATIONS[formulation]
     refuse(name, equations.needs(inputs.at(0.0)))
-    return add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))
+    items = add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))
+    return replace(items, equations=equations, inputs=inputs)
 
 
 def add_sliding_body(
