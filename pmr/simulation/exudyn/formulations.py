@@ -62,20 +62,20 @@ def add_with_springs(mbs: Any, equations: Equations, inputs: Inputs, start: Star
         given["jacobianUserFunction"] = _nothing_beyond_matrices(equations, steps)
     K = system(0.0)[:, :n] if springs else None
     items = with_contacts(mbs, add_bodies(mbs, equations, start, K, **given), rigid, scalingMarker1=rows(0.0))
-    x_set, loads_set = inputs.at(0.0), inputs.loads(0.0)
+    place_set, loads_set = inputs.number(0.0), inputs.loads(0.0)
 
     def update(mbs: Any, t: float) -> bool:
-        nonlocal x_set, loads_set
+        nonlocal place_set, loads_set
         inputs.begin(t)
-        x, loads = inputs.at(t), inputs.loads(t)
-        moved = bool(np.any(x != x_set))
+        place, loads = inputs.number(t), inputs.loads(t)
+        moved = place != place_set
         if moved and len(rigid):
             mbs.SetObjectParameter(items.oContacts, "scalingMarker1", rows(t))
         if moved and springs:
             mbs.SetObjectParameter(items.oSystem, "stiffnessMatrix", system(t)[:, :n])
         if loads != loads_set or (moved and springs):
             mbs.SetObjectParameter(items.oSystem, "forceVector", force(t))
-        x_set, loads_set = x, loads
+        place_set, loads_set = place, loads
         return True
 
     return steps.updated(mbs, items, update)

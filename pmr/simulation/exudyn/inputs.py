@@ -36,7 +36,7 @@ class Inputs(ABC):
 
     @abstractmethod
     def number(self, t: float) -> int:
-        """Of the places at t s."""
+        """Of the places at t s; as long as they stay, it does."""
 
     @abstractmethod
     def places(self, first: int, count: int) -> Array:
@@ -118,17 +118,19 @@ class TabulatedInputs(Inputs):
         stepping, numbers = excitation.stepping.divided(lengths.finest), lengths.numbers
         fine = excitation.with_stepping(stepping)
         self.x, self.f = equations.visited(fine)[numbers], fine.forces(equations.system.input_names)[numbers]
-        self._loads, self._step = [tuple(f) for f in self.f.tolist()], stepping.step
-        self._numbers = {number: k for k, number in enumerate(numbers.tolist())}
+        moved = np.append(True, np.any(self.x[1:] != self.x[:-1], axis=1))
+        at, loads = (np.cumsum(moved) - 1).tolist(), map(tuple, self.f.tolist())
+        self._places, self._step = self.x[moved], stepping.step
+        self._known = dict(zip(numbers.tolist(), zip(at, loads, strict=True), strict=True))
 
     def begin(self, t: float) -> None:
         """All is known."""
 
     def number(self, t: float) -> int:
-        return self._numbers[round(t / self._step)]
+        return self._known[round(t / self._step)][0]
 
     def places(self, first: int, count: int) -> Array:
-        return self.x[first : first + count]
+        return self._places[first : first + count]
 
     def loads(self, t: float) -> tuple[float, ...]:
-        return self._loads[self.number(t)]
+        return self._known[round(t / self._step)][1]
