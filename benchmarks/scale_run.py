@@ -30,6 +30,7 @@ from pmr.fullmodel.from_scene import structure_of
 from pmr.pipeline import Reduction
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduction.residual.inertia import PathProducts
+from pmr.scene.members import member_at
 
 Array = NDArray[np.float64]
 
@@ -53,7 +54,7 @@ def main(cells: float, file: Path | None = None) -> None:
     """Reduce the boom meshed with `cells` (m) around the section; leave what is compared in a `file`."""
     comm = MPI.COMM_WORLD
     coarse = boom(1.0)
-    structure = structure_of(coarse, comm)
+    structure = structure_of(member_at(coarse), comm)
     assemble_model(structure.model, structure.model.domain(comm))  # forms compiled
     timer, loaded = Timer(comm), peak_memory()
     for stage, places in STAGES.items():

@@ -10,6 +10,7 @@ from pmr import scene as scenes
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structure import Structure
 from pmr.models import StructuralModel
+from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
@@ -25,4 +26,4 @@ class Boom:
 
 def boom(model: StructuralModel, span: float = 10.0, overrides: Sequence[str] = ()) -> Boom:
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}", *overrides])
-    return Boom(replace(structure_of(scene), model=model), Excitation.of(scene))
+    return Boom(replace(structure_of(member_at(scene)), model=model), Excitation.of(scene))

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pmr import scene as scenes
-from pmr.scene import Boom, Scene
-from pmr.scene.boom_checks import check_boom
+from pmr.scene import Scene
 from pmr.scene.checks import check
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
@@ -118,7 +117,7 @@ def _boom(rng: np.random.Generator) -> list[str]:
     return [*changes, f"probes=[{','.join(probes)}]"]
 
 
-def random_boom(seed: int) -> Boom:
+def random_boom(seed: int) -> Scene:
     """Two to four sections on pads that hold both ways, three of four planar, some joints follow the one before."""
     rng = np.random.default_rng(seed)
     planar, count, length = rng.random() < 0.75, int(rng.integers(2, 5)), float(rng.uniform(4.0, 7.0))
@@ -146,7 +145,7 @@ def random_boom(seed: int) -> Boom:
             part["loads"] = [{"name": "F", "on": "tip", "signal": random_signal(rng, 1000.0, 15.0)}]
         sections.append(part)
     ratio = float(rng.choice([0.0, 0.005, 0.01, 0.03]))
-    boom = Boom.model_validate(
+    boom = Scene.model_validate(
         {
             "title": "random boom",
             "sections": sections,
@@ -154,11 +153,11 @@ def random_boom(seed: int) -> Boom:
             "time": {"end": 1.2, "step": 1e-3, "rho_inf": float(rng.choice([0.8, 1.0]))},
         }
     )
-    check_boom(boom)
+    check(boom)
     return boom
 
 
-def driven_boom(seed: int) -> Boom:
+def driven_boom(seed: int) -> Scene:
     """Two to five sections that their cylinders push out fast or with kinks, stiffly or rigidly; most are planar."""
     rng = np.random.default_rng([seed, 21])
     planar, count, length = rng.random() < 0.75, int(rng.integers(2, 6)), float(rng.uniform(4.0, 7.0))
@@ -184,7 +183,7 @@ def driven_boom(seed: int) -> Boom:
             part["loads"] = [{"name": "F", "on": "tip", "signal": random_signal(rng, 1000.0, 10.0)}]
         sections.append(part)
     ratio = float(rng.choice([0.0, 0.003, 0.005, 0.01, 0.03]))
-    boom = Boom.model_validate(
+    boom = Scene.model_validate(
         {
             "title": "driven boom",
             "sections": sections,
@@ -197,7 +196,7 @@ def driven_boom(seed: int) -> Boom:
             },
         }
     )
-    check_boom(boom)
+    check(boom)
     return boom
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
-from pmr.scene import Boom, Scene
+from pmr.scene.schema import dialects
 from pmr.studies.files import schemas
 
 Schema = dict[str, Any]
@@ -33,10 +33,10 @@ def setup(app: Sphinx) -> dict[str, bool]:
 def write_pages(app: Sphinx) -> None:
     """One page for scenes, one for each kind of study."""
     folder = Path(app.srcdir, "reference")
-    scene, boom = Scene.model_json_schema(), Boom.model_json_schema()
-    more = tables(boom, 3, known=scene["$defs"])
-    several = f"\n## Booms of several sections\n\nA file with `sections` is one; parts are those of above, and:\n{more}"
-    write(folder / "scene_keys.md", INTRODUCTION.format(what="scene") + tables(scene) + several)
+    body, several = dialects()
+    more = tables(several, 3, known=body["$defs"])
+    sections = f"\n## Sections\n\nA file with `sections` lists bodies from the base out, or a body alone:\n{more}"
+    write(folder / "scene_keys.md", INTRODUCTION.format(what="scene") + tables(body) + sections)
     kinds = "".join(f'\n## `kind = "{kind}"`\n\n{tables(schema, 3)}' for kind, schema in schemas().items())
     write(folder / "study_keys.md", INTRODUCTION.format(what="study") + kinds)
 

@@ -64,8 +64,9 @@ def info(
 
 def _describe_scene(scene: scenes.Scene) -> dict[str, str]:
     from pmr.scene.choice import choose
+    from pmr.scene.members import member_at
 
-    chosen, (low, high) = choose(scene), scene.path_bounds
+    chosen, (low, high) = choose(member_at(scene)), scene.path_bounds
     pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in scene.pads]
     points = [f"{len(scene.points)} row(s)"] if scene.points else []
     places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in scene.loads]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from os.path import isdir
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
@@ -84,8 +84,7 @@ def run(
     ]
     if len(set(names)) != len(names):
         raise InputError("command line", "SCENE", names, "names must differ")
-    bodies: list[Any] = [one for *_, scene in loaded for one in getattr(scene, "sections", (scene,))]
-    if any(one.body.model != "matrices" for one in bodies):
+    if any(part.body.model != "matrices" for *_, scene in loaded for part in scene.sections):
         environment.check_installed("dolfinx")
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])

@@ -32,7 +32,7 @@ from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended
 from pmr.results import Response
-from pmr.scene import Boom
+from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.simulation import Excitation
 from pmr.system.system import System, SystemTrajectory
@@ -69,7 +69,7 @@ def no_estimate(modal: Mapping[str, ReducedModel]) -> str | None:
 
 
 def estimate(
-    boom: Boom, modal: Mapping[str, ReducedModel], system: System, excitation: Excitation, run: SystemTrajectory
+    boom: Scene, modal: Mapping[str, ReducedModel], system: System, excitation: Excitation, run: SystemTrajectory
 ) -> BoomEstimate:
     """From the run of the boom's reduced model; one or two more are made here, in as many parts of a step.
 
@@ -141,7 +141,7 @@ class BoomError:
 
 
 def boom_error(
-    boom: Boom,
+    boom: Scene,
     modal: Mapping[str, ReducedModel],
     system: System,
     excitation: Excitation,

@@ -15,15 +15,15 @@ from pmr.compare.pad_forces import PULLED, newton
 from pmr.compare.summary import Part
 from pmr.results import Frequencies, FrequencyMap, FrequencyResponse, Response
 from pmr.results.extremes import Extremes
-from pmr.scene import Boom
-from pmr.scene.boom_parts import DRIVEN
+from pmr.scene import Scene
 from pmr.scene.built import force_of
+from pmr.scene.members import DRIVEN
 from pmr.simulation import Excitation
 from pmr.simulation.native.multibody_march import places
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.booms import cylinder
 from pmr.system.contacts import Contact
+from pmr.system.from_scene import cylinder
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -36,14 +36,14 @@ MAPPED = 9
 BESIDE = 1e-4
 
 
-def on_the_way(boom: Boom, t: Array, count: int) -> NDArray[np.int64]:
+def on_the_way(boom: Scene, t: Array, count: int) -> NDArray[np.int64]:
     """Steps (S,) at which the boom first reaches so far, evenly from its shortest to its longest."""
     reach = boom.reach(t)
     goals = np.linspace(reach.min(), reach.max(), count if np.ptp(reach) > 1e-9 * reach.max() else 1)
     return np.array(list(dict.fromkeys(int(np.argmin(np.abs(reach - goal))) for goal in goals)))
 
 
-def frequency_map(boom: Boom, system: System) -> FrequencyMap | None:
+def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
     """Of the first two joints that have a path of their own and move, within its bounds, every contact closed.
 
     All other such joints are where they start; None where fewer than two move.
@@ -66,7 +66,7 @@ def frequency_map(boom: Boom, system: System) -> FrequencyMap | None:
     return FrequencyMap((first, second), a, b, found.reshape(MAPPED, MAPPED))
 
 
-def in_frequency(boom: Boom, system: System, excitation: Excitation) -> FrequencyResponse | None:
+def in_frequency(boom: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
     """Of the tip at places from the shortest reach to the longest; None unless the last section asks for it."""
     if not boom.sections[-1].observe.frequency_response:
         return None
@@ -75,12 +75,12 @@ def in_frequency(boom: Boom, system: System, excitation: Excitation) -> Frequenc
     return frequency_response(system, at, reach, tip_names(boom))
 
 
-def _follows(boom: Boom, name: str) -> bool:
+def _follows(boom: Scene, name: str) -> bool:
     joint = boom.sections[boom.names.index(name)].joint
     return joint is not None and joint.follows is not None
 
 
-def beside_published(boom: Boom, found: Frequencies) -> Part:
+def beside_published(boom: Scene, found: Frequencies) -> Part:
     """``published_frequencies``: the first one where it is published, and what each model has there.
 
     What is published beyond this boom's reach is left out, with a line.
@@ -99,7 +99,7 @@ def beside_published(boom: Boom, found: Frequencies) -> Part:
 
 
 def sections(
-    boom: Boom,
+    boom: Scene,
     responses: Mapping[str, Response],
     sizes: Mapping[str, Mapping[str, int]],
     more: Mapping[str, Mapping[str, Any]],
@@ -126,7 +126,7 @@ def sections(
     return Part({"sections": found, "max_von_mises": most, "stress_peak": highest})
 
 
-def joints(boom: Boom, response: Response, system: System) -> Part:
+def joints(boom: Scene, response: Response, system: System) -> Part:
     """``pads`` and ``cylinders`` of summary.json, smallest and largest force with their times; pads that are pulled.
 
     Of cylinders also the largest ``friction`` that they overcome, and ``kinks``, where there are any.
@@ -151,7 +151,7 @@ def joints(boom: Boom, response: Response, system: System) -> Part:
     return Part({"pads": pads, "cylinders": cylinders}, warnings)
 
 
-def impulses(boom: Boom, system: System) -> dict[str, list[dict[str, float]]]:
+def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
     r"""Of each cylinder by its name, what it has to give at each kink: ``t`` in s, ``impulse`` in N s.
 
     .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
@@ -191,7 +191,7 @@ def _kinked(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def _pulled(boom: Boom, contacts: Sequence[Contact], pads: list[dict[str, Any]]) -> list[str]:
+def _pulled(boom: Scene, contacts: Sequence[Contact], pads: list[dict[str, Any]]) -> list[str]:
     """Joints with pads that hold both ways and are pulled, a line each: the one that is pulled most, how many more."""
     largest, said = max((max(pad["max"], -pad["min"]) for pad in pads), default=0.0), []
     pulled = {pad["name"]: pad for pad in pads if -pad["min"] > PULLED * max(pad["max"], 0.1 * largest)}

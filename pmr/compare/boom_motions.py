@@ -23,14 +23,14 @@ from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.system import FullSystem
 from pmr.results import Response
-from pmr.scene import Boom
-from pmr.simulation.booms import excitation_of
+from pmr.scene import Scene
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.multibody_march import places
 from pmr.simulation.petsc import Checkpoint, Recording, observe_system, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
-from pmr.system.booms import contacts_of
+from pmr.system.from_scene import contacts_of
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ class FullBoom:
     system: System | None
 
     @classmethod
-    def of(cls, boom: Boom, built: Mapping[str, Built]) -> FullBoom:
+    def of(cls, boom: Scene, built: Mapping[str, Built]) -> FullBoom:
         """Collective."""
         bodies = {name: one.model for name, one in built.items()}
         whole = FullSystem(bodies, contacts_of(boom, bodies))
@@ -67,9 +67,9 @@ class FullBoom:
         simulator = fastest if boom.simulation.full == "auto" else boom.simulation.full
         return cls(whole, simulator, None if simulator == "petsc" else whole.gather())
 
-    def frequencies(self, boom: Boom, steps: NDArray[np.int64]) -> Array:
+    def frequencies(self, boom: Scene, steps: NDArray[np.int64]) -> Array:
         """The lowest natural frequencies (S, f) in Hz at some steps, every contact closed; collective."""
-        x = places(self.whole, excitation_of(boom, self.whole))[steps]
+        x = places(self.whole, Excitation.of(boom))[steps]
         if self.simulator == "march":
             found = None if self.system is None else Assembly(self.system).frequencies(x, CURVES)
         else:
@@ -78,14 +78,14 @@ class FullBoom:
 
     def simulate(
         self,
-        boom: Boom,
+        boom: Scene,
         stepping: TimeStepping,
         steps: NDArray[np.int64],
         clock: Clock,
         checkpoint: Checkpoint | None = None,
     ) -> FullRun:
         """Its motion, and its states at some steps, made as the reduced model made them.  Collective."""
-        excitation, comm = excitation_of(boom, self.whole), self.whole.comm
+        excitation, comm = Excitation.of(boom), self.whole.comm
         excitation = excitation.with_stepping(stepping)
         found, failed, states = None, "", dict[str, Array]()
         try:

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from pmr.compare.booms import force_kinds, respond, tip_columns, with_friction
 from pmr.compare.halved_steps import UNDAMPED
 from pmr.compare.outputs import Outputs
-from pmr.scene import Boom
+from pmr.scene import Scene
 from pmr.simulation import Excitation
-from pmr.simulation.booms import excitation_of
 from pmr.simulation.columns import called
 from pmr.simulation.contact_step import as_made
 from pmr.simulation.native import multibody
@@ -42,10 +41,10 @@ def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | Non
     return excitation.with_stepping(as_made(excitation.stepping, made, omega))
 
 
-def on_grid(boom: Boom, system: System, stepping: TimeStepping) -> Excitation:
+def on_grid(boom: Scene, system: System, stepping: TimeStepping) -> Excitation:
     """What drives a system of the boom's sections on another time grid: kinks are spread over its own steps."""
     time = boom.time.model_copy(update={"step": stepping.step})
-    return excitation_of(boom.model_copy(update={"time": time}), system).with_stepping(stepping)
+    return Excitation.of(boom.model_copy(update={"time": time})).with_stepping(stepping)
 
 
 def reference_rho(system: System, rho_inf: float) -> float:
@@ -61,7 +60,7 @@ class SteppedBoom:
     So what an impact leaves to the tolerance of these parts is no part of the error.
     """
 
-    def __init__(self, boom: Boom, system: System, excitation: Excitation) -> None:
+    def __init__(self, boom: Scene, system: System, excitation: Excitation) -> None:
         self._boom, self._system, self.excitation = boom, system, excitation
         self.pushing = not np.isnan(system.clearance).all()
         self.given = replace(excitation.stepping, schedule=())
@@ -86,7 +85,7 @@ class Seen:
     rates: bool = False  # whether velocities are wanted
 
 
-def outputs(boom: Boom, system: System, run: SystemTrajectory, seen: Seen) -> Outputs:
+def outputs(boom: Scene, system: System, run: SystemTrajectory, seen: Seen) -> Outputs:
     """Of a run; forces with the friction that cylinders overcome, and none beside kinks."""
     at = slice(None, None, seen.every)
     response = with_friction(boom, system.contacts, respond(system, run.at(at)))

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from pmr.compare.errors import RELATIVE_FLOOR, Quantity
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
-from pmr.scene import Boom
-from pmr.scene.boom_parts import STRAIGHT
+from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
+from pmr.scene.members import STRAIGHT
 from pmr.simulation.columns import called
 from pmr.simulation.modal import inertia_share, unpressed
 from pmr.simulation.native import multibody
 from pmr.system.body import force_outputs, length_outputs
-from pmr.system.booms import cylinder
 from pmr.system.contacts import Contact, named
+from pmr.system.from_scene import cylinder
 from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -116,7 +116,7 @@ def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
     )
 
 
-def friction(boom: Boom, contacts: Sequence[Contact], response: Response) -> dict[str, Array]:
+def friction(boom: Scene, contacts: Sequence[Contact], response: Response) -> dict[str, Array]:
     r"""What a section's pads resist sliding with, (T,) N by section, positive while it slides out.
 
     .. math:: \tanh(\dot s / v) \sum_k \mu_k |N_k|
@@ -135,7 +135,7 @@ def friction(boom: Boom, contacts: Sequence[Contact], response: Response) -> dic
     return found
 
 
-def with_friction(boom: Boom, contacts: Sequence[Contact], response: Response) -> Response:
+def with_friction(boom: Scene, contacts: Sequence[Contact], response: Response) -> Response:
     """With the forces of cylinders that overcome the friction of the pads, too.
 
     Sections hardly give way along the boom, and a joint's friction acts between the two sections that its cylinder
@@ -151,7 +151,7 @@ def with_friction(boom: Boom, contacts: Sequence[Contact], response: Response) -
     return replace(response, slider_force=forces, force_peaks=peaks)
 
 
-def quantities(boom: Boom, response: Response) -> Mapping[str, Quantity]:
+def quantities(boom: Scene, response: Response) -> Mapping[str, Quantity]:
     """What is compared: the last section's tip, all lines, the forces of each kind, and these between kinks.
 
     At a kink of an extension a force is as high as its step is short or its cylinder stiff: such steps are left out
@@ -171,7 +171,7 @@ def quantities(boom: Boom, response: Response) -> Mapping[str, Quantity]:
     return found
 
 
-def _forces(boom: Boom, kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
+def _forces(boom: Scene, kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
     """Zero where a force is nothing beside the largest one of any kind, as that of a cylinder that holds still."""
     which = np.array(force_kinds(boom, response.force_names)) == kind
     size = np.abs(response.slider_force).max(axis=0)
@@ -179,7 +179,7 @@ def _forces(boom: Boom, kind: str, steps: slice | NDArray[np.bool_], response: R
     return np.where(counts, response.slider_force, 0.0)[steps][:, which]
 
 
-def force_kinds(boom: Boom, names: Sequence[str]) -> list[str]:
+def force_kinds(boom: Scene, names: Sequence[str]) -> list[str]:
     """Of each force by its name: ``pad_force``, ``cylinder_force`` or, of supports that give way, ``support_force``."""
     cylinders = {force_of(cylinder(name)) for name in boom.names[1:]}
     joints = tuple(force_of(f"{name} {end}") for name in boom.names[1:] for end in ("tail", "mouth"))
@@ -200,12 +200,12 @@ def force_kinds(boom: Boom, names: Sequence[str]) -> list[str]:
     ]
 
 
-def tip_columns(boom: Boom, names: Sequence[str]) -> list[int]:
+def tip_columns(boom: Scene, names: Sequence[str]) -> list[int]:
     """Which of the displacements are those of the last section's tip."""
     return [k for k, name in enumerate(names) if name in tip_names(boom)]
 
 
-def tip_names(boom: Boom) -> set[str]:
+def tip_names(boom: Scene) -> set[str]:
     """What displacements of the last section's tip are called."""
     last = boom.sections[-1]
     return {named(last.name, last.observe.tip_along(direction)) for direction in "yz"}

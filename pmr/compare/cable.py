@@ -42,7 +42,7 @@ def simulate_cable(scene: Scene, x: ArrayLike, excitation: Excitation, done: Don
     needed("exudyn")
     from pmr.simulation.exudyn import ancf
 
-    return ancf.simulate(cable_of(scene), scene.load_places, excitation, np.asarray(x, dtype=float), done)
+    return ancf.simulate(cable_of(scene), scene.alone.load_places, excitation, np.asarray(x, dtype=float), done)
 
 
 def response(scene: Scene, x: ArrayLike, done: Done | None = None) -> Response:

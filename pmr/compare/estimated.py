@@ -20,6 +20,7 @@ from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Reduction, Scene
 from pmr.scene.choice import transverse
+from pmr.scene.members import member_at
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
 
@@ -66,7 +67,7 @@ def reduction_error(
     One that is `found` already is not computed again.
     """
     excitation, failed, left_out = Excitation.of(scene), None, list[str]()
-    telling, tips, scattered = other or reduced, len(transverse(scene)), list[str]()
+    telling, tips, scattered = other or reduced, len(transverse(member_at(scene))), list[str]()
     if scene.reduction.estimate and estimate.no_estimate(telling) is None:
         with clock.stage("estimate"):
             try:

@@ -26,6 +26,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import Frequencies, FrequencyResponse
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam, transverse
+from pmr.scene.members import member_at
 from pmr.scene.names import SLIDER, named
 from pmr.system.assembly import Assembly, ContactRows
 from pmr.system.system import System
@@ -70,7 +71,7 @@ def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
     With axial coordinates those of the bar, held at 0 and free at its end, stand among those of bending.
     """
     profile = scene.body.profile
-    if profile is None or not is_pinned_beam(scene):
+    if profile is None or not is_pinned_beam(member_at(scene)):
         return np.empty((len(s), 0))
     axial = np.empty(0)
     if profile.axial and profile.axial_stiffness is not None:
@@ -178,7 +179,7 @@ def of_body(scene: Scene, reduced: ReducedModel) -> FrequencyResponse | None:
     if not scene.observe.frequency_response:
         return None
     system, s = System.of(reduced), np.unique(np.linspace(*scene.path_bounds, RESPONSES))
-    tips = {scene.observe.tip_along(direction) for direction in transverse(scene)}
+    tips = {scene.observe.tip_along(direction) for direction in transverse(member_at(scene))}
     return frequency_response(system, system.coordinates({SLIDER: s}), s, tips)
 
 

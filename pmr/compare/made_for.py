@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 from pmr.errors import InputError
-from pmr.scene import Boom, Scene
-from pmr.scene.scene import OneBody
+from pmr.scene import Scene
+from pmr.scene.members import Member, member_at
+from pmr.scene.parts import OneBody
 from pmr.scene.section import Section
 
 #: What may differ from the scene that the model was made from: signals, and how reductions are computed or judged.
@@ -17,8 +19,6 @@ FREE = frozenset({
     *("signal", "acceleration", "rise", "path", "travel", "frequency_response", "solver", "estimate"),
     *("extension", "overlap", "follows", "ratio", "offset", "friction_speed"),
 })  # fmt: skip
-#: What a model is made from: tables of a scene.
-BUILT = (*OneBody.model_fields, "damping", "slider", "sections")
 
 
 class Made(Protocol):
@@ -28,35 +28,52 @@ class Made(Protocol):
     def provenance(self) -> dict[str, Any]: ...
 
 
-def check_made_for(model: Made, scene: Scene | Boom) -> None:
+def check_made_for(model: Made, scene: Scene, number: int | None = None) -> None:
     """Bodies, supports, pads, joints, damping, what is observed, places and directions of loads are those of the model.
 
-    Raises InputError with the first key that differs and what the model has.  Keys that the file of an older model does
-    not hold are not compared.
+    That is of a whole scene, or of one of its sections by its `number`.  Raises InputError with the first key that
+    differs and what the model has.  Keys that the file of an older model does not hold are not compared.
     """
     made = model.provenance.get("scene")
     if not isinstance(made, Mapping):
         return
-    for key, value, known in _differences(made, scene, model.provenance.get("files") or {}):
+    files = model.provenance.get("files") or {}
+    alone = number is not None or len(scene.sections) == 1
+    found = _of_body(made, member_at(scene, number or 0)) if alone else _of_scene(made, scene)
+    read = scene.sections[number or 0].files if alone else scene.files_read
+    for key, value, known in (*_of_gravity(made, scene), *found, *_of_files(files, read)):
         shown = list(value) if isinstance(value, tuple) else value
-        raise InputError("scene", key, shown, f"that of the model is allowed: {known!r}")
+        where = scene.key_of(number or 0, key) if alone else key
+        raise InputError("scene", where, shown, f"that of the model is allowed: {known!r}")
 
 
-def _differences(
-    made: Mapping[str, Any], scene: Scene | Boom, files: Mapping[str, str]
-) -> Iterator[tuple[str, Any, Any]]:
-    """Key, value, and that of the model."""
+def _of_gravity(made: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
+    """Key, value, and that of the model, as all that follow."""
     if made.get("gravity") and scene.gravity:
         yield from _between(made["gravity"], scene.gravity, "gravity")
+
+
+def _of_body(made: Mapping[str, Any], one: Member) -> Iterator[tuple[str, Any, Any]]:
     known = {load.get("name"): load for load in made.get("loads") or ()}
-    for i, load in enumerate(getattr(scene, "loads", ())):
+    for i, load in enumerate(one.part.loads):
         yield from _between(known.get(load.name, {}), load, f"loads[{i}]")
-    for name in BUILT:
-        if name != "loads" and name in made and hasattr(scene, name):
+    asked = {name: getattr(one.part, name) for name in OneBody.model_fields if name != "loads"}
+    for name, value in (asked | {"pads": one.pads, "damping": one.damping}).items():
+        if name in made and not (name == "slider" and value is None):
+            yield from _between(made[name], value, name)
+
+
+def _of_scene(made: Mapping[str, Any], scene: Scene) -> Iterator[tuple[str, Any, Any]]:
+    for name in ("damping", "sections"):
+        if name in made:
             yield from _between(made[name], getattr(scene, name), name)
-    for name, digest in scene.recorded["files"].items():
-        if files.get(name, digest) != digest:
-            yield f"{name}.file", scene.files_read[name].name, f"content of SHA-256 {files[name][:12]}"
+
+
+def _of_files(known: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[tuple[str, Any, Any]]:
+    for name, file in read.items():
+        digest = hashlib.sha256(file.read_bytes()).hexdigest()
+        if known.get(name, digest) != digest:
+            yield f"{name}.file", file.name, f"content of SHA-256 {known[name][:12]}"
 
 
 def _between(made: Any, asked: Any, key: str) -> Iterator[tuple[str, Any, Any]]:

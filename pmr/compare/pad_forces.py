@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pmr.results import Response
 from pmr.results.extremes import Extremes
 from pmr.results.tables import reaction_extremes
-from pmr.scene import Boom, Scene
-from pmr.scene.boom_parts import is_axial
+from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_of, reaction_of
-from pmr.scene.choice import directions
-from pmr.scene.scene import OneBody
+from pmr.scene.choice import is_axial
+from pmr.scene.members import members
+from pmr.system.contacts import named
 
 Array = NDArray[np.float64]
 
@@ -29,30 +29,31 @@ def pad_loads(scene: Scene, response: Response) -> dict[str, Extremes]:
     return {name: Extremes.of(force, response.t, s) for name in names if (force := _force(response, name)) is not None}
 
 
-def reactions(scene: Scene | Boom, response: Response, path: Array) -> dict[str, object]:
+def reactions(scene: Scene, response: Response, path: Array) -> dict[str, object]:
     """``reactions`` of summary.json: ``name``, ``unit``, and what `Extremes.summary` says; empty without any.
 
     Of all supports, rigid or not, of a body or of the sections of a boom, whose names begin with the section's.
     """
     found = reaction_extremes(response, path)
     said = [{"name": of.support, "unit": of.unit, **one.summary()} for of, one in found.items()]
-    for section, part in _bodies(scene).items():
+    for body, part in zip(scene.names, scene.sections, strict=True):
         for name, unit in part.springs.items():
-            if (force := section + force_of(name)) in response.force_names:
+            if (force := named(body, force_of(name))) in response.force_names:
                 one = Extremes.of(response.force(force, 0), response.t, path)
-                said.append({"name": section + name, "unit": unit, **one.summary()})
+                said.append({"name": named(body, name), "unit": unit, **one.summary()})
     return {"reactions": said} if said else {}
 
 
-def missing(scene: Scene | Boom) -> list[str]:
+def missing(scene: Scene) -> list[str]:
     """Reactions that the models can't tell, a line each: along x of beams that don't move so, and of all points."""
-    if isinstance(scene, Boom):
-        still = [name for number, name in enumerate(scene.names) if not is_axial(scene, number)]
-    else:
-        pulled = scene.gravity is not None and scene.gravity.direction[0] != 0.0
-        still = ["the body"] if pulled and "x" not in directions(scene) else []
+    pulled = scene.gravity is not None and scene.gravity.direction[0] != 0.0
+    # what slides in others is accelerated along them, and has cylinders
+    still = [one.part.name or "the body" for one in members(scene) if not is_axial(one) and (pulled or one.jointed)]
     points = [
-        f"{section}{one.on}" for section, part in _bodies(scene).items() for one in part.supports if one.points == "all"
+        named(body, str(one.on))
+        for body, part in zip(scene.names, scene.sections, strict=True)
+        for one in part.supports
+        if one.points == "all"
     ]
     along = (
         f"{', '.join(still)}: planar beams without coordinates along x (body.profile.axial is false), so that "
@@ -60,11 +61,6 @@ def missing(scene: Scene | Boom) -> list[str]:
     )
     of_points = f"what supports of all points ({', '.join(points)}) bear is not computed; points = 'mean' tells it"
     return [along] * bool(still) + [of_points] * bool(points)
-
-
-def _bodies(scene: Scene | Boom) -> Mapping[str, OneBody]:
-    """By what the names of their forces begin with."""
-    return {f"{one.name}: ": one for one in scene.sections} if isinstance(scene, Boom) else {"": scene}
 
 
 def _force(response: Response, name: str) -> Array | None:

@@ -19,8 +19,9 @@ from pmr.errors import GrowthError, environment
 from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
-from pmr.scene import Boom, Scene
+from pmr.scene import Scene
 from pmr.scene.choice import transverse
+from pmr.scene.members import member_at
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, exudyn
 from pmr.simulation.blocks import Block, Recorder
@@ -138,7 +139,7 @@ def simulate_reference(
         return _repeated(scene, full, full_simulator(scene, full.size), done, SHORT, steps)
 
 
-def check_installed(scene: Scene | Boom) -> None:
+def check_installed(scene: Scene) -> None:
     """Refuse before the work what a scene's simulators need and isn't there.
 
     Raises InputError with the package and the command that installs it.
@@ -152,7 +153,7 @@ def check_installed(scene: Scene | Boom) -> None:
 
 def quantities(scene: Scene) -> Mapping[str, compare.Quantity]:
     """What is compared between responses."""
-    tips = len(transverse(scene))
+    tips = len(transverse(member_at(scene)))
     return compare.quantities_of(tips, slice(None) if scene.observe.stations is None else slice(-tips))
 
 

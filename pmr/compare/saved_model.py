@@ -18,8 +18,9 @@ from pmr.compare.simulated import driven_by, simulate_sections
 from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated, theory, trusted
 from pmr.errors.environment import Clock
 from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult, Shapes
-from pmr.scene import Boom, Scene
+from pmr.scene import Scene
 from pmr.scene.choice import transverse
+from pmr.scene.members import member_at
 from pmr.simulation import Excitation, contact_step
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native.multibody_march import contact_frequency, places
@@ -59,7 +60,7 @@ def _figures(system: System, response: Response, simulator: str) -> Part:
     )
 
 
-def _sections(system: System, boom: Boom, excitation: Excitation) -> RunResult:
+def _sections(system: System, boom: Scene, excitation: Excitation) -> RunResult:
     """Of a boom of several sections, which starts in equilibrium."""
     clock, x, omega = Clock(), places(system, excitation), contact_frequency(system, excitation)
     found = simulate_sections(boom, system, excitation, clock)
@@ -84,7 +85,7 @@ def _sections(system: System, boom: Boom, excitation: Excitation) -> RunResult:
         driven(excitation),
         Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
         trusted({}, responses),
-        theory({f"sections.{part.name}.": part for part in boom.sections}, float(reach.max()), responses),
+        theory(boom, responses),
     ]
     return RunResult(
         boom,
@@ -107,7 +108,7 @@ def _alone(system: System, scene: Scene, excitation: Excitation) -> RunResult:
     response = simulations.responses["reduced"]
     s = np.unique(np.linspace(excitation.s.min(), excitation.s.max(), POSITIONS))
     found = reduced_frequencies(reduced, s, min(FREQUENCIES, reduced.size))
-    stepped = SteppedBody(modal_form(reduced), excitation, len(transverse(scene)))
+    stepped = SteppedBody(modal_form(reduced), excitation, len(transverse(member_at(scene))))
     estimated = reduction_error(scene, reduced, clock)
     parts = [
         made_with(scene),

@@ -17,16 +17,15 @@ from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
-from pmr.scene import Boom
-from pmr.scene.boom_parts import DRIVEN, section_scene
+from pmr.scene import Scene
 from pmr.scene.built import WEIGHT
+from pmr.scene.members import DRIVEN
 from pmr.simulation import Excitation, Progress, SystemSimulator, contact_step, exudyn
-from pmr.simulation.booms import excitation_of
 from pmr.simulation.excitation import on_path
 from pmr.simulation.native import multibody
 from pmr.simulation.native.multibody_march import contact_frequency
-from pmr.system.booms import system_of
 from pmr.system.contacts import ALONE
+from pmr.system.from_scene import system_of
 from pmr.system.system import System, SystemTrajectory
 
 #: s: what takes no longer is simulated several times.
@@ -43,7 +42,7 @@ class BoomSimulations:
     agreement: Mapping[str, float]
 
 
-def simulate_sections(boom: Boom, system: System, excitation: Excitation, clock: Clock) -> BoomSimulations:
+def simulate_sections(boom: Scene, system: System, excitation: Excitation, clock: Clock) -> BoomSimulations:
     """From equilibrium, by all of them; Exudyn makes each step in the parts that the compiled simulator chose."""
     names, motions = boom.simulation.simulators, dict[str, SystemTrajectory]()
     omega = contact_frequency(system, excitation)
@@ -70,7 +69,7 @@ def simulator_of(name: str) -> SystemSimulator:
 
 
 def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel]) -> Response:
-    """Response of a reduced system to the paths and loads of a `Scene` or `Boom`, by the first simulator that it names.
+    """Response of a reduced system to the paths and loads of a `pmr.scene.Scene`, by the first simulator that it names.
 
     A model is that of a body alone; models of all sections, by their names, are joined as the scene says.
 
@@ -90,13 +89,13 @@ def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedMo
 
 
 def driven_by(scene: Any, system: System) -> Excitation:
-    """Paths, loads and time grid of a `Scene` or `Boom` for a system.
+    """Paths, loads and time grid of a `pmr.scene.Scene` for a system.
 
     An InputError is raised as by `check_fits`, or where a path leaves the rows of the system.
     """
     check_fits(scene, system)
     alone = ALONE in system.bodies
-    excitation = Excitation.of(scene) if alone else excitation_of(scene, system)
+    excitation = Excitation.of(scene)
     for (name, path), s in zip(excitation.paths.items(), excitation.s.T, strict=True):
         try:
             on_path(path, s, system.ranges.get(name, (-np.inf, np.inf)), excitation.times)
@@ -142,12 +141,12 @@ def joined(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> Sy
         if model.section is None or model.section.name != name:
             is_of = "a whole body" if model.section is None else f"section {model.section.name}"
             raise InputError("pmr.simulate", f"models.{name}", is_of, f"the model of section {name} is allowed")
-        check_made_for(model, section_scene(scene, number))
+        check_made_for(model, scene, number)
     return system_of(scene, {name: models[name] for name in names})
 
 
 def _repeated(
-    boom: Boom, system: System, excitation: Excitation, simulator: SystemSimulator, done: Progress
+    boom: Scene, system: System, excitation: Excitation, simulator: SystemSimulator, done: Progress
 ) -> SystemTrajectory:
     """A short simulation is repeated as the scene says, and the fastest counts."""
     start = multibody.static_start(system, excitation)

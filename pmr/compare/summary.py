@@ -15,8 +15,7 @@ from pmr.errors import environment
 from pmr.files import jsonfile
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
-from pmr.scene import Boom, Scene
-from pmr.scene.scene import OneBody
+from pmr.scene import Scene
 from pmr.simulation import Excitation, contact_step, resolution
 
 
@@ -42,7 +41,7 @@ def gathered(parts: Iterable[Part]) -> dict[str, Any]:
     return summary | {"warnings": warnings + jsonfile.remarks(summary)}
 
 
-def made_with(scene: Scene | Boom, libraries: Mapping[str, str] | None = None) -> Part:
+def made_with(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
     """What the result is of, and what it was made with: `libraries` are those beside pmr's own."""
     return Part(
         {
@@ -132,11 +131,10 @@ def trusted(missing: Mapping[str, str], responses: Mapping[str, Response]) -> Pa
     return Part({"no_reference": dict(missing)}, trust.warnings(missing, responses["reduced"]))
 
 
-def theory(bodies: Mapping[str, OneBody], length: float, responses: Mapping[str, Response]) -> Part:
-    """Motions beyond what the models' theory describes, of a body or boom of a length in m, and unusual materials.
-
-    Bodies are by what stands before their keys.
-    """
+def theory(scene: Scene, responses: Mapping[str, Response]) -> Part:
+    """Motions beyond what the models' theory describes, and unusual materials."""
+    bodies = {f"sections.{part.name}." if part.name else "": part for part in scene.sections}
+    length = float(np.max(scene.reach(np.linspace(0.0, scene.time.end, scene.time.steps + 1))))
     materials = {f"{key}body.material": body.body.material for key, body in bodies.items()} | {
         f"{key}body.regions.{name}.material": region.material
         for key, body in bodies.items()

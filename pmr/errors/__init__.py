@@ -32,6 +32,10 @@ class InputError(ValueError):
         """The same, said of the file (or option) in which the user wrote it."""
         return InputError(source, self.key, self.value, self.allowed) if self.source == "scene" else self
 
+    def called(self, key: str) -> InputError:
+        """The same of a key of a scene as its file writes it."""
+        return InputError(self.source, key, self.value, self.allowed) if self.source == "scene" else self
+
     def _line(self) -> str:
         text = repr(self.value)
         shown = "" if self.value is None else f" = {text if len(text) <= WIDEST else f'{text[: WIDEST - 3]}...'}"

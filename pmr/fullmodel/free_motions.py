@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.system import BODY, FullSystem
+from pmr.fullmodel.system import FullSystem
 from pmr.models import DIRECTIONS, StructuralModel
 from pmr.models.matrices import Matrices
+from pmr.scene.names import ALONE
 
 Array = NDArray[np.float64]
 
@@ -112,7 +113,7 @@ def words(system: FullSystem, structural: Mapping[str, StructuralModel], way: Wa
     if not counts[most]:
         return ""
     said = "; ".join(
-        f"{'the body' if name == BODY else name if name == last else f'{name} with what it carries'} free to "
+        f"{'the body' if name == ALONE else name if name == last else f'{name} with what it carries'} free to "
         + ", ".join(motions)
         for name, motions in found[most].items()
     )

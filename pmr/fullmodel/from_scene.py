@@ -1,4 +1,4 @@
-"""From a scene to a structure: its mesh, the model on it, pads, loads, masses and what is observed."""
+"""From a body of a scene to a structure: its mesh, the model on it, pads, loads, masses and what is observed."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.constraints.straight import Straight
 from pmr.errors import InputError, on_first
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.files.matrices import GivenMatrices
@@ -24,9 +25,9 @@ from pmr.mesh.named import NamedMesh, read_mesh
 from pmr.models import StructuralModel
 from pmr.models.box_section import box_section
 from pmr.models.matrices import Matrices
-from pmr.scene import Scene
 from pmr.scene.built import Box, PadRing
-from pmr.scene.choice import directions, model_of, transverse
+from pmr.scene.choice import directions, has_tail, is_accelerated, model_of, transverse
+from pmr.scene.members import DRIVEN, TAIL, Member
 from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Profile
 
 Array = NDArray[np.float64]
@@ -38,8 +39,8 @@ WITHOUT_FORMS = ("matrices",)
 MOST_OBSERVED = 1000
 
 
-def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
-    """What a scene describes; the same on every rank, collective.
+def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
+    """What a body of a scene is; the same on every rank, collective.
 
     Outputs: the displacement in m along each transverse direction at the observed places (by default a beam's nodes but
     for the last, which is the tip; of more than `MOST_OBSERVED` every second, third ...), then of the tip, then the
@@ -48,10 +49,10 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
     Raises an `InputError` if the mesh can't be had, or lacks a group.
     """
-    if model_of(scene) not in WITHOUT_FORMS:
-        check_fenicsx(model_of(scene))
-    model, pads = _MODELS.get(model_of(scene), _meshed)(scene, comm), _pads(scene)
-    across, observe, supports = transverse(scene), scene.observe, _supports(scene)
+    if model_of(member) not in WITHOUT_FORMS:
+        check_fenicsx(model_of(member))
+    model, pads = _MODELS.get(model_of(member), _meshed)(member, comm), _pads(member)
+    across, observe, supports = transverse(member), member.part.observe, _supports(member)
     stations: Sequence[float] | Array | None = observe.stations
     if stations is None:
         assert model.node_stations is not None  # the scene's check
@@ -62,16 +63,17 @@ def structure_of(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     forces = [PadForce(pad.name) for pad in pads.fixed if np.isfinite(pad.stiffness) and not pad.unilateral]
     forces += [PadForce(support.name) for support in supports if np.isfinite(support.stiffness)]
     turned = [Action(f"{observe.tip} ry", observe.tip, "ry")] if observe.rotation else []
-    weight = [Weight(scene.gravity.direction)] if scene.gravity else []
+    weight = [Weight(member.gravity.direction)] if member.gravity else []
+    driven = [Weight((-1.0, 0.0, 0.0), DRIVEN)] if is_accelerated(member) else []
     return Structure(
         model,
-        clamps=tuple(Clamp(str(one.on), one.held) for one in scene.supports if one.points == "all"),
-        masses=scene.masses,
-        loads=(*(Action(load.name, load.on, load.direction) for load in scene.loads), *weight),
-        outputs=(*line, *tip, *forces, *turned, *gauges(scene, model)),
-        damping=scene.damping,
+        clamps=tuple(Clamp(str(one.on), one.held) for one in member.part.supports if one.points == "all"),
+        masses=member.part.masses,
+        loads=(*(Action(load.name, load.on, load.direction) for load in member.part.loads), *weight, *driven),
+        outputs=(*line, *tip, *forces, *turned, *gauges(member.part, model)),
+        damping=member.damping,
         pads=replace(pads, supports=supports),
-        ports=tuple(_port(model, place, d) for place in scene.reduction.ports for d in model.directions),
+        ports=tuple(_port(model, place, d) for place in member.part.reduction.ports for d in model.directions),
     )
 
 
@@ -79,51 +81,63 @@ def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
     return Action(f"{place if isinstance(place, str) else f'{place:g} m'} {direction}", place, direction)
 
 
-def _pads(scene: Scene) -> Pads:
+def _pads(member: Member) -> Pads:
     """Those that the model can feel: nothing moves a planar beam sideways."""
-    faces = ("bottom", "top") if model_of(scene) == "beam2d" else ("bottom", "top", "left", "right")
-    rings = {moving: [ring for ring in scene.pads if ring.moving is moving] for moving in (False, True)}
-    fixed, moving = (tuple(pad for ring in rings[m] for pad in _ring(ring, faces)) for m in (False, True))
-    if scene.points:
-        travel = 0.0 - min(scene.points), scene.length - max(scene.points)
-        return Pads(fixed, sliders=tuple(Slider(_slider_name(scene, at), at) for at in scene.points), travel=travel)
-    low, high = scene.travel
-    reach = 0.0 if high > low else 1e-3 * scene.length
-    return Pads(fixed, moving, travel=(low, high + reach))
+    faces = ("bottom", "top") if model_of(member) == "beam2d" else ("bottom", "top", "left", "right")
+    fixed, moving = (
+        tuple(
+            pad
+            for ring in member.pads
+            if ring.moving is moves
+            for pad in _ring(ring, faces, member.stretches.get(ring.name))
+        )
+        for moves in (False, True)
+    )
+    straight = tuple(Straight(end, names) for names, end in member.straight.items())
+    if member.points:
+        travel = 0.0 - min(member.points), member.part.length - max(member.points)
+        sliders = tuple(map(Slider, member.point_names, member.points))
+        pads = Pads(fixed, sliders=sliders, travel=travel, straight=straight)
+    else:
+        low, high = member.travel
+        reach = 0.0 if high > low else 1e-3 * member.part.length
+        pads = Pads(fixed, moving, travel=(low, high + reach), straight=straight)
+    return replace(pads, ends=(Support(TAIL, "tail", "x"),), travel=_common(pads)) if has_tail(member) else pads
 
 
-def _slider_name(scene: Scene, offset: float) -> str:
-    if scene.points == (0.0,):
-        return "slider"
-    return f"slider at s{offset:+g} m" if offset else "slider at s"
+def _common(pads: Pads) -> tuple[float, float]:
+    """Where all rows are defined: those of ends are too."""
+    travels = [pad.travel for pad in pads.moving if pad.travel is not None] or [pads.travel]
+    return float(np.max([low for low, _ in travels])), float(np.min([high for _, high in travels]))
 
 
-def _ring(ring: PadRing, faces: tuple[str, ...]) -> list[Pad]:
+def _ring(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float] | None) -> list[Pad]:
     stiffness = np.inf if ring.stiffness == "rigid" else ring.stiffness
+    size, only_pushes = (ring.length, ring.width, stiffness), ring.unilateral
     return [
-        Pad(name, face, ring.at, across, ring.length, ring.width, stiffness, ring.unilateral, ring.clearance_on(face))
+        Pad(name, face, ring.at, across, *size, only_pushes, ring.clearance_on(face), travel)
         for name, face, across in ring.places
         if face in faces
     ]
 
 
-def _supports(scene: Scene) -> tuple[Support, ...]:
+def _supports(member: Member) -> tuple[Support, ...]:
     """One for each direction that the model knows: nothing moves a planar beam along others."""
-    moves = directions(scene)
+    moves = directions(member)
     return tuple(
         Support(one.row_name(d), one.on, d, np.inf if one.stiffness == "rigid" else one.stiffness)
-        for one in scene.supports
+        for one in member.part.supports
         if one.points == "mean"
         for d in one.held
         if d in moves
     )
 
 
-def _planar_beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
+def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
     from pmr.models.beam2d import Beam2D
 
-    profile = scene.body.profile or _planar_profile(_box(scene), scene.body.material)
-    return Beam2D(profile, beam_nodes(profile.length, scene.mesh))
+    profile = member.part.body.profile or _planar_profile(_box(member), member.part.body.material)
+    return Beam2D(profile, beam_nodes(profile.length, member.part.mesh))
 
 
 def _planar_profile(box: Box, material: Material) -> Profile:
@@ -141,10 +155,10 @@ def _profile(box: Box) -> BoxProfile:
     return BoxProfile(width=box.width, height=box.height, wall=box.wall, radius=box.radius)
 
 
-def _beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
+def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
     from pmr.models.beam3d import Beam3D
 
-    box, body = _box(scene), scene.body
+    box, body = _box(member), member.part.body
     profile = None if body.section else _profile(box)
     return Beam3D(
         Beam3DBody(
@@ -153,48 +167,48 @@ def _beam(scene: Scene, comm: MPI.Comm) -> StructuralModel:
             profile=profile,
             material=body.material,
             shear=body.shear,
-            elements=scene.mesh.elements,
+            elements=member.part.mesh.elements,
         )
     )
 
 
-def _meshed(scene: Scene, comm: MPI.Comm) -> StructuralModel:
+def _meshed(member: Member, comm: MPI.Comm) -> StructuralModel:
     """A shell or solid: its module, named as the scene names the model, says of which cells it is, and makes it."""
-    kind = import_module(f"pmr.models.{model_of(scene)}")
+    kind = import_module(f"pmr.models.{model_of(member)}")
 
     def write(boom: BoxBoom, file: Path) -> None:
         if "triangle" in kind.KINDS:
             write_shell(boom, file)
         else:
-            write_solid(boom, file, hexahedra=scene.mesh.cells == "hexahedra")
+            write_solid(boom, file, hexahedra=member.part.mesh.cells == "hexahedra")
 
-    model: StructuralModel = kind.of(scene.body, _mesh(scene, comm, kind.KINDS, write))
+    model: StructuralModel = kind.of(member.part.body, _mesh(member, comm, kind.KINDS, write))
     return model
 
 
-def _matrices(scene: Scene, comm: MPI.Comm) -> StructuralModel:
+def _matrices(member: Member, comm: MPI.Comm) -> StructuralModel:
     """Read by every rank: they are its own."""
-    assert scene.mesh.file is not None  # the scene's check
-    return Matrices(GivenMatrices.load(scene.mesh.file))
+    assert member.part.mesh.file is not None  # the scene's check
+    return Matrices(GivenMatrices.load(member.part.mesh.file))
 
 
-_MODELS: dict[str, Callable[[Scene, MPI.Comm], StructuralModel]] = {
+_MODELS: dict[str, Callable[[Member, MPI.Comm], StructuralModel]] = {
     "beam2d": _planar_beam,
     "beam3d": _beam,
     "matrices": _matrices,
 }
 
 
-def _mesh(scene: Scene, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
+def _mesh(member: Member, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
     """Read or drawn by rank 0, then the same everywhere."""
-    found: NamedMesh = comm.bcast(on_first(comm, lambda: _read_or_draw(scene, kinds, write)))
+    found: NamedMesh = comm.bcast(on_first(comm, lambda: _read_or_draw(member, kinds, write)))
     return found
 
 
-def _read_or_draw(scene: Scene, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
-    if scene.mesh.file is not None:
-        return read_mesh(scene.mesh.file, kinds)
-    box, mesh = _box(scene), scene.mesh
+def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
+    if member.part.mesh.file is not None:
+        return read_mesh(member.part.mesh.file, kinds)
+    box, mesh = _box(member), member.part.mesh
     try:
         drawn = BoxBoom(**box.model_dump(), size=mesh.size, size_along=mesh.along or 0.0, tail_layer=mesh.tail_layer)
         with TemporaryDirectory() as folder:
@@ -213,6 +227,6 @@ def _read_or_draw(scene: Scene, kinds: tuple[str, ...], write: Callable[[BoxBoom
         raise InputError("scene", key or f"body.box.{error.key}", error.value, error.allowed) from None
 
 
-def _box(scene: Scene) -> Box:
-    assert scene.body.box is not None  # the scene's check
-    return scene.body.box
+def _box(member: Member) -> Box:
+    assert member.part.body.box is not None  # the scene's check
+    return member.part.body.box

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fields.stress import StressRows
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
-from pmr.scene import Scene
+from pmr.scene.parts import OneBody
 from pmr.scene.structures import Material, Probe
 
 Array = NDArray[np.float64]
@@ -44,22 +44,22 @@ class Gauge:
     face: str = ""
 
 
-def gauges(scene: Scene, model: StructuralModel) -> list[Gauge]:
-    """What the probes of a scene measure, one gauge for each component.
+def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
+    """What the probes of a body measure, one gauge for each component.
 
     Raises an `InputError` if a group or face does not exist, or the model has no stresses.
     """
-    if not scene.probes:
+    if not part.probes:
         return []
     if not is_assembled(model):
         raise InputError("scene", "probes", None, "given matrices have no cells and no stresses: leave them out")
     found, stresses = list[Gauge](), None
-    for i, probe in enumerate(scene.probes):
+    for i, probe in enumerate(part.probes):
         for measure in probe.measures:
             if measure == "displacement":
                 found += _displacements(probe, model)
                 continue
-            stresses = stresses or _Stresses.of(scene, model)
+            stresses = stresses or _Stresses.of(part, model)
             if stresses is None:
                 allowed = "displacement is allowed: this model has no stresses"
                 raise InputError("scene", f"probes[{i}].measures", measure, allowed)
@@ -99,18 +99,18 @@ def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
 class _Stresses:
     """Stresses of a model, its cells' materials and the probes that look at them."""
 
-    scene: Scene
+    part: OneBody
     model: FiniteElementModel
     rows: StressRows
 
     @classmethod
-    def of(cls, scene: Scene, model: FiniteElementModel) -> _Stresses | None:
+    def of(cls, part: OneBody, model: FiniteElementModel) -> _Stresses | None:
         rows = model.stresses()
-        return None if rows is None else cls(scene, model, rows)
+        return None if rows is None else cls(part, model, rows)
 
     def gauges(self, number: int, measure: str) -> Iterator[Gauge]:
         """Stress or strain where the probe of this number looks."""
-        known, probe, points = self.rows, self.scene.probes[number], self._points(number)
+        known, probe, points = self.rows, self.part.probes[number], self._points(number)
         count = len(known.components)
         stress = sp.csr_matrix(np.vstack([known.rows[count * points + k].mean(axis=0) for k in range(count)]))
         if measure == "strain":
@@ -121,7 +121,7 @@ class _Stresses:
 
     def _points(self, number: int) -> Indices:
         """Numbers of the stress points that a probe looks at: the nearest one, or those of a group."""
-        known, probe, key = self.rows, self.scene.probes[number], f"probes[{number}]"
+        known, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"
         if probe.face and probe.face not in known.faces:
             raise InputError("scene", f"{key}.face", probe.face, f"{', '.join(known.faces)} are allowed")
         at = known.on(probe.face) if probe.face else np.arange(len(known.points))
@@ -138,10 +138,10 @@ class _Stresses:
         return inside
 
     def _material(self, cell: int) -> Material:
-        for name, region in self.scene.body.regions.items():
+        for name, region in self.part.body.regions.items():
             if region.material is not None and cell in self.model.grid.regions[name]:
                 return region.material
-        return self.scene.body.material
+        return self.part.body.material
 
 
 def _hooke(material: Material, components: int) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
 from pmr.fullmodel.model import FullModel
+from pmr.scene.names import ALONE, SLIDER
 from pmr.system.body import FullBody
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import Joined, System
@@ -28,17 +29,17 @@ class FullSystem(Joined[FullModel]):
     """
 
     @classmethod
-    def of(cls, model: FullModel, path: str) -> FullSystem:
-        """One body, all of whose rows are contacts with the ground that travel along the same path."""
+    def of(cls, model: FullModel) -> FullSystem:
+        """A body alone, all of whose rows are contacts with the ground; what moves does so along one path."""
         at = (
-            Place(BODY, row.name, path=path) if row.moves else Place(BODY, row.name, row.breaks[0])
+            Place(ALONE, row.name, path=SLIDER) if row.moves else Place(ALONE, row.name, row.breaks[0])
             for row in model.rows.rows
         )
         contacts = tuple(
             Contact(row.name, place, compliance=row.compliance, clearance=row.clearance)
             for row, place in zip(model.rows.rows, at, strict=True)
         )
-        return cls({BODY: model}, contacts)
+        return cls({ALONE: model}, contacts)
 
     @property
     def models(self) -> tuple[FullModel, ...]:
@@ -107,10 +108,6 @@ class FullSystem(Joined[FullModel]):
     def side_rows(self) -> tuple[Row, ...]:
         """The row of each of the `sides`, on its body's carriers."""
         return tuple(self.row(side.place) for side in self.sides)
-
-
-#: What the body of a system of one is called.
-BODY = "body"
 
 
 def consecutive(sizes: Sequence[int]) -> tuple[slice, ...]:

@@ -40,7 +40,6 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
-from pmr.fullmodel.system import BODY
 from pmr.recover.coordinates import Recovery, chosen_states
 from pmr.recover.framed import framed_body as framed_body
 from pmr.recover.from_scene import Recovered, recover, recovered_steps
@@ -57,6 +56,7 @@ from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Scene
 from pmr.scene.choice import transverse
+from pmr.scene.members import member_at
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.modal import modal_form
@@ -123,7 +123,7 @@ def run(
     clock, scene = clock or Clock(), order.prepared(scene)
     with clock.stage("assemble"):
         built = build(scene, comm)
-        free_motions = left_free(scene, {BODY: built}) if scene.free_motions == "allowed" else []
+        free_motions = left_free(scene, {ALONE: built}) if scene.free_motions == "allowed" else []
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     size, outputs = built.model.size, built.model.outputs.getSize()[1]
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
@@ -149,7 +149,7 @@ def run(
     excitation, reduced = Excitation.of(scene), reduction.reduced
     estimate, step = (None, None) if choice is None else (choice.found.estimate, choice.found.step_error)
     estimated = reduction_error(scene, reduced, clock, other, estimate)
-    stepped = SteppedBody(modal_form(reduced), excitation, len(transverse(scene)))
+    stepped = SteppedBody(modal_form(reduced), excitation, len(transverse(member_at(scene))))
     in_frequency = of_body(scene, reduced)
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     parts = [
@@ -170,7 +170,7 @@ def run(
         Part(places({"": built.structure.outputs})),
         contact(reduced, excitation),
         trusted(found.missing, responses),
-        theory({"": scene}, scene.length, responses),
+        theory(scene, responses),
         frequency_part(in_frequency),
         Part() if seen is None else Part(seen.summary()),
     ]
@@ -258,7 +258,7 @@ def _cached_or_reduced(scene: Scene, model: FullModel, clock: Clock, cached: Cac
     return Reduction(model, found.snapshots, found.basis, found.model)
 
 
-def _chosen(scene: Scene, reduction: Reduction, clock: Clock, cached: Cache | None) -> order.Choice[Scene] | None:
+def _chosen(scene: Scene, reduction: Reduction, clock: Clock, cached: Cache | None) -> order.Choice | None:
     """Model and step for the scene's tolerance or within its budget, if it has one."""
     if scene.ordered is None:
         return None

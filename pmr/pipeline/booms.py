@@ -27,7 +27,7 @@ from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fullmodel import probes
-from pmr.fullmodel.build import Built, build_sections, left_free
+from pmr.fullmodel.build import Built, build_bodies, left_free
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.pipeline import Outcome, Reduction, reduce, run
 from pmr.recover.from_scene import Recovered, recover_sections, recovered_steps, states_of
@@ -35,13 +35,13 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduction.cache import cache_in
 from pmr.reduction.sections import ReducedSection, reduce_sections
 from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult
-from pmr.scene import Boom, Scene
+from pmr.scene import Scene
 from pmr.simulation import contact_step
-from pmr.simulation.booms import excitation_of
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.multibody_march import contact_frequency, places
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.assembly import Assembly
-from pmr.system.booms import system_of
+from pmr.system.from_scene import system_of
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ class BoomOutcome:
 
 
 def run_boom(
-    boom: Boom,
+    boom: Scene,
     comm: MPI.Comm = MPI.COMM_WORLD,
     clock: Clock | None = None,
     checkpoint: Checkpoint | None = None,
@@ -93,10 +93,10 @@ def run_boom(
 class _Run:
     """A boom's sections, built and reduced, what is simulated of them, and what that says."""
 
-    def __init__(self, boom: Boom, comm: MPI.Comm, clock: Clock, cache: Path | None) -> None:
+    def __init__(self, boom: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> None:
         self.boom, self.comm, self.clock = boom, comm, clock
         with clock.stage("assemble"):
-            self.built = build_sections(boom, comm)
+            self.built = build_bodies(boom, comm)
             self.free = left_free(boom, self.built) if boom.free_motions == "allowed" else []
         with clock.stage("reduce"):
             self.caches = (
@@ -110,20 +110,20 @@ class _Run:
             self.sections = {name: replace(one, modal=models[name]) for name, one in self.sections.items()}
         self.reduced = {name: one.model for name, one in self.sections.items()}
         self.system = system_of(boom, self.reduced)
-        self.excitation = excitation_of(boom, self.system)
+        self.excitation = Excitation.of(boom)
         self.full = FullBoom.of(boom, self.built) if "full" in boom.compare.against else None
 
-    def _chosen(self) -> order.Choice[Boom] | None:
+    def _chosen(self) -> order.Choice | None:
         """Models and step for the boom's tolerance or within its budget, if it has one; the same on every rank."""
         boom, comm, models = self.boom, self.comm, {name: one.modal for name, one in self.sections.items()}
         if boom.ordered is None:
             return None
         with self.clock.stage("search"):
-            choice: order.Choice[Boom] = comm.bcast(on_first(comm, lambda: order.choose_sections(boom, models)))
+            choice: order.Choice = comm.bcast(on_first(comm, lambda: order.choose_sections(boom, models)))
         if not boom.ordered.mesh or (finer := mesh.finer_sections(boom)) is None:
             return order.without_mesh(choice)
         with self.clock.stage("finer mesh"):
-            built = build_sections(finer, comm)
+            built = build_bodies(finer, comm)
             on_finer = {name: one.modal for name, one in reduce_sections(finer, built).items()}
             found = on_first(comm, lambda: order.with_mesh_of_sections(choice, boom, models, finer, on_finer))
             choice = comm.bcast(found)
@@ -172,7 +172,7 @@ class _Run:
             trusted({"full": whole.missing} if whole.missing else {}, responses),
             *(Part(warnings=build_warnings(structure)) for structure in structures.values()),
             Part(warnings=self.free),
-            theory({f"sections.{part.name}.": part for part in boom.sections}, float(reach.max()), responses),
+            theory(boom, responses),
         ]
         paths = Paths(tuple(excitation.paths), excitation.s, excitation.rates)
         loads = Loads(system.input_names, system.input_units, excitation.forces(system.input_names))
@@ -240,7 +240,7 @@ class _Run:
 class BoomReduction:
     """The full models of a boom's sections by their names, and what they are reduced to; the same on every rank."""
 
-    boom: Boom
+    boom: Scene
     built: Mapping[str, Built]
     sections: Mapping[str, ReducedSection]
 
@@ -256,7 +256,7 @@ class BoomReduction:
 
 
 def reduce_either(
-    scene: Scene | Boom, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None
+    scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None
 ) -> Reduction | BoomReduction:
     """Reduce a scene, as `pmr.pipeline.reduce`, or all sections of a boom; collective.
 
@@ -265,20 +265,22 @@ def reduce_either(
     if scene.ordered is not None:
         allowed = "none is allowed where the reduced model alone is made: pmr.run(scene) chooses model and step"
         raise InputError("scene", "budget" if scene.accuracy is None else "accuracy", None, allowed)
-    if not isinstance(scene, Boom):
+    if len(scene.sections) == 1:
         return reduce(scene, comm, clock)
-    built = build_sections(scene, comm)
+    built = build_bodies(scene, comm)
     return BoomReduction(scene, built, reduce_sections(scene, built))
 
 
 def run_either(
-    scene: Scene | Boom,
+    scene: Scene,
     comm: MPI.Comm = MPI.COMM_WORLD,
     clock: Clock | None = None,
     checkpoint: Checkpoint | None = None,
     cache: Path | None = None,
 ) -> Outcome | BoomOutcome | None:
     """Run a scene the whole way, as `pmr.pipeline.run`, or a boom, as `run_boom`."""
-    if isinstance(scene, Boom):
-        return run_boom(scene, comm, clock, checkpoint, cache)
-    return run(scene, comm, clock, checkpoint, cache)
+    simulated = run_boom if len(scene.sections) > 1 else run
+    try:
+        return simulated(scene, comm, clock, checkpoint, cache)
+    except InputError as error:
+        raise error.called(scene.spelled(error.key)) from None

@@ -25,7 +25,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.residual.operator import ResidualFlexibility
 from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.scene.boom_parts import TAIL
+from pmr.scene.members import TAIL
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from pmr.fullmodel.structure import Structure
 from pmr.recover.coordinates import Recovery, ReducedStates, chosen_states
 from pmr.recover.fields import Seen, View, in_blocks, look
 from pmr.reduction.sections import ReducedSection
-from pmr.scene import Boom, Scene
+from pmr.scene import Scene
 from pmr.scene.asked import Recovery as FieldsAsked
 from pmr.system.system import System, SystemTrajectory
 
@@ -51,7 +51,7 @@ class Recovered:
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
 
 
-def recovered_steps(scene: Scene | Boom) -> NDArray[np.int64]:
+def recovered_steps(scene: Scene) -> NDArray[np.int64]:
     """Numbers (S,) of the steps whose states are recovered; empty where the scene asks for none."""
     if scene.recovery is None:
         return np.empty(0, np.int64)
@@ -102,7 +102,7 @@ def states_of(system: System, trajectory: SystemTrajectory, steps: NDArray[np.in
 
 
 def recover_sections(
-    boom: Boom,
+    boom: Scene,
     built: Mapping[str, Built],
     reduced: Mapping[str, ReducedSection],
     states: Mapping[str, SectionStates],

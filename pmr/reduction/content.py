@@ -15,7 +15,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.scene import Scene
 
 #: Sections of a scene that no reduction depends on.
-ASKED = ("title", "time", "recovery", "simulation", "compare", "accuracy", "budget", "published")
+ASKED = ("title", "start", "time", "recovery", "simulation", "compare", "accuracy", "budget", "published")
 
 
 def content_of(model: FullModel) -> str:
@@ -46,7 +46,7 @@ def structure_in(scene: Scene) -> str:
     The content of files that it names is not in it.
     """
     exclude: dict[str, Any] = dict.fromkeys(ASKED, True)
-    exclude |= {"slider": {"path"}, "loads": {"__all__": {"signal"}}, "gravity": {"signal"}}
+    exclude |= {"sections": {"__all__": {"slider": {"path"}, "loads": {"__all__": {"signal"}}}}}
     return scene.model_dump_json(exclude=exclude)
 
 

@@ -19,7 +19,8 @@ from pmr.reduction.snapshots import Snapshots
 from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
 from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
 from pmr.reduction.snapshots.free_modes import free_modes
-from pmr.scene import Scene
+from pmr.scene import Reduction, Scene
+from pmr.scene.members import member_at
 
 #: Modes beyond the coordinates with which the error is estimated: six of the paper's beam hold 98 % of the residual
 #: part's inertia with four.
@@ -55,11 +56,18 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
     return pod(model, snapshots, choice.coordinates, choice.product, choice.solver)
 
 
-def provenance(scene: Scene, basis: Basis) -> dict[str, Any]:
-    """What a reduced model says of where it comes from."""
+def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
+    """What the reduced model of one of a scene's bodies says of where it comes from."""
+    one, known = member_at(scene, number), scene.recorded
+    if one.jointed:  # as a body alone is described, with the pads of its joints
+        described = known["scene"]
+        own = described.pop("sections")[number] | {"pads": [ring.model_dump(mode="json") for ring in one.pads]}
+        own = {key: value for key, value in own.items() if key not in ("name", "joint", "slider")}
+        title = {"title": f"{scene.title}: {one.part.name}"}
+        known = known | {"scene": described | own | title, "files": one.part.digests}
     return {
-        **scene.recorded,
-        "basis": description(scene, basis),
+        **known,
+        "basis": description(one.part.reduction, basis),
         "kappa": basis.kappa(),
         "versions": environment.versions() | versions(),
     }
@@ -72,7 +80,7 @@ def summary(
     largest = float(snapshots.residuals.max())
     return {
         "basis": {
-            "kind": description(scene, basis),
+            "kind": description(scene.reduction, basis),
             "kappa": basis.kappa(),
             "singular_values": basis.sigma.tolist(),
             "largest_residual": None if np.isnan(largest) else largest,
@@ -110,9 +118,8 @@ def _enrichment(scene: Scene, model: FullModel) -> int:
     return ENRICHMENT_MODES if scene.reduction.needs_inertia else 0
 
 
-def description(scene: Scene, basis: Basis) -> str:
+def description(choice: Reduction, basis: Basis) -> str:
     """The basis in words."""
-    choice = scene.reduction
     if choice.basis == "file":
         rigid = "rigid-body modes and " if choice.flexibility else ""
         kind = f"{rigid}vectors from a file, orthonormal in the {basis.product} product"

@@ -20,8 +20,8 @@ from pmr.reduction.reactions import support_motions, with_reactions
 from pmr.reduction.residual.model import section_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
-from pmr.scene import Boom, Reduction
-from pmr.scene.boom_parts import joint_rows, section_scene
+from pmr.scene import Reduction, Scene
+from pmr.scene.members import members
 
 #: Enrichment modes of a section where a tolerance or a budget is given: among them the smallest model is looked for.
 SEARCHED = 12
@@ -41,7 +41,7 @@ class ReducedSection:
 
 
 def reduce_sections(
-    boom: Boom, built: Mapping[str, Built], caches: Mapping[str, Cache] | None = None
+    scene: Scene, built: Mapping[str, Built], caches: Mapping[str, Cache] | None = None
 ) -> Mapping[str, ReducedSection]:
     """The reduced model of every section, those of equal ones once; collective.
 
@@ -49,19 +49,19 @@ def reduce_sections(
 
     Raises an `InputError` with the section's key.
     """
-    beyond = ENRICHMENT_MODES if boom.ordered is None else SEARCHED
+    beyond = ENRICHMENT_MODES if scene.ordered is None else SEARCHED
     made, found = dict[tuple[int, Reduction], tuple[ReducedModel, Basis]](), dict[str, ReducedSection]()
-    for number, part in enumerate(boom.sections):
+    for member in members(scene):
+        part = member.part
         key = id(built[part.name]), part.reduction
         if key not in made:
             try:
                 made[key] = _reduced(built[part.name], part.reduction, beyond, (caches or {}).get(part.name))
             except InputError as error:
-                where = ".".join(filter(None, (f"sections[{number}]", error.key)))
-                raise InputError(error.source, where, error.value, error.allowed) from None
+                raise error.called(scene.key_of(member.number, error.key)) from None
         model, basis = made[key]
-        about, joints = provenance(section_scene(boom, number), basis), joint_rows(boom, number)
-        own = SectionOf(part.name, boom.title, tuple(row for row in model.row_names if row.startswith(joints)))
+        about, joints = provenance(scene, basis, member.number), member.joint_rows
+        own = SectionOf(part.name, scene.title, tuple(row for row in model.row_names if row in joints))
         V = np.array(basis.V.getDenseArray())
         found[part.name] = ReducedSection(replace(model, provenance=about, section=own), V)
     return found

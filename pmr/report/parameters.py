@@ -12,6 +12,7 @@ from pmr.report.subject import loads, moving, spoken
 from pmr.results import RunResult
 from pmr.scene import Body, Scene
 from pmr.scene.choice import choose
+from pmr.scene.members import member_at
 from pmr.scene.signals import SignalBase
 from pmr.scene.structures import Profile
 
@@ -53,7 +54,7 @@ def described(signal: SignalBase, unit: str) -> str:
 
 
 def _structure(scene: Scene) -> Rows:
-    body, mesh, chosen = scene.body, scene.mesh, choose(scene)
+    body, mesh, chosen = scene.body, scene.mesh, choose(member_at(scene))
     yield "model", f"{spoken(chosen.model).split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
     if body.profile is not None:
         yield from _profile(body.profile)

@@ -22,6 +22,7 @@ from pmr.report.subject import forces as forces_of
 from pmr.report.subject import line as line_of
 from pmr.results import RunResult
 from pmr.scene.choice import transverse
+from pmr.scene.members import member_at
 
 Show = Callable[[RunResult, str], Block | None]
 
@@ -152,7 +153,7 @@ def constraint(result: RunResult, prefix: str) -> Block | None:
 def basis(result: RunResult, prefix: str) -> Block | None:
     """Shapes of the basis, singular values of what it was made from, frequencies."""
     rows: list[tuple[Drawing, ...]] = []
-    if len(transverse(result.scene)) == 1:
+    if len(transverse(member_at(result.scene))) == 1:
         rows.append((drawing(f"{prefix}-basis", shapes.basis, captions.basis(result), result),))
     row = []
     if result.scene.reduction.pooled:  # others have singular values of 1, all of them

@@ -16,6 +16,7 @@ from pmr.results import Response, RunResult
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.choice import choose, model_of, transverse
+from pmr.scene.members import member_at
 from pmr.scene.signals import SignalBase
 
 Array = NDArray[np.float64]
@@ -104,13 +105,13 @@ def represented(result: RunResult) -> Model:
     scene = result.scene
     if scene.body.model != "auto":
         return Model(spoken(scene.body.model), "as the scene names it")
-    chosen = choose(scene)
+    chosen = choose(member_at(scene))
     return Model(spoken(chosen.model), f"since {'; '.join(chosen.reasons)}")
 
 
 def tips(result: RunResult) -> Mapping[str, Quantity]:
     """The tip's displacement, (T,) m, along each of these directions: the last columns, where none has a name."""
-    across = transverse(result.scene)
+    across = transverse(member_at(result.scene))
     return {d: _column(_tip(result, d), k - len(across)) for k, d in enumerate(across)}
 
 
@@ -132,7 +133,7 @@ def not_drawn(result: RunResult, directions: Sequence[str]) -> str:
 
 def line(result: RunResult, response: Response) -> Line:
     """Where a response has the body's displacement along the vertical; nowhere, if it says nothing of columns."""
-    across, names = transverse(result.scene), response.output_names
+    across, names = transverse(member_at(result.scene)), response.output_names
     if len(across) == 1:
         return Line(response.x, np.arange(len(response.x)))
     tip = [_tip(result, across[-1])]
@@ -221,7 +222,7 @@ def stress_times(result: RunResult) -> Array:
 
 def _unnamed(scene: Scene) -> list[str]:
     """Forces in the order of results that don't say it: outputs before rows, those of rows that move last."""
-    faces = ("bottom", "top") if model_of(scene) == "beam2d" else ("bottom", "top", "left", "right")
+    faces = ("bottom", "top") if model_of(member_at(scene)) == "beam2d" else ("bottom", "top", "left", "right")
     staying = [ring for ring in scene.pads if not ring.moving and ring.stiffness != "rigid"]
     ordered = [*sorted(staying, key=lambda ring: ring.unilateral), *(ring for ring in scene.pads if ring.moving)]
     return [force_of(name) for ring in ordered for name, face, _ in ring.places if face in faces]

@@ -19,7 +19,7 @@ from pmr.files import jsonfile, npz, records
 from pmr.files.swap import finished
 from pmr.results.parts import BodyResult, Frequencies, FrequencyResponse, Loads, Paths, Shapes
 from pmr.results.response import Response
-from pmr.scene.files import from_json
+from pmr.scene import Scene
 from pmr.scene.names import ALONE, SLIDER
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ class RunResult:
     where stresses are recovered.
     """
 
-    scene: Any  # a `pmr.scene.Scene`, or a `Boom` of sections
+    scene: Scene
     summary: dict[str, Any]
     responses: Mapping[str, Response]
     paths: Paths
@@ -145,7 +145,7 @@ class RunResult:
     def load(cls, folder: Path) -> RunResult:
         """Read what `save` wrote, or an earlier version."""
         finished(folder)
-        scene = from_json((folder / "scene.json").read_text(encoding="utf-8"))
+        scene = Scene.model_validate_json((folder / "scene.json").read_text(encoding="utf-8"))
         data = npz.read(folder / "trajectories.npz")
         columns = json.loads(str(data["columns"])) if "columns" in data else {}
         simulators = sorted({key.split(".")[0] for key in data if key.endswith(".displacement")})

@@ -5,12 +5,11 @@ allowed raises `pmr.errors.InputError` with file, key, value and what is allowed
 """
 
 from pmr.scene.asked import Compare, Damping, Published, Reduction, Simulation, TimeChoice
-from pmr.scene.boom import Boom
 from pmr.scene.built import Body, Load, MeshChoice, Support
 from pmr.scene.files import beam_scene, has_sections, load, load_any, vary
 from pmr.scene.scene import Scene
 
 __all__ = [
-    "Body", "Boom", "Compare", "Damping", "Load", "MeshChoice", "Published", "Reduction", "Scene", "Simulation",
+    "Body", "Compare", "Damping", "Load", "MeshChoice", "Published", "Reduction", "Scene", "Simulation",
     "Support", "TimeChoice", "beam_scene", "has_sections", "load", "load_any", "vary",
 ]  # fmt: skip

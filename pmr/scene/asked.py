@@ -8,7 +8,20 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from pmr.scene.section import Count, Distance, ExistingFile, Name, Place, Quantity, Section, Share, Switch, Time
+from pmr.scene.section import (
+    Count,
+    Distance,
+    ExistingFile,
+    Frequency,
+    Length,
+    Name,
+    Place,
+    Quantity,
+    Section,
+    Share,
+    Switch,
+    Time,
+)
 
 Pair = Literal["reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf"]
 OutputKind = Literal["beam", "tip", "pad_force", "cylinder_force", "velocity", "probe"]
@@ -229,7 +242,8 @@ class Accuracy(_Ordered):
 class Budget(_Ordered):
     """The other way round: what a model may cost, one of three; the best one within it is chosen, and its error said.
 
-    `real_time` is simulated over computed time; both times are those of `march` on the machine in use.
+    `real_time` is simulated over computed time; both times are those of `march` on the machine in use.  Coordinates
+    are those of all bodies together.
     """
 
     coordinates: Count | None = Field(default=None, description="Most coordinates")
@@ -247,6 +261,13 @@ class Budget(_Ordered):
         return self
 
 
+class PublishedFrequency(Section):
+    """The first natural frequency of a boom that reaches so far."""
+
+    reach: Length = Field(description="Of the tip from the base's tail")
+    first: Frequency = Field(description="Lowest natural frequency")
+
+
 class Published(Section):
     """Figures from a publication, shown beside ours."""
 
@@ -254,4 +275,11 @@ class Published(Section):
     errors: dict[Pair, dict[Literal["tip", "beam"], Share]] = Field(default={}, description="As fractions")
     max_displacement: Distance | None = Field(default=None, description="Largest displacement")
     max_error: Distance | None = Field(default=None, description="Largest error")
+    frequencies: tuple[PublishedFrequency, ...] = Field(default=(), description="First ones of a boom, at rest")
     remarks: tuple[str, ...] = Field(default=(), description="Where and why our figures differ, for the report")
+
+    @property
+    def of_any_motion(self) -> Published | None:
+        """What a scene with changed keys may be compared with: frequencies, for errors are those of one motion."""
+        left: dict[str, Any] = {"errors": {}, "max_displacement": None, "max_error": None}
+        return self.model_copy(update=left) if self.frequencies else None

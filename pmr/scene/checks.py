@@ -4,54 +4,50 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from pmr.scene.asked import Damping
-from pmr.scene.boom import Boom
 from pmr.scene.choice import fewest_rows, is_pinned_beam
+from pmr.scene.joint_checks import check_joints
+from pmr.scene.magnitudes import check_loads, check_proportions, jump_of
+from pmr.scene.members import member_at
 from pmr.scene.scene import Scene
 from pmr.scene.section import check_sizes
-from pmr.scene.signals import SignalBase
 from pmr.scene.simulators import REFERENCE, Needs, refuse
 from pmr.scene.structure_checks import check_structure, refusal
 
-Range = tuple[float, float]
-
-#: Of a box: what its length is over its smaller side, and that side over its wall.
-SLENDER, THIN = (0.01, 1e4), (0.0, 1e4)
-#: Of a beam: its length over a section's radius of gyration.
-GYRATION = (0.01, 1e6)
-LARGEST_LOAD = 1e120  # N or N m; models are linear in it, their energies are its squares
 MOST_STEPS = 1_000_000
 
 
 def check(scene: Scene) -> None:
     """Refuse a scene whose sections contradict each other, of the key ``"scene"``: its reader names the file."""
-    check_magnitudes(scene)  # first: what others compute with is then finite
+    check_sizes(scene)  # first: what others compute with is then finite
     check_time(scene)
+    _ordered(scene)
+    if len(scene.sections) > 1:
+        check_joints(scene)
+    else:
+        _check_alone(scene)
+
+
+def _check_alone(scene: Scene) -> None:
+    part = scene.alone
+    if part.joint is not None:
+        raise refusal("sections[0].joint", None, "a section alone slides in nothing: supports or pads hold it")
+    if part.slider is None:
+        allowed = "a table slider with a path is needed: along it a section alone slides through its pads"
+        raise refusal("slider", None, allowed)
+    check_proportions(part)
+    check_loads(part, scene.time.end)
     _reduction(scene)
     _accuracy(scene)
     if jump := jump_of(scene.slider.path, 1e-9 * max(map(abs, scene.path_bounds))):
         raise refusal("slider.path", None, f"the slider {jump}")
-    check_structure(scene)
+    check_structure(member_at(scene))
     _frequency_response(scene)
     _comparison(scene)
     _simulators(scene)
 
 
-def check_magnitudes(scene: Scene) -> None:
-    """Refuse sizes that no computation in double precision can carry."""
-    check_sizes(scene)
-    _proportions(scene)
-    for i, load in enumerate(scene.loads):
-        with np.errstate(all="ignore"):
-            largest = float(np.abs(load.signal.bounds(0.0, scene.time.end)).max())
-        if not largest <= LARGEST_LOAD:
-            allowed = f"at most {LARGEST_LOAD:g} N or N m are allowed, here it is {largest:.3g}"
-            raise refusal(f"loads[{i}].signal", None, allowed)
-
-
-def check_time(scene: Scene | Boom) -> None:
+def check_time(scene: Scene) -> None:
     """Steps make up the time and what is recovered."""
     time, recovery = scene.time, scene.recovery
     if time.steps < 1 or abs(time.steps * time.step - time.end) > 1e-9 * time.end:
@@ -62,39 +58,6 @@ def check_time(scene: Scene | Boom) -> None:
     if recovery is not None and (abs(steps - round(steps)) > 1e-6 or not 1 <= round(steps) <= time.steps):
         allowed = f"a multiple of time.step = {time.step:g} s up to time.end is allowed"
         raise refusal("recovery.every", recovery.every, allowed)
-
-
-def jump_of(path: SignalBase, least: float) -> str | None:
-    """Where a signal in m first jumps by more than `least`, in words."""
-    at = np.array(path.breaks)
-    # All at once: one call costs as much as the signal has knots, and a file of them has thousands.
-    before, after = path.value(np.nextafter(at, -np.inf)), path.value(at)
-    for k in np.flatnonzero(np.abs(after - before) > least):
-        return f"jumps from {before[k]:g} m to {after[k]:g} m at {at[k]:g} s; continuous paths are allowed"
-    return None
-
-
-def _proportions(scene: Scene) -> None:
-    box, section, profile = scene.body.box, scene.body.section, scene.body.profile
-    if profile is not None and profile.axial_stiffness is not None:
-        radius = float(np.sqrt(profile.bending_stiffness / profile.axial_stiffness))
-        slender = profile.length / radius
-        _check_ratio("body.profile.axial_stiffness", slender, GYRATION, "length over radius of gyration")
-    if box is not None:
-        side = min(box.width, box.height)
-        _check_ratio("body.box.length", box.length / side, SLENDER, "length over the smaller side")
-        _check_ratio("body.box.width", box.width / box.height, (1e-3, 1e3), "width over height")
-        _check_ratio("body.box.wall", side / box.wall, THIN, "the smaller side over the wall")
-        if section is not None:
-            for name in ("second_moment_y", "second_moment_z", "torsion_constant"):
-                slender = box.length / float(np.sqrt(getattr(section, name) / section.area))
-                _check_ratio(f"body.section.{name}", slender, GYRATION, "length over radius of gyration")
-
-
-def _check_ratio(key: str, found: float, allowed: Range, what: str) -> None:
-    if not allowed[0] <= found <= allowed[1]:
-        said = f"a ratio of {what} from {allowed[0]:g} to {allowed[1]:g} is allowed, here it is {found:.3g}"
-        raise refusal(key, None, said)
 
 
 def _reduction(scene: Scene) -> None:
@@ -116,11 +79,11 @@ def _reduction(scene: Scene) -> None:
         )
     if choice.pooled:
         _pool(scene)
-    if not choice.flexibility and choice.coordinates < fewest_rows(scene):
+    if not choice.flexibility and choice.coordinates < fewest_rows(member_at(scene)):
         points = len(scene.points)
         allowed = (
-            f"at least as many as constraint rows are allowed: {fewest_rows(scene)} "
-            f"({fewest_rows(scene) - points} of supports, {points} of sliders)"
+            f"at least as many as constraint rows are allowed: {fewest_rows(member_at(scene))} "
+            f"({fewest_rows(member_at(scene)) - points} of supports, {points} of sliders)"
         )
         raise refusal("reduction.coordinates", choice.coordinates, allowed)
 
@@ -154,7 +117,7 @@ def _frequency_response(scene: Scene) -> None:
 def _comparison(scene: Scene) -> None:
     profile = scene.body.profile
     ancf_can = (
-        is_pinned_beam(scene)
+        is_pinned_beam(member_at(scene))
         and profile is not None
         and profile.axial_stiffness is not None
         and scene.gravity is None
@@ -193,20 +156,19 @@ def _simulators(scene: Scene) -> None:
         refuse(name, reduced)
 
 
-def check_ordered(scene: Scene | Boom) -> None:
+def _ordered(scene: Scene) -> None:
     """What is asked for in place of coordinates is one thing, and each kind of output once."""
-    key = "accuracy" if scene.accuracy is not None else "budget"
+    asked, key = scene.ordered, "accuracy" if scene.accuracy is not None else "budget"
     if scene.accuracy is not None and scene.budget is not None:
         raise refusal("budget", None, "accuracy or budget is allowed, not both")
-    if scene.ordered is not None and len(set(scene.ordered.outputs)) < len(scene.ordered.outputs):
-        raise refusal(f"{key}.outputs", list(scene.ordered.outputs), "each kind once is allowed")
+    if asked is not None and len(set(asked.outputs)) < len(asked.outputs):
+        raise refusal(f"{key}.outputs", list(asked.outputs), "each kind once is allowed")
 
 
 def _accuracy(scene: Scene) -> None:
     choice, key = scene.reduction, "accuracy" if scene.accuracy is not None else "budget"
     if scene.ordered is None:
         return
-    check_ordered(scene)
     if choice.basis != "free_modes" or not (choice.flexibility and choice.estimate):
         allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"
         raise refusal(key, None, allowed)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pmr.scene.built import Box
-from pmr.scene.scene import Scene
+from pmr.scene.members import Member
 from pmr.scene.section import Direction
 
 #: A wall is taken to answer at once up to this share of its own lowest frequency.
@@ -24,53 +24,77 @@ class Choice:
     reasons: tuple[str, ...]
 
 
-def choose(scene: Scene) -> Choice:
+def choose(member: Member) -> Choice:
     """What the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that represents it."""
-    if scene.body.model != "auto":
-        return Choice(scene.body.model, ("the scene names it",))
-    if scene.body.profile is not None:
+    if member.part.body.model != "auto":
+        return Choice(member.part.body.model, ("the scene names it",))
+    if member.part.body.profile is not None:
         return Choice("beam2d", ("its stiffnesses are those of a planar beam",))
-    if shell := [*_stresses(scene), *_walls(scene)]:
+    if shell := [*_stresses(member), *_walls(member)]:
         return Choice("shell", tuple(shell))
-    if space := _lateral(scene):
+    if space := _lateral(member):
         return Choice("beam3d", tuple(space))
     return Choice("beam2d", ("all loads and masses lie in the vertical plane, and no wall deforms by itself",))
 
 
-def model_of(scene: Scene) -> str:
+def model_of(member: Member) -> str:
     """The name of that model."""
-    return choose(scene).model
+    return choose(member).model
 
 
-def directions(scene: Scene) -> tuple[Direction, ...]:
+def directions(member: Member) -> tuple[Direction, ...]:
     """What a place of the chosen model can do."""
-    if model_of(scene) != "beam2d":
+    if model_of(member) != "beam2d":
         return ("x", "y", "z", "rx", "ry", "rz")
-    profile = scene.body.profile
+    profile = member.part.body.profile
     return ("x", "z", "ry") if profile is None or profile.axial else ("z", "ry")
 
 
-def is_pinned_beam(scene: Scene) -> bool:
+def is_pinned_beam(member: Member) -> bool:
     """Whether the scene is a planar beam that a pin at x = 0 and one point that slides hold, and nothing else."""
-    held = [(scene.place(one.on), one.stiffness, set(one.held) & {"x", "z", "ry"}) for one in scene.supports]
+    held = [
+        (member.part.place(one.on), one.stiffness, set(one.held) & {"x", "z", "ry"}) for one in member.part.supports
+    ]
     return (
-        scene.body.profile is not None
+        member.part.body.profile is not None
         and held == [(0.0, "rigid", {"x", "z"})]
-        and scene.points == (0.0,)
-        and not (scene.pads or scene.masses)
+        and member.points == (0.0,)
+        and not (member.pads or member.part.masses)
     )
 
 
-def fewest_rows(scene: Scene) -> int:
+def is_axial(member: Member) -> bool:
+    """Whether a section moves along the boom, so that a cylinder can drive it."""
+    return "x" in directions(member)
+
+
+def has_tail(member: Member) -> bool:
+    """Whether a cylinder may act on the tail of a body: its own one, or on the base that of the next section."""
+    # every point of it
+    held = any(one.on == "tail" and one.points == "all" and "x" in one.held for one in member.part.supports)
+    return member.jointed and is_axial(member) and (member.number > 0 or not held)
+
+
+def is_accelerated(member: Member) -> bool:
+    """Whether extensions accelerate a body along the boom."""
+    return member.number > 0 and has_tail(member)
+
+
+def is_planar(member: Member) -> bool:
+    """Whether it is a planar beam."""
+    return model_of(member) == "beam2d"
+
+
+def fewest_rows(member: Member) -> int:
     """Rows of rigid supports and of points that slide; those of pads come on top."""
-    moves = directions(scene)
-    rigid = [support for support in scene.supports if support.stiffness == "rigid" and support.points == "mean"]
-    return sum(direction in moves for support in rigid for direction in support.held) + len(scene.points)
+    moves = directions(member)
+    rigid = [support for support in member.part.supports if support.stiffness == "rigid" and support.points == "mean"]
+    return sum(direction in moves for support in rigid for direction in support.held) + len(member.points)
 
 
-def transverse(scene: Scene) -> tuple[str, ...]:
+def transverse(member: Member) -> tuple[str, ...]:
     """Directions in which the chosen model moves across its axis."""
-    return ("z",) if model_of(scene) == "beam2d" else ("y", "z")
+    return ("z",) if model_of(member) == "beam2d" else ("y", "z")
 
 
 def wall_frequency(box: Box, young: float, poisson: float, density: float) -> float:
@@ -84,23 +108,23 @@ def wall_frequency(box: Box, young: float, poisson: float, density: float) -> fl
     return float(np.pi / (2.0 * b**2) * np.sqrt(young * box.wall**2 / (12.0 * density * (1.0 - poisson**2))))
 
 
-def _stresses(scene: Scene) -> list[str]:
-    measured = {measure for probe in scene.probes for measure in probe.measures}
-    asked = scene.recovery is not None and scene.recovery.stress or bool(measured & {"stress", "strain"})
+def _stresses(member: Member) -> list[str]:
+    measured = {measure for probe in member.part.probes for measure in probe.measures}
+    asked = member.recovery is not None and member.recovery.stress or bool(measured & {"stress", "strain"})
     return ["stresses are asked for, which pads and walls decide"] * asked
 
 
-def _walls(scene: Scene) -> list[str]:
+def _walls(member: Member) -> list[str]:
     """Reasons for which walls deform by themselves."""
-    box, material, found = scene.body.box, scene.body.material, []
+    box, material, found = member.part.body.box, member.part.body.material, []
     if box is None:
         return []
-    for ring in scene.pads:
+    for ring in member.pads:
         for name, face, across in ring.places:
             half = (box.width if face in ("bottom", "top") else box.height) / 2.0
             if half - abs(across) > AT_THE_WEB * 2.0 * half:
                 found.append(f"the pad {name} presses on the middle of a wall, {half - abs(across):g} m from the web")
-    highest = max((one.highest_frequency(-np.inf, np.inf) for one in scene.signals.values()), default=0.0)
+    highest = max((one.highest_frequency(-np.inf, np.inf) for one in member.signals.values()), default=0.0)
     own = wall_frequency(box, material.young, material.poisson, material.density)
     if highest > QUASI_STATIC * own:
         found.append(f"loads of {highest:g} Hz come near the walls' own frequency of {own:.3g} Hz")
@@ -109,18 +133,18 @@ def _walls(scene: Scene) -> list[str]:
     return found[:1] + [f"and {len(found) - 1} more of this kind"] * (len(found) > 1)
 
 
-def _lateral(scene: Scene) -> list[str]:
+def _lateral(member: Member) -> list[str]:
     """Reasons for which the motion leaves the vertical plane."""
     found = [
         f"the load {load.name} acts along {load.direction}"
-        for load in scene.loads
+        for load in member.part.loads
         if load.direction in ("y", "rx", "rz")
     ]
     found += [
         f"the mass {mass.name} lies beside the vertical plane"
-        for mass in scene.masses
+        for mass in member.part.masses
         if mass.at is not None and mass.at[1] != 0.0
     ]
-    if scene.gravity is not None and scene.gravity.direction[1] != 0.0:
+    if member.gravity is not None and member.gravity.direction[1] != 0.0:
         found.append("the weight has a lateral part")
     return found

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TypeVar
 
 from pmr.errors import InputError
-from pmr.scene.boom import Boom
-from pmr.scene.boom_checks import check_boom
 from pmr.scene.checks import check
-from pmr.scene.scene import Scene
+from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.scene.unused import check_unused
 from pmr.scene.workflows import found
-
-Whole = TypeVar("Whole", Scene, Boom)
 
 #: Keys of earlier versions and what they are called now.
 MOVED = {
@@ -51,34 +45,38 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     Its ``extends`` key names a base file, relative to it, whose keys it overrides.  `overrides` are
     ``"section.key=value"`` with the value in TOML notation (a bare word is taken as a string).
 
-    Raises InputError in one line: file, key, value, what is allowed.
+    Raises InputError in one line: file, key, value, what is allowed; as a scene of several bodies is refused.
     """
-    return _of_one_body(_file(path), [override(text) for text in overrides])
+    scene = load_any(path, overrides)
+    try:
+        scene.alone  # noqa: B018
+    except InputError as error:
+        raise error.found_in(str(_file(path).path)) from None
+    return scene
 
 
-def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene | Boom:
+def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     """The same for a file that may have several sections."""
     return vary(path, [override(text) for text in overrides])
 
 
-def vary(path: str | Path, changes: Sequence[Change]) -> Scene | Boom:
+def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
     """The same with changes laid over it, one after the other."""
-    file = _file(path)
-    if "sections" not in file.data:
-        return _of_one_body(file, changes)
+    file, as_it_stands = _file(path), ""
+    with suppress(InputError):  # a change may mend it
+        as_it_stands = _scene(file).hash if changes and "published" in file.data else ""
     for change in changes:
         file.apply(change)
-    return _checked(file, file.validated(Boom), check_boom)
-
-
-def from_json(text: str) -> Scene | Boom:
-    """The scene that `model_dump_json` gave: it was checked when it was read from its file."""
-    return (Boom if "sections" in json.loads(text) else Scene).model_validate_json(text)
+    scene = _scene(file)
+    if as_it_stands and scene.hash != as_it_stands and scene.published is not None:
+        scene = scene.model_copy(update={"published": scene.published.of_any_motion})
+    return scene
 
 
 def has_sections(path: str | Path) -> bool:
     """Whether a file describes a boom of several sections."""
-    return "sections" in _file(path).data
+    sections = _file(path).data.get("sections")
+    return isinstance(sections, list) and len(sections) > 1
 
 
 def beam_scene(path: str | Path) -> Scene:
@@ -93,29 +91,13 @@ def _file(path: str | Path) -> TomlFile:
     return TomlFile.read(found(Path(path), "scene.toml"), DIALECT)
 
 
-def _of_one_body(file: TomlFile, changes: Sequence[Change]) -> Scene:
-    as_it_stands = ""
-    with suppress(InputError):  # a change may mend it
-        as_it_stands = _scene(file).hash if changes else ""
-    for change in changes:
-        file.apply(change)
-    scene = _scene(file)
-    if changes and scene.hash != as_it_stands:  # published figures are those of the file as it stands
-        scene = scene.model_copy(update={"published": None})
-    return scene
-
-
 def _scene(file: TomlFile) -> Scene:
-    if "sections" in file.data:
-        allowed = "a scene of one body is allowed here; pmr run takes booms of several sections"
-        raise InputError(file.origin("sections"), "sections", None, allowed)
-    return _checked(file, file.validated(Scene), check)
-
-
-def _checked(file: TomlFile, whole: Whole, check_it: Callable[[Whole], None]) -> Whole:
+    """Of either dialect: a body at the top, or sections."""
+    scene = file.validated(Scene) if "sections" in file.data else Scene.of(file.validated(BodyFile))
     try:
-        check_it(whole)
-        check_unused(file, whole)
+        check(scene)
+        check_unused(file, scene)
     except InputError as error:
+        error = error.called(scene.spelled(error.key))
         raise error.found_in(file.origin(error.key)) from None
-    return whole
+    return scene

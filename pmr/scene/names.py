@@ -6,6 +6,11 @@ from __future__ import annotations
 ALONE, SLIDER = "", "slider"
 
 
+def input_of(body: str, what: str) -> str:
+    """What an input of a body is called among those of all bodies; of a body alone as it is."""
+    return what if body == ALONE else f"{body}.{what}"
+
+
 def named(body: str, what: str) -> str:
     """What something of a body is called among those of all bodies; of a body alone as it is."""
     return what if body == ALONE else f"{body}: {what}"

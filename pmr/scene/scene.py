@@ -1,99 +1,174 @@
-"""A scene: everything that a run is made from; what a boom of several sections has in common with it."""
+"""A scene: everything that a run is made from, bodies from the base out and what is asked of them."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from pmr.errors import InputError
 from pmr.scene import asked
-from pmr.scene.built import ENDS, WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
-from pmr.scene.names import ALONE
+from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
+from pmr.scene.joints import Joint, Linear
+from pmr.scene.names import ALONE, SLIDER
+from pmr.scene.parts import OneBody, Part
+from pmr.scene.refusals import of_key
 from pmr.scene.section import Section, Text
 from pmr.scene.signals import Constant, SignalBase
+from pmr.scene.signals.base import Array
 from pmr.scene.structures import PointMass, Probe
+from pmr.scene.tomlfiles import laid_over
 
-
-class OneBody(Section):
-    """A body, x along it and z up, and what is on it."""
-
-    body: Body = Field(description="What slides")
-    mesh: MeshChoice = Field(default=MeshChoice(), description="How fine it is divided")
-    supports: tuple[Support, ...] = Field(default=(), description="What holds it to the ground, in one place")
-    pads: tuple[PadRing, ...] = Field(default=(), description="Pads between it and the ground")
-    masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to it")
-    loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
-    observe: asked.Observe = Field(default=asked.Observe(), description="Where motions are compared and drawn")
-    probes: tuple[Probe, ...] = Field(default=(), description="Where stress, strain or motion is followed")
-    reduction: asked.Reduction = Field(default=asked.Reduction(), description="How the model is reduced")
-
-    @property
-    def files(self) -> dict[str, Path]:
-        """What is read to make the model, by the section that names it."""
-        named = {"mesh": self.mesh.file, "reduction": self.reduction.file}
-        return {section: file for section, file in named.items() if file is not None}
-
-    @property
-    def digests(self) -> dict[str, str]:
-        """SHA-256 of what these files hold."""
-        return {section: hashlib.sha256(file.read_bytes()).hexdigest() for section, file in self.files.items()}
-
-    @property
-    def springs(self) -> dict[str, str]:
-        """Supports that give way, in each direction, by name: the unit of their force, or moment."""
-        held = [(one, d) for one in self.supports if one.stiffness != "rigid" for d in one.held]
-        return {one.row_name(d): "N m" if d.startswith("r") else "N" for one, d in held}
+#: Keys of a body, which a scene of one body may have at its top.
+OF_A_BODY = frozenset(OneBody.model_fields)
 
 
 class Whole(Section):
-    """What a scene of one body and a boom of several sections have in common; equal `hash`, equal results."""
+    """What is asked of all bodies together."""
 
     title: Text = Field(description="For reports")
+    gravity: Gravity | None = Field(
+        default=None,
+        description="The weight of everything.  Without this table a body alone has no weight, and sections that slide "
+        "in one another have theirs, which presses them on their pads",
+    )
+    start: Literal["rest", "equilibrium"] = Field(
+        default="rest",
+        description="How motions begin: undeformed and at rest, or in equilibrium under the loads at t = 0.  Rest is "
+        "the default of a body alone, equilibrium that of sections that slide in one another: loose in their pads they "
+        "would begin with a fall",
+    )
     damping: asked.Damping = Field(default=asked.Damping(), description="Of the material")
     time: asked.TimeChoice = Field(description="Simulated time and its steps")
     recovery: asked.Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
     simulation: asked.Simulation = Field(default=asked.Simulation(), description="Who simulates")
     compare: asked.Compare = Field(default=asked.Compare(), description="What the reduced model is compared with")
+    accuracy: asked.Accuracy | None = Field(
+        default=None, description="An allowed error, in place of coordinates and step"
+    )
+    budget: asked.Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
+    published: asked.Published | None = Field(default=None, description="Figures from a publication")
     free_motions: Literal["refused", "allowed"] = Field(
         default="refused",
         description="Motions of the whole or a section that no support, pad or cylinder resists somewhere on the way: "
         "loads move it along them without limit; pads that only push count as holding",
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _begun(cls, data: Any) -> Any:
+        """The start, and a weight that fits it: what begins in equilibrium has its weight from the start."""
+        if not isinstance(data, Mapping):
+            return data
+        sections = data.get("sections", ())
+        several = isinstance(sections, list | tuple) and len(sections) > 1
+        start = data.get("start", "equilibrium" if several else "rest")
+        gravity = data.get("gravity", {} if several else None)
+        if isinstance(gravity, dict) and start == "equilibrium":
+            gravity = {"rise": 0.0} | gravity
+        return {**data, "start": start, "gravity": gravity}
+
+
+class BodyFile(OneBody, Whole):
+    """A body that slides, x along it and z up."""
+
+    slider: Slider = Field(description="The path of what slides")
+
+
+def _with_common(schema: dict[str, Any]) -> None:
+    """What sections have in common is said once."""
+    about = "What every section takes over unless it says otherwise"
+    schema["properties"]["section"] = {"type": "object", "description": about, "default": {}}
+
+
+class Scene(Whole):
+    """Sections from the base out, each of which slides in the one before it; a body alone is one of them.
+
+    What several have in common stands in the table `section`, which every one of `sections` extends.
+    """
+
+    model_config = ConfigDict(json_schema_extra=_with_common)
+
+    sections: Annotated[tuple[Part, ...], Field(min_length=1)] = Field(description="From the base out")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_either_dialect(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping):
+            return data
+        if "sections" not in data:
+            return cls._fields_of(BodyFile.model_validate(data))
+        common, sections = data.get("section", {}), data["sections"]
+        rest = {key: value for key, value in data.items() if key != "section"}
+        if not isinstance(common, dict):
+            raise of_key("section", None, "a table of keys is allowed")
+        if not isinstance(sections, list):
+            return rest
+        base = {key: value for key, value in common.items() if key != "joint"}  # which slides in nothing
+        return rest | {
+            "sections": [
+                _extended(common if number else base, part) if isinstance(part, dict) else part
+                for number, part in enumerate(sections)
+            ]
+        }
+
+    @classmethod
+    def of(cls, written: BodyFile) -> Self:
+        """The scene of a body that a file describes at its top."""
+        return cls.model_validate(cls._fields_of(written))
+
+    @staticmethod
+    def _fields_of(written: BodyFile) -> dict[str, Any]:
+        # a body that is alone has no name
+        part = Part.model_construct(name=ALONE, **{key: getattr(written, key) for key in OneBody.model_fields})
+        return {key: getattr(written, key) for key in Whole.model_fields} | {"sections": (part,)}
+
     def __hash__(self) -> int:
         return hash(self.hash)  # some sections hold tables
 
+    @model_serializer(mode="wrap")
+    def _written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        found: dict[str, Any] = handler(self)
+        return found if self.sections[0].name else _at_the_top(found)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """With some fields changed; keys of a body are those of a body alone."""
+        changed = dict(update or {})
+        own = {key: changed.pop(key) for key in OF_A_BODY & set(changed)}
+        if own:
+            changed["sections"] = (self.alone.model_copy(update=own),)
+        return super().model_copy(update=changed, deep=deep)
+
     @property
     def hash(self) -> str:
-        """Digest of what decides the result: all but title, published figures and who simulates.
+        """Digest of what decides the result, equal for equal results: all but title, published figures, simulators.
 
         A key at its default counts as one that is not there: what was computed stays valid when there is a new key.
         """
-        left_out = {"title", "published", "simulation", "section"}
+        left_out = {"title", "published", "simulation"}
         content = self.model_dump(mode="json", exclude=left_out, exclude_defaults=True)
-        for body, described in self._bodies(content):
-            for section, digest in body.digests.items():
-                described[section]["file"] = digest
+        if len(self.sections) == 1:
+            content = _at_the_top(content)
+        for part, written in zip(self.sections, content.get("sections", [content]), strict=True):
+            for section, digest in part.digests.items():
+                written[section]["file"] = digest
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
-
-    @property
-    @abstractmethod
-    def bodies(self) -> Mapping[str, OneBody]:
-        """Each body by its name; a body alone has the empty one."""
 
     @property
     def files_read(self) -> dict[str, Path]:
         """What is read to make its models, by the table that names it, such as ``mesh`` or ``sections[1].mesh``."""
-        content = dict[str, Any](sections=[{} for _ in getattr(self, "sections", ())])
+        several = len(self.sections) > 1
         return {
-            ("" if described is content else f"sections[{number}].") + table: file
-            for number, (body, described) in enumerate(self._bodies(content))
-            for table, file in body.files.items()
+            (f"sections[{number}]." if several else "") + table: file
+            for number, part in enumerate(self.sections)
+            for table, file in part.files.items()
         }
 
     @property
@@ -102,38 +177,38 @@ class Whole(Section):
 
         Files are named without their folders, and by the SHA-256 of what they hold.
         """
-        content = self.model_dump(mode="json", exclude={"published", "section"})
-        for body, described in self._bodies(content):
-            for table, file in body.files.items():
-                described[table]["file"] = file.name
+        content = self.model_dump(mode="json", exclude={"published"})
+        if len(self.sections) == 1:
+            content = _at_the_top(content)
+        for part, written in zip(self.sections, content.get("sections", [content]), strict=True):
+            for table, file in part.files.items():
+                written[table]["file"] = file.name
         files = {table: hashlib.sha256(file.read_bytes()).hexdigest() for table, file in self.files_read.items()}
         return {"scene": content, "scene_hash": self.hash, "files": files}
 
-    @abstractmethod
-    def _bodies(self, content: dict[str, Any]) -> Iterable[tuple[OneBody, dict[str, Any]]]:
-        """Each body, and where `content` says what it is."""
+    def spelled(self, key: str) -> str:
+        """A key of the scene as its file writes it: keys of a body alone stand at the top, or in its section."""
+        if len(self.sections) > 1:
+            return key
+        if not self.sections[0].name:
+            return re.sub(r"^sections\[0\]\.", "", key)
+        return f"sections[0].{key}" if re.split(r"\W", key)[0] in OF_A_BODY else key
 
+    def key_of(self, number: int, key: str) -> str:
+        """A key of one of the bodies as the file writes it; what all bodies have in common stands at the top."""
+        return self.spelled(f"sections[{number}].{key}") if re.split(r"\W", key)[0] in OF_A_BODY else key
 
-class Scene(OneBody, Whole):
-    """A body that slides, x along it and z up."""
-
-    slider: Slider = Field(description="The path of what slides")
-    gravity: Gravity | None = Field(default=None, description="The weight of everything")
-    accuracy: asked.Accuracy | None = Field(
-        default=None, description="An allowed error, in place of coordinates and step"
-    )
-    budget: asked.Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
-    published: asked.Published | None = Field(default=None, description="Figures from a publication")
-
-    __hash__ = Whole.__hash__  # pydantic would take the one it has made for `OneBody`, of its fields
-
-    def _bodies(self, content: dict[str, Any]) -> Iterable[tuple[OneBody, dict[str, Any]]]:
-        return [(self, content)]
+    # -- all bodies
 
     @property
-    def bodies(self) -> Mapping[str, OneBody]:
-        """Itself, under the empty name."""
-        return {ALONE: self}
+    def names(self) -> tuple[str, ...]:
+        """Of the bodies; a body alone has the empty name."""
+        return (ALONE,) if len(self.sections) == 1 else tuple(part.name for part in self.sections)
+
+    @property
+    def bodies(self) -> Mapping[str, Part]:
+        """By their names, from the base out."""
+        return dict(zip(self.names, self.sections, strict=True))
 
     @property
     def ordered(self) -> asked.Accuracy | asked.Budget | None:
@@ -141,22 +216,100 @@ class Scene(OneBody, Whole):
         return self.accuracy or self.budget
 
     @property
+    def paths(self) -> dict[str, SignalBase]:
+        """Over time in m: extension of every section but the base, by its name, or the path of a body alone."""
+        if len(self.sections) == 1:
+            return {SLIDER: self.slider.path}
+        return {self.names[k]: self.extension(k) for k in range(1, len(self.sections))}
+
+    def joint(self, number: int) -> Joint:
+        """In which a section, 1 or more, slides."""
+        joint = self.sections[number].joint
+        assert joint is not None  # as the checks say
+        return joint
+
+    def extension(self, number: int) -> SignalBase:
+        """How far the tail of a section, 1 or more, is ahead of that of the one before it, m over time."""
+        joint = self.joint(number)
+        if joint.extension is not None:
+            return joint.extension
+        if joint.overlap is not None:
+            return Linear(signal=joint.overlap, ratio=-1.0, offset=self.sections[number - 1].length)
+        followed = self.extension(self.names.index(str(joint.follows)))
+        return Linear(signal=followed, ratio=joint.ratio, offset=joint.offset)
+
+    def reach(self, t: ArrayLike) -> Array:
+        """Where the tip is along the boom, from the tail of the base, m at the times t."""
+        tails = [self.extension(number).value(t) for number in range(1, len(self.sections))]
+        return np.asarray(np.sum([np.zeros_like(np.asarray(t, float)), *tails], axis=0) + self.sections[-1].length)
+
+    def without_loads(self) -> Self:
+        """The scene with nothing but zeros for loads: what its modes depend on."""
+        nothing = {"signal": Constant(amount=0.0)}
+        parts = (
+            part.model_copy(update={"loads": tuple(load.model_copy(update=nothing) for load in part.loads)})
+            for part in self.sections
+        )
+        gravity = self.gravity.model_copy(update={"rise": 0.0}) if self.gravity else None
+        return self.model_copy(update={"sections": tuple(parts), "gravity": gravity, "recovery": None})
+
+    # -- a body alone
+
+    @property
+    def alone(self) -> Part:
+        """The only body; an InputError is raised where there are several."""
+        if len(self.sections) > 1:
+            allowed = "a scene of one body is allowed here; pmr run takes booms of several sections"
+            raise InputError("scene", "sections", None, allowed)
+        return self.sections[0]
+
+    @property
+    def body(self) -> Body:
+        return self.alone.body
+
+    @property
+    def mesh(self) -> MeshChoice:
+        return self.alone.mesh
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        return self.alone.supports
+
+    @property
+    def pads(self) -> tuple[PadRing, ...]:
+        return self.alone.pads
+
+    @property
+    def masses(self) -> tuple[PointMass, ...]:
+        return self.alone.masses
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        return self.alone.loads
+
+    @property
+    def observe(self) -> asked.Observe:
+        return self.alone.observe
+
+    @property
+    def probes(self) -> tuple[Probe, ...]:
+        return self.alone.probes
+
+    @property
+    def reduction(self) -> asked.Reduction:
+        return self.alone.reduction
+
+    @property
+    def slider(self) -> Slider:
+        slider = self.alone.slider
+        assert slider is not None  # as the checks say
+        return slider
+
+    @property
     def signals(self) -> dict[str, SignalBase]:
         """What drives each input of the model, by its name."""
         weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
         return {load.name: load.signal for load in self.loads} | weight
-
-    @property
-    def load_places(self) -> dict[str, float]:
-        """Places of loads along the axis in m, by name, as far as they are known before a mesh is read."""
-        places = {load.name: self.place(load.on) for load in self.loads}
-        return {name: at for name, at in places.items() if at is not None}
-
-    def without_loads(self) -> Scene:
-        """The scene with nothing but zeros for loads: what its modes depend on."""
-        loads = tuple(load.model_copy(update={"signal": Constant(amount=0.0)}) for load in self.loads)
-        gravity = self.gravity.model_copy(update={"rise": 0.0}) if self.gravity else None
-        return self.model_copy(update={"loads": loads, "gravity": gravity, "recovery": None})
 
     @property
     def path_bounds(self) -> tuple[float, float]:
@@ -175,14 +328,19 @@ class Scene(OneBody, Whole):
             return self.slider.offsets
         return () if any(ring.moving for ring in self.pads) else (0.0,)
 
-    @property
-    def length(self) -> float:
-        """Of the body in m, or of what is observed of it where a mesh that is read says how long it is."""
-        observed = self.observe.stations or (0.0,)
-        return self.body.length or observed[-1] - observed[0]
 
-    def place(self, on: str | float) -> float | None:
-        """Where a place is along the axis, m; None for groups whose place the mesh decides."""
-        if isinstance(on, str):
-            return ENDS[on] * self.body.length if on in ENDS and self.body.length else None
-        return on
+def _at_the_top(content: dict[str, Any]) -> dict[str, Any]:
+    """What a scene of one body says, with what is said of the body at the top."""
+    sections = content.pop("sections", [])
+    for own in sections:
+        content |= {key: value for key, value in own.items() if key in OF_A_BODY}
+    return content
+
+
+def _extended(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
+    """A section laid over what all have in common; of the ways to drive a joint it takes over none but its own."""
+    joint = part.get("joint")
+    ways = {"extension", "overlap", "follows"}
+    if isinstance(joint, Mapping) and ways & set(joint) and isinstance(common.get("joint"), Mapping):
+        common = {**common, "joint": {key: value for key, value in common["joint"].items() if key not in ways}}
+    return laid_over(common, part)

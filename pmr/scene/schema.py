@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pmr.scene.boom import Boom
-from pmr.scene.scene import Scene
+from pmr.scene.scene import BodyFile, Scene
 
 Schema = dict[str, Any]
 
@@ -20,14 +19,19 @@ EXTENDS = {"type": "string", "description": "A file whose keys this one override
 IN_PART = ", in part"
 
 
+def dialects() -> tuple[Schema, Schema]:
+    """The two ways to write a scene: a body at the top of the file, and sections."""
+    return BodyFile.model_json_schema(), Scene.model_json_schema(mode="validation")
+
+
 def scenes() -> Schema:
     """The schema of a scene file, of one body or of several sections."""
-    boom = Boom.model_json_schema()
-    section = {"$ref": f"#/$defs/BoomSection{IN_PART}"}  # what sections have in common is said once
-    about = boom["properties"]["section"]["description"]
-    boom["properties"]["section"] = {"allOf": [section], "description": about}
-    boom["properties"]["sections"]["items"] = {"allOf": [section, {"required": ["name"]}]}
-    return of([Scene.model_json_schema(), boom], "Scene of pmr")
+    body, several = dialects()
+    section = {"$ref": f"#/$defs/Part{IN_PART}"}  # what sections have in common is said once
+    about = several["properties"]["section"]["description"]
+    several["properties"]["section"] = {"allOf": [section], "description": about}
+    several["properties"]["sections"]["items"] = {"allOf": [section, {"required": ["name"]}]}
+    return of([body, several], "Scene of pmr")
 
 
 def of(schemas: Sequence[Schema], title: str) -> Schema:

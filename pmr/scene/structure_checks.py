@@ -9,7 +9,7 @@ from typing import Any
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.built import WEIGHT, Box, Face, PadRing
 from pmr.scene.choice import directions, model_of
-from pmr.scene.scene import Scene
+from pmr.scene.members import Member
 
 BEAMS = ("beam2d", "beam3d")
 #: Round-off in the stiffness of a beam in space grows with the fourth power of the number: these leave two digits of
@@ -19,33 +19,33 @@ MOST_ELEMENTS = 5000
 SLACK = 1e-9
 
 
-def check_structure(scene: Scene) -> None:
-    """Refuse a scene whose body can't carry what is on it."""
-    _body(scene)
-    check_names("pads", (name for ring in scene.pads for name, _, _ in ring.places))
+def check_structure(member: Member) -> None:
+    """Refuse a body that can't carry what is on it."""
+    _body(member)
+    check_names("pads", (name for ring in member.pads for name, _, _ in ring.places))
     for key in ("loads", "masses", "probes"):
-        check_names(key, (part.name for part in getattr(scene, key)))
-    check_reserved("loads", (load.name for load in scene.loads), (WEIGHT,))
-    check_names("supports", (support.row_name(d) for support in scene.supports for d in support.held))
-    for i, ring in enumerate(scene.pads):
+        check_names(key, (part.name for part in getattr(member.part, key)))
+    check_reserved("loads", (load.name for load in member.part.loads), (WEIGHT,))
+    check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held))
+    for i, ring in enumerate(member.pads):
         if ring.clearance and not ring.unilateral:
             raise refusal(f"pads[{i}].clearance", ring.clearance, "0 is allowed unless unilateral = true")
-    _travel(scene)
-    _pads(scene)
-    _places(scene)
-    _points(scene)
-    if not scene.signals:
+    _travel(member)
+    _pads(member)
+    _places(member)
+    _points(member)
+    if not member.signals:
         raise refusal("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
 
 
-def _places(scene: Scene) -> None:
+def _places(member: Member) -> None:
     """A box's ends are known before it is drawn; a mesh that is read says itself where it ends."""
-    observe, length = scene.observe, scene.body.length
-    if observe.stations is None and model_of(scene) not in BEAMS:
+    observe, length = member.part.observe, member.part.body.length
+    if observe.stations is None and model_of(member) not in BEAMS:
         allowed = "places in m are needed, from observe.start to observe.end: nodes are observed of beams only"
         raise refusal("observe.start", None, allowed)
-    places = [(f"loads[{i}].on", load.on) for i, load in enumerate(scene.loads)]
-    places += [(f"supports[{i}].on", support.on) for i, support in enumerate(scene.supports)]
+    places = [(f"loads[{i}].on", load.on) for i, load in enumerate(member.part.loads)]
+    places += [(f"supports[{i}].on", support.on) for i, support in enumerate(member.part.supports)]
     if observe.start is not None and observe.end is not None:
         if observe.end < observe.start:
             raise refusal("observe.end", observe.end, f"observe.start = {observe.start:g} m or more is allowed")
@@ -55,20 +55,20 @@ def _places(scene: Scene) -> None:
             raise refusal(key, at, f"on the body, 0 to {length:g} m, is allowed")
 
 
-def _points(scene: Scene) -> None:
+def _points(member: Member) -> None:
     """Points that slide: on planar beams, on the body, and beside its supports."""
-    model, length = model_of(scene), scene.body.length
-    if not scene.points:
+    model, length = model_of(member), member.part.body.length
+    if not member.points:
         return
-    if any(ring.moving for ring in scene.pads):
-        raise refusal("slider.offsets", list(scene.points), "pads have an `at` of their own: leave it out")
+    if any(ring.moving for ring in member.pads):
+        raise refusal("slider.offsets", list(member.points), "pads have an `at` of their own: leave it out")
     if model != "beam2d" or length is None:
         raise refusal("pads", None, "at least one ring of pads with moving = true is allowed: nothing slides")
-    if len(set(scene.points)) != len(scene.points):
-        raise refusal("slider.offsets", list(scene.points), "sliders must not share an offset")
-    (low, high), slack = scene.path_bounds, SLACK * length
-    held = [scene.place(support.on) for support in scene.supports if "z" in support.held]
-    for offset in scene.points:
+    if len(set(member.points)) != len(member.points):
+        raise refusal("slider.offsets", list(member.points), "sliders must not share an offset")
+    (low, high), slack = member.bounds, SLACK * length
+    held = [member.part.place(support.on) for support in member.part.supports if "z" in support.held]
+    for offset in member.points:
         which = f" (offset {offset:g} m)" if offset else ""
         for s in (low + offset, high + offset):
             if not -BEYOND_ENDS * length <= s <= (1.0 + BEYOND_ENDS) * length:
@@ -83,11 +83,12 @@ def _points(scene: Scene) -> None:
                 raise refusal("slider.path", None, allowed)
 
 
-def _travel(scene: Scene) -> None:
-    if scene.slider.travel is None:
+def _travel(member: Member) -> None:
+    slider = member.part.slider
+    if slider is None or slider.travel is None:
         return
-    (low, high), (first, last) = scene.slider.travel, scene.path_bounds
-    if scene.points:
+    (low, high), (first, last) = slider.travel, member.bounds
+    if member.points:
         raise refusal("slider.travel", [low, high], "points have the whole beam: leave it out")
     slack = BEYOND_ENDS * (high - low)
     if not low < high or first < low - slack or last > high + slack:
@@ -95,8 +96,8 @@ def _travel(scene: Scene) -> None:
         raise refusal("slider.travel", [low, high], allowed)
 
 
-def _body(scene: Scene) -> None:
-    body, file, model = scene.body, scene.mesh.file, model_of(scene)
+def _body(member: Member) -> None:
+    body, file, model = member.part.body, member.part.mesh.file, model_of(member)
     if body.profile is not None and model != "beam2d":
         raise refusal("body.model", model, "auto or beam2d is allowed with body.profile")
     if body.profile is None and (body.box is None) == (file is None):
@@ -107,7 +108,7 @@ def _body(scene: Scene) -> None:
         raise refusal("body.model", "auto", "shell or solid is allowed for a mesh that is read")
     if model == "matrices" and file is None:
         raise refusal("mesh.file", None, "body.model = 'matrices' needs a file that pmr matrices wrote")
-    if model == "matrices" and scene.recovery is not None:
+    if model == "matrices" and member.recovery is not None:
         raise refusal("recovery", None, "given matrices have no cells and no stresses: leave it out")
     if file is not None and model == "shell" and body.thickness is None:
         raise refusal("body.thickness", None, "a thickness in m is needed for a shell that is read")
@@ -128,47 +129,47 @@ def _body(scene: Scene) -> None:
             raise refusal(f"body.regions.{name}", None, "regions are for shells and solids")
         if model == "solid" and region.thickness is not None:
             raise refusal(f"body.regions.{name}.thickness", region.thickness, "a solid has none")
-    if model == "beam3d" and scene.mesh.elements > MOST_ELEMENTS:
-        raise refusal("mesh.elements", scene.mesh.elements, f"at most {MOST_ELEMENTS} are allowed for beam3d")
-    if scene.mesh.grading != 1.0 and model != "beam2d":
-        raise refusal("mesh.grading", scene.mesh.grading, "1 is allowed: elements of beam2d alone can be graded")
-    if scene.reduction.positions == "nodes" and scene.reduction.pooled and model not in BEAMS:
+    if model == "beam3d" and member.part.mesh.elements > MOST_ELEMENTS:
+        raise refusal("mesh.elements", member.part.mesh.elements, f"at most {MOST_ELEMENTS} are allowed for beam3d")
+    if member.part.mesh.grading != 1.0 and model != "beam2d":
+        raise refusal("mesh.grading", member.part.mesh.grading, "1 is allowed: elements of beam2d alone can be graded")
+    if member.part.reduction.positions == "nodes" and member.part.reduction.pooled and model not in BEAMS:
         raise refusal("reduction.positions", "nodes", "'path' or a list of places in m is allowed: nodes are a beam's")
     if model == "beam2d":
-        _planar(scene)
+        _planar(member)
 
 
-def _planar(scene: Scene) -> None:
+def _planar(member: Member) -> None:
     """A planar beam knows x, z and the rotation about y; what holds it along others does nothing."""
-    known = directions(scene)
-    for i, load in enumerate(scene.loads):
+    known = directions(member)
+    for i, load in enumerate(member.part.loads):
         if load.direction not in known:
             allowed = f"{', '.join(known[:-1])} and {known[-1]} are allowed for beam2d, z is up"
             if load.direction == "x":
                 allowed = "an axial load needs body.profile.axial = true"
             raise refusal(f"loads[{i}].direction", load.direction, allowed)
-    if any(ring.moving for ring in scene.pads) and not any(
-        ring.moving and {"bottom", "top"} & set(ring.faces) for ring in scene.pads
+    if any(ring.moving for ring in member.pads) and not any(
+        ring.moving and {"bottom", "top"} & set(ring.faces) for ring in member.pads
     ):
         allowed = "a ring with moving = true at bottom or top is needed: a planar beam does not feel pads on its sides"
         raise refusal("pads", None, allowed)
-    if scene.gravity is not None and scene.gravity.direction[1] != 0.0:
-        raise refusal("gravity.direction", list(scene.gravity.direction), "x and z are allowed for beam2d")
+    if member.gravity is not None and member.gravity.direction[1] != 0.0:
+        raise refusal("gravity.direction", list(member.gravity.direction), "x and z are allowed for beam2d")
 
 
-def _pads(scene: Scene) -> None:
+def _pads(member: Member) -> None:
     """A pad may not lie beside its face or leave it in part, at any time; faces that are read check themselves."""
-    length, box = scene.body.length, scene.body.box
-    for i, ring in enumerate(scene.pads):
+    length, box = member.part.body.length, member.part.body.box
+    for i, ring in enumerate(member.pads):
         if length is not None:
-            _along(scene, length, ring, f"pads[{i}].at")
+            _along(member, length, ring, f"pads[{i}].at")
         for place in ring.places:
             if box is not None:
                 _across(box, ring, place, f"pads[{i}].faces.{place[1]}")
 
 
-def _along(scene: Scene, length: float, ring: PadRing, key: str) -> None:
-    low, high = scene.travel if ring.moving else (0.0, 0.0)
+def _along(member: Member, length: float, ring: PadRing, key: str) -> None:
+    low, high = member.travel if ring.moving else (0.0, 0.0)
     start, end = low + ring.at - ring.length / 2.0, high + ring.at + ring.length / 2.0
     slack = SLACK * length
     if start >= -slack and end <= length + slack:
@@ -180,7 +181,8 @@ def _along(scene: Scene, length: float, ring: PadRing, key: str) -> None:
         f"the face {face} offers 0 to {length:.6g} m, all of a pad has to be on it"
     )
     if ring.moving:
-        raise refusal("slider.path" if scene.slider.travel is None else "slider.travel", None, allowed)
+        slider = member.part.slider
+        raise refusal("slider.travel" if slider and slider.travel else "slider.path", None, allowed)
     raise refusal(key, ring.at, allowed)
 
 

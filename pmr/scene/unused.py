@@ -6,9 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pmr.scene.boom import Boom
-from pmr.scene.boom_parts import is_axial, section_scene
-from pmr.scene.choice import model_of
+from pmr.scene.choice import is_axial, model_of
+from pmr.scene.members import Member, member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.structure_checks import refusal
 from pmr.scene.tomlfiles import OPTION, TomlFile
@@ -40,23 +39,20 @@ class Unused:
     why: str
 
 
-def check_unused(file: TomlFile, whole: Scene | Boom) -> None:
+def check_unused(file: TomlFile, scene: Scene) -> None:
     """Refuse the first key without effect that stands beside the key that decides so, or in an option.
 
     What a file takes over from one that it extends, sections from what all have in common, and runs from the grid of a
     study may be of use to others.
     """
-    if isinstance(whole, Scene):
-        bodies = [("", whole, file.data)]
+    if "sections" not in file.data:
+        _refuse_any(file, "", file.data, _of_body(member_at(scene)))
     else:
-        bodies = [
-            (f"sections[{k}].", section_scene(whole, k), file.data["sections"][k]) for k in range(len(whole.sections))
-        ]
-        for k in range(1, len(whole.sections)):
-            _refuse_any(file, f"sections[{k}].", file.data["sections"][k], _of_joint(whole, k))
-    for prefix, scene, own in bodies:
-        _refuse_any(file, prefix, own, _of_body(scene))
-    _refuse_any(file, "", file.data, _of_simulation(whole))
+        for number, (one, own) in enumerate(zip(members(scene), file.data["sections"], strict=True)):
+            _refuse_any(file, f"sections[{number}].", own, _of_body(one))
+            if number:
+                _refuse_any(file, f"sections[{number}].", own, _of_joint(scene, number))
+    _refuse_any(file, "", file.data, _of_simulation(scene))
 
 
 def _refuse_any(file: TomlFile, prefix: str, own: Mapping[str, Any], found: Iterator[Unused]) -> None:
@@ -77,39 +73,39 @@ def _stands(data: Any, key: str) -> bool:
     return bool(key)
 
 
-def _of_body(scene: Scene) -> Iterator[Unused]:
-    model = model_of(scene)
-    for key in UNUSED[model] if scene.body.model != "auto" else ():
-        if model == "beam2d" and key == "body.shear" and not scene.body.shear:
+def _of_body(member: Member) -> Iterator[Unused]:
+    model = model_of(member)
+    for key in UNUSED[model] if member.part.body.model != "auto" else ():
+        if model == "beam2d" and key == "body.shear" and not member.part.body.shear:
             continue  # as it is
         yield Unused(key, "body.model", f"it has no effect on {model}")
     if model.startswith("beam"):
         yield from (Unused(key, "", f"{model} has no walls that frames stiffen; shell has") for key in STIFFENERS)
-    if scene.mesh.file is not None:
+    if member.part.mesh.file is not None:
         yield from (Unused(f"mesh.{key}", "mesh.file", "the mesh is read from a file") for key in _CELLS)
-    if scene.body.profile is not None:
+    if member.part.body.profile is not None:
         yield Unused("body.material", "body.profile", "a profile holds stiffness and mass itself")
-    if not scene.reduction.pooled:
-        why = f"basis = {scene.reduction.basis!r} has no eigenmodes at several positions"
+    if not member.part.reduction.pooled:
+        why = f"basis = {member.part.reduction.basis!r} has no eigenmodes at several positions"
         yield from (Unused(key, "reduction.basis", why) for key in POOLED)
-    if scene.observe.stations is None:
+    if member.part.observe.stations is None:
         yield Unused("observe.count", "observe", "without observe.start and observe.end a beam's nodes are observed")
 
 
-def _of_joint(boom: Boom, number: int) -> Iterator[Unused]:
-    joint, name = boom.joint(number), boom.names[number]
+def _of_joint(scene: Scene, number: int) -> Iterator[Unused]:
+    joint, name = scene.joint(number), scene.names[number]
     if joint.follows is None:
         yield from (Unused(f"joint.{key}", "", f"{name} follows no other section") for key in ("ratio", "offset"))
     if not any(ring.friction for ring in joint.rings):
         yield Unused("joint.friction_speed", "", "no pad of this joint has friction")
-    if not is_axial(boom, number):
+    if not is_axial(member_at(scene, number)):
         yield Unused("joint.cylinder", "", f"{name} has no coordinates along the boom, and so no cylinder")
 
 
-def _of_simulation(whole: Scene | Boom) -> Iterator[Unused]:
-    if "ancf" not in whole.compare.against:
+def _of_simulation(scene: Scene) -> Iterator[Unused]:
+    if "ancf" not in scene.compare.against:
         yield Unused("compare.ancf_elements", "compare.against", "compare.against names no ANCF reference")
-    if not any(name.startswith("exudyn") for name in (*whole.simulation.simulators, whole.simulation.full)):
+    if not any(name.startswith("exudyn") for name in (*scene.simulation.simulators, scene.simulation.full)):
         yield Unused(
             "simulation.newton", "simulation.simulators", "Exudyn, whose settings these are, does not simulate"
         )

@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene import Scene
 from pmr.scene.asked import Simulation
+from pmr.scene.choice import is_accelerated
+from pmr.scene.members import DRIVEN, members
+from pmr.scene.names import SLIDER as SLIDER
+from pmr.scene.names import input_of
 from pmr.scene.signals import SignalBase
+from pmr.simulation.acceleration import Acceleration
 from pmr.simulation.stepping import TimeStepping
 
 Array = NDArray[np.float64]
 Load = TypeVar("Load")
-#: What the path of a scene's one slider is called.
-SLIDER = "slider"
 
 
 @dataclass(frozen=True)
@@ -34,9 +37,19 @@ class Excitation:
 
     @classmethod
     def of(cls, scene: Scene) -> Excitation:
-        """Path, loads and time grid of a scene."""
+        r"""Paths, loads and time grid of a scene.
+
+        Along the boom the frame of a section moves with its tail, :math:`X_i = s_1 + \dots + s_i`, so that a load
+        :math:`-M_i e_x X_i''` acts on it: the input `DRIVEN` of sections that move so.
+        """
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
-        return cls({SLIDER: scene.slider.path}, scene.signals, stepping, scene.simulation)
+        loads, paths = dict[str, SignalBase](), tuple(scene.paths.values())
+        for name, member in zip(scene.names, members(scene), strict=True):
+            known = member.signals
+            if is_accelerated(member):
+                known[DRIVEN] = Acceleration(paths=paths[: member.number], step=stepping.step)
+            loads |= {input_of(name, one): signal for one, signal in known.items()}
+        return cls(scene.paths, loads, stepping, scene.simulation)
 
     @property
     def path(self) -> SignalBase:

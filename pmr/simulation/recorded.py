@@ -12,11 +12,10 @@ from pydantic import TypeAdapter
 from pmr.errors import InputError
 from pmr.errors.text import visible
 from pmr.reduced.model import ReducedModel
-from pmr.scene import Boom
+from pmr.scene import Scene
 from pmr.scene.built import WEIGHT, Gravity
 from pmr.scene.checks import MOST_STEPS
 from pmr.scene.signals import Signal, SignalBase
-from pmr.simulation.booms import excitation_of
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.contacts import ALONE
@@ -79,7 +78,7 @@ def recorded_system(system: System, source: str) -> Recorded:
         scene = system.provenance["scene"]
         if any(map(_names_a_file, _signals(scene))):
             raise ValueError("a signal in a model holds its numbers itself")
-        boom = Boom.model_validate(scene)
+        boom = Scene.model_validate(scene)
         found = of_boom(boom, system)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         why = "this one has none" if error.args == ("scene",) else repr(error)
@@ -91,13 +90,14 @@ def recorded_system(system: System, source: str) -> Recorded:
     return found
 
 
-def of_boom(boom: Boom, system: System) -> Recorded:
-    """What a boom of several sections starts with: equilibrium under its weight in full."""
-    excitation = excitation_of(boom, system)
+def of_boom(boom: Scene, system: System) -> Recorded:
+    """What a boom of several sections starts with: equilibrium under its weight in full, unless it says otherwise."""
+    excitation = Excitation.of(boom)
     first_loads = excitation.forces(system.input_names)[0].copy()
     inputs = [name for body in system.bodies.values() for name in body.input_names]
-    first_loads[[name == WEIGHT for name in inputs]] = boom.gravity.acceleration
-    return Recorded(boom.title, excitation, first_loads, static=True)
+    if boom.gravity is not None:
+        first_loads[[name == WEIGHT for name in inputs]] = boom.gravity.acceleration
+    return Recorded(boom.title, excitation, first_loads, static=boom.start == "equilibrium")
 
 
 def _signals(scene: Any) -> list[Any]:

@@ -28,6 +28,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.choice import directions, fewest_rows
+from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 from pmr.studies import shared
 from pmr.studies.engine.task import Task, TaskResult
@@ -82,7 +83,7 @@ def check(scene: Scene, snapshots: Sequence[int], modes: Sequence[int], key: str
     elements = scene.mesh.elements
     if scene.mesh.file is not None:
         return
-    free = len(directions(scene)) * (elements + 1) - fewest_rows(scene)
+    free = len(directions(member_at(scene))) * (elements + 1) - fewest_rows(member_at(scene))
     if max(snapshots) > elements or max(modes) > free:
         value = max(snapshots) if max(snapshots) > elements else max(modes)
         raise InputError("study", key, value, f"{elements} elements allow up to {elements} snapshots and {free} modes")

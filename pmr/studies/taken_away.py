@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pmr.results import Response
 from pmr.results.extremes import cycles
 from pmr.results.tables import force_extremes, probe_extremes, reaction_extremes
-from pmr.scene import Boom, Scene
+from pmr.scene import Scene
 from pmr.studies.engine.task import Scalar, TaskResult
 
 Array = NDArray[np.float64]
@@ -93,10 +93,10 @@ def _path(scene: Scene, response: Response) -> Array:
     return np.asarray(scene.slider.path.value(response.t))
 
 
-def boom_arguments(boom: Boom) -> dict[str, Any]:
+def boom_arguments(boom: Scene) -> dict[str, Any]:
     """A boom as arguments of a task; the hash stands for the content of files that it names."""
     plain = boom.model_copy(update={"title": "", "published": None, "recovery": None})
-    return {"boom": plain.model_dump(mode="json", exclude={"section"}), "hash": plain.hash}
+    return {"boom": plain.model_dump(mode="json"), "hash": plain.hash}
 
 
 def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
@@ -110,7 +110,7 @@ def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult])
     from pmr.compare.booms import tip_columns
     from pmr.pipeline.booms import run_boom
 
-    boom = Boom.model_validate(arguments["boom"])
+    boom = Scene.model_validate(arguments["boom"])
     outcome = run_boom(boom)
     assert outcome is not None  # a task runs on one rank
     result, summary = outcome.result, outcome.result.summary

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.names import ALONE as ALONE
 from pmr.scene.names import SLIDER as SLIDER
+from pmr.scene.names import input_of as input_of
 from pmr.scene.names import named as named
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.reduced.model import ReducedModel
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, Trajectory
-from pmr.system.contacts import ALONE, SLIDER, Contact, Place, refused
+from pmr.system.contacts import ALONE, SLIDER, Contact, Place, input_of, refused
 
 Array = NDArray[np.float64]
 
@@ -117,9 +117,7 @@ class Joined(Generic[AnyBody]):
     @property
     def input_names(self) -> tuple[str, ...]:
         """``body.input`` of all bodies, in their order; ``input`` of a body alone."""
-        return tuple(
-            one if name == ALONE else f"{name}.{one}" for name, body in self.bodies.items() for one in body.input_names
-        )
+        return tuple(input_of(name, one) for name, body in self.bodies.items() for one in body.input_names)
 
     @property
     def compliance(self) -> Array:

@@ -11,13 +11,13 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.compare import attached, boom_estimate
-from pmr.fullmodel.build import build_sections
+from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.booms import run_boom
 from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.sections import reduce_sections
-from pmr.scene import Boom
+from pmr.scene import Scene
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 QUICK = (
@@ -29,9 +29,8 @@ QUICK = (
 )
 
 
-def load(*changes: str) -> Boom:
+def load(*changes: str) -> Scene:
     found = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
-    assert isinstance(found, Boom)
     return found
 
 
@@ -63,7 +62,7 @@ def test_the_estimate_is_the_true_error_and_its_margin(pads: str, monkeypatch: p
 def fly() -> ReducedModel:
     """Without what answers its cylinder."""
     boom = load()
-    found = reduce_sections(boom, build_sections(boom))["fly"].modal
+    found = reduce_sections(boom, build_bodies(boom))["fly"].modal
     assert found.carriers is not None
     return replace(found, carriers=replace(found.carriers, answers=None))
 

@@ -13,20 +13,19 @@ from numpy.typing import NDArray
 from pmr import scene as scenes
 from pmr.compare.booms import respond
 from pmr.fem.compat import MPI
-from pmr.fullmodel.build import Built, build_sections
+from pmr.fullmodel.build import Built, build_bodies
 from pmr.pipeline.booms import run_boom
 from pmr.recover.coordinates import Recovery
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.sections import ReducedSection, reduce_sections
 from pmr.results import Response
-from pmr.scene import Boom
-from pmr.scene.boom_parts import TAIL
+from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
+from pmr.scene.members import TAIL
 from pmr.simulation import Excitation, SystemSimulator, exudyn
-from pmr.simulation.booms import excitation_of
 from pmr.simulation.native import multibody
 from pmr.system.body import force_outputs
-from pmr.system.booms import system_of
+from pmr.system.from_scene import system_of
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -75,7 +74,7 @@ CASES: Mapping[str, Sequence[str]] = {
 class Run:
     """A boom's sections, and how they move."""
 
-    boom: Boom
+    boom: Scene
     built: Mapping[str, Built]
     sections: Mapping[str, ReducedSection]
     system: System
@@ -89,11 +88,10 @@ class Run:
 
 def run(changes: Sequence[str], simulator: SystemSimulator = multibody.simulate) -> Run:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, *changes])
-    assert isinstance(boom, Boom)
-    built = build_sections(boom, MPI.COMM_SELF)
+    built = build_bodies(boom, MPI.COMM_SELF)
     sections = reduce_sections(boom, built)
     system = system_of(boom, {name: one.model for name, one in sections.items()})
-    excitation = excitation_of(boom, system)
+    excitation = Excitation.of(boom)
     moved = simulator(system, excitation, multibody.static_start(system, excitation))
     return Run(boom, built, sections, system, excitation, moved)
 
@@ -188,7 +186,7 @@ def test_what_beams_without_axial_coordinates_do_not_know_is_said() -> None:
         "tail": ring,
         "mouth": ring,
     }
-    boom = Boom.model_validate(
+    boom = Scene.model_validate(
         {
             "title": "no axial coordinates",
             "section": {"body": {"profile": profile}, "mesh": {"elements": 10}, "reduction": {"coordinates": 4}},

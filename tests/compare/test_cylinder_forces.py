@@ -11,16 +11,15 @@ import scipy.integrate
 
 from pmr import scene as scenes
 from pmr.compare.estimate import MARGIN
-from pmr.fullmodel.build import build_sections
+from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.booms import run_boom
 from pmr.recover.coordinates import Recovery
 from pmr.recover.from_scene import states_of
 from pmr.reduction.sections import reduce_sections
 from pmr.results import RunResult
-from pmr.scene import Boom
-from pmr.simulation.booms import excitation_of
+from pmr.simulation import Excitation
 from pmr.simulation.native import multibody
-from pmr.system.booms import system_of
+from pmr.system.from_scene import system_of
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 KINK, RATE = 0.1, 0.4
@@ -37,7 +36,6 @@ QUICK = (
 @cache
 def result(workflow: str, *changes: str) -> RunResult:
     boom = scenes.load_any(WORKFLOWS / workflow, (*QUICK, *changes))
-    assert isinstance(boom, Boom)
     outcome = run_boom(boom)
     assert outcome is not None
     return outcome.result
@@ -119,8 +117,7 @@ def test_simulators_agree_behind_a_kink() -> None:
 def test_full_coordinates_are_recovered_from_modes_of_cylinders_too() -> None:
     """What the model says of its outputs is O q, right behind a kink; along the axis q is the full model's."""
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, "time.end=0.15"))
-    assert isinstance(boom, Boom)
-    built = build_sections(boom)
+    built = build_bodies(boom)
     reduced = reduce_sections(boom, built)
     runs, steps = [], np.array([50, 102, 104, 130])
     for bodies in (
@@ -128,7 +125,7 @@ def test_full_coordinates_are_recovered_from_modes_of_cylinders_too() -> None:
         {n: one.model.gather() for n, one in built.items()},
     ):
         system = system_of(boom, bodies)
-        given = excitation_of(boom, system)
+        given = Excitation.of(boom)
         runs.append((system, multibody.simulate(system, given, multibody.static_start(system, given))))
     (system, motion), (whole, full) = runs
     states = states_of(system, motion, steps)["fly"]

@@ -22,6 +22,7 @@ from pmr.pipeline import reduce_with
 from pmr.reduction.from_scene import take_snapshots
 from pmr.scene import Scene
 from pmr.scene.choice import transverse
+from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
@@ -41,7 +42,7 @@ def ratios(scene: Scene) -> Iterator[tuple[str, float, float]]:
     """Kind, estimate over error and error, of all kinds that have an estimate."""
     model = build(scene, MPI.COMM_SELF).model
     reduced = reduce_with(scene, model, take_snapshots(scene, model)).reduced
-    tips = len(transverse(scene))
+    tips = len(transverse(member_at(scene)))
     own, full = (simulated(scene, body, tips) for body in (reduced, model.gather()))
     known = own.force.shape[1]
     full = replace(full, force=full.force[:, -known:])  # rigid holds are rows of it alone

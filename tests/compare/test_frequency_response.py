@@ -18,7 +18,7 @@ from pmr.report import sections
 from pmr.report.numbers import SPACE
 from pmr.results import RunResult
 from pmr.system.assembly import Assembly
-from pmr.system.booms import system_of
+from pmr.system.from_scene import system_of
 
 BOOM = Path(__file__).parents[2] / "workflows" / "boom_beam.toml"
 ASKED = [

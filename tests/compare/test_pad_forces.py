@@ -23,6 +23,7 @@ from pmr.report.subject import forces, tips
 from pmr.results import Energy, Response, RunResult
 from pmr.scene import Scene
 from pmr.scene.built import GRAVITY, force_of
+from pmr.scene.members import member_at
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 ALL_ROUND = "faces={bottom=[-0.1,0.1],top=[-0.1,0.1],left=[0.0],right=[0.0]}"
@@ -121,7 +122,7 @@ def test_results_without_names_are_read_in_the_order_they_were_written(at_rest: 
 
 
 def test_a_response_names_displacements_and_forces(at_rest: RunResult) -> None:
-    response, model = at_rest.responses["reduced"], structural_model(structure_of(at_rest.scene))
+    response, model = at_rest.responses["reduced"], structural_model(structure_of(member_at(at_rest.scene)))
     assert response.output_names == model.output_names[:60] and response.output_units == ("m",) * 60
     assert response.output_names[-2:] == ("tip y", "tip z")
     assert response.force_names == (*model.output_names[60:], *map(force_of, model.rows.names[:6]),

@@ -12,6 +12,7 @@ from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
 from pmr.pipeline import reduce, run
+from pmr.scene.members import member_at
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 pytestmark = pytest.mark.mpi
@@ -69,7 +70,7 @@ def test_a_motion_that_grows_names_what_a_user_can_change(
 )  # fmt: skip
 def test_a_bad_mesh_is_one_line_on_every_rank(scene: str, change: str, said: str) -> None:
     with pytest.raises(InputError) as refused:
-        structure_of(scenes.load(WORKFLOWS / f"{scene}.toml", [change]))
+        structure_of(member_at(scenes.load(WORKFLOWS / f"{scene}.toml", [change])))
     assert said in str(refused.value)
 
 
@@ -126,7 +127,7 @@ def test_a_bad_mesh_file_is_one_line_on_every_rank(tmp_path: Path, content: str)
     start, end = text.index("[body]"), text.index("# Twelve pads")
     (tmp_path / "own.toml").write_text(text[:start] + "[body]\nmodel = 'shell'\nthickness = 0.008\n" + text[end:])
     with pytest.raises(InputError, match="bad.msh"):
-        structure_of(scenes.load(tmp_path / "own.toml", [f"mesh.file={file}"]))
+        structure_of(member_at(scenes.load(tmp_path / "own.toml", [f"mesh.file={file}"])))
 
 
 @pytest.mark.parametrize("error", [InputError("scene", "time.step", 0.1, "less"), GrowthError("it grows", ("pin",))])

@@ -13,6 +13,7 @@ from pmr.fem.compat import MPI, assemble, original_cells
 from pmr.fullmodel.assembly import Rows, model_order, reordered, share
 from pmr.fullmodel.from_scene import structure_of
 from pmr.models.meshed import MeshedModel
+from pmr.scene.members import member_at
 
 SCENE = Path(__file__).parents[2] / "workflows" / "boom_shell.toml"
 
@@ -21,7 +22,7 @@ SCENE = Path(__file__).parents[2] / "workflows" / "boom_shell.toml"
 def test_cells_stand_on_the_rank_that_keeps_most_of_their_rows() -> None:
     """Equal shares of them, in the order of their lowest vertices; then all but rows where ranks meet stay."""
     comm = MPI.COMM_WORLD
-    model = structure_of(scenes.load(SCENE, ["mesh.size=0.05", "mesh.along=0.1"]), comm).model
+    model = structure_of(member_at(scenes.load(SCENE, ["mesh.size=0.05", "mesh.along=0.1"])), comm).model
     assert isinstance(model, MeshedModel)
     space = model.space(model.domain(comm))
     cells = original_cells(space.mesh)[: space.mesh.topology.index_map(2).size_local]

@@ -17,11 +17,10 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.files.matrices import GivenMatrices, from_matrices
 from pmr.fullmodel import free_motions
-from pmr.fullmodel.build import build, build_sections, left_free
+from pmr.fullmodel.build import build_bodies, left_free
 from pmr.pipeline import run
 from pmr.pipeline.booms import run_either
-from pmr.scene import Boom, Scene
-from pmr.scene.boom_checks import check_boom
+from pmr.scene import Scene
 from pmr.scene.checks import check
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -30,10 +29,10 @@ NOTHING = "supports=[]"
 ALLOWED = "free_motions=allowed"
 
 
-def refused(scene: Scene | Boom) -> list[str]:
+def refused(scene: Scene) -> list[str]:
     """The line in which its free motions are refused, if they are."""
     try:
-        build_sections(scene, MPI.COMM_SELF) if isinstance(scene, Boom) else build(scene, MPI.COMM_SELF)
+        build_bodies(scene, MPI.COMM_SELF)
     except InputError as error:
         assert error.key == "free_motions"
         return [str(error)]
@@ -129,7 +128,7 @@ def ring(faces: Sequence[str], at: float = 0.2) -> str:
 class Machine:
     """A machine that lacks a support, and what that leaves free."""
 
-    scene: Scene | Boom
+    scene: Scene
     section: str
     free: tuple[str, ...]
 
@@ -180,8 +179,8 @@ def without_a_support(seed: int) -> Machine:
             parts.append(f"supports=[{','.join(supports)}]")
         sections.append(f"{{{','.join(parts)}}}")
     content = f"title='machine'\nsection={{mesh={{elements=6}}}}\nsections=[{','.join(sections)}]\n"
-    boom = Boom.model_validate(tomllib.loads(content + "time={end=1.0,step=1e-3}"))
-    check_boom(boom)
+    boom = Scene.model_validate(tomllib.loads(content + "time={end=1.0,step=1e-3}"))
+    check(boom)
     return Machine(boom, f"part {at}", lacking)
 
 
@@ -234,8 +233,7 @@ def test_a_boom_on_a_pivot_and_a_cylinder_is_held_where_its_pin_is() -> None:
 def test_a_boom_may_be_free_where_its_scene_allows_it() -> None:
     rollers = "sections.base.supports=[{kind='roller'},{kind='roller',on=2.0}]"
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ["section.mesh.elements=6", rollers, ALLOWED])
-    assert isinstance(boom, Boom)
-    (said,) = left_free(boom, build_sections(boom, MPI.COMM_SELF))
+    (said,) = left_free(boom, build_bodies(boom, MPI.COMM_SELF))
     assert "leave base with what it carries free to move along x: loads" in said
 
 
@@ -266,7 +264,7 @@ def test_supports_close_to_each_other_and_short_overlaps_hold() -> None:
     common = "{mesh={elements=6},body={model='beam2d',box={length=12.0,wall=0.005}}}"
     for count in (3, 2):
         text = f"title='long'\nsection={common}\nsections=[{','.join(parts)}]\ntime={{end=1.0,step=1e-3}}"
-        boom = Boom.model_validate(tomllib.loads(text.replace("PINS", f"[{','.join(pins[:count])}]")))
-        check_boom(boom)
+        boom = Scene.model_validate(tomllib.loads(text.replace("PINS", f"[{','.join(pins[:count])}]")))
+        check(boom)
         said = refused(boom)
         assert len(said) == 3 - count and all("0 with what it carries free to turn about y" in one for one in said)

@@ -11,6 +11,7 @@ from pmr import scene as scenes
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.fullmodel.from_scene import structure_of
+from pmr.scene.members import member_at
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 CLAMP = "{on='tail',kind='clamped',points='all'}"
@@ -63,7 +64,7 @@ def test_the_tips_rotation_is_an_output_in_rad(model: str) -> None:
 def test_of_a_fine_beam_some_nodes_are_observed() -> None:
     """With all of them the tables of outputs would grow with the square of the mesh."""
     changes = ["mesh.elements=2500", "compare.against=[]"]
-    structure = structure_of(scenes.load(WORKFLOWS / "paper_simple.toml", changes), MPI.COMM_SELF)
+    structure = structure_of(member_at(scenes.load(WORKFLOWS / "paper_simple.toml", changes)), MPI.COMM_SELF)
     assert structure.model.node_stations is not None
     *line, tip = [one.on for one in structure.outputs]
     assert line == pytest.approx(structure.model.node_stations[:-1:3]) and tip == "tip"

@@ -14,6 +14,7 @@ from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Structure
 from pmr.pipeline import run
 from pmr.scene import Scene
+from pmr.scene.members import member_at
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 COARSE = ("mesh.size=0.2", "mesh.along=0.5")
@@ -33,7 +34,7 @@ def gauges(structure: Structure) -> dict[str, Gauge]:
 def test_a_stretched_body_has_the_stress_and_strain_of_a_bar(model: str) -> None:
     """u = (e x, -nu e y, -nu e z): stress E e along x, none across, everywhere."""
     scene = boom(model, "{name='p',at=[3.0,0.15,0.2],measures=['stress','strain','displacement']}")
-    structure = structure_of(scene)
+    structure = structure_of(member_at(scene))
     q, found, e = np.zeros(structure.model.size), gauges(structure), 1e-4
     nodes = getattr(structure.model, "nodes", None)
     if nodes is None:  # of a beam, whose width nobody sees
@@ -59,7 +60,7 @@ def test_the_nearest_point_of_the_face_counts_and_of_a_group_the_mean() -> None:
         "shell", "{name='in',at=[2.1,0.0,0.3],face='inner'}", "{name='any',at=[2.1,0.0,0.3]}",
         "{name='top',on='top',face='middle'}",
     )  # fmt: skip
-    structure = structure_of(scene)
+    structure = structure_of(member_at(scene))
     found, known = gauges(structure), structure.model.stresses()  # type: ignore[attr-defined]
     assert found["in stress along"].face == "inner" and found["any stress along"].face == "outer"
     distance = np.linalg.norm(known.points[known.on("inner")] - (2.1, 0.0, 0.3), axis=1)
@@ -103,15 +104,15 @@ def test_a_simulated_probe_is_the_recovered_stress() -> None:
 )
 def test_what_no_probe_can_measure_is_refused(model: str, probe: str, key: str, allowed: str) -> None:
     with pytest.raises(InputError) as caught:
-        structure_of(boom(model, probe))
+        structure_of(member_at(boom(model, probe)))
     assert caught.value.key == key and allowed in caught.value.allowed
 
 
 def test_a_planar_beam_has_no_stresses_but_moves() -> None:
     at = "probes=[{name='p',at=[2.5,0.0,0.0],measures=['%s']}]"
     with pytest.raises(InputError, match="no stresses"):
-        structure_of(scenes.load(WORKFLOWS / "paper_simple.toml", [at % "strain"]))
-    found = gauges(structure_of(scenes.load(WORKFLOWS / "paper_simple.toml", [at % "displacement"])))
+        structure_of(member_at(scenes.load(WORKFLOWS / "paper_simple.toml", [at % "strain"])))
+    found = gauges(structure_of(member_at(scenes.load(WORKFLOWS / "paper_simple.toml", [at % "displacement"]))))
     assert list(found) == ["p displacement x", "p displacement z"]
 
 

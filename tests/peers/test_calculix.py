@@ -24,6 +24,7 @@ from pmr.fullmodel.structure import Action, Clamp, Structure, structural_model
 from pmr.mesh import read_mesh
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.models.shell import Shell
+from pmr.scene.members import member_at
 from pmr.scene.structures import Plate, ShellBody
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
@@ -95,7 +96,7 @@ def static_tip(model: FullModel, s: float) -> tuple[float, float]:
 def ours_on_pads() -> FullModel:
     """workflows/boom_shell.toml without its payload, on the peer's rectangles."""
     scene = scenes.load(WORKFLOWS / "boom_shell.toml", [f"mesh.size={SIZE}", f"mesh.along={ALONG}", "masses=[]"])
-    return structural_model(structure_of(scene))
+    return structural_model(structure_of(member_at(scene)))
 
 
 @pytest.fixture(scope="module")

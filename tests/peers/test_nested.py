@@ -15,8 +15,7 @@ from peers.pads import Patch
 
 from pmr import scene as scenes
 from pmr.compare.boom_motions import FullBoom
-from pmr.fullmodel.build import build_sections
-from pmr.scene import Boom
+from pmr.fullmodel.build import build_bodies
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -73,9 +72,8 @@ def ours(extension: float) -> np.ndarray:
         *(f"sections.{name}.body.box={{width={w},height={h},wall={t}}}" for name, (w, h, t) in NAMED.items()),
     ]
     boom = scenes.load_any(WORKFLOWS / "boom_three_shell.toml", changes)
-    assert isinstance(boom, Boom)
     boom = boom.model_copy(update={"sections": boom.sections[:2]})
-    return FullBoom.of(boom, build_sections(boom)).frequencies(boom, np.array([0]))[0]
+    return FullBoom.of(boom, build_bodies(boom)).frequencies(boom, np.array([0]))[0]
 
 
 NAMED = {"base": OUTER, "middle": INNER, "fly": (0.20, 0.30, 6e-3)}

@@ -17,7 +17,7 @@ from pmr.compare.boom_figures import frequency_map, joints
 from pmr.compare.booms import respond, with_friction
 from pmr.export.paraview import Travelling, write_series
 from pmr.fem.compat import MPI
-from pmr.fullmodel.build import build_sections
+from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.booms import BoomOutcome, run_boom
 from pmr.reduced.model import ReducedModel
 from pmr.reduction import sections
@@ -26,11 +26,11 @@ from pmr.report.document import write_report
 from pmr.results import RunResult
 from pmr.results import load as load_frames
 from pmr.results.tables import tables
-from pmr.scene import Boom
-from pmr.simulation.booms import excitation_of
+from pmr.scene import Scene
+from pmr.simulation import Excitation
 from pmr.simulation.native import multibody
 from pmr.system.assembly import Assembly
-from pmr.system.booms import system_of
+from pmr.system.from_scene import system_of
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 #: Out by 0.6 m a joint within half a second.
@@ -41,9 +41,8 @@ QUICK = (
 )  # fmt: skip
 
 
-def load(*changes: str, file: str = "boom_three") -> Boom:
+def load(*changes: str, file: str = "boom_three") -> Scene:
     found = scenes.load_any(WORKFLOWS / f"{file}.toml", changes)
-    assert isinstance(found, Boom)
     return found
 
 
@@ -301,8 +300,7 @@ def test_a_shell_slides_in_beams() -> None:
 def test_equal_sections_are_built_and_reduced_once_and_points_hold_beams(tmp_path: Path) -> None:
     (tmp_path / "points.toml").write_text(POINTS)
     boom = scenes.load_any(tmp_path / "points.toml")
-    assert isinstance(boom, Boom)
-    built = build_sections(boom)
+    built = build_bodies(boom)
     reduced = reduce_sections(boom, built)
     assert built["one"] is built["two"] and built["tip"] is not built["two"]
     assert reduced["one"].model.M is reduced["two"].model.M
@@ -333,8 +331,8 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
     boxes = {part.name: part.body.box for part in boom.sections if part.body.box is not None}
     masses = {name: 7850.0 * 6.0 * 2.0 * box.wall * (box.width + box.height) for name, box in boxes.items()}
     masses["fly"] += 250.0
-    system = system_of(boom, {name: one.model for name, one in reduce_sections(boom, build_sections(boom)).items()})
-    given = excitation_of(boom, system)
+    system = system_of(boom, {name: one.model for name, one in reduce_sections(boom, build_bodies(boom)).items()})
+    given = Excitation.of(boom)
     found = respond(system, multibody.simulate(system, given, multibody.static_start(system, given)))
     t = given.times
     x = t / 4.0

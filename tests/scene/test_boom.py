@@ -9,16 +9,15 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.scene import Boom
-from pmr.scene.boom_checks import check_boom
-from pmr.scene.boom_parts import footprints, section_scene
+from pmr.scene import Scene
+from pmr.scene.checks import check
+from pmr.scene.members import member_at, members
 
 THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
 
 
-def load(*changes: str) -> Boom:
+def load(*changes: str) -> Scene:
     found = scenes.load_any(THREE, changes)
-    assert isinstance(found, Boom)
     return found
 
 
@@ -29,7 +28,7 @@ def test_sections_take_over_what_they_share_and_say_the_rest() -> None:
     assert [part.body.box.width for part in boom.sections if part.body.box] == [0.30, 0.26, 0.22]
     assert {part.body.box.length for part in boom.sections if part.body.box} == {6.0}
     assert (
-        Boom.model_validate_json(boom.model_dump_json()).hash
+        Scene.model_validate_json(boom.model_dump_json()).hash
         == boom.hash
         == load("section.mesh.elements=12", "sections.fly.mesh.elements=20", "title=Other").hash
         != load().hash
@@ -47,11 +46,11 @@ def test_an_extension_is_a_signal_an_overlap_or_follows_another_one() -> None:
 
 def test_pads_measure_a_section_wherever_joints_take_them() -> None:
     boom = load()
-    travels = [(one.travel.first, one.travel.last) for k in range(3) for one in footprints(boom, k)]
+    travels = [stretch for one in members(boom) for stretch in one.stretches.values()]
     assert travels == [pytest.approx(pair) for pair in ((0.75, 5.85), (0.15, 5.85), (0.15, 5.25))]
-    assert [ring.name for ring in section_scene(boom, 1).pads] == ["pads 1"]
+    assert [ring.name for ring in member_at(boom, 1).pads] == ["pads 1"]
     mixed = load("sections.fly.joint.tail.0.length=0.1", "sections.fly.joint.tail.0.at=0.05")
-    assert len(footprints(mixed, 1)) == 2 and len(footprints(mixed, 2)) == 2 and len(footprints(mixed, 0)) == 1
+    assert [len(one.stretches) for one in members(mixed)] == [1, 2, 2]
 
 
 REFUSED = [
@@ -142,12 +141,12 @@ def test_play_across_the_boom_that_no_load_takes_up_is_refused_before_anything_i
 
 
 def test_the_weight_of_sections_is_there_from_the_start_with_or_without_a_table() -> None:
-    without = load().model_dump(mode="json", exclude={"section"})
+    without = load().model_dump(mode="json")
     del without["gravity"]
     for gravity in ({}, {"gravity": {}}, {"gravity": {"rise": 0.0}}):
-        boom = Boom.model_validate(without | gravity)
+        boom = Scene.model_validate(without | gravity)
         assert boom.gravity.rise == 0.0 and boom.hash == load().hash
-    assert Boom.model_validate(without | {"gravity": {"rise": 0.5}}).gravity.rise == 0.5
+    assert Scene.model_validate(without | {"gravity": {"rise": 0.5}}).gravity.rise == 0.5
 
 
 def test_pads_in_space_need_faces() -> None:
@@ -157,11 +156,11 @@ def test_pads_in_space_need_faces() -> None:
 
 def test_friction_needs_a_cylinder() -> None:
     assert load("section.joint.tail.0.friction=0.1").sections[1].joint.rings[0].friction == 0.1
-    data = load("section.joint.tail.0.friction=0.1").model_dump(mode="json", exclude={"section"})
+    data = load("section.joint.tail.0.friction=0.1").model_dump(mode="json")
     for part in data["sections"]:
         part["body"] = {"profile": {"length": 6.0, "bending_stiffness": 2e7, "mass_per_length": 60.0}}
     with pytest.raises(InputError, match=r"sections\[1\].joint.tail\[0\].friction = 0.1: 0 is allowed: middle has no"):
-        check_boom(Boom.model_validate(data))
+        check(Scene.model_validate(data))
 
 
 def test_only_planar_beams_have_rigid_overlaps() -> None:

@@ -15,6 +15,7 @@ from pmr import scene as scenes
 from pmr.cli.new import kinds
 from pmr.cli.schema import scene_schema, study_schema
 from pmr.errors import InputError
+from pmr.scene.scene import BodyFile, Scene
 
 ROOT = Path(__file__).parents[2]
 WORKFLOWS = ROOT / "workflows"
@@ -105,8 +106,10 @@ def numbers(value: Any) -> Iterator[dict[str, Any]]:
             yield from numbers(one)
 
 
-@pytest.mark.parametrize("model", [scenes.Scene, scenes.Boom])
-def test_every_key_has_a_description_a_unit_and_a_default_or_must_be_given(model: type[scenes.Scene]) -> None:
+@pytest.mark.parametrize("model", [BodyFile, Scene])
+def test_every_key_has_a_description_a_unit_and_a_default_or_must_be_given(
+    model: type[BodyFile | Scene],
+) -> None:
     known = model.model_json_schema()
     found = list(keys(known))
     assert len(found) > 150

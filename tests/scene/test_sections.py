@@ -9,6 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from pmr.scene import Scene
+from pmr.scene.scene import BodyFile
 from pmr.scene.section import Section, quantity_of
 
 
@@ -45,7 +46,7 @@ def test_a_key_has_a_description_and_its_numbers_a_unit(section: type[Section], 
 
 
 def test_the_schema_tells_units() -> None:
-    known = Scene.model_json_schema()["$defs"]
+    known = BodyFile.model_json_schema()["$defs"]
     assert known["Box"]["properties"]["length"]["unit"] == "m"
     assert known["Profile"]["properties"]["bending_stiffness"]["unit"] == "N m^2"
     assert known["Box"]["properties"]["length"]["description"] == "Length along x"

@@ -11,6 +11,7 @@ from pmr.errors import InputError
 from pmr.fullmodel.from_scene import structure_of
 from pmr.scene import Damping, Scene
 from pmr.scene.choice import choose, wall_frequency
+from pmr.scene.members import member_at
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 AT_THE_WEB = (
@@ -132,7 +133,7 @@ def test_damping_in_two_ways_names_the_file_that_has_both(tmp_path: Path) -> Non
     ],
 )
 def test_the_scene_decides_the_model(load, overrides, model, reason) -> None:
-    chosen = choose(load(*overrides))
+    chosen = choose(member_at(load(*overrides)))
     assert chosen.model == model and reason in chosen.reasons[0]
 
 
@@ -208,6 +209,6 @@ def test_a_model_is_made_for_the_path_or_for_all_of_its_travel(load) -> None:
     assert load("slider.travel=[1.500002,3.999998]").travel == (1.500002, 3.999998)  # measured paths overshoot
     wider = load("slider.travel=[1.4,4.2]")
     assert wider.travel == (1.4, 4.2) and wider.path_bounds == (1.5, 4.0) and wider.hash != load().hash
-    assert structure_of(load("slider.travel=[1.4,4.2]", "body.model=beam3d")).pads.travel == (1.4, 4.2)
+    assert structure_of(member_at(load("slider.travel=[1.4,4.2]", "body.model=beam3d"))).pads.travel == (1.4, 4.2)
     with pytest.raises(InputError, match="points have the whole beam"):
         scenes.load(WORKFLOWS / "paper_simple.toml", ["slider.travel=[0.0,5.0]"])

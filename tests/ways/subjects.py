@@ -67,7 +67,7 @@ class Subject:
         return self.kind.written(self.folder)
 
     @cached_property
-    def scene(self) -> pmr.scene.Scene | pmr.scene.Boom:
+    def scene(self) -> pmr.scene.Scene:
         return pmr.load_scene(self.file)
 
     @cached_property

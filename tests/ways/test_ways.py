@@ -21,8 +21,8 @@ import pmr
 from pmr.cli.app import app
 from pmr.export.formats import BODY_FORMATS, FORMATS
 from pmr.scene import Reduction
-from pmr.scene.boom import Joint
 from pmr.scene.built import ModelName
+from pmr.scene.joints import Joint
 from pmr.scene.simulators import SIMULATORS
 from pmr.studies.files import kind_names
 

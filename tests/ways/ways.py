@@ -26,7 +26,7 @@ from pmr.export.formats import BODY_FORMATS, FORMATS
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.reduced.model import ReducedModel
-from pmr.scene import Boom, Scene
+from pmr.scene import Scene
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import simulator as march
@@ -131,7 +131,7 @@ def simulate(subject: Subject) -> None:
 def stepper(subject: Subject) -> None:
     """As the compiled simulator with the same steps."""
     model, scene = subject.model, subject.scene
-    if isinstance(scene, Boom):
+    if len(scene.sections) > 1:
         with refusals():
             pmr.Stepper(model, scene.time.step, model.domain[0])
     assert isinstance(scene, Scene)

@@ -26,12 +26,11 @@ from pmr.errors import SimulationError
 from pmr.reduced.attachment import with_attachment_modes, with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated
-from pmr.scene import Boom
+from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.booms import excitation_of
 from pmr.system.body import other_outputs
-from pmr.system.booms import system_of
+from pmr.system.from_scene import system_of
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -43,10 +42,10 @@ class BoomFamily(Motions):
     Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
     """
 
-    def __init__(self, boom: Boom, models: Mapping[str, ReducedModel], rates: bool = False) -> None:
+    def __init__(self, boom: Scene, models: Mapping[str, ReducedModel], rates: bool = False) -> None:
         self._boom, self._names = boom, tuple(models)
         self._given_system = system_of(boom, _driven(models))
-        excitation = excitation_of(boom, self._given_system)
+        excitation = Excitation.of(boom)
         super().__init__(excitation, rates, boom_runs.reference_rho(self._given_system, excitation.stepping.rho_inf))
         self._wholes = {name: extended(model) for name, model in models.items()}
         self._rigid = tuple(_rigid(model) for model in self._wholes.values())

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from pmr.compare.halved_steps import reference_rho
 from pmr.compare.outputs import Floors, Outputs, differences, outputs
 from pmr.reduced.model import ReducedModel
-from pmr.scene import Boom, MeshChoice, Scene
+from pmr.scene import MeshChoice, Scene
 from pmr.scene.choice import model_of
+from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
@@ -41,7 +42,7 @@ def finer(scene: Scene) -> Scene | None:
     return scene.model_copy(update={"mesh": cells, "accuracy": None, "budget": None})
 
 
-def finer_sections(boom: Boom) -> Boom | None:
+def finer_sections(boom: Scene) -> Scene | None:
     """The boom with shorter cells in all sections; None where the mesh of one is a file."""
     cells = [_shorter(part.mesh) for part in boom.sections]
     if not all(cells):
@@ -91,7 +92,7 @@ def mesh_error(
     undamped = replace(stepping, rho_inf=reference_rho(model, stepping.rho_inf))
     excitation = excitation.with_stepping(undamped)
     own, better = (Meshed(_motion(one, excitation, tips), _places(one)) for one in (model, on_finer))
-    return part_of(own, better, Floors.of(model, excitation), [model_of(scene)], kinds)
+    return part_of(own, better, Floors.of(model, excitation), [model_of(member_at(scene))], kinds)
 
 
 def _motion(model: ReducedModel, excitation: Excitation, tips: int) -> Outputs:

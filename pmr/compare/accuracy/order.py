@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from pmr.compare import boom_estimate as of_sections
 from pmr.compare.accuracy import mesh
@@ -19,14 +19,12 @@ from pmr.compare.outputs import impulsive
 from pmr.errors import InputError
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
-from pmr.scene import Boom, Scene
+from pmr.scene import Scene
 from pmr.scene.asked import Accuracy, Budget
-from pmr.scene.boom_parts import section_scene
 from pmr.scene.choice import model_of, transverse
+from pmr.scene.members import member_at, members
 from pmr.simulation import Excitation
 from pmr.system.contacts import ALONE
-
-AnyScene = TypeVar("AnyScene", Scene, Boom)
 
 #: Share of a tolerance that a mesh may take for the rest to be searched beside it.
 MOST_OF_MESH = 0.9
@@ -43,10 +41,10 @@ _CALLED = {
 
 
 @dataclass(frozen=True)
-class Choice(Generic[AnyScene]):
+class Choice:
     """What was chosen."""
 
-    scene: AnyScene  # with the step and, of a body alone, the coordinates that were chosen
+    scene: Scene  # with the step and, of a body alone, the coordinates that were chosen
     models: Mapping[str, ReducedModel]  # by body, `ALONE` or sections, these without the modes of their cylinders
     found: Found
     mesh: Mapping[str, float] | None = None  # by kind what the mesh is off by, a fraction (`with_mesh`)
@@ -72,7 +70,7 @@ def prepared(scene: Scene) -> Scene:
     return scene.model_copy(update={"reduction": reduction})
 
 
-def choose(scene: Scene, reduced: ReducedModel, taken: Mapping[str, float] | None = None) -> Choice[Scene]:
+def choose(scene: Scene, reduced: ReducedModel, taken: Mapping[str, float] | None = None) -> Choice:
     """The smallest model and the longest step that hold a `prepared` scene's tolerance; or the best within its budget.
 
     Of the tolerance so much is `taken` by the mesh, by kind.  Raises InputError if errors of this model, or of the
@@ -83,7 +81,7 @@ def choose(scene: Scene, reduced: ReducedModel, taken: Mapping[str, float] | Non
         raise InputError("scene", _key(scene), None, f"there is no estimate to go by: {why}")
     if "pad_force" in asked.outputs and impulsive(reduced, excitation):
         _refuse(scene, f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}")
-    family = Family(reduced, excitation, len(transverse(scene)), rates="velocity" in asked.outputs)
+    family = Family(reduced, excitation, len(transverse(member_at(scene))), rates="velocity" in asked.outputs)
     found = _sought(scene, family, taken)
     if found.estimate is not None and (why := found.estimate.unknown.get("pad_force")) == JUMPS:
         if "pad_force" in asked.outputs:
@@ -95,8 +93,8 @@ def choose(scene: Scene, reduced: ReducedModel, taken: Mapping[str, float] | Non
 
 
 def choose_sections(
-    boom: Boom, models: Mapping[str, ReducedModel], taken: Mapping[str, float] | None = None
-) -> Choice[Boom]:
+    boom: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str, float] | None = None
+) -> Choice:
     """The same for the sections of a boom, by their models on free modes; errors as for `choose`."""
     if why := of_sections.no_estimate(models):
         raise InputError("scene", _key(boom), None, f"there is no estimate to go by: {why}")
@@ -105,7 +103,7 @@ def choose_sections(
     return Choice(_with_step(boom, found.steps), family.models(found.member), found)
 
 
-def _sought(scene: Scene | Boom, family: Motions, taken: Mapping[str, float] | None) -> Found:
+def _sought(scene: Scene, family: Motions, taken: Mapping[str, float] | None) -> Found:
     asked, recovery = _asked(scene), scene.recovery
     if lacking := [kind for kind in asked.outputs if kind not in family.kinds]:
         _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
@@ -119,26 +117,26 @@ def _sought(scene: Scene | Boom, family: Motions, taken: Mapping[str, float] | N
 _NEEDED = {"probe": "probes", "pad_force": "pads", "cylinder_force": "cylinders"}
 
 
-def _asked(scene: Scene | Boom) -> Accuracy | Budget:
+def _asked(scene: Scene) -> Accuracy | Budget:
     assert scene.ordered is not None
     return scene.ordered
 
 
-def _key(scene: Scene | Boom) -> str:
+def _key(scene: Scene) -> str:
     return "budget" if scene.accuracy is None else "accuracy"
 
 
-def _refuse(scene: Scene | Boom, allowed: str) -> None:
+def _refuse(scene: Scene, allowed: str) -> None:
     raise InputError("scene", f"{_key(scene)}.outputs", list(_asked(scene).outputs), allowed)
 
 
-def _with_step(scene: AnyScene, steps: int) -> AnyScene:
+def _with_step(scene: Scene, steps: int) -> Scene:
     return scene.model_copy(update={"time": scene.time.model_copy(update={"step": scene.time.end / steps})})
 
 
 def with_mesh(
-    choice: Choice[Scene], asked: Scene, reduced: ReducedModel, reduced_of: Callable[[Scene], ReducedModel]
-) -> Choice[Scene]:
+    choice: Choice, asked: Scene, reduced: ReducedModel, reduced_of: Callable[[Scene], ReducedModel]
+) -> Choice:
     """What `choose` found for the scene `asked`, with the part of its mesh, if the scene wants that.
 
     `reduced_of` makes the reduction of a scene.
@@ -159,29 +157,29 @@ def with_mesh(
         return without_mesh(choice)
     better = member_of(reduced_of(finer), member)
     compared = _with_step(asked, comparable(choice.found.steps, 1))
-    found = mesh.mesh_error(choice.models[ALONE], better, compared, len(transverse(asked)), wanted.outputs)
+    found = mesh.mesh_error(choice.models[ALONE], better, compared, len(transverse(member_at(asked))), wanted.outputs)
     return _beside_mesh(choice, found, lambda taken: choose(asked, reduced, taken))
 
 
 def with_mesh_of_sections(
-    choice: Choice[Boom],
-    asked: Boom,
+    choice: Choice,
+    asked: Scene,
     models: Mapping[str, ReducedModel],
-    finer: Boom,
+    finer: Scene,
     on_finer: Mapping[str, ReducedModel],
-) -> Choice[Boom]:
+) -> Choice:
     """The same for the sections of a boom, from those with shorter cells."""
     wanted, found = _asked(asked), choice.found
     steps, rates = comparable(found.steps, 1), "velocity" in wanted.outputs
     of_both = ((asked, models), (finer, on_finer))
     families = [BoomFamily(_with_step(one, steps), bodies, rates) for one, bodies in of_both]
     own, better = (mesh.Meshed(one.motion(found.member, steps, steps), one.places) for one in families)
-    kinds = [model_of(section_scene(asked, number)) for number in range(len(asked.sections))]
+    kinds = [model_of(one) for one in members(asked)]
     part = mesh.part_of(own, better, families[0].floors(steps), kinds, wanted.outputs)
     return _beside_mesh(choice, part, lambda taken: choose_sections(asked, models, taken))
 
 
-def without_mesh(choice: Choice[AnyScene]) -> Choice[AnyScene]:
+def without_mesh(choice: Choice) -> Choice:
     """The choice with the reason why the part of its mesh isn't known."""
     wanted = _asked(choice.scene).mesh
     return replace(choice, mesh_reason=_NOT_FINER) if wanted else choice
@@ -190,9 +188,7 @@ def without_mesh(choice: Choice[AnyScene]) -> Choice[AnyScene]:
 _NOT_FINER = "a mesh that is read from a file has no finer one"
 
 
-def _beside_mesh(
-    choice: Choice[AnyScene], part: Mapping[str, float], again: Callable[[Mapping[str, float]], Choice[AnyScene]]
-) -> Choice[AnyScene]:
+def _beside_mesh(choice: Choice, part: Mapping[str, float], again: Callable[[Mapping[str, float]], Choice]) -> Choice:
     """The choice with what the mesh is off by; chosen again where that leaves some of the tolerance, and too little."""
     choice, accuracy = replace(choice, mesh=part, mesh_reason=None), choice.scene.accuracy
     allowed = 0.0 if accuracy is None else accuracy.tolerance
@@ -201,7 +197,7 @@ def _beside_mesh(
     return choice
 
 
-def summary(choice: Choice[Any]) -> dict[str, Any]:
+def summary(choice: Choice) -> dict[str, Any]:
     """``accuracy`` and ``budget`` of summary.json.
 
     ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,residual_inertia,step}``, of sections
@@ -231,7 +227,7 @@ def summary(choice: Choice[Any]) -> dict[str, Any]:
     return {"accuracy": accuracy, "budget": budget}
 
 
-def warnings(choice: Choice[Any]) -> list[str]:
+def warnings(choice: Choice) -> list[str]:
     """What a user should know: a tolerance that isn't held, by the model or by its mesh; a line each."""
     found, asked = choice.found, choice.scene.accuracy
     if asked is None:

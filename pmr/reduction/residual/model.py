@@ -28,7 +28,7 @@ from pmr.reduction.residual.inertia import InertiaOnCarriers, PathProducts, with
 from pmr.reduction.residual.operator import ResidualFlexibility
 from pmr.reduction.residual.tables import LoadFlexibility, any_two, load_flexibility, meeting, tables
 from pmr.reduction.snapshots.free_body import FreeBody
-from pmr.scene.boom_parts import TAIL
+from pmr.scene.members import TAIL
 
 Array = NDArray[np.float64]
 

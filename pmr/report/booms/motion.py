@@ -67,7 +67,7 @@ def _pads(result: RunResult, found: list[SectionLine], frames: Any) -> Iterator[
         for end, rings in (("tail", part.joint.tail), ("mouth", part.joint.mouth)):
             for ring in rings:
                 called = " ".join(filter(None, (f"force of {part.name} {end}", ring.name)))
-                mouth = found[number - 1].tail + boom.length(number - 1) - ring.at
+                mouth = found[number - 1].tail + boom.sections[number - 1].length - ring.at
                 at = found[number].tail + ring.at if end == "tail" else mouth
                 for sides, way in ((("bottom", "below"), -1), (("top", "above"), 1)):
                     columns = [

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from pmr.errors import SimulationError
 from pmr.fem.factor import factor_of
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.system import BODY, FullSystem
+from pmr.fullmodel.system import FullSystem
+from pmr.scene.names import ALONE, SLIDER
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.balance import refuse_growth
 from pmr.simulation.excitation import Excitation
@@ -70,14 +71,14 @@ def observe(
     """
     excitation.along(model.rows.domain if model.rows.rows else (-np.inf, np.inf))
     excitation.forces(model.input_names)
-    loads = {f"{BODY}.{name}": load for name, load in excitation.loads.items()}
-    system, start = FullSystem.of(model, next(iter(excitation.paths))), {} if initial is None else {BODY: initial}
-    found = observe_system(system, replace(excitation, loads=loads), recording, start, progress, checkpoint)
-    states = found.states[BODY]
+    system, start = FullSystem.of(model), {} if initial is None else {ALONE: initial}
+    excitation = replace(excitation, paths={SLIDER: excitation.path})
+    found = observe_system(system, excitation, recording, start, progress, checkpoint)
+    states = found.states[ALONE]
     return History(
         t=found.t,
         s=found.s[:, 0],
-        y=found.y[BODY],
+        y=found.y[ALONE],
         multipliers=found.forces,
         residual_position=found.residual_position,
         residual_velocity=found.residual_velocity,

@@ -90,7 +90,7 @@ def cable_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> 
     elements = scene.mesh.elements
     compared = scene.compare.model_copy(update={"ancf_elements": elements})
     cable = scene.model_copy(update={"compare": compared})
-    motion = simulate_cable(cable, [scene.length], Excitation.of(scene))
+    motion = simulate_cable(cable, [scene.alone.length], Excitation.of(scene))
     return _compared(motion.displacement[:, -1], COORDINATES_PER_NODE * (elements + 1), needs)
 
 

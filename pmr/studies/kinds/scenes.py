@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.scene import Boom, Scene
+from pmr.scene import Scene
 from pmr.scene.tomlfiles import Change
 from pmr.studies import grid, shared
 from pmr.studies.engine.task import KEY, Plan, Scalar, Task, TaskResult, key_of
@@ -47,7 +47,7 @@ class Study(StudyBase):
         runs, common = [], dict[str, Task]()
         for point in self._points():
             scene = self._scene(point)
-            if isinstance(scene, Boom):
+            if len(scene.sections) > 1:
                 runs.append(Task(point.key, run_boom_case, boom_arguments(scene), {}, point.parameters))
                 continue
             needs = shared.modes_tasks(scene) | {"frequencies": shared.frequencies_task(scene)}
@@ -69,7 +69,7 @@ class Study(StudyBase):
                     parameters = {**of_scene, **of_case, **point.parameters}
                     yield _Point(key_of(",".join(words) or file.stem), file, (*before, *point.changes), parameters)
 
-    def _scene(self, point: _Point) -> Scene | Boom:
+    def _scene(self, point: _Point) -> Scene:
         try:
             return scenes.vary(point.file, point.changes)
         except InputError as error:

@@ -202,7 +202,7 @@ def _solver(
         return Excitation(paths, loads, replace(whole.stepping, end=stretch.steps * scene.time.step))
 
     if approach.simulate is None:
-        tip = [scene.length]
+        tip = [scene.alone.length]
         coordinates = COORDINATES_PER_NODE * (scene.compare.ancf_elements + 1)
         return lambda stretch: simulate_cable(scene, tip, during(stretch)).seconds, coordinates
     simulate = approach.simulate

@@ -16,7 +16,6 @@ from pmr.errors import InputError
 from pmr.pipeline.booms import run_boom
 from pmr.reduced.attachment import CYLINDER
 from pmr.results import Response
-from pmr.scene import Boom
 from pmr.scene.asked import Accuracy
 
 WORKFLOWS = Path(__file__).parents[3] / "workflows"
@@ -32,7 +31,6 @@ QUICK = (
 
 def summary(*changes: str) -> dict[str, Any]:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
-    assert isinstance(boom, Boom)
     outcome = run_boom(boom)
     assert outcome is not None
     return outcome.result.summary
@@ -99,7 +97,6 @@ def test_a_tolerance_chooses_the_step_and_counts_the_mesh() -> None:
 
 def _motion(model: str, *changes: str) -> Response:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
-    assert isinstance(boom, Boom)
     outcome = run_boom(boom)
     assert outcome is not None
     return outcome.result.responses[model]

@@ -17,6 +17,7 @@ from pmr.compare.step_error import step_error
 from pmr.errors.environment import Clock
 from pmr.pipeline import reduce
 from pmr.scene.choice import transverse
+from pmr.scene.members import member_at
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
@@ -33,7 +34,7 @@ def judged(seed: int) -> tuple[float | None, float]:
     reduction = reduce(scene)
     excitation, reduced = Excitation.of(scene), reduction.reduced
     found = reduction_error(scene, reduced, Clock()).part
-    step = step_error(reduced, excitation, len(transverse(scene)))
+    step = step_error(reduced, excitation, len(transverse(member_at(scene))))
     estimated = found.figures["estimate"]["beam"]
     said = not any("may be larger" in line for line in found.warnings) and step.settled and estimated is not None
     given = excitation.stepping

@@ -24,6 +24,7 @@ from pmr.pipeline import Outcome, run
 from pmr.scene import Scene
 from pmr.scene.checks import check
 from pmr.scene.choice import transverse
+from pmr.scene.members import member_at
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native import simulator as march
@@ -159,7 +160,7 @@ def case(seed: int) -> Case | None:
     assert isinstance(outcome, Outcome) and scene.accuracy is not None
     result, asked = outcome.result, scene.accuracy
     chosen = result.scene.time.steps
-    family = Family(outcome.reduced, Excitation.of(scene), len(transverse(scene)))
+    family = Family(outcome.reduced, Excitation.of(scene), len(transverse(member_at(scene))))
     times = coarsest(family)
     while chosen % times:
         times //= 2

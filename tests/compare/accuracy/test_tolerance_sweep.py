@@ -24,6 +24,7 @@ from pmr.pipeline import reduce_with
 from pmr.reduction import from_scene
 from pmr.scene import Scene
 from pmr.scene.choice import transverse
+from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native import simulator as march
@@ -64,7 +65,7 @@ def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
         patch.setattr(from_scene, "ENRICHMENT_MODES", from_scene.SEARCHED_MODES)
         reduced = reduce_with(scene, model, from_scene.take_snapshots(scene, model)).reduced
     excitation = Excitation.of(scene)
-    family = Family(reduced, excitation, len(transverse(scene)))
+    family = Family(reduced, excitation, len(transverse(member_at(scene))))
     coarse, form = coarsest(family), modal_form(model.gather())
     groups = (("beam", "tip"), *([] if impulsive(reduced, excitation) else [("pad_force",)]))
     demands = [Demand(tolerance, kinds, inertia=True) for kinds in groups for tolerance in TOLERANCES]

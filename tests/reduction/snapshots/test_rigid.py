@@ -21,6 +21,7 @@ from pmr.pipeline import run
 from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
 from pmr.reduction.snapshots.free_modes import _beside, free_modes
 from pmr.scene import Damping
+from pmr.scene.members import member_at
 from pmr.scene.structures import PointMass
 
 pytestmark = pytest.mark.mpi
@@ -32,7 +33,7 @@ OTHERS = [pytest.param(length, marks=pytest.mark.slow) for length in (5.7, 5.8, 
 
 
 def boom(*overrides: str) -> Structure:
-    return structure_of(scenes.load(BOOM, ["mesh.elements=12", "compare.against=[]", *overrides]))
+    return structure_of(member_at(scenes.load(BOOM, ["mesh.elements=12", "compare.against=[]", *overrides])))
 
 
 def attached(structure: Structure, *clamps: Clamp, masses: tuple[PointMass, ...] = ()) -> FullModel:

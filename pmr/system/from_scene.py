@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from pmr.scene import Boom
-from pmr.scene.boom import JointPads
-from pmr.scene.boom_parts import AROUND, POINT, TAIL, WITHIN, as_pads, footprint
+from pmr.scene import Scene
+from pmr.scene.joints import JointPads
+from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint
+from pmr.scene.names import ALONE
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
 from pmr.system.system import Body, System
@@ -24,36 +25,36 @@ def cylinder(section: str) -> str:
     return f"cylinder of {section}"
 
 
-def system_of(boom: Boom, bodies: Mapping[str, SlidingBody]) -> System:
-    """The sections, reduced or full, by their names, and what joins them; errors as for `System`."""
-    return System(bodies, contacts_of(boom, bodies))
+def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
+    """A scene's bodies, reduced or full, by their names, and what joins them; errors as for `System`."""
+    return System.of(bodies[ALONE]) if len(scene.sections) == 1 else System(bodies, contacts_of(scene, bodies))
 
 
-def contacts_of(boom: Boom, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:
+def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:
     """All contacts between the sections, and with the ground."""
-    contacts = [contact for number in range(1, len(boom.sections)) for contact in _between(boom, number, bodies)]
+    contacts = [contact for number in range(1, len(scene.sections)) for contact in _between(scene, number, bodies)]
     places = [place for one in contacts for place in (one.inner, one.outer) if place is not None]
     joined = {(place.body, place.row) for place in places}
     ground = [contact for name, body in bodies.items() for contact in _on_ground(name, body, joined)]
     return (*contacts, *ground)
 
 
-def _between(boom: Boom, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
+def _between(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
     """Contacts of the joint in which a section slides, its cylinder last."""
-    joint, inner, outer = boom.sections[number].joint, boom.names[number], boom.names[number - 1]
+    joint, inner, outer = scene.sections[number].joint, scene.names[number], scene.names[number - 1]
     assert joint is not None  # as the scene's checks say
     rows = set(bodies[inner].row_names) & set(bodies[outer].row_names)
     yield from Joint(
         inner,
         outer,
-        boom.length(number),
-        boom.length(number - 1),
+        scene.sections[number].length,
+        scene.sections[number - 1].length,
         inner,
-        tuple(pad for ring in joint.tail for pad in _pads(boom, ring, f"{inner} tail", rows)),
-        tuple(pad for ring in joint.mouth for pad in _pads(boom, ring, f"{inner} mouth", rows)),
+        tuple(pad for ring in joint.tail for pad in _pads(scene, ring, f"{inner} tail", rows)),
+        tuple(pad for ring in joint.mouth for pad in _pads(scene, ring, f"{inner} mouth", rows)),
     ).contacts
     if joint.rigid_overlap:
-        within = Place(inner, "", boom.length(number - 1) - joint.first_at(joint.mouth), inner, -1.0)
+        within = Place(inner, "", scene.sections[number - 1].length - joint.first_at(joint.mouth), inner, -1.0)
         around = Place(outer, "", joint.first_at(joint.tail), inner)
         for place, names in ((within, WITHIN), (around, AROUND)):
             yield from (Contact(f"{place.body} {name}", replace(place, row=name)) for name in names)
@@ -65,7 +66,7 @@ def _between(boom: Boom, number: int, bodies: Mapping[str, Body]) -> Iterator[Co
         yield Contact(cylinder(inner), Place(inner, TAIL, at), held, direction=-1.0, compliance=compliance)
 
 
-def _pads(boom: Boom, ring: JointPads, called: str, rows: set[str]) -> Iterator[JointPad]:
+def _pads(scene: Scene, ring: JointPads, called: str, rows: set[str]) -> Iterator[JointPad]:
     """Those of a ring that both sections can feel: nothing moves a planar beam sideways."""
     called = " ".join(filter(None, (called, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
@@ -74,10 +75,11 @@ def _pads(boom: Boom, ring: JointPads, called: str, rows: set[str]) -> Iterator[
         for way, direction in {" above": 1.0, " below": -1.0}.items() if ring.unilateral else {"": 1.0}.items():
             yield JointPad(called + way, POINT, ring.at, direction, compliance, clearance, ring.friction)
         return
-    name = footprint(boom, ring)
-    for row, _, _ in as_pads(ring, name).places:
+    pads = as_pads(ring, footprint(scene, ring))
+    named = pads.model_copy(update={"name": called})  # so are their contacts
+    for (row, *_), (name, *_) in zip(pads.places, named.places, strict=True):
         if row in rows:
-            yield JointPad(called + row.removeprefix(name), row, ring.at, 1.0, compliance, clearance, ring.friction)
+            yield JointPad(name, row, ring.at, 1.0, compliance, clearance, ring.friction)
 
 
 def _on_ground(name: str, body: Body, joined: set[tuple[str, str]]) -> Iterator[Contact]:

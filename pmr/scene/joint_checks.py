@@ -7,10 +7,11 @@ import re
 import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.scene.boom import Boom, Linear
-from pmr.scene.boom_parts import DRIVEN, footprint, is_axial, is_planar, seats, section_scene
-from pmr.scene.checks import check_magnitudes, check_ordered, check_time, jump_of
-from pmr.scene.section import check_sizes
+from pmr.scene.choice import is_axial, is_planar
+from pmr.scene.joints import Linear
+from pmr.scene.magnitudes import check_loads, check_proportions, jump_of
+from pmr.scene.members import DRIVEN, footprint, member_at, members, seats
+from pmr.scene.scene import Scene
 from pmr.scene.simulators import Needs, refuse
 from pmr.scene.structure_checks import check_names, check_reserved, check_structure, refusal
 
@@ -18,39 +19,38 @@ from pmr.scene.structure_checks import check_names, check_reserved, check_struct
 SLACK = 1e-9
 
 
-def check_boom(boom: Boom) -> None:
-    """Refuse a boom whose sections contradict each other."""
-    check_sizes(boom)  # first: what others compute with is then finite
-    _names(boom)
-    check_time(boom)
-    for number in range(len(boom.sections)):
-        _reduction(boom, number)
+def check_joints(scene: Scene) -> None:
+    """Refuse sections that contradict each other."""
+    _names(scene)
+    for number in range(len(scene.sections)):
+        _reduction(scene, number)
         if number:
-            _driven(boom, number)
-    for number in range(1, len(boom.sections)):
-        _fits(boom, number)
-        _slides(boom, number)
-    for number in range(len(boom.sections)):
-        _held_while_sliding(boom, number)
-        _pads(boom, number)
-        _by_itself(boom, number)
-    for number in range(1, len(boom.sections)):
-        _held_at_the_start(boom, number)
-    planar = [is_planar(boom, number) for number in range(len(boom.sections))]
+            _driven(scene, number)
+    for number in range(1, len(scene.sections)):
+        _fits(scene, number)
+        _slides(scene, number)
+    for number in range(len(scene.sections)):
+        _held_while_sliding(scene, number)
+        _pads(scene, number)
+        _by_itself(scene, number)
+    if scene.start == "equilibrium":
+        for number in range(1, len(scene.sections)):
+            _held_at_the_start(scene, number)
+    planar = [is_planar(one) for one in members(scene)]
     if len(set(planar)) > 1:
-        names = ", ".join(name for name, flat in zip(boom.names, planar, strict=True) if flat)
+        names = ", ".join(name for name, flat in zip(scene.names, planar, strict=True) if flat)
         raise refusal("sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none")
-    _rigid_overlaps_and_friction(boom)
-    _simulators(boom)
-    _ordered(boom)
-    _frequency_response(boom)
+    _rigid_overlaps_and_friction(scene)
+    _simulators(scene)
+    _ordered(scene)
+    _frequency_response(scene)
 
 
-def _names(boom: Boom) -> None:
-    check_names("sections", boom.names)
-    if boom.sections[0].joint is not None:
+def _names(scene: Scene) -> None:
+    check_names("sections", scene.names)
+    if scene.sections[0].joint is not None:
         raise refusal("sections[0].joint", None, "the base slides in nothing: supports or pads hold it")
-    for number, part in enumerate(boom.sections[1:], start=1):
+    for number, part in enumerate(scene.sections[1:], start=1):
         if part.joint is None:
             raise refusal(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
         for ends in (part.joint.tail, part.joint.mouth):
@@ -58,8 +58,8 @@ def _names(boom: Boom) -> None:
                 raise refusal(f"sections[{number}].joint", None, "rings at one end need names that differ")
 
 
-def _reduction(boom: Boom, number: int) -> None:
-    choice, key = boom.sections[number].reduction, f"sections[{number}].reduction"
+def _reduction(scene: Scene, number: int) -> None:
+    choice, key = scene.sections[number].reduction, f"sections[{number}].reduction"
     if choice.basis != "free_modes" or choice.file is not None:
         allowed = "'free_modes' is allowed, without a file: sections have no common path"
         raise refusal(f"{key}.basis", choice.basis, allowed)
@@ -67,30 +67,33 @@ def _reduction(boom: Boom, number: int) -> None:
         raise refusal(f"{key}.residual_inertia", True, "false is allowed for sections of a boom")
     if choice.ports:
         raise refusal(f"{key}.ports", list(choice.ports), "no ports are allowed for sections of a boom")
-    if boom.length(number) <= 0.0:
+    if scene.sections[number].slider is not None:
+        allowed = "joints move sections that slide in one another: leave it out"
+        raise refusal(f"sections[{number}].slider", None, allowed)
+    if scene.sections[number].length <= 0.0:
         allowed = "observe.start and observe.end are needed where a mesh that is read says how long a section is"
         raise refusal(f"sections[{number}].observe", None, allowed)
 
 
-def _driven(boom: Boom, number: int) -> None:
+def _driven(scene: Scene, number: int) -> None:
     """The extension is known, and without jumps."""
-    joint, key = boom.joint(number), f"sections[{number}].joint"
-    seen = [boom.names[number]]
-    while (follows := boom.joint(boom.names.index(seen[-1])).follows) is not None:
-        others = [name for name in boom.names[1:] if name not in seen]
+    joint, key = scene.joint(number), f"sections[{number}].joint"
+    seen = [scene.names[number]]
+    while (follows := scene.joint(scene.names.index(seen[-1])).follows) is not None:
+        others = [name for name in scene.names[1:] if name not in seen]
         if follows not in others:
             allowed = f"{', '.join(others)} are allowed, which do not follow it" if others else "a signal is needed"
             raise refusal(f"{key}.follows", joint.follows, allowed)
         seen.append(follows)
-    path = boom.extension(number)
-    jump = jump_of(path, 1e-9 * max(1.0, *map(abs, path.bounds(0.0, boom.time.end))))
+    path = scene.extension(number)
+    jump = jump_of(path, 1e-9 * max(1.0, *map(abs, path.bounds(0.0, scene.time.end))))
     if jump is not None:
-        raise refusal(f"{key}.extension", None, f"{boom.names[number]} {jump}")
+        raise refusal(f"{key}.extension", None, f"{scene.names[number]} {jump}")
 
 
-def _fits(boom: Boom, number: int) -> None:
+def _fits(scene: Scene, number: int) -> None:
     """The inner box within the outer one, and the play of its pads within the gap between them."""
-    inner, outer = boom.sections[number].body.box, boom.sections[number - 1].body.box
+    inner, outer = scene.sections[number].body.box, scene.sections[number - 1].body.box
     if inner is None or outer is None:
         return
     gaps = {}
@@ -98,29 +101,30 @@ def _fits(boom: Boom, number: int) -> None:
         has, room = getattr(inner, side) + inner.wall, getattr(outer, side) - outer.wall
         if has >= room:
             allowed = (
-                f"outside {boom.names[number]} is {has:.6g} m, inside {boom.names[number - 1]} there are {room:.6g} m: "
-                "a section has to fit into the one before it"
+                f"outside {scene.names[number]} is {has:.6g} m, inside {scene.names[number - 1]} there are {room:.6g} "
+                "m: a section has to fit into the one before it"
             )
             raise refusal(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
         gaps[side] = (room - has) / 2.0
-    for seat in seats(boom, number):
+    for seat in seats(scene, number):
         faces = seat.ring.faces or ("bottom", "top")  # points stand above and below
         gap = min(gaps["height" if face in ("bottom", "top") else "width"] for face in faces)
         if seat.joint == number and seat.ring.clearance > gap * (1.0 + SLACK):
             allowed = (
-                f"at most {gap:.6g} m is allowed: so wide is the gap between {boom.names[number]} and "
-                f"{boom.names[number - 1]} there"
+                f"at most {gap:.6g} m is allowed: so wide is the gap between {scene.names[number]} and "
+                f"{scene.names[number - 1]} there"
             )
             raise refusal(f"sections[{number}].joint.{seat.key}.clearance", seat.ring.clearance, allowed)
 
 
-def _held_at_the_start(boom: Boom, number: int) -> None:
+def _held_at_the_start(scene: Scene, number: int) -> None:
     """A run begins in equilibrium: play across the boom is taken up by a load, or some pads have none."""
-    joint, beyond = boom.joint(number), boom.sections[number:]
+    joint, beyond = scene.joint(number), scene.sections[number:]
     for axis, turn, faces in (("y", "rz", {"left", "right"}), ("z", "ry", {"bottom", "top"})):
-        weight = boom.gravity.direction["xyz".index(axis)] if boom.gravity.rise == 0.0 else 0.0
+        gravity = scene.gravity
+        weight = gravity.direction["xyz".index(axis)] if gravity is not None and gravity.rise == 0.0 else 0.0
         loads = [load.signal.value(0.0) for part in beyond for load in part.loads if load.direction in (axis, turn)]
-        if weight or np.any(loads) or (axis == "y" and is_planar(boom, number)):
+        if weight or np.any(loads) or (axis == "y" and is_planar(member_at(scene, number))):
             continue
         for end in ("tail", "mouth"):
             rings = {k: ring for k, ring in enumerate(getattr(joint, end)) if faces & set(ring.faces or ("top",))}
@@ -128,32 +132,34 @@ def _held_at_the_start(boom: Boom, number: int) -> None:
                 (k, ring), *_ = rings.items()
                 allowed = (
                     f"0 is allowed, here or in another ring: no load along {axis} takes up the play of "
-                    f"{boom.names[number]} at t = 0, where motions begin in equilibrium"
+                    f"{scene.names[number]} at t = 0, where motions begin in equilibrium"
                 )
                 raise refusal(f"sections[{number}].joint.{end}[{k}].clearance", ring.clearance, allowed)
 
 
-def _held_while_sliding(boom: Boom, number: int) -> None:
+def _held_while_sliding(scene: Scene, number: int) -> None:
     """What slides is not held along the boom by the ground."""
-    ranges = {name: path.bounds(0.0, boom.time.end) for name, path in list(boom.paths.items())[:number]}
-    moves = next((name for name, (low, high) in ranges.items() if high - low > SLACK * boom.length(number)), None)
-    for i, support in enumerate(boom.sections[number].supports):
+    ranges = {name: path.bounds(0.0, scene.time.end) for name, path in list(scene.paths.items())[:number]}
+    moves = next(
+        (name for name, (low, high) in ranges.items() if high - low > SLACK * scene.sections[number].length), None
+    )
+    for i, support in enumerate(scene.sections[number].supports):
         if moves and "x" in support.held:
             key = f"sections[{number}].supports[{i}]"
             key, value = (f"{key}.kind", support.kind) if support.directions is None else (f"{key}.directions", None)
-            allowed = f"directions without x are allowed: {boom.names[number]} travels with the extension of {moves}"
+            allowed = f"directions without x are allowed: {scene.names[number]} travels with the extension of {moves}"
             raise refusal(key, value, allowed)
-    for i, ring in enumerate(boom.sections[number].pads):
+    for i, ring in enumerate(scene.sections[number].pads):
         if ring.moving:
             key, allowed = f"sections[{number}].pads[{i}].moving", "false is allowed: pads that move belong to a joint"
             raise refusal(key, True, allowed)
 
 
-def _slides(boom: Boom, number: int) -> None:
+def _slides(scene: Scene, number: int) -> None:
     """As `pmr.system.contacts.Joint.check`, in the words of a scene."""
-    joint, name, outer = boom.joint(number), boom.names[number], boom.names[number - 1]
-    path = boom.extension(number)
-    (first, last), length = path.bounds(0.0, boom.time.end), boom.length(number - 1)
+    joint, name, outer = scene.joint(number), scene.names[number], scene.names[number - 1]
+    path = scene.extension(number)
+    (first, last), length = path.bounds(0.0, scene.time.end), scene.sections[number - 1].length
     by = "overlap" if joint.overlap is not None else "follows" if isinstance(path, Linear) else "extension"
     key, slack = f"sections[{number}].joint.{by}", SLACK * length
     if first < -BEYOND_ENDS * length:
@@ -174,7 +180,7 @@ def _slides(boom: Boom, number: int) -> None:
             f"{needed:.6g} m from the tail and the mouth; an extension of less than {length - needed:.6g} m is allowed"
         )
         raise refusal(key, None, allowed)
-    ends = length - min(ring.at for ring in joint.mouth) - boom.length(number)
+    ends = length - min(ring.at for ring in joint.mouth) - scene.sections[number].length
     if first < ends - slack:
         allowed = (
             f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}; "
@@ -183,92 +189,90 @@ def _slides(boom: Boom, number: int) -> None:
         raise refusal(key, None, allowed)
 
 
-def _pads(boom: Boom, number: int) -> None:
+def _pads(scene: Scene, number: int) -> None:
     """All of every pad stays on the section."""
-    length = boom.length(number)
-    touching = list(seats(boom, number))
+    length = scene.sections[number].length
+    touching = list(seats(scene, number))
     points = [seat for seat in touching if seat.ring.faces is None]
     if points:
         key = f"sections[{points[0].joint}].joint.{points[0].key}.faces"
-        if not is_planar(boom, number):
+        if not is_planar(member_at(scene, number)):
             raise refusal(key, None, "faces are needed: only on planar beams pads are points")
-        if len(points) < len(touching) or boom.sections[number].pads:
-            some = f"faces are needed: other pads on {boom.names[number]} have some"
+        if len(points) < len(touching) or scene.sections[number].pads:
+            some = f"faces are needed: other pads on {scene.names[number]} have some"
             raise refusal(key, None, f"{some}; points alone, or none, are allowed")
     for seat in touching:
         half = seat.ring.length / 2.0 if seat.ring.faces is not None else 0.0
         start, end = seat.at.first - half, seat.at.last + half
         if start < -BEYOND_ENDS * length or end > (1.0 + BEYOND_ENDS) * length:
             allowed = (
-                f"these pads reach from {start:.6g} to {end:.6g} m along {boom.names[number]}, which has 0 to "
+                f"these pads reach from {start:.6g} to {end:.6g} m along {scene.names[number]}, which has 0 to "
                 f"{length:.6g} m: all of a pad has to be on it"
             )
             raise refusal(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
 
 
-def _by_itself(boom: Boom, number: int) -> None:
-    """What any body is checked for, with the keys of the boom."""
-    scene, own = section_scene(boom, number), len(boom.sections[number].pads)
+def _by_itself(scene: Scene, number: int) -> None:
+    """What any body is checked for, with the keys of its section or of the joint that a ring belongs to."""
+    part, one = scene.sections[number], member_at(scene, number)
     try:
-        check_magnitudes(scene)
-        check_structure(scene)
-        check_reserved("loads", (load.name for load in scene.loads), (DRIVEN,))
+        check_proportions(part)
+        check_loads(part, scene.time.end)
+        check_structure(one)
+        check_reserved("loads", (load.name for load in part.loads), (DRIVEN,))
     except InputError as error:
-        if error.key.split(".")[0] in ("time", "damping", "gravity", "recovery"):
+        if error.key.split(".")[0] in ("gravity", "recovery"):
             raise
         ring = re.match(r"pads\[(\d+)\]", error.key)
-        if ring and int(ring[1]) >= own:
-            name = scene.pads[int(ring[1])].name
-            found = next(seat for seat in seats(boom, number) if footprint(boom, seat.ring) == name)
+        if ring and int(ring[1]) >= len(part.pads):
+            name = one.pads[int(ring[1])].name
+            found = next(seat for seat in seats(scene, number) if footprint(scene, seat.ring) == name)
             rest = error.key[ring.end() :]
             raise refusal(f"sections[{found.joint}].joint.{found.key}{rest}", error.value, error.allowed) from None
         raise refusal(f"sections[{number}].{error.key}", error.value, error.allowed) from None
 
 
-def _rigid_overlaps_and_friction(boom: Boom) -> None:
-    for number in range(1, len(boom.sections)):
-        if boom.joint(number).rigid_overlap and not is_planar(boom, number):
+def _rigid_overlaps_and_friction(scene: Scene) -> None:
+    for number in range(1, len(scene.sections)):
+        if scene.joint(number).rigid_overlap and not is_planar(member_at(scene, number)):
             raise refusal(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
-    for number in range(1, len(boom.sections)):
-        for seat in seats(boom, number):
-            if seat.joint == number and seat.ring.friction and not is_axial(boom, number):
-                allowed = f"0 is allowed: {boom.names[number]} has no coordinates along the boom, and so no cylinder"
+    for number in range(1, len(scene.sections)):
+        for seat in seats(scene, number):
+            if seat.joint == number and seat.ring.friction and not is_axial(member_at(scene, number)):
+                allowed = f"0 is allowed: {scene.names[number]} has no coordinates along the scene, and so no cylinder"
                 raise refusal(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
 
 
-def _frequency_response(boom: Boom) -> None:
+def _frequency_response(scene: Scene) -> None:
     """Linear equations: contacts hold both ways."""
-    for number, part in enumerate(boom.sections):
+    for number, part in enumerate(scene.sections):
         if not part.observe.frequency_response:
             continue
         key = f"sections[{number}].observe.frequency_response"
-        if number < len(boom.sections) - 1:
-            raise refusal(key, True, f"false is allowed: the tip is that of {boom.names[-1]}")
-        joints = [ring.unilateral for k in range(1, len(boom.sections)) for ring in boom.joint(k).rings]
-        if any(joints) or any(ring.unilateral for one in boom.sections for ring in one.pads):
+        if number < len(scene.sections) - 1:
+            raise refusal(key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
+        joints = [ring.unilateral for k in range(1, len(scene.sections)) for ring in scene.joint(k).rings]
+        if any(joints) or any(ring.unilateral for one in scene.sections for ring in one.pads):
             raise refusal(key, True, "true is allowed with pads that hold both ways: some only push")
 
 
-def _ordered(boom: Boom) -> None:
-    if boom.ordered is None:
-        return
-    check_ordered(boom)
-    for number, part in enumerate(boom.sections):
-        if not part.reduction.needs_inertia:
+def _ordered(scene: Scene) -> None:
+    for number, part in enumerate(scene.sections):
+        if scene.ordered is not None and not part.reduction.needs_inertia:
             allowed = "flexibility and estimate = true are allowed: such models hold all smaller ones"
             raise refusal(f"sections[{number}].reduction", None, allowed)
 
 
-def _simulators(boom: Boom) -> None:
-    if "ancf" in boom.compare.against:
-        raise refusal("compare.against", list(boom.compare.against), "['full'] or [] is allowed for sections")
+def _simulators(scene: Scene) -> None:
+    if "ancf" in scene.compare.against:
+        raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed for sections")
     pushing = tuple(
         " ".join(filter(None, (part.name, ring.name)))
-        for part in boom.sections
+        for part in scene.sections
         for rings in ((part.pads,) if part.joint is None else (part.pads, part.joint.tail, part.joint.mouth))
         for ring in rings
         if ring.unilateral
     )
-    needs = Needs(pushing=pushing, giving=tuple(part.name for part in boom.sections if part.reduction.flexibility))
-    for name in boom.simulation.simulators:
+    needs = Needs(pushing=pushing, giving=tuple(part.name for part in scene.sections if part.reduction.flexibility))
+    for name in scene.simulation.simulators:
         refuse(name, needs)

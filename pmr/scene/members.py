@@ -1,0 +1,196 @@
+"""Each body of a scene with all that its full model is built from, and where contacts of joints sit on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pmr.scene.asked import Damping, Recovery
+from pmr.scene.built import WEIGHT, Gravity, PadRing
+from pmr.scene.joints import JointPads
+from pmr.scene.parts import Part
+from pmr.scene.scene import Scene
+from pmr.scene.signals import SignalBase
+
+#: What the row of points on a planar beam is called, and that of a section's tail along the boom.
+POINT, TAIL = "deflection", "tail x"
+#: What the rows are called that keep a planar beam straight within an overlap: within the next outer section, and what
+#: of the next inner one is within it.
+WITHIN, AROUND = ("straight within at the tail", "straight within"), ("straight around at the mouth", "straight around")
+STRAIGHT = (*WITHIN, *AROUND)
+#: The input that accelerates a section along the boom.
+DRIVEN = "extension"
+
+
+@dataclass(frozen=True)
+class Ends:
+    """First and last place in m along a section."""
+
+    first: float
+    last: float
+
+    def with_(self, other: Ends) -> Ends:
+        """What holds both."""
+        return Ends(min(self.first, other.first), max(self.last, other.last))
+
+
+@dataclass(frozen=True)
+class Seat:
+    """Where a ring of pads sits on a section: centres from `at.first` to `at.last`, of the joint of section `joint`."""
+
+    joint: int
+    ring: JointPads
+    key: str
+    at: Ends
+
+
+@dataclass(frozen=True)
+class Member:
+    """A body of a scene, and all that its full model is built from."""
+
+    part: Part
+    number: int  # among the scene's sections
+    pads: tuple[PadRing, ...]  # those that stay, and those that move along it, of the joints on either side, too
+    points: tuple[float, ...]  # distances in m ahead of s of points that slide
+    point_names: tuple[str, ...]  # what their rows are called
+    bounds: tuple[float, float]  # m: least and largest s
+    travel: tuple[float, float]  # m: stretch of s on which rows are defined
+    gravity: Gravity | None
+    damping: Damping
+    recovery: Recovery | None
+    jointed: bool = False  # whether it slides in another body or another one in it
+    # of rings that move: the stretch of s in m where they have rows, where it is not that of all
+    stretches: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # names of rows that keep it straight in its rigid overlaps, and the end of each overlap that stays, m
+    straight: Mapping[tuple[str, str], float] = field(default_factory=dict)
+
+    @property
+    def signals(self) -> dict[str, SignalBase]:
+        """What drives each input, by its name; extensions drive a section besides."""
+        weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
+        return {load.name: load.signal for load in self.part.loads} | weight
+
+    @property
+    def content(self) -> str:
+        """The same for two bodies with equal full models: all but what they are called, and how loads change."""
+        part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
+        extended = self.jointed and self.number > 0  # which accelerates it
+        rows = self.pads, self.points, self.bounds, self.travel, sorted(self.stretches.items()), self.straight
+        return repr((part, extended, self.jointed, rows, self.gravity and self.gravity.direction, self.damping))
+
+    @property
+    def joint_rows(self) -> frozenset[str]:
+        """Rows of its joints; all others are between it and the ground."""
+        pads = [name for ring in self.pads if ring.name in self.stretches for name, _, _ in ring.places]
+        return frozenset((*pads, POINT, TAIL, *STRAIGHT)) if self.jointed else frozenset()
+
+
+def member_at(scene: Scene, number: int = 0) -> Member:
+    """A body of a scene."""
+    return _section(scene, number) if len(scene.sections) > 1 else _alone(scene)
+
+
+def members(scene: Scene) -> tuple[Member, ...]:
+    """All bodies of a scene, from the base out."""
+    return tuple(member_at(scene, number) for number in range(len(scene.sections)))
+
+
+def _alone(scene: Scene) -> Member:
+    points, about = scene.points, (scene.gravity, scene.damping, scene.recovery)
+    names = tuple(_slider_name(points, at) for at in points)
+    return Member(scene.alone, 0, scene.pads, points, names, scene.path_bounds, scene.travel, *about)
+
+
+def _slider_name(points: tuple[float, ...], at: float) -> str:
+    if points == (0.0,):
+        return "slider"
+    return f"slider at s{at:+g} m" if at else "slider at s"
+
+
+def _section(scene: Scene, number: int) -> Member:
+    """With the pads of all joints that touch it on one path, its reach; rows are defined on a common stretch.
+
+    So all pads travel where any of them does, as far as the section's ends allow.
+    """
+    part, found = scene.sections[number], list(seats(scene, number))
+    faced = [seat for seat in found if seat.ring.faces is not None]
+    longest = max((seat.ring.length for seat in faced), default=0.0) / 2.0
+    everywhere = _everywhere(found)
+    reach = max(everywhere.first, longest), min(everywhere.last, part.length - longest)
+    points = (0.0,) if len(faced) < len(found) else ()
+    rings, stretches = dict[str, PadRing](), dict[str, tuple[float, float]]()
+    for seat in faced:
+        name, half = footprint(scene, seat.ring), seat.ring.length / 2.0
+        if name not in rings:
+            rings[name] = as_pads(seat.ring, name)
+            own = _everywhere([one for one in faced if footprint(scene, one.ring) == name])
+            taken, last = _everywhere(faced), part.length - half
+            travel = own.with_(Ends(max(taken.first, half), min(taken.last, last)))
+            stretches[name] = travel.first, travel.last
+    return Member(
+        part,
+        number,
+        pads=(*part.pads, *rings.values()),
+        points=points,
+        point_names=(POINT,) * len(points),
+        bounds=reach,
+        travel=reach,
+        gravity=scene.gravity,
+        damping=scene.damping,
+        recovery=scene.recovery,
+        jointed=True,
+        stretches=stretches,
+        straight=_stiffened(scene, number),
+    )
+
+
+def seats(scene: Scene, number: int) -> Iterator[Seat]:
+    """All rings that touch a section, its own joint's first."""
+    for k in range(max(number, 1), min(number + 2, len(scene.sections))):  # in which it slides, and what slides in it
+        joint, outer = scene.joint(k), scene.sections[k - 1].length
+        first, last = scene.extension(k).bounds(0.0, scene.time.end)
+        for i, ring in enumerate(joint.tail):
+            at = Ends(ring.at, ring.at) if k == number else Ends(ring.at + first, ring.at + last)
+            yield Seat(k, ring, f"tail[{i}]", at)
+        for i, ring in enumerate(joint.mouth):
+            mouth = outer - ring.at
+            at = Ends(mouth - last, mouth - first) if k == number else Ends(mouth, mouth)
+            yield Seat(k, ring, f"mouth[{i}]", at)
+
+
+def footprint(scene: Scene, ring: JointPads) -> str:
+    """What the pads of a ring are called on the sections that they touch; those of one pattern and size are alike."""
+    if ring.faces is None:
+        return POINT
+    rings = [one for number in range(1, len(scene.sections)) for one in scene.joint(number).rings]
+    known = list(dict.fromkeys(_pattern(one) for one in rings if one.faces is not None))
+    return f"pads {known.index(_pattern(ring)) + 1}"
+
+
+def _stiffened(scene: Scene, number: int) -> dict[tuple[str, str], float]:
+    """Rows that keep a section straight in its rigid overlaps: their names, and the end of each that stays, m."""
+    found = {}
+    if number and (own := scene.joint(number)).rigid_overlap:
+        found[WITHIN] = own.first_at(own.tail)
+    if number + 1 < len(scene.sections) and (following := scene.joint(number + 1)).rigid_overlap:
+        found[AROUND] = scene.sections[number].length - following.first_at(following.mouth)
+    return found
+
+
+def as_pads(ring: JointPads, name: str) -> PadRing:
+    """A joint's ring as one that moves along a body."""
+    assert ring.faces is not None
+    return PadRing(
+        name=name, moving=True, faces=ring.faces, length=ring.length, width=ring.width, stiffness=ring.stiffness
+    )
+
+
+def _pattern(ring: JointPads) -> tuple[object, ...]:
+    assert ring.faces is not None
+    return (tuple((face, tuple(places)) for face, places in sorted(ring.faces.items())), ring.length, ring.width)
+
+
+def _everywhere(found: list[Seat]) -> Ends:
+    return Ends(float(np.min([seat.at.first for seat in found])), float(np.max([seat.at.last for seat in found])))
