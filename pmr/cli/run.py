@@ -174,13 +174,9 @@ def _to(tolerance: str, file: Path) -> list[str]:
 def _print(outcome: Outcome | BoomOutcome) -> None:
     """Errors, beside published ones where there are any, coordinates of each section and solver seconds."""
     from pmr.report import errors, sentences
-    from pmr.report.booms import chapter
 
     result, summary = outcome.result, outcome.result.summary
-    if result.reach is None:
-        found, sections, said = errors.rows(result), [], [sentences.estimate(result), sentences.step(result)]
-    else:
-        found, sections, said = chapter.rows(result), summary["sections"], [chapter.estimate(result)]
+    found, said = errors.rows(result), [sentences.estimate(result), sentences.step(result)]
     published = any(row.published for row in found)
     table = Table(title=visible(result.scene.title), title_justify="left", title_style="bold")
     for head in ("e_NRMS, or largest value", "", "here", *(("published", "") if published else ())):
@@ -190,7 +186,7 @@ def _print(outcome: Outcome | BoomOutcome) -> None:
         verdict = [row.published or "", mark] if published else []
         table.add_row(*map(visible, (row.comparison, row.place, row.here, *verdict)))
     out.print(table)
-    each = ", ".join(f"{one['name']} {one['coordinates']['reduced']}" for one in sections)
+    each = ", ".join(f"{one['name']} {one['coordinates']['reduced']}" for one in summary.get("sections", ()))
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
     say(out, f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")

@@ -18,6 +18,7 @@ from pmr.results.extremes import Extremes
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.members import DRIVEN
+from pmr.scene.names import cylinder_of
 from pmr.simulation import Excitation
 from pmr.simulation.native.multibody_march import places
 from pmr.system.assembly import Assembly
@@ -132,14 +133,14 @@ def joints(boom: Scene, response: Response, system: System) -> Part:
     Of cylinders also the largest ``friction`` that they overcome, and ``kinks``, where there are any.
     """
     contacts, at_kinks = system.contacts, impulses(boom, system)
-    driven = {force_of(cylinder(name)) for name in boom.names[1:]} & set(response.force_names)
+    driven = {force_of(cylinder_of(name)) for name in boom.names[1:]} & set(response.force_names)
     reach = boom.reach(response.t)
     loads: list[dict[str, Any]] = [
         {"name": name.removeprefix(force_of("")), **Extremes.of(response.force(name, 0), response.t, reach).summary()}
         for name in response.force_names
     ]
     pads = [load for name, load in zip(response.force_names, loads, strict=True) if name not in driven]
-    resisting = {cylinder(name): values for name, values in friction(boom, contacts, response).items()}
+    resisting = {cylinder_of(name): values for name, values in friction(boom, contacts, response).items()}
     cylinders = [
         load
         | ({"friction": float(np.abs(resisting[load["name"]]).max())} if load["name"] in resisting else {})
@@ -166,7 +167,7 @@ def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
         for t in at:
             speeds = np.cumsum([kinks.get(t, 0.0) for kinks in jumps])
             at[t] = float(np.dot(masses[i:], speeds[i:]))
-        found[cylinder(name)] = [{"t": t, "impulse": impulse} for t, impulse in sorted(at.items())]
+        found[cylinder_of(name)] = [{"t": t, "impulse": impulse} for t, impulse in sorted(at.items())]
     return found
 
 

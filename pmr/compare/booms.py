@@ -16,6 +16,7 @@ from pmr.results import Energy, Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
 from pmr.scene.members import STRAIGHT
+from pmr.scene.names import cylinder_of
 from pmr.simulation.columns import called
 from pmr.simulation.modal import inertia_share, unpressed
 from pmr.simulation.native import multibody
@@ -144,7 +145,7 @@ def with_friction(boom: Scene, contacts: Sequence[Contact], response: Response) 
     forces, peaks = response.slider_force.copy(), response.force_peaks
     peaks = None if peaks is None else peaks.copy()
     for name, resisting in friction(boom, contacts, response).items():
-        column = response.force_names.index(force_of(cylinder(name)))
+        column = response.force_names.index(force_of(cylinder_of(name)))
         forces[:, column] += resisting
         if peaks is not None:
             peaks[:, column] += resisting
@@ -181,7 +182,7 @@ def _forces(boom: Scene, kind: str, steps: slice | NDArray[np.bool_], response: 
 
 def force_kinds(boom: Scene, names: Sequence[str]) -> list[str]:
     """Of each force by its name: ``pad_force``, ``cylinder_force`` or, of supports that give way, ``support_force``."""
-    cylinders = {force_of(cylinder(name)) for name in boom.names[1:]}
+    cylinders = {force_of(cylinder_of(name)) for name in boom.names[1:]}
     joints = tuple(force_of(f"{name} {end}") for name in boom.names[1:] for end in ("tail", "mouth"))
     pads = {
         called

@@ -14,7 +14,6 @@ from pmr.errors.environment import needed
 from pmr.errors.text import visible
 from pmr.files.swap import fresh
 from pmr.report.blocks import Chapter
-from pmr.report.booms.chapter import chapter as chapter_of_boom
 from pmr.report.figures.vector import FONT, embedded, words
 from pmr.report.sections import chapter
 from pmr.results import RunResult
@@ -51,10 +50,7 @@ def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     for result in results:
         if "reduced" not in result.responses:
             raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
-    chapters = [
-        (chapter if one.reach is None else chapter_of_boom)(one, f"case-{number}")
-        for number, one in enumerate(results, start=1)
-    ]
+    chapters = [chapter(one, f"case-{number}") for number, one in enumerate(results, start=1)]
     return write(page(chapters, dated(KIND, [result.summary for result in results])), folder)
 
 

@@ -9,14 +9,13 @@ from typing import Any
 
 from pmr.report.marks import SAME, WITHIN, ErrorTable, Row, apart, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, length, percent, quantity, significant
-from pmr.report.subject import forces_called
+from pmr.report.subject import forces_called, places_called
 from pmr.results import RunResult
 from pmr.results.tables import REACTION_OF
-from pmr.scene import Published
 
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
 ORDER = ("reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf")
-PLACES = ("tip", "beam", "pad_force")
+PLACES = ("tip", "beam", "pad_force", "cylinder_force", "support_force")
 
 
 def error_table(result: RunResult) -> ErrorTable:
@@ -24,8 +23,9 @@ def error_table(result: RunResult) -> ErrorTable:
     found, published = rows(result), result.scene.published
     if not compared(result):
         return ErrorTable("Over all times and places.", found, reasons(result, found))
-    forces = f" and {forces_called(result)}" if any(row.place == forces_called(result) for row in found) else ""
-    source = f"; published: {published.source}" if published else ""
+    known = [place for pair in result.summary.get("errors", {}).values() for place in pair]
+    forces = f" and {forces_called(result)}" if "pad_force" in known else ""
+    source = f"; published: {published.source}" if published and any(row.published for row in found) else ""
     return ErrorTable(
         f"Normalised RMS errors of transverse displacements{forces}, and largest values{source}.",
         found,
@@ -39,8 +39,9 @@ def compared(result: RunResult) -> bool:
 
 
 def rows(result: RunResult) -> list[Row]:
-    """Lines of the error table: normalised errors, then the largest displacement, difference and stress."""
-    return [*_errors(result), *_missing(result), *_lengths(result), *_stresses(result)]
+    """Lines of the error table: normalised errors and their estimates, then the largest displacement and stress."""
+    errors = (*_errors(result), *_missing(result), *_of_sections(result), *_estimated(result))
+    return [*errors, *_lengths(result), *_stresses(result)]
 
 
 def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
@@ -59,9 +60,8 @@ def reasons(result: RunResult, table: Sequence[Row]) -> list[str]:
 
 def _errors(result: RunResult) -> Iterator[Row]:
     published = result.scene.published
-    decimals = _decimals(published) if published else 0
-    printed: Mapping[str, Any] = published.model_dump()["errors"] if published else {}
-    names = {"pad_force": forces_called(result)}
+    printed: Mapping[str, Any] = published.model_dump().get("errors", {}) if published else {}
+    names, decimals = places_called(result), _decimals(printed)
     responses = result.responses.values()
     units = {n: unit for one in responses for n, unit in zip(one.other_names, one.other_units, strict=True)}
     errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
@@ -77,17 +77,35 @@ def _errors(result: RunResult) -> Iterator[Row]:
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(place)
             if place.startswith(REACTION_OF) and here == absolute == 0.0:
                 continue  # nothing acts along this support
-            norm = None if absolute is None else _norm(units.get(place, "N" if place == "pad_force" else "m"), absolute)
+            norm = None if absolute is None else _norm(units.get(place, "N" if "_force" in place else "m"), absolute)
             yield replace(row, absolute=norm)
 
 
 def _missing(result: RunResult) -> Iterator[Row]:
     """References that were asked for and can't be trusted, errors that are theirs; why, the run's warnings say."""
     for name in result.summary.get("not_judged", {}):
-        called = forces_called(result) if name == "pad_force" else name
-        yield Row("reduced against full", called, "not judged")
+        yield Row("reduced against full", places_called(result).get(name, name), "not judged")
     for name in result.summary.get("no_reference", {}):
         yield Row(f"reduced against {NAMES.get(name, name)}", "", "no reference")
+
+
+def _of_sections(result: RunResult) -> Iterator[Row]:
+    """Along each section of a boom."""
+    for one in result.summary.get("sections", ()):
+        if "errors" in one:
+            yield Row("reduced against full", one["name"], percent(one["errors"]["reduced_vs_full"]["beam"]))
+
+
+def _estimated(result: RunResult) -> Iterator[Row]:
+    """What is known without the full model, and what is allowed."""
+    found, names = result.summary.get("estimate", {}), places_called(result)
+    for place in PLACES:
+        if found.get(place) is not None:
+            yield Row("estimated without the full model", names.get(place, place), percent(found[place]))
+    accuracy = result.summary.get("accuracy", {})
+    if accuracy.get("tolerance") is not None:
+        places = ", ".join(names.get(place, place) for place in accuracy["outputs"])
+        yield Row("allowed", places, percent(accuracy["tolerance"]))
 
 
 def _norm(unit: str, value: float) -> str:
@@ -128,7 +146,7 @@ def _lengths(result: RunResult) -> Iterator[Row]:
         here = result.summary.get(name)
         if here is None:
             continue
-        other = getattr(published, name) if published else None
+        other = getattr(published, name, None)
         if other is None:
             yield Row(comparison, "", length(here, 4))
             continue
@@ -137,12 +155,10 @@ def _lengths(result: RunResult) -> Iterator[Row]:
         yield Row(comparison, "", length(here, 4), length(other, _digits(other)), deviation, mark)
 
 
-def _decimals(published: Published) -> int:
+def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:
     """Decimals, in per cent, to which a publication states its errors: the most that any of them shows."""
     exponents = [
-        Decimal(repr(value)).normalize().as_tuple().exponent
-        for pair in published.errors.values()
-        for value in pair.values()
+        Decimal(repr(value)).normalize().as_tuple().exponent for pair in printed.values() for value in pair.values()
     ]
     return max((max(-int(exponent) - 2, 0) for exponent in exponents), default=0)
 

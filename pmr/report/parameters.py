@@ -1,4 +1,4 @@
-"""What was asked for: the body, what moves along it, loads, time stepping, reduction, as tables."""
+"""What was asked for: bodies, what moves along them, loads, time stepping, reduction, as tables."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import Any
 
 from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, plain, signed
-from pmr.report.subject import loads, moving, spoken
+from pmr.report.subject import alone, loads, moving, spoken
 from pmr.results import RunResult
-from pmr.scene import Body, Scene
+from pmr.scene import Body, Reduction
 from pmr.scene.choice import choose
-from pmr.scene.members import member_at
+from pmr.scene.names import named
+from pmr.scene.scene import OneBody
 from pmr.scene.signals import SignalBase
 from pmr.scene.structures import Profile
 
@@ -21,20 +22,35 @@ _SIGNAL_UNITS = {"time": "s", "times": "s", "frequency": "Hz", "frequencies": "H
 _MOST_KNOTS = 6
 
 
-def body(result: RunResult) -> Table:
-    """What slides, what holds it, how it is damped."""
-    scene = result.scene
-    return Table("Body and mesh", (*_structure(scene), *_damping(scene)))
+def bodies(result: RunResult) -> list[Table]:
+    """What slides, what holds it, how it is damped; of a boom each section."""
+    scene, damping = result.scene, tuple(_damping(result.scene))
+    if alone(result):
+        chosen = choose(scene).model
+        return [Table("Body and mesh", (*_structure(scene, chosen), *damping))]
+    tables = [Table(name, tuple(_structure(of, of.body.model))) for name, of in scene.bodies.items()]
+    return [*tables, Table("All sections", damping)]
 
 
 def motion(result: RunResult) -> Table:
     """What moves along it, and what acts on it."""
-    return Table(f"{'Pads' if result.scene.pads else 'Slider'} and loads", tuple(_motion(result)))
+    if not alone(result):
+        return Table("Joints and loads", (*_joints(result), *_pads(result), *_acting(result)))
+    return Table(
+        f"{'Pads' if result.scene.pads else 'Slider'} and loads",
+        (*_slider(result), *_pads(result), *_acting(result)),
+    )
 
 
 def method(result: RunResult) -> Table:
     """Time stepping and reduction."""
-    return Table("Time stepping and reduction", tuple(_method(result.scene)))
+    rows = [*_stepping(result.scene)]
+    released = "sliders released" if alone(result) else "joints released"
+    for name, of in result.scene.bodies.items():
+        rows += [(named(name, key), value) for key, value in _reduction(of.reduction, released)]
+    if "ancf" in result.scene.compare.against:
+        rows.append(("ANCF elements", str(result.scene.compare.ancf_elements)))
+    return Table("Time stepping and reduction", tuple(rows))
 
 
 def described(signal: SignalBase, unit: str) -> str:
@@ -53,23 +69,24 @@ def described(signal: SignalBase, unit: str) -> str:
     return ", ".join([kind, *parts])
 
 
-def _structure(scene: Scene) -> Rows:
-    body, mesh, chosen = scene.body, scene.mesh, choose(member_at(scene))
-    yield "model", f"{spoken(chosen.model).split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
+def _structure(of: OneBody, chosen: str) -> Rows:
+    body, mesh = of.body, of.mesh
+    if chosen != "auto":
+        yield "model", f"{spoken(chosen).split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
     if body.profile is not None:
         yield from _profile(body.profile)
     else:
         yield from _section(body)
     if mesh.file is not None:
         yield "mesh", PurePath(mesh.file).name
-    elif chosen.model.startswith("beam"):
+    elif chosen.startswith("beam") or body.profile is not None:
         graded = f", last over first {plain(mesh.grading)}" if mesh.grading != 1.0 else ""
         yield "elements", f"{plain(mesh.elements)}{graded}"
     else:
         yield "edges", f"{plain(mesh.size)}{SPACE}m, along the axis {plain(mesh.along or mesh.size)}{SPACE}m"
-    for mass in scene.masses:
+    for mass in of.masses:
         yield f"mass {mass.name}", f"{plain(mass.mass)}{SPACE}kg on {mass.on}"
-    for support in scene.supports:
+    for support in of.supports:
         where = f"on {support.on}" if isinstance(support.on, str) else f"at {plain(support.on)}{SPACE}m"
         along = support.kind if support.directions is None else f"along {', '.join(support.directions)}"
         stiffness = support.stiffness if isinstance(support.stiffness, str) else f"{plain(support.stiffness)}{SPACE}N/m"
@@ -97,7 +114,7 @@ def _section(body: Body) -> Rows:
     yield "density", f"{plain(material.density)}{SPACE}kg/m³"
 
 
-def _damping(scene: Scene) -> Rows:
+def _damping(scene: Any) -> Rows:
     rayleigh = scene.damping
     if rayleigh.mass or rayleigh.stiffness:
         yield (
@@ -106,35 +123,71 @@ def _damping(scene: Scene) -> Rows:
         )
 
 
-def _motion(result: RunResult) -> Rows:
+def _slider(result: RunResult) -> Rows:
     scene = result.scene
     yield f"{moving(result)} path s", described(scene.slider.path, "m")
     if any(scene.points):
         yield "sliders at", ", ".join(f"s {signed(offset)}{SPACE}m" for offset in scene.points)
-    for ring in result.scene.pads:
-        where = (f"s {signed(ring.at)}" if ring.at else "s") if ring.moving else plain(ring.at)
-        faces = ", ".join(f"{len(places)} {face}" for face, places in ring.faces.items())
-        stiffness = ring.stiffness if isinstance(ring.stiffness, str) else f"{plain(1e-6 * ring.stiffness)}{SPACE}kN/mm"
-        size = f"{plain(ring.length)} × {plain(ring.width)}{SPACE}m"
-        yield f"pads at the {ring.name}", f"at {where}{SPACE}m, {faces}; {size}, {stiffness}"
+
+
+def _joints(result: RunResult) -> Rows:
+    """How each section slides in the next outer one."""
+    for name, of in result.scene.bodies.items():
+        if (joint := of.joint) is None:
+            continue
+        if joint.follows is not None:
+            plus = f" {signed(joint.offset)}{SPACE}m" if joint.offset else ""
+            yield f"extension of {name}", f"{plain(joint.ratio)} times that of {joint.follows}{plus}"
+        else:
+            kind, path = ("overlap", joint.overlap) if joint.extension is None else ("extension", joint.extension)
+            yield f"{kind} of {name}", described(path, "m")
+        for end, rings in (("tail", joint.tail), ("mouth", joint.mouth)):
+            for ring in rings:
+                faces = ", ".join(f"{len(places)} {face}" for face, places in (ring.faces or {"point": (0.0,)}).items())
+                way = "only pushing" if ring.unilateral else "holding both ways"
+                gap = f", play {plain(1e3 * ring.clearance)}{SPACE}mm" if ring.clearance else ""
+                rubs = f", friction {plain(ring.friction)}" if ring.friction else ""
+                called = " ".join(filter(None, (f"pads of {name} at the {end}", ring.name)))
+                what = f"at {plain(ring.at)}{SPACE}m, {faces}; {_stiff(ring.stiffness)}, {way}{gap}{rubs}"
+                yield called, what
+
+
+def _stiff(stiffness: str | float) -> str:
+    return stiffness if isinstance(stiffness, str) else f"{plain(1e-6 * stiffness)}{SPACE}kN/mm"
+
+
+def _pads(result: RunResult) -> Rows:
+    for body, of in result.scene.bodies.items():
+        for ring in of.pads:
+            where = (f"s {signed(ring.at)}" if ring.at else "s") if ring.moving else plain(ring.at)
+            faces = ", ".join(f"{len(places)} {face}" for face, places in ring.faces.items())
+            size = f"{plain(ring.length)} × {plain(ring.width)}{SPACE}m"
+            called = named(body, f"pads at the {ring.name}")
+            yield called, f"at {where}{SPACE}m, {faces}; {size}, {_stiff(ring.stiffness)}"
+
+
+def _acting(result: RunResult) -> Rows:
     for load in loads(result):
         unit = load.unit.replace(" ", SPACE)
-        yield f"load {load.name}", f"{described(load.signal, unit)}; {load.where}"
+        yield named(load.body, f"load {load.name}"), f"{described(load.signal, unit)}; {load.where}"
     if (gravity := result.scene.gravity) is not None:
         along = ", ".join(plain(round(c, 3) + 0.0) for c in gravity.direction)
         raised = f", raised by {plain(round(gravity.raised, 2))}°" if abs(gravity.raised) >= 0.01 else ""
         yield "gravity", f"{plain(gravity.acceleration)}{SPACE}m/s² along ({along}){raised}"
 
 
-def _method(scene: Scene) -> Rows:
-    time, reduction = scene.time, scene.reduction
+def _stepping(scene: Any) -> Rows:
+    time = scene.time
     yield "simulated time", f"{plain(time.end)}{SPACE}s"
     yield "step", f"{plain(1e3 * time.step)}{SPACE}ms, {plain(time.steps)} steps"
     yield "integrator", f"generalised-α, ρ∞ = {plain(time.rho_inf)}"
+
+
+def _reduction(reduction: Reduction, released: str) -> Rows:
     if reduction.file is not None:
         yield "basis", f"{reduction.coordinates} vectors of {PurePath(reduction.file).name}"
     elif not reduction.pooled:
-        yield "basis", f"{reduction.coordinates} eigenmodes on the fixed supports, sliders released"
+        yield "basis", f"{reduction.coordinates} eigenmodes on the fixed supports, {released}"
     else:
         positions = reduction.positions
         where = positions if isinstance(positions, str) else f"{', '.join(plain(s) for s in positions)}{SPACE}m"
@@ -146,8 +199,6 @@ def _method(scene: Scene) -> Rows:
         yield "attachment modes", f"of {', '.join(map(str, reduction.ports))}, as ports"
     if reduction.flexibility:
         yield "residual flexibility", "added, with its inertia" if reduction.residual_inertia else "added, quasi-static"
-    if "ancf" in scene.compare.against:
-        yield "ANCF elements", str(scene.compare.ancf_elements)
 
 
 def _rounded(value: float) -> float:

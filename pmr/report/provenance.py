@@ -8,12 +8,14 @@ from typing import Any
 from pmr.report.numbers import SPACE, plain, quantity
 from pmr.report.subject import reduced_size
 from pmr.results import RunResult
+from pmr.scene.names import named
 
 Rows = Iterator[tuple[str, str]]
 CELLS = {"line": "lines", "triangle": "triangles", "tetra": "tetrahedra", "hexahedron": "hexahedra"}
 _STEPS = {
     "assemble": "full model",
     "snapshots": "snapshots",
+    "reduce": "reduction",
     "pod": "basis, projection",
     "exudyn": "simulation, Exudyn",
     "estimate": "error estimate",
@@ -38,12 +40,16 @@ def sizes(result: RunResult) -> Rows:
     if "full" in coordinates:
         yield "coordinates of the full model", plain(coordinates["full"])
     yield "coordinates of the reduced model", plain(reduced_size(result))
-    if result.body.fields is not None:
-        yield "mesh", f"{plain(len(result.body.fields.cells))} {CELLS[result.body.fields.kind]}"
-        yield "vertices", plain(len(result.body.fields.points))
-        yield "recovered fields", f"{plain(len(result.body.fields.t))} times"
-    if result.scene.pads:
-        yield "pads", plain(sum(len(ring.places) for ring in result.scene.pads))
+    for part in result.summary.get("sections", ()):
+        one = part["coordinates"]
+        yield f"coordinates of {part['name']}", f"{plain(one['full'])} → {plain(one['reduced'])}"
+    for name, body in result.bodies.items():
+        if (fields := body.fields) is not None:
+            yield named(name, "mesh"), f"{plain(len(fields.cells))} {CELLS[fields.kind]}"
+            yield named(name, "vertices"), plain(len(fields.points))
+            yield named(name, "recovered fields"), f"{plain(len(fields.t))} times"
+    if pads := sum(len(ring.places) for of in result.scene.bodies.values() for ring in of.pads):
+        yield "pads", plain(pads)
     if contact := result.summary.get("contact"):
         said = f"{plain(contact['parts'])}, each with h omega = {plain(round(contact['h_omega'], 3))}"
         if "mean_parts" in contact:

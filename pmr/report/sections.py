@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from operator import attrgetter
 
 import numpy as np
 
-from pmr.report import borne, parameters, provenance, sentences
+from pmr.report import forces, parameters, probes, provenance, sentences, stresses
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, Table, drawing
+from pmr.report.columns import is_round_off, lines, not_drawn, tips
 from pmr.report.errors import compared, error_table
 from pmr.report.errors import rows as error_rows
-from pmr.report.figures import budget, captions, forces, histories, inputs, shapes, sketch, spectra
+from pmr.report.figures import budget, captions, histories, inputs, shapes, sketch, spectra
 from pmr.report.figures.canvas import ramp
+from pmr.report.marks import signed_deviation
 from pmr.report.motion import line, player
 from pmr.report.motion.album import album
 from pmr.report.motion.instants import top
 from pmr.report.numbers import SPACE, plain, significant
-from pmr.report.subject import ACROSS, forces_called, is_round_off, loads, moving, not_drawn, tips
-from pmr.report.subject import forces as forces_of
-from pmr.report.subject import line as line_of
+from pmr.report.subject import ACROSS, alone, loads, moving
 from pmr.results import RunResult
-from pmr.scene.choice import transverse
-from pmr.scene.members import member_at
+from pmr.scene.names import named
 
 Show = Callable[[RunResult, str], Block | None]
 
@@ -50,41 +49,47 @@ def errors(result: RunResult, prefix: str) -> Block | None:
 
 def accuracy(result: RunResult, prefix: str) -> Block | None:
     """What was chosen to hold a tolerance and why, and what takes how much of it."""
-    found = result.summary.get("accuracy")
+    found, budgeted = result.summary.get("accuracy"), result.summary.get("budget", {})
     if found is None:
         return None
-    first = result.summary["budget"]["first"]
-    missing = result.summary["budget"]["mesh_reason"]
-    caption = f"What reduction, step and mesh are off by; the {first} is to be improved first."
+    caption = "What reduction, step and mesh are off by"
+    caption += f"; the {budgeted['first']} is to be improved first." if "first" in budgeted else "."
+    missing = budgeted.get("mesh_reason")
     unknown = f" The part of the mesh is not known: {missing}." if missing else ""
     drawn = drawing(f"{prefix}-budget", budget.budget, caption + unknown, result)
-    text = "; ".join(found["reasons"])
-    return Block(heading="Accuracy on order", rows=((drawn,),), text=f"{text[:1].upper()}{text[1:]}.")
+    text = "; ".join(found.get("reasons", ()))
+    return Block(heading="Accuracy on order", rows=((drawn,),), text=f"{text[:1].upper()}{text[1:]}." if text else "")
 
 
 def inputs_over_time(result: RunResult, prefix: str) -> Block:
-    """What moves along the body, and what acts on it."""
+    """What moves along the body, or how far sections extend, and what acts on them."""
     caption = f"{moving(result).capitalize()} position along the body over time."
+    if not alone(result):
+        caption = "Extension of each section over time."
     row = [drawing(f"{prefix}-position", inputs.position, caption, result)]
     if loads(result):
         row.append(drawing(f"{prefix}-loads", inputs.loads, f"Loads over time.{_weight(result)}", result))
-    return Block(heading=f"{moving(result).capitalize()} and loads", rows=(tuple(row),))
+    heading = f"{moving(result).capitalize()} and loads"
+    if not alone(result):
+        heading = "Extensions and loads" if loads(result) else "Extensions"
+    return Block(heading=heading, rows=(tuple(row),))
 
 
 def motion(result: RunResult, prefix: str) -> Block | None:
     """The motion: that of the fields, where these were recovered, else that of the axis."""
-    fields, data, found = result.body.fields, player.player(result), album(result, prefix)
-    if fields is None:
-        if not len(line_of(result, result.responses["reduced"]).x):
+    fields = [body.fields for body in result.bodies.values() if body.fields is not None]
+    if not fields:
+        if not lines(result, result.responses["reduced"]):
             return None
         data = line.motion(result)
         strip = drawing(f"{prefix}-snapshots", shapes.snapshots, captions.snapshots(result), result)
         return Block(heading="Motion", player=Player("line", data, line.said(data)), without_scripts=(strip,))
+    data, found = player.player(result), album(result, prefix)
     absent = f"There are no pictures: {found.absent}." if found.absent else ""
     scale: tuple[tuple[Drawing, ...], ...] = ()
-    if fields.von_mises and (data or found.pictures):
+    if fields[0].von_mises and (data or found.pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
-        scale = ((drawing(f"{prefix}-ramp", ramp, caption, top(fields) / 1e6),),)
+        scale = ((drawing(f"{prefix}-ramp", ramp, caption, top(result) / 1e6),),)
     shown = Player("body", data, player.said(data)) if data else None
     return Block(heading="Motion", text=absent, player=shown, pictures=found.pictures, rows=scale)
 
@@ -104,29 +109,6 @@ def tip(result: RunResult, prefix: str) -> Block:
             wide = result.tip_error[:, number]
             rows.append((drawing(f"{prefix}-band-{direction}", histories.band, said, result, what, wide),))
     return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(result, still))
-
-
-def stress(result: RunResult, prefix: str) -> Block | None:
-    """The largest von Mises stress."""
-    if "reduced" not in result.body.peak_stress:
-        return None
-    below = "; below, the difference to the full model" if "full" in result.body.peak_stress else ""
-    where = sentences.where_the_peak_is(result, "reduced")
-    dot = f" The dot is the largest of all, {where}." if where else ""
-    caption = f"Largest von Mises stress over the whole body{below}.{dot}"
-    rows = ((drawing(f"{prefix}-stress", forces.stress, caption, result),),)
-    return Block(heading="Stress", rows=rows, grids=borne.regions(result))
-
-
-def contact(result: RunResult, prefix: str) -> Block | None:
-    """Forces of pads or sliders, group by group."""
-    groups = forces_of(result)
-    rows = tuple(
-        (drawing(f"{prefix}-forces-{number}", forces.forces, _of_forces(result, name, len(group)), result, group),)
-        for number, (name, group) in enumerate(groups.items(), start=1)
-    )
-    heading = forces_called(result).capitalize()
-    return Block(heading=heading, rows=rows, grids=borne.forces(result)) if rows else None
 
 
 def energy(result: RunResult, prefix: str) -> Block:
@@ -151,18 +133,39 @@ def constraint(result: RunResult, prefix: str) -> Block | None:
 
 
 def basis(result: RunResult, prefix: str) -> Block | None:
-    """Shapes of the basis, singular values of what it was made from, frequencies."""
+    """Shapes of a basis, singular values of what it was made from, frequencies beside published ones."""
     rows: list[tuple[Drawing, ...]] = []
-    if len(transverse(member_at(result.scene))) == 1:
-        rows.append((drawing(f"{prefix}-basis", shapes.basis, captions.basis(result), result),))
-    row = []
-    if result.scene.reduction.pooled:  # others have singular values of 1, all of them
+    for name, body in result.bodies.items():
+        if body.shapes is not None and set(tips(result)) == {"z"}:
+            anchor, caption = "-".join(filter(None, (prefix, "basis", name))), captions.basis(body.shapes)
+            rows.append((drawing(anchor, shapes.basis, named(name, caption), result, body.shapes),))
+    row, grids, of = [], tuple(_published(result)), result.body.shapes
+    if alone(result) and of is not None and result.scene.reduction.pooled:  # others have singular values of 1, all
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
-        row.append(drawing(f"{prefix}-singular-values", spectra.singular_values, caption, result))
+        row.append(drawing(f"{prefix}-singular-values", spectra.singular_values, caption, result, of))
     if "reduced" in result.frequencies.models:
         row.append(drawing(f"{prefix}-frequencies", spectra.frequencies, captions.frequencies(result), result))
+    if (over := result.frequencies.over_joints) is not None:
+        caption = f"First natural frequency in Hz over the extensions of {' and '.join(over.joints)}, every pad "
+        caption += "closed; the white line is the way of this run."
+        row.append(drawing(f"{prefix}-map", spectra.frequency_map, caption, result))
     rows += [tuple(row)] if row else []
-    return Block(heading="Basis and eigenfrequencies", rows=tuple(rows)) if rows else None
+    heading = "Basis and eigenfrequencies" if alone(result) else "Natural frequencies"
+    return Block(heading=heading, rows=tuple(rows), grids=grids) if rows or grids else None
+
+
+def _published(result: RunResult) -> Iterator[Grid]:
+    """The first natural frequency where it is published, beside that of each model."""
+    rows, models = [], list[str]()
+    for one in result.summary.get("published_frequencies", ()):
+        models = [name for name in ("full", "reduced") if name in one]
+        ours = [f"{one[name]:.4f} ({signed_deviation(one[name], one['published'])})" for name in models]
+        rows.append((f"{one['reach']:.5g}{SPACE}m", f"{one['published']:g}", *ours))
+    if rows:
+        published = result.scene.published
+        remarks = "".join(f" {remark}" for remark in published.remarks)
+        caption = f"First natural frequency in Hz beside the published one ({published.source}).{remarks}"
+        yield Grid(caption, ("reach", "published", *models), tuple(rows))
 
 
 def response(result: RunResult, prefix: str) -> Block | None:
@@ -195,7 +198,7 @@ def response(result: RunResult, prefix: str) -> Block | None:
 def origin(result: RunResult, prefix: str) -> Block:
     """What was asked for, how large it became, how long it took, where it ran."""
     columns = (
-        (parameters.body(result), Table("Run", tuple(provenance.run(result)))),
+        (*parameters.bodies(result), Table("Run", tuple(provenance.run(result)))),
         (parameters.motion(result), Table("Wall time", tuple(provenance.times(result.summary.get("seconds", {}))))),
         (parameters.method(result), Table("Sizes", tuple(provenance.sizes(result)))),
     )
@@ -205,8 +208,8 @@ def origin(result: RunResult, prefix: str) -> Block:
 
 #: In the order in which they stand in the page.
 SECTIONS: tuple[Show, ...] = (
-    errors, accuracy, motion, inputs_over_time, tip, stress, borne.probes, contact, energy, constraint,
-    basis, response, origin,
+    errors, accuracy, motion, inputs_over_time, tip, stresses.stress, probes.probes, forces.contact, forces.cylinders,
+    forces.supports, energy, constraint, basis, response, origin,
 )  # fmt: skip
 
 
@@ -216,12 +219,3 @@ def _weight(result: RunResult) -> str:
         return ""
     rise = f", which comes up within the first {plain(gravity.rise)}{SPACE}s" if gravity.rise else ""
     return f" The weight acts too{rise}."
-
-
-def _of_forces(result: RunResult, group: str, count: int) -> str:
-    if not result.scene.pads:
-        return "Slider force: the multiplier λ of the constraint. The slider pushes with −λ on the body."
-    most = f" The first {forces.MOST_FORCES} of {count}." if count > forces.MOST_FORCES else ""
-    in_parts = result.responses["reduced"].force_peaks is not None  # a step was made in parts, for pads that only push
-    within = " Of those that only push the largest within each step." if in_parts else ""
-    return f"Forces of the pads at the {group}, positive where they push the body inwards.{within}{most}"

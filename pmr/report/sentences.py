@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from pmr.report.blocks import KeyNumber, Point
 from pmr.report.marks import Row, verdicts
 from pmr.report.numbers import MINUS, SPACE, length, percent, plain, quantity, significant, times_the_true_error
-from pmr.report.subject import forces_called, moving, offsets, reduced_size, represented
+from pmr.report.subject import along, forces_called, moving, offsets, reduced_size, represented
 from pmr.report.subject import length as reach
 from pmr.results import RunResult
 
@@ -34,6 +35,12 @@ def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
 
 def opening(result: RunResult) -> str:
     """What it is about, in a sentence or two."""
+    if result.reach is not None:
+        names = list(result.scene.bodies)
+        low, high = float(result.reach.min()), float(result.reach.max())
+        out = f"{low:.4g}{SPACE}m to {high:.4g}{SPACE}m" if high > low else f"{low:.4g}{SPACE}m"
+        bend = f"A boom of {len(names)} sections, all of which bend: {', '.join(names)}."
+        return f"{bend} It reaches {out} from the tail of the base."
     low, high = result.scene.path_bounds
     low, high, end = (round(x, 3) for x in (low, high, reach(result)))
     model = represented(result)
@@ -63,10 +70,10 @@ def estimate(result: RunResult) -> str:
         return ""
     if found["beam"] is None:
         return f"The error can't be estimated without the full model: {found['reason']}."
-    tip, beam = percent(found["tip"]), percent(found["beam"])
-    said = f"The estimate, which needs no full model, is {tip} at the tip and {beam} along the beam"
-    if found.get("pad_force") is not None:
-        said = f"{said.replace(' and ', ', ')} and {percent(found['pad_force'])} in the {forces_called(result)}"
+    kinds = {"tip": "at the tip", "beam": along(result), "pad_force": f"in the {forces_called(result)}"}
+    kinds["cylinder_force"] = "in the cylinder forces"
+    *first, last = (f"{percent(found[kind])} {of}" for kind, of in kinds.items() if found.get(kind) is not None)
+    said = f"The estimate, which needs no full model, is {', '.join(first)} and {last}"
     if found.get("probe") is not None:
         said = f"{said}, and at most {percent(found['probe'])} of what a probe measures"
     of = (
@@ -75,7 +82,7 @@ def estimate(result: RunResult) -> str:
         else "it includes a margin of a quarter"
     )
     ratio = times_the_true_error(found["beam"], true)
-    known = f"; along the beam it is {ratio}" if ratio else f"; {of}"
+    known = f"; {along(result)} it is {ratio}" if ratio else f"; {of}"
     left_out = found.get("not_covered")
     rest = f" It does not cover {'; nor '.join(left_out)}." if left_out else ""
     return f"{said}{known}.{rest}"
@@ -89,7 +96,7 @@ def step(result: RunResult) -> str:
     tip, beam = percent(found["tip"]), percent(found["beam"])
     size = "is" if found["settled"] else "is at least"
     of = ", of the mean motion," if found["by"] == "mean" else ""
-    return f"The error of the time step itself{of} {size} {tip} at the tip and {beam} along the beam."
+    return f"The error of the time step itself{of} {size} {tip} at the tip and {beam} {along(result)}."
 
 
 def speed_ratio(result: RunResult) -> float | None:
@@ -134,13 +141,15 @@ def _errors(result: RunResult) -> Iterator[KeyNumber]:
     without = "" if estimated is None else f"estimated without the full model {percent(estimated)}"
     if "beam" in errors:
         tip = f"at the tip {percent(errors['tip'])}" if "tip" in errors else ""
-        yield KeyNumber(percent(errors["beam"]), "RMS error along the beam", "; ".join(filter(None, (tip, without))))
+        yield KeyNumber(percent(errors["beam"]), f"RMS error {along(result)}", "; ".join(filter(None, (tip, without))))
     elif estimated is not None:
-        yield KeyNumber(percent(estimated), "estimated error along the beam", "without the full model")
+        yield KeyNumber(percent(estimated), f"estimated error {along(result)}", "without the full model")
     if "pad_force" in errors:
         yield KeyNumber(
             percent(errors["pad_force"]), f"RMS error of the {forces_called(result)}", _apart_from_blows(result)
         )
+    if "cylinder_force" in errors:
+        yield KeyNumber(percent(errors["cylinder_force"]), "RMS error of the cylinder forces")
 
 
 def _speed(result: RunResult) -> Iterator[KeyNumber]:
@@ -180,7 +189,7 @@ def accuracy(result: RunResult) -> Iterator[str]:
     errors = result.summary.get("errors", {})
     if against := _tip_and_beam(errors.get("reduced_vs_full")):
         tip, beam = against
-        error = f"a normalised RMS error of {tip} at the tip and {beam} along the beam"
+        error = f"a normalised RMS error of {tip} at the tip and {beam} {along(result)}"
         yield f"It follows the full model with {error}."
     if (force := errors.get("reduced_vs_full", {}).get("pad_force")) is not None:
         yield f"The error of the {forces_called(result)} is {percent(force)}."
@@ -240,11 +249,15 @@ def stress(result: RunResult) -> Iterator[str]:
 def where_the_peak_is(result: RunResult, simulator: str) -> str:
     """Time and place of the largest von Mises stress; empty where they are not known."""
     peak = result.summary.get("stress_peak", {}).get(simulator)
-    if peak is None:
-        return ""
+    return "" if peak is None else where(peak)
+
+
+def where(peak: Mapping[str, Any]) -> str:
+    """Time and place of a largest von Mises stress, of a boom with its section."""
     face = peak.get("face", "")
     on = f", {face} {'corner' if ' ' in face else 'face'}" if face else ""
     of = f" of {peak['region']}" if peak.get("region") else ""
+    of += f" of {peak['section']}" if peak.get("section") else ""
     return f"at {peak['t']:.2f}{SPACE}s and {_place(peak['position'])}{on}{of}{_others(peak.get('shared', ()))}"
 
 

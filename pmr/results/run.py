@@ -76,6 +76,10 @@ class RunResult:
         """What figures and tables are ordered by, (T,) m: how far a boom reaches, or where a body's slider is."""
         return self.paths.values[:, 0] if self.reach is None else self.reach
 
+    def along_at(self, t: Array) -> Array:
+        """The same at the times t (S,) in s of a response, which may have fewer steps."""
+        return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(self.along)), self.along)
+
     @property
     def coordinate(self) -> str:
         """What `along` is called: ``s`` or ``reach``."""

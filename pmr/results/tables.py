@@ -67,7 +67,7 @@ def forces(result: RunResult) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (model, name, *found.summary().values())
         for model, response in result.responses.items()
-        for name, found in force_extremes(response, _path(result, response)).items()
+        for name, found in force_extremes(response, result.along_at(response.t)).items()
     ]
     return Table(("model", "force of", *_extremes("N")), tuple(rows))
 
@@ -106,7 +106,7 @@ def reactions(result: RunResult) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (model, of.support, of.unit, *found.summary().values())
         for model, response in result.responses.items()
-        for of, found in reaction_extremes(response, _path(result, response)).items()
+        for of, found in reaction_extremes(response, result.along_at(response.t)).items()
     ]
     return Table(("model", "reaction of", "unit", *_extremes_in_column()), tuple(rows))
 
@@ -144,7 +144,7 @@ def probes(result: RunResult) -> Table:
     """Smallest and largest value of what each probe measures."""
     rows = []
     for model, response in result.responses.items():
-        extremes = probe_extremes(response, _path(result, response))
+        extremes = probe_extremes(response, result.along_at(response.t))
         for probe in _probes(result, response):
             head = (model, probe["name"], probe["unit"], *probe["at"], probe["face"])
             rows.append((*head, *extremes[probe["name"]].summary().values()))
@@ -186,9 +186,3 @@ def _extremes_in_column() -> tuple[str, ...]:
 
 def _probes(result: RunResult, response: Response) -> Iterator[Mapping[str, Any]]:
     yield from (probe for probe in result.summary.get("probes", ()) if probe["name"] in response.other_names)
-
-
-def _path(result: RunResult, response: Response) -> Array:
-    """Path coordinate or reach in m at the times of a response, which may have fewer steps."""
-    t, path = response.t, result.along
-    return np.interp(t, np.linspace(float(t[0]), float(t[-1]), len(path)), path)

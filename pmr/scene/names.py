@@ -14,3 +14,8 @@ def input_of(body: str, what: str) -> str:
 def named(body: str, what: str) -> str:
     """What something of a body is called among those of all bodies; of a body alone as it is."""
     return what if body == ALONE else f"{body}: {what}"
+
+
+def cylinder_of(section: str) -> str:
+    """What the contact is called that drives a section along the boom."""
+    return f"cylinder of {section}"

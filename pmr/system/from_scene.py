@@ -14,15 +14,10 @@ import numpy as np
 from pmr.scene import Scene
 from pmr.scene.joints import JointPads
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint
-from pmr.scene.names import ALONE
+from pmr.scene.names import ALONE, cylinder_of
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
 from pmr.system.system import Body, System
-
-
-def cylinder(section: str) -> str:
-    """What the contact is called that drives a section along the boom."""
-    return f"cylinder of {section}"
 
 
 def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
@@ -63,7 +58,7 @@ def _between(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[
         held = Place(outer, TAIL, _somewhere(bodies[outer], TAIL)) if TAIL in bodies[outer].row_names else None
         stiffness = joint.cylinder.stiffness
         compliance = 0.0 if stiffness == "rigid" else 1.0 / stiffness
-        yield Contact(cylinder(inner), Place(inner, TAIL, at), held, direction=-1.0, compliance=compliance)
+        yield Contact(cylinder_of(inner), Place(inner, TAIL, at), held, direction=-1.0, compliance=compliance)
 
 
 def _pads(scene: Scene, ring: JointPads, called: str, rows: set[str]) -> Iterator[JointPad]:

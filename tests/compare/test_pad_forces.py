@@ -19,7 +19,7 @@ from pmr.files import records
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structure import structural_model
 from pmr.pipeline import reduce, run
-from pmr.report.subject import forces, tips
+from pmr.report.columns import forces, tips
 from pmr.results import Energy, Response, RunResult
 from pmr.scene import Scene
 from pmr.scene.built import GRAVITY, force_of

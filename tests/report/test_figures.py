@@ -8,10 +8,11 @@ import pytest
 from matplotlib import pyplot
 
 from pmr.report.blocks import Drawing, drawing
+from pmr.report.columns import tips
 from pmr.report.figures import captions, histories
 from pmr.report.figures.canvas import PENS, SHADE, log_axis, octave_axis, sheet
 from pmr.report.figures.histories import band
-from pmr.report.figures.timeline import Span, Timeline, sliding, tip_of
+from pmr.report.figures.timeline import Span, Timeline, sliding
 from pmr.results import RunResult
 
 LABELS = {
@@ -32,8 +33,9 @@ LABELS = {
 
 def tip_history(result: RunResult) -> Drawing:
     """The tip's history alone."""
-    caption = captions.tip(result, "vertical, z", tip_of)
-    return drawing("a", histories.history, caption, result, tip_of, "Displacement", "m")
+    tip = tips(result)["z"]
+    caption = captions.tip(result, "vertical, z", tip)
+    return drawing("a", histories.history, caption, result, tip, "Displacement", "m", tip)
 
 
 WHOLE, BARE = "case-1", "case-2"
@@ -86,10 +88,12 @@ def test_sliding_phases(rate: list[float], spans: list[tuple[float, float]]) -> 
 def test_detail_surrounds_the_largest_tip_difference(make_result) -> None:
     result = make_result()
     result.responses["reduced"].displacement[2_200, -1] += 0.01
-    assert Timeline(result).detail() == Span(pytest.approx(2.2 - 0.075), pytest.approx(2.2 + 0.075))
+    assert Timeline(result).detail(tips(result)["z"]) == Span(pytest.approx(2.2 - 0.075), pytest.approx(2.2 + 0.075))
     alone = make_result(responses=("reduced",))
     alone.responses["reduced"].displacement[2_999, -1] = 0.2
-    assert Timeline(alone).detail() == Span(pytest.approx(2.85), pytest.approx(3.0))  # not beyond the end
+    assert Timeline(alone).detail(tips(alone)["z"]) == Span(
+        pytest.approx(2.85), pytest.approx(3.0)
+    )  # not beyond the end
 
 
 def test_short_motion_has_no_detail(make_result) -> None:

@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pmr.report.subject import forces, length, offsets, stress_times, tips
+from pmr.report.columns import forces, tips
+from pmr.report.subject import length, offsets, stress_times
 
 
 def test_the_tips_directions_are_the_last_columns(boom, make_space) -> None:
@@ -31,4 +32,4 @@ def test_a_planar_beam_feels_no_pads_on_its_sides_and_rigid_pads_that_stay_have_
 
 def test_places_and_times(boom) -> None:
     assert (offsets(boom), length(boom)) == ((0.0,), 6.0)
-    assert np.allclose(stress_times(boom), np.linspace(0.0, 1.0, 21))  # the scene's recovery
+    assert np.allclose(stress_times(boom, boom.body), np.linspace(0.0, 1.0, 21))  # the scene's recovery

@@ -13,13 +13,20 @@ from pmr.report.figures.canvas import INK, WIDE, key, sheet
 from pmr.results import RunResult
 
 COLOURS = {"reduction": "#d55e00", "step": "#56b4e9", "mesh": "#00664b"}
-NAMES = {"beam": "along the body", "tip": "tip", "pad_force": "forces", "velocity": "velocities", "probe": "probes"}
+NAMES = {
+    "beam": "along the body",
+    "tip": "tip",
+    "pad_force": "forces",
+    "cylinder_force": "cylinders",
+    "velocity": "velocities",
+    "probe": "probes",
+}
 
 
 def budget(result: RunResult) -> Figure:
     """A bar for each part and kind of output in %, and the tolerance."""
     summary = result.summary
-    kinds, parts = summary["accuracy"]["outputs"], [name for name in COLOURS if summary["budget"][name] is not None]
+    kinds, parts = summary["accuracy"]["outputs"], [name for name in COLOURS if summary["budget"].get(name) is not None]
     height = 0.16 * len(kinds) * (len(parts) + 1)
     figure, axes = sheet(WIDE, 0.7 + height, margins={"left": 1.0, "top": 0.3, "bottom": 0.4})
     ax, pitch, ticks = axes[0, 0], len(parts) + 1, []

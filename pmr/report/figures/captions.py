@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from pmr.report.columns import Quantity
 from pmr.report.figures import shapes
 from pmr.report.figures.canvas import PENS
-from pmr.report.figures.timeline import Quantity, Timeline, drawn, reference
+from pmr.report.figures.timeline import Timeline, drawn, reference
 from pmr.report.numbers import SPACE
 from pmr.report.subject import moving
-from pmr.results import RunResult
+from pmr.results import RunResult, Shapes
 
 LEVEL = 1e-6  # relative difference of neighbouring frequencies that are one
 
@@ -39,7 +40,8 @@ def tip(result: RunResult, direction: str, what: Quantity) -> str:
 def snapshots(result: RunResult) -> str:
     """Below the strip of deflected beams."""
     moments = f"at the largest tip displacement in each of {shapes.SNAPSHOTS} equal parts of the time"
-    return f"The deflected body {moments}. The transverse scale is exaggerated."
+    what = "boom" if moving(result) == "boom" else "body"
+    return f"The deflected {what} {moments}. The transverse scale is exaggerated."
 
 
 def energy_parts(result: RunResult) -> str:
@@ -56,17 +58,19 @@ def residual(result: RunResult, what: Quantity, level: str) -> str:
     return f"Constraint residual at {level} level, the largest value of each interval.{missing}"
 
 
-def basis(result: RunResult) -> str:
+def basis(of: Shapes) -> str:
     """Below the shapes of the basis."""
-    count = shapes.of(result).shapes.shape[1]
+    count = of.shapes.shape[1]
     first = f"the first {shapes.MOST_SHAPES} of {count}" if count > shapes.MOST_SHAPES else f"all {count}"
     flat = " A flat line belongs to a vector that moves the body along its axis only."
     scaled = f"Transverse shapes of the basis vectors, {first}, each over its largest value."
-    return f"{scaled}{flat if shapes.has_flat(result) else ''}"
+    return f"{scaled}{flat if shapes.has_flat(of) else ''}"
 
 
 def frequencies(result: RunResult) -> str:
     """Below the eigenfrequencies."""
+    if moving(result) == "boom":
+        return "Lowest natural frequencies of the boom at rest, every pad closed."
     omega = result.frequencies.models["reduced"]
     level = np.abs(np.diff(omega, axis=0)) < LEVEL * omega[1:]
     along = " Level stretches belong to vibration along the axis." if level.any() else ""

@@ -7,20 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from pmr.report.columns import Force
 from pmr.report.decimation import onto
 from pmr.report.figures.canvas import INK, WIDE, key, sheet
 from pmr.report.figures.histories import curves
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import unit_for
-from pmr.report.subject import Force, stress_times
-from pmr.results import RunResult
+from pmr.report.subject import stress_times
+from pmr.results import BodyResult, RunResult
 
 MOST_FORCES = 12  # panels of one figure
 
 
 def forces(result: RunResult, group: Sequence[Force]) -> Figure:
-    """Forces, one panel each on one scale: what presses on one face is seen against the other."""
-    time, shown = Timeline(result), group[:MOST_FORCES]
+    """Forces, at most `MOST_FORCES`, one panel each on one scale: one face is seen against the other."""
+    time, shown = Timeline(result), group
     signals = [time.signals(force.of) for force in shown]
     largest = max((float(np.abs(s).max()) for panel in signals for s in panel.values()), default=0.0)
     unit, columns = unit_for(largest, "N"), min(len(shown), 2)
@@ -42,13 +43,11 @@ def forces(result: RunResult, group: Sequence[Force]) -> Figure:
     return figure
 
 
-def stress(result: RunResult) -> Figure:
+def stress(result: RunResult, body: BodyResult) -> Figure:
     """Largest von Mises stress over time; below it the difference, beside it the time about the largest of all."""
-    time, t = Timeline(result), stress_times(result)
-    known = [
-        name for name in ("full", "reduced") if name in result.body.peak_stress
-    ]  # in the order in which they are drawn
-    signals = {name: onto(time.t, t, result.body.peak_stress[name]) for name in known}
+    time, t = Timeline(result), stress_times(result, body)
+    known = [name for name in ("full", "reduced") if name in body.peak_stress]  # in the order in which they are drawn
+    signals = {name: onto(time.t, t, body.peak_stress[name]) for name in known}
     peak = int(np.argmax(signals["reduced"]))
     figure = curves(time, signals, "Stress", "Pa", time.window(peak))
     unit = unit_for(max(float(s.max()) for s in signals.values()), "Pa")

@@ -9,16 +9,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from pmr.report.columns import Quantity
 from pmr.report.decimation import ceiling
 from pmr.report.figures.canvas import HALF, PENS, WIDE, bins_of, key, log_axis, sheet
-from pmr.report.figures.timeline import Array, Quantity, Span, Timeline, reference, tip_of
+from pmr.report.figures.timeline import Array, Span, Timeline, reference
 from pmr.report.numbers import unit_for
 from pmr.results import RunResult
 
 COLOUR = "#f2d6c2"  # of a band
 
 
-def history(result: RunResult, what: Quantity, label: str, base: str, focus: Quantity = tip_of) -> Figure:
+def history(result: RunResult, what: Quantity, label: str, base: str, focus: Quantity) -> Figure:
     """A quantity over time for every simulator; below it the difference to the reference; beside it a detail.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Figures of what goes in: the slider's path and the loads."""
+"""Figures of what goes in: paths and loads."""
 
 from __future__ import annotations
 
@@ -13,26 +13,33 @@ from numpy.typing import NDArray
 
 from pmr.report import subject
 from pmr.report.decimation import extremes
-from pmr.report.figures.canvas import HALF, bins_of, key, sheet
+from pmr.report.figures.canvas import HALF, SECTIONS, bins_of, key, sheet
 from pmr.report.figures.timeline import Timeline
 from pmr.report.numbers import signed, unit_for
 from pmr.report.subject import length, moving, offsets
 from pmr.results import RunResult
+from pmr.scene.names import named
 
 Array = NDArray[np.float64]
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
 
 
 def position(result: RunResult) -> Figure:
-    """Positions over time of what moves along the body, on a scale as long as that."""
-    time, ahead = Timeline(result), offsets(result)
-    figure, axes = sheet(HALF, 1.7)
+    """Positions over time of what moves along a body, on a scale as long as that; extensions of a boom's sections."""
+    time, ahead, sections = Timeline(result), offsets(result), result.reach is not None
+    figure, axes = sheet(HALF, 2.0 if sections else 1.7)
     ax = axes[0, 0]
+    if sections:
+        names, last = result.paths.names, len(result.paths.names) - 1
+        widths = [1.0 + 1.2 * (last - k) for k in range(last + 1)]  # sections may extend together
+        _plot(ax, time.t, result.paths.values.T, SECTIONS[1:], widths)
+        key(figure, [*_legend(names, SECTIONS[1:], least=1), *time.shade()])
+        time.frame(ax, "Extension in m")
+        return figure
     _plot(ax, time.t, [result.along + offset for offset in ahead])
     time.frame(ax, f"{moving(result).capitalize()} position in m")
     ax.set_ylim(0.0, length(result))
-    names = [f"s {signed(offset)} m" if offset else "s" for offset in ahead]
-    key(figure, [*_legend(names), *time.shade()])
+    key(figure, [*_legend([f"s {signed(offset)} m" if offset else "s" for offset in ahead]), *time.shade()])
     return figure
 
 
@@ -43,27 +50,32 @@ def loads(result: RunResult) -> Figure:
     figure, axes = sheet(HALF, 0.8 + 0.9 * len(units), rows=len(units), sharex=True)
     names: list[str] = []
     for row, base in enumerate(units):
-        ax = axes[row, 0]
-        chosen = [i for i, load in enumerate(acting) if load.unit == base]
-        unit = unit_for(float(np.abs(result.loads.values[:, chosen]).max()), base)
-        _plot(ax, time.t, [result.loads.values[:, i] / unit.size for i in chosen], first=len(names))
+        ax, chosen = axes[row, 0], [load for load in acting if load.unit == base]
+        unit = unit_for(max(float(np.abs(load.values).max()) for load in chosen), base)
+        _plot(ax, time.t, [load.values / unit.size for load in chosen], _COLOURS[len(names) % len(_COLOURS) :])
         quantity = "Force" if base == "N" else "Moment"
         time.frame(ax, f"{quantity} in {unit.name}", last=row == len(units) - 1)
         ax.axhline(0.0, linewidth=0.0)  # a constant load is seen beside zero
         ax.margins(y=0.1)
-        names += [acting[i].name for i in chosen]
+        names += [named(load.body, load.name) for load in chosen]
     key(figure, [*_legend(names), *time.shade()])
     return figure
 
 
-def _plot(ax: Axes, t: Array, signals: Sequence[Array], first: int = 0) -> None:
-    for i, signal in enumerate(signals, start=first):
+def _plot(
+    ax: Axes,
+    t: Array,
+    signals: Sequence[Array] | Array,
+    colours: Sequence[str] = _COLOURS,
+    widths: Sequence[float] = (0.7,),
+) -> None:
+    for i, signal in enumerate(signals):
         shown = extremes(signal, bins_of(ax))
-        ax.plot(t[shown], signal[shown], color=_COLOURS[i % len(_COLOURS)], linewidth=0.7)
+        ax.plot(t[shown], signal[shown], color=colours[i % len(colours)], linewidth=widths[i % len(widths)])
 
 
-def _legend(names: Sequence[str]) -> list[Any]:
-    """Entries of plain lines; a single one is named by its axis."""
-    if len(names) < 2:
+def _legend(names: Sequence[str], colours: Sequence[str] = _COLOURS, least: int = 2) -> list[Any]:
+    """Entries of plain lines; fewer than `least` are named by their axis."""
+    if len(names) < least:
         return []
-    return [Line2D([], [], label=name, color=_COLOURS[i % len(_COLOURS)]) for i, name in enumerate(names)]
+    return [Line2D([], [], label=name, color=colours[i % len(colours)]) for i, name in enumerate(names)]

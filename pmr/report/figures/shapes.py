@@ -1,4 +1,4 @@
-"""Figures along the beam: the vectors of the basis, and snapshots of the motion."""
+"""Figures along the axis: the vectors of the basis, snapshots of the motion, a boom from short to long."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from pmr.report.columns import lines, tips
 from pmr.report.decimation import onto
-from pmr.report.figures.canvas import INK, MUTED, PENS, WIDE, key, sheet
+from pmr.report.figures.canvas import INK, MUTED, PENS, SECTIONS, WIDE, key, sheet
 from pmr.report.figures.timeline import drawn
-from pmr.report.numbers import unit_for
-from pmr.report.subject import fixtures, length, line, moving, offsets
+from pmr.report.numbers import round_number, unit_for
+from pmr.report.subject import fixtures, length, moving, offsets
 from pmr.results import RunResult, Shapes
 
 MOST_SHAPES = 25
@@ -20,32 +21,28 @@ COLUMNS = 5
 CELL, GAP = 3.1, 1.1  # height of a small multiple in largest values, and its width in beam lengths
 FLAT = 1e-6  # of the largest transverse amplitude: below, a vector moves the beam along its axis only
 SNAPSHOTS = 6
+#: Extensions at which a boom is drawn, and its largest deflection as drawn, over its reach.
+DRAWN, REACH = 4, 0.05
 
 
-def of(result: RunResult) -> Shapes:
-    """The shapes of the body's basis."""
-    assert result.body.shapes is not None  # who asks for them has looked
-    return result.body.shapes
-
-
-def has_flat(result: RunResult) -> bool:
+def has_flat(shapes: Shapes) -> bool:
     """Whether any of the basis vectors that are drawn has no transverse part."""
-    return bool(_flat(result)[:MOST_SHAPES].any())
+    return bool(_flat(shapes)[:MOST_SHAPES].any())
 
 
-def basis(result: RunResult) -> Figure:
+def basis(result: RunResult, of: Shapes) -> Figure:
     """Transverse shape of each basis vector, scaled to a largest value of one, as small multiples.
 
     They share one pair of axes, since two dozen pairs take longer to draw than all other figures.
     """
-    x, shapes = of(result).x, of(result).shapes
+    x, shapes = of.x, of.shapes
     count = min(shapes.shape[1], MOST_SHAPES)
     columns = min(COLUMNS, count)
     rows = -(-count // columns)
     figure, axes = sheet(WIDE, 0.45 + max(0.5 * rows, 1.2), margins={"top": 0.08})
     ax = axes[0, 0]
     end = length(result)
-    amplitude, flat = np.abs(shapes).max(axis=0), _flat(result)
+    amplitude, flat = np.abs(shapes).max(axis=0), _flat(of)
     for k in range(count):
         left, middle = (k % columns) * GAP * end, -CELL * (k // columns)
         ax.plot([left, left + end], [middle, middle], color="#c9d1d9", linewidth=0.5, zorder=1.0)
@@ -65,30 +62,34 @@ def basis(result: RunResult) -> Figure:
 
 
 def snapshots(result: RunResult) -> Figure:
-    """The deflected beams, once in each part of the time, where the reduced beam's tip is farthest away."""
+    """The deflected beams, once in each part of the time, where the reduced model's tip is farthest away."""
     reduced, beams = result.responses["reduced"], drawn(result)
-    parts = np.array_split(np.arange(len(reduced.t)), SNAPSHOTS)
-    chosen = [int(part[np.argmax(np.abs(reduced.tip[part]))]) for part in parts if len(part)]
-    lines = {name: line(result, one) for name, one in beams.items()}
+    farthest, parts = np.abs(tips(result)["z"](reduced)), np.array_split(np.arange(len(reduced.t)), SNAPSHOTS)
+    chosen = [int(part[np.argmax(farthest[part])]) for part in parts if len(part)]
+    axis = lines(result, reduced)
     deflected = {
-        name: onto(reduced.t, one.t, one.displacement[:, lines[name].columns])[chosen] for name, one in beams.items()
+        name: [(of, onto(reduced.t, one.t, of.moved(one))[chosen]) for of in lines(result, one)]
+        for name, one in beams.items()
     }
-    unit = unit_for(max(float(np.abs(w).max()) for w in deflected.values()), "m")
+    unit = unit_for(max(float(np.abs(w).max()) for found in deflected.values() for _, w in found), "m")
     gaps = {"wspace": 0.05, "hspace": 0.4}
     figure, axes = sheet(
         WIDE, 2.8, SNAPSHOTS // 2, 2, margins={"top": 0.45}, sharex=True, sharey=True, gridspec_kw=gaps
     )
     for i, ax in enumerate(axes.flat[: len(chosen)]):
-        for order, (name, w) in enumerate(deflected.items()):
-            ax.plot(lines[name].x, w[i] / unit.size, zorder=2.0 + order / 10.0, **PENS[name].line())
+        for order, (name, found) in enumerate(deflected.items()):
+            for own, (of, w) in zip(axis, found, strict=True):
+                at = own.tail[chosen[i]] + of.x
+                ax.plot(at, w[i] / unit.size, zorder=2.0 + order / 10.0, **PENS[name].line())
         _fixtures(ax, result, float(result.along[chosen[i]]))
         ax.set_title(f"t = {float(reduced.t[chosen[i]]):.4g} s", loc="left", pad=2.0)
     end = length(result)
     axes[0, 0].set_xlim(-0.03 * end, 1.02 * end)
     axes[0, 0].margins(y=0.15)
     figure.supxlabel("x in m", fontsize=7.5, y=0.02)
-    figure.supylabel(f"Transverse displacement in {unit.name}", fontsize=7.5, x=0.02)
-    markers = {moving(result): ("s", MUTED), "support": ("^", INK)}
+    figure.supylabel(f"Transverse displacement in {unit.name}", fontsize=7.5, x=0.004)
+    markers = {moving(result): ("s", MUTED)} if offsets(result) else {}
+    markers |= {"support": ("^", INK)}
     key(
         figure,
         [Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in beams]
@@ -108,6 +109,34 @@ def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
         ax.plot([support.at], [0.0], marker="^", markersize=5.0, color=INK, zorder=1.9)
 
 
-def _flat(result: RunResult) -> NDArray[np.bool_]:
-    amplitude = np.abs(of(result).shapes).max(axis=0)
+def _flat(of: Shapes) -> NDArray[np.bool_]:
+    amplitude = np.abs(of.shapes).max(axis=0)
     return np.asarray(amplitude <= FLAT * amplitude.max())
+
+
+def exaggeration(result: RunResult) -> float:
+    """How many times its size a boom's deflection is drawn: a round number."""
+    response = result.responses["reduced"]
+    largest = max(float(np.abs(line.moved(response)).max(initial=0.0)) for line in lines(result, response))
+    return round_number(REACH * length(result) / largest) if largest > 0.0 else 1.0
+
+
+def boom(result: RunResult) -> Figure:
+    """The deflected boom with all its sections, from its shortest to its longest; outer ones are drawn thicker."""
+    reach, response = result.along, result.responses["reduced"]
+    goals = np.linspace(reach.min(), reach.max(), DRAWN if np.ptp(reach) > 0.0 else 1)
+    steps = [int(np.argmin(np.abs(reach - goal))) for goal in goals]
+    found, scale = lines(result, response), exaggeration(result)
+    figure, axes = sheet(WIDE, 0.7 + 0.75 * len(steps), rows=len(steps), sharex=True, sharey=True)
+    colours = [SECTIONS[k % len(SECTIONS)] for k in range(len(found))]
+    for ax, step in zip(axes[:, 0], steps, strict=True):
+        for k, line in enumerate(found):
+            width = 1.2 + 1.3 * (len(found) - 1 - k)
+            moved = scale * line.moved(response)[step]
+            ax.plot(line.tail[step] + line.x, moved, color=colours[k], linewidth=width)
+        ax.axhline(0.0, color=MUTED, linewidth=0.4, zorder=0.0)
+        ax.set_yticks([])
+        ax.set_title(f"t = {response.t[step]:.3g} s", loc="right", pad=1.0)
+    axes[-1, 0].set_xlabel("Along the boom in m")
+    key(figure, [Line2D([], [], color=c, linewidth=2.0, label=one.body) for c, one in zip(colours, found, strict=True)])
+    return figure

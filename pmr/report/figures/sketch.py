@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from pmr.report.figures.canvas import INK, MUTED
 from pmr.report.figures.paper import LOAD, Paper
+from pmr.report.figures.shapes import boom, exaggeration
 from pmr.report.numbers import SPACE, plain
-from pmr.report.subject import Acting, fixtures, held, length, loads, moving, offsets
+from pmr.report.subject import Acting, alone, fixtures, held, length, loads, moving, offsets
 from pmr.results import RunResult
 
 BODY, STEEL, PAD = "#0b5c99", "#d5e3ee", "#3b4a57"
@@ -38,7 +39,9 @@ class _Stretch:
 
 
 def sketch(result: RunResult) -> Figure:
-    """The system at the beginning, seen from the side, z up."""
+    """The system at the beginning, seen from the side, z up; a boom of sections from its shortest to its longest."""
+    if not alone(result):
+        return boom(result)
     low, high = result.scene.path_bounds
     stretch = _Stretch(float(result.along[0]), low, high)
     return _telescopic(result, stretch) if moving(result) == "mouth" else _on_supports(result, stretch)
@@ -46,6 +49,8 @@ def sketch(result: RunResult) -> Figure:
 
 def caption(result: RunResult) -> str:
     """What the sketch shows."""
+    if not alone(result):
+        return f"The boom on its way out; deflection is drawn {plain(exaggeration(result))} times its size."
     low, high = result.scene.path_bounds
     if moving(result) == "mouth":
         return f"The system, farthest out{'; dashed: its tip farthest in' if high > low else ''}."
@@ -136,9 +141,9 @@ def _slider(paper: Paper, at: float, fill: str) -> None:
 def _loads(paper: Paper, result: RunResult, tail: float, tip: float, above: float) -> None:
     """Loads and masses: those at the tip are listed beside it, the others named above."""
     inch, listed = paper.inch, list(_masses(paper, result, tip))
-    for k, load in enumerate(loads(result)):
+    for load in loads(result):
         at = min(tail + load.at, tip)
-        _load(paper, load, result.loads.values[:, k], at, above)
+        _load(paper, load, load.values, at, above)
         if at > tip - 0.5 * inch:
             listed.append((load.name, LOAD))
         else:

@@ -6,25 +6,28 @@ from math import floor, log10
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import NullLocator
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from pmr.report.decimation import spread
-from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, key, log_axis, octave_axis, sheet
-from pmr.report.figures.shapes import of
+from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, RAMP, key, log_axis, octave_axis, sheet
 from pmr.report.numbers import share_captured
 from pmr.report.subject import length, moving
-from pmr.results import FrequencyResponse, RunResult
+from pmr.results import FrequencyResponse, RunResult, Shapes
 
 CLOSED_FORM_POINTS = 11
+#: Lines of equal frequency on a map at most.
+LEVELS = 9
 #: Of places from one end of the path to the other.
 COLOURS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#c9b30e")
 
 
-def singular_values(result: RunResult) -> Figure:
+def singular_values(result: RunResult, of: Shapes) -> Figure:
     """Singular values over the first of them; those of the basis are filled, kappa(r) is what they hold."""
-    sigma, taken = of(result).singular_values, of(result).shapes.shape[1]
+    sigma, taken = of.singular_values, of.shapes.shape[1]
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
     number, relative = np.arange(1, len(sigma) + 1), sigma / sigma[0]
@@ -59,21 +62,40 @@ def frequencies(result: RunResult) -> Figure:
     top = np.max([np.nanmax(f, axis=1) for f in curves.values()], axis=0)[:, None]
     closed = found.models.get("closed_form", np.empty((len(found.along), 0)))
     closed = np.where(closed <= 1.01 * top, closed, np.nan)
-    telescopic = moving(result) == "mouth"
-    x = length(result) - found.along if telescopic else found.along
+    heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
+    x = length(result) - found.along if moving(result) == "mouth" else found.along
+    single = {"marker": "o"} if len(x) == 1 else {}
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
     handles = []
     few = spread(len(x), CLOSED_FORM_POINTS)
-    drawn = [(name, x, curves[name], PENS[name].line()) for name in PENS if name in curves]
+    drawn = [(name, x, curves[name], PENS[name].line() | single) for name in PENS if name in curves]
     for label, at, f, look in (*drawn, ("closed form", x[few], closed[few], _dots(INK, "none", 2.6))):
         if np.isfinite(f).any():
             ax.plot(at, f, **look)
             handles.append(Line2D([], [], label=label, **look))
     octave_axis(ax, min(float(np.nanmin(f)) for f in curves.values()), float(top.max()))
-    ax.set_xlabel("Length beyond the mouth in m" if telescopic else "Slider position s in m")
+    ax.set_xlabel(heads.get(moving(result), "Reach from the base's tail in m"))
     ax.set_ylabel("Eigenfrequency in Hz")
     key(figure, handles)
+    return figure
+
+
+def frequency_map(result: RunResult) -> Figure:
+    """First natural frequency over the extensions of two joints, as lines of equal frequency, and the run's way."""
+    found = result.frequencies.over_joints
+    assert found is not None  # who asks for the figure has looked
+    figure, axes = sheet(HALF, 2.6)
+    ax = axes[0, 0]
+    levels = MaxNLocator(LEVELS).tick_values(found.lowest.min(), found.lowest.max())
+    ax.contourf(found.first, found.second, found.lowest.T, levels, cmap=LinearSegmentedColormap.from_list("", RAMP[:3]))
+    columns = [result.paths.names.index(name) for name in found.joints]
+    ax.plot(*result.paths.values[:, columns].T, color="white", linewidth=2.5)
+    lines = ax.contour(found.first, found.second, found.lowest.T, levels, colors=INK, linewidths=0.5)
+    for label in ax.clabel(lines, fmt=lambda value: f"{value:.3g}", inline=False):
+        label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+    ax.set_xlabel(f"Extension of {found.joints[0]} in m")
+    ax.set_ylabel(f"Extension of {found.joints[1]} in m")
     return figure
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from pmr.report.columns import Quantity
 from pmr.report.decimation import extremes, onto
 from pmr.report.figures.canvas import INK, PENS, SHADE, STEPS, bins_of
 from pmr.report.numbers import unit_for
@@ -20,7 +21,6 @@ from pmr.report.subject import moving
 from pmr.results import Response, RunResult
 
 Array = NDArray[np.float64]
-Quantity = Callable[[Response], Array]
 SHORT = 400  # samples, below which nothing is enlarged
 PAUSE = 2  # samples of standstill that still count as one motion
 
@@ -31,11 +31,6 @@ class Span:
 
     start: float
     end: float
-
-
-def tip_of(response: Response) -> Array:
-    """Displacement of the tip, (T,) m."""
-    return response.tip
 
 
 def drawn(result: RunResult) -> Mapping[str, Response]:
@@ -49,7 +44,7 @@ def reference(result: RunResult) -> str | None:
 
 
 def sliding(t: Array, rate: Array) -> tuple[Span, ...]:
-    """Intervals in which the slider moves; where one ramp meets the next the rate may vanish for a moment."""
+    """Intervals in which something slides; where one ramp meets the next the rate may vanish for a moment."""
     moving = np.flatnonzero(np.abs(rate) > 1e-9 * np.abs(rate).max(initial=0.0))
     if not len(moving):
         return ()
@@ -79,7 +74,7 @@ class Timeline:
             return {}
         return {name: signal - signals[base] for name, signal in signals.items() if name != base}
 
-    def detail(self, what: Quantity = tip_of) -> Span | None:
+    def detail(self, what: Quantity) -> Span | None:
         """A twentieth of the time, about the largest difference of the reduced model to its reference.
 
         Without a reference it is about the largest value; None for a motion too short to be seen closer.

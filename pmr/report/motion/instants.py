@@ -34,32 +34,53 @@ class Moment:
     peak: float
 
 
-def instants(result: RunResult, fields: Fields) -> list[Moment]:
+def seen(result: RunResult) -> dict[str, Fields]:
+    """Fields of all bodies that have some; all at the same times."""
+    return {name: body.fields for name, body in result.bodies.items() if body.fields is not None}
+
+
+def times(result: RunResult) -> Array:
+    """Of the fields, (F,) s."""
+    return next(iter(seen(result).values())).t
+
+
+def stressed(result: RunResult) -> bool:
+    """Whether there are stresses."""
+    return any(fields.von_mises for fields in seen(result).values())
+
+
+def instants(result: RunResult) -> list[Moment]:
     """In each third of the stretch that the mouth visits, farthest out first, the time of the largest stress.
 
     Without stresses that of the largest displacement; one moment alone where the mouth rests.
     """
-    s, weight = positions(result, fields), stress_of(fields).max(axis=1) if fields.von_mises else _size(fields)
+    s, t = positions(result), times(result)
+    weight = _peaks(result) if stressed(result) else _size(result)
     parts = np.clip(((s - s.min()) / max(np.ptp(s), 1e-12) * EXTENSIONS).astype(int), 0, EXTENSIONS - 1)
-    named = _named_frame(result, fields)
+    named = _named_frame(result)
     frames = [
         _largest(weight, inside, named) for part in np.unique(parts) if len(inside := np.flatnonzero(parts == part))
     ]
-    largest = weight if fields.von_mises else np.zeros_like(weight)
-    return [Moment(k, float(fields.t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k])) for k in frames]
+    largest = weight if stressed(result) else np.zeros_like(weight)
+    return [Moment(k, float(t[k]), float(s[k]), length(result) - float(s[k]), float(largest[k])) for k in frames]
 
 
-def of_the_peak(result: RunResult, fields: Fields, among: Sequence[Moment]) -> Moment:
+def of_the_peak(result: RunResult, among: Sequence[Moment]) -> Moment:
     """The moment with the largest stress; of several that share it the one that the summary names."""
     peaks = np.array([moment.peak for moment in among])
-    named = [k for k, moment in enumerate(among) if moment.frame == _named_frame(result, fields)]
+    named = [k for k, moment in enumerate(among) if moment.frame == _named_frame(result)]
     return among[_largest(peaks, np.arange(len(among)), named[0] if named else None)]
 
 
-def cell_of_the_peak(result: RunResult, fields: Fields, moment: Moment) -> int:
-    """The cell with the largest stress at a moment; of several that share it the one that the summary names."""
-    stresses = stress_of(fields)[moment.frame]
-    return _largest(stresses, np.arange(len(stresses)), _named_peak(result).get("cell"))
+def cell_of_the_peak(result: RunResult, moment: Moment) -> tuple[str, int]:
+    """The body and its cell with the largest stress at a moment; of several that share it what the summary names."""
+    fields, peak = seen(result), _named_peak(result)
+    stresses = {name: stress_of(one)[moment.frame] for name, one in fields.items() if one.von_mises}
+    most = np.array([float(values.max()) for values in stresses.values()])
+    names = list(stresses)
+    named = names.index(peak["section"]) if peak.get("section") in names else None
+    body = names[_largest(most, np.arange(len(most)), named)]
+    return body, _largest(stresses[body], np.arange(len(stresses[body])), peak.get("cell"))
 
 
 def _largest(values: Array, among: NDArray[np.int64], preferred: int | None) -> int:
@@ -75,18 +96,26 @@ def _named_peak(result: RunResult) -> Mapping[str, Any]:
     return peak
 
 
-def _named_frame(result: RunResult, fields: Fields) -> int | None:
+def _named_frame(result: RunResult) -> int | None:
     """The frame at the time of the largest stress that the summary names, if it was kept."""
-    t = _named_peak(result).get("t")
+    t, found = _named_peak(result).get("t"), times(result)
     if t is None:
         return None
-    near = int(np.argmin(np.abs(fields.t - t)))
-    return near if abs(fields.t[near] - t) <= 1e-9 * max(1.0, abs(t)) else None
+    near = int(np.argmin(np.abs(found - t)))
+    return near if abs(found[near] - t) <= 1e-9 * max(1.0, abs(t)) else None
 
 
-def positions(result: RunResult, fields: Fields) -> Array:
-    """Where the mouth is at the times of the fields, (F,) m."""
-    return onto(fields.t, result.responses["reduced"].t, result.along)
+def positions(result: RunResult) -> Array:
+    """Where the mouth is at the times of the fields, (F,) m; of a boom, how much shorter it is than at its longest."""
+    s = result.along if result.reach is None else length(result) - result.reach
+    return onto(times(result), result.responses["reduced"].t, s)
+
+
+def places(result: RunResult) -> dict[str, Array]:
+    """How far along x each body is drawn at the times of the fields, (F,) m: the mouth, or a base's tail, is at 0."""
+    if result.reach is None:
+        return {name: -positions(result) for name in seen(result)}
+    return {name: along for name, (_, along) in result.travelling.items()}
 
 
 def stress_of(fields: Fields) -> NDArray[np.float32]:
@@ -94,15 +123,16 @@ def stress_of(fields: Fields) -> NDArray[np.float32]:
     return np.maximum.reduce(list(fields.von_mises.values()))
 
 
-def scale(result: RunResult, fields: Fields) -> float:
+def scale(result: RunResult) -> float:
     """How many times its size a displacement is drawn: a round number."""
-    largest = float(_size(fields).max())
+    largest = float(_size(result).max())
     return round_number(REACH * length(result) / largest) if largest > 0.0 else 1.0
 
 
-def top(fields: Fields) -> float:
+def top(result: RunResult) -> float:
     """The stress in Pa that the last colour stands for, whose quarters are short numbers; few cells ever exceed it."""
-    most = float(np.quantile(stress_of(fields).max(axis=0), ALMOST_ALL))
+    cells = [stress_of(fields).max(axis=0) for fields in seen(result).values() if fields.von_mises]
+    most = float(np.quantile(np.concatenate(cells), ALMOST_ALL))
     if most <= 0.0:
         return 1.0
     decade = 10.0 ** np.floor(np.log10(most))
@@ -110,5 +140,13 @@ def top(fields: Fields) -> float:
     return float(f"{step * np.ceil(most / step - 1e-9):.2g}")
 
 
-def _size(fields: Fields) -> Array:
-    return np.linalg.norm(fields.displacement, axis=2).max(axis=1)
+def _peaks(result: RunResult) -> Array:
+    """The largest stress of all bodies at each time, (F,) Pa."""
+    each = [stress_of(fields).max(axis=1) for fields in seen(result).values() if fields.von_mises]
+    return np.asarray(np.max(each, axis=0))
+
+
+def _size(result: RunResult) -> Array:
+    """The largest displacement of all bodies at each time, (F,) m."""
+    each = [np.linalg.norm(fields.displacement, axis=2).max(axis=1) for fields in seen(result).values()]
+    return np.asarray(np.max(each, axis=0))

@@ -1,16 +1,19 @@
-"""The motion of a body's axis as data for the page: thinned, scaled to 16 bits, base64."""
+"""The motion of axes as data for the page: thinned, scaled to 16 bits, base64."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pmr.report.columns import Line, lines, rings
 from pmr.report.decimation import onto, packed, speeds, spread
-from pmr.report.figures.canvas import PENS
+from pmr.report.figures import shapes
+from pmr.report.figures.canvas import PENS, SECTIONS
 from pmr.report.figures.timeline import drawn
 from pmr.report.numbers import plain, quantity, round_number
-from pmr.report.subject import fixtures, length, line, loads, offsets
+from pmr.report.subject import alone, fixtures, length, loads, offsets
 from pmr.results import RunResult
 
 FRAMES = 1500
@@ -21,59 +24,85 @@ REACH = 0.1  # largest deflection as drawn, over the length of the beam
 def motion(result: RunResult) -> dict[str, Any]:
     """What the player needs, ready for JSON.
 
-    Series are little-endian 16-bit integers in base64, with the value of one count beside them: displacements
-    (frames, points) for each simulator, slider position and loads (frames,).
+    Series are little-endian 16-bit integers in base64, with the value of one count beside them.  Each of `lanes` is
+    what a model says of all bodies: of each its places in m, displacements (frames, points) and, of a boom's section,
+    its tail (frames,); `pads` above or below a body are where they are along x, with their force over the largest of
+    all; slider position and loads (frames,).
     """
-    t = result.responses["reduced"].t
-    frames = spread(len(t), FRAMES)
-    beams = []
-    for name, response in drawn(result).items():
-        of = line(result, response)
-        points = spread(len(of.x), POINTS)
-        moved = onto(t, response.t, response.displacement[:, of.columns[points]])[frames]
-        pen = PENS[name]
-        beams.append(
-            {
-                "label": pen.label,
-                "colour": pen.colour,
-                "width": pen.width,
-                "dash": pen.dash,
-                "x": of.x[points].round(6).tolist(),
-                "w": packed(moved),
-            }
-        )
-    motions = [one.displacement[:, line(result, one).columns] for one in result.responses.values()]
-    largest, end = max(float(np.abs(motion).max()) for motion in motions), length(result)
-    scale = round_number(REACH * end / largest) if largest > 0.0 else 1.0
+    t, response = result.responses["reduced"].t, result.responses["reduced"]
+    frames, axis = spread(len(t), FRAMES), lines(result, response)
+    motions = {name: [of.moved(one) for of in lines(result, one)] for name, one in drawn(result).items()}
+    every = [moved for of in motions.values() for moved in of]
+    largest, end = max(float(np.abs(moved).max()) for moved in every), length(result)
+    low, high = min(float(moved.min()) for moved in every), max(float(moved.max()) for moved in every)
     return {
         "length": end,
+        "label": "x in m" if alone(result) else "along the boom in m",
         "largest": largest,
-        "reach": [float(min(w.min() for w in motions)), float(max(w.max() for w in motions))],
-        "scale": scale,
+        "reach": [low, high],
+        "scale": round_number((REACH if alone(result) else shapes.REACH) * end / largest) if largest > 0.0 else 1.0,
         "times": [float(t[0]), float(t[-1])],
         "frames": len(frames),
-        "beams": beams,
+        "lanes": [_lane(result, name, frames) for name in motions],
+        "pads": _pads(result, axis, frames),
         "s": packed(result.along[frames]),
         "offsets": offsets(result),
         "supports": [{"at": fixture.at, "kind": fixture.kind} for fixture in fixtures(result)],
         "loads": [
             {
                 "name": load.name,
+                "section": [of.body for of in axis].index(load.body),
                 "at": load.at,
                 "direction": load.direction,
-                "values": packed(result.loads.values[frames, i]),
+                "values": packed(load.values[frames]),
             }
-            for i, load in enumerate(loads(result))
+            for load in loads(result)
             if load.direction != "aside"
         ],
         "speeds": speeds(float(t[-1] - t[0])),
     }
 
 
+def _lane(result: RunResult, name: str, frames: NDArray[np.int64]) -> dict[str, Any]:
+    """What one model says of all bodies: in its own pen, a boom's sections in their colours, outer ones thicker."""
+    response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
+    found = lines(result, response)
+    beams = []
+    for k, of in enumerate(found):
+        points = spread(len(of.x), POINTS)
+        beam = {
+            "label": of.body or pen.label,
+            "colour": SECTIONS[k % len(SECTIONS)] if of.body else pen.colour,
+            "width": 3 + 3 * (len(found) - 1 - k) if of.body else pen.width,
+            "dash": pen.dash,
+            "x": of.x[points].round(6).tolist(),
+            "w": packed(onto(t, response.t, of.moved(response)[:, points])[frames]),
+        }
+        beams.append(beam | ({"tail": packed(onto(t, response.t, of.tail)[frames])} if of.body else {}))
+    return {"label": pen.label, "beams": beams}
+
+
+def _pads(result: RunResult, axis: list[Line], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
+    """Rings above and below, one for all pads of a ring on one face; `section` is the body that they sit on."""
+    found, names = list(rings(result)), [of.body for of in axis]
+    largest = max((float(np.abs(ring.force).max()) for ring in found), default=0.0) or 1.0
+    return [
+        {
+            "section": names.index(ring.body),
+            "way": 1 if ring.above else -1,
+            "at": packed(ring.at[frames]),
+            "force": packed(ring.force[frames] / largest),
+        }
+        for ring in found
+        if ring.body in names
+    ]
+
+
 def said(data: dict[str, Any]) -> str:
     """The exaggeration in words."""
     if data["largest"] == 0.0:
-        return "The body does not move."
+        return "Nothing moves across the axis."
     factor = data["scale"]
     drawn_as = "at its true size" if factor == 1.0 else f"{plain(factor)} times its size"
-    return f"Deflection is drawn {drawn_as}; it reaches {quantity(data['largest'], 'm')}."
+    bars = " Bars are the forces of pads above and below." if data["pads"] else ""
+    return f"Deflection is drawn {drawn_as}; it reaches {quantity(data['largest'], 'm')}.{bars}"

@@ -1,4 +1,4 @@
-r"""The motion of a body as data for the page.
+r"""The motion of bodies as data for the page.
 
 .. math:: X \approx A\,(A^T X)
 
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from pmr.report.decimation import packed, speeds
 from pmr.report.figures.canvas import RAMP
-from pmr.report.motion.instants import instants, of_the_peak, positions, scale, stress_of, top
-from pmr.report.motion.surface import surface
+from pmr.report.motion.instants import instants, of_the_peak, places, positions, scale, seen, stress_of, times, top
+from pmr.report.motion.surface import Surface, surfaces
 from pmr.report.motion.surroundings import Block, stage
 from pmr.report.numbers import percent, plain
 from pmr.report.subject import length
@@ -34,37 +34,46 @@ MOST_VALUES = 400_000  # of all shapes of a quantity: two bytes each, and a thir
 def player(result: RunResult) -> dict[str, Any]:
     """What the page's player needs, ready for JSON; empty without fields of two times or with too many faces.
 
-    Points in m, coefficients (frames, k) with shapes (k, 3 P) of the displacement in m and (k, S) of the faces' stress
-    over that of the last colour; the first face of each pair of triangles has the same number as the second.
+    Of each body points in m, where it is along x, coefficients (frames, k) with shapes (k, 3 P) of the displacement in
+    m and (k, S) of the faces' stress over that of the last colour; the first face of each pair of triangles has the
+    same number as the second.
     """
-    fields = result.body.fields
-    if fields is None or len(fields.t) < 2:
+    bodies = surfaces(result)
+    if not bodies or len(t := times(result)) < 2 or sum(len(one.faces) for one in bodies.values()) > MOST_FACES:
         return {}
-    body = surface(fields, result.scene.body.box)
-    if len(body.faces) > MOST_FACES:
-        return {}
-    moved = body.moved(fields, fields.displacement).reshape(len(fields.t), -1)
-    around = stage(result, body)
-    motion, lost = compressed(moved)
-    stress = stress_of(fields)[:, body.cell] / top(fields) if fields.von_mises else None
+    around, alongs = stage(result, next(iter(bodies.values()))), places(result)
+    shown = [_body(result, name, surface, alongs[name], MOST_VALUES // len(bodies)) for name, surface in bodies.items()]
+    back = min([0.0, *(float(block.corners[:, 0].min()) for block in around.section)])
     return {
-        "frames": len(fields.t),
-        "times": [float(fields.t[0]), float(fields.t[-1])],
-        "speeds": speeds(float(fields.t[-1] - fields.t[0])),
-        "first": of_the_peak(result, fields, instants(result, fields)).frame,
+        "frames": len(t),
+        "times": [float(t[0]), float(t[-1])],
+        "speeds": speeds(float(t[-1] - t[0])),
+        "first": of_the_peak(result, instants(result)).frame,
         "length": length(result),
-        "path": packed(positions(result, fields)),
-        "scale": scale(result, fields),
-        "points": packed(body.points.ravel()),
-        "triangles": _indices(body.triangles),
-        "edges": _indices(body.edges),
-        "faces": len(body.faces),
-        "motion": motion,
-        "stress": None if stress is None else compressed(stress)[0],
+        "path": packed(positions(result)),
+        "scale": scale(result),
+        "bodies": shown,
+        "back": back,
         "ramp": RAMP,
-        "section": _block(around.section),
+        "section": [_block(block) for block in around.section],
         "near": [_block(block) for block in around.near],
         "tail": [_block(block) for block in around.tail],
+        "lost": max(one["lost"] for one in shown),
+    }
+
+
+def _body(result: RunResult, name: str, surface: Surface, along: Array, most: int) -> dict[str, Any]:
+    fields = seen(result)[name]
+    motion, lost = compressed(surface.moved(fields, fields.displacement).reshape(len(fields.t), -1), most)
+    stress = stress_of(fields)[:, surface.cell] / top(result) if fields.von_mises else None
+    return {
+        "points": packed(surface.points.ravel()),
+        "triangles": _indices(surface.triangles),
+        "edges": _indices(surface.edges),
+        "faces": len(surface.faces),
+        "along": packed(along),
+        "motion": motion,
+        "stress": None if stress is None else compressed(stress, most)[0],
         "lost": lost,
     }
 
@@ -73,17 +82,17 @@ def said(data: dict[str, Any]) -> str:
     """How the motion is drawn, in a sentence; empty without a player."""
     if not data:
         return ""
-    count, lost = data["motion"]["count"], percent(data["lost"], 1)
+    count, lost = sum(body["motion"]["count"] for body in data["bodies"]), percent(data["lost"], 1)
     shapes = "one shape that leaves" if count == 1 else f"{count} shapes that leave"
     return f"Displacements are drawn {plain(data['scale'])} times their size, from {shapes} out {lost} of the motion."
 
 
-def compressed(frames: NDArray[np.float32]) -> tuple[dict[str, Any], float]:
+def compressed(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, Any], float]:
     """Coefficients and shapes of frames (F, n), and the share of them (RMS) that is left out."""
     X = frames.astype(float)
     squares, vectors = np.linalg.eigh(X @ X.T)
     squares, vectors = np.maximum(squares[::-1], 0.0), vectors[:, ::-1]
-    most = max(1, min(MOST_SHAPES, MOST_VALUES // X.shape[1]))
+    most = max(1, min(MOST_SHAPES, most_values // X.shape[1]))
     kept = max(1, int(np.count_nonzero(squares[:most] > EXACT**2 * squares[0])))
     A = vectors[:, :kept]
     A = A * np.sign(A[np.abs(A).argmax(axis=0), np.arange(kept)])  # of two directions the same one everywhere

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.fields.series import Fields
+from pmr.results import RunResult
 from pmr.scene.built import Box
 
 Array = NDArray[np.float64]
@@ -85,6 +86,16 @@ def surface(fields: Fields, box: Box | None = None) -> Surface:
     vertex, faces = np.unique(faces, return_inverse=True)
     faces = faces.reshape(-1, table.shape[1])
     return Surface(fields.points[vertex], faces, cell, vertex, np.zeros((len(vertex), 2)))
+
+
+def surfaces(result: RunResult) -> dict[str, Surface]:
+    """Of all bodies that have fields."""
+    bodies = result.scene.bodies
+    return {
+        name: surface(body.fields, bodies[name].body.box)
+        for name, body in result.bodies.items()
+        if body.fields is not None
+    }
 
 
 def _tube(fields: Fields, box: Box | None) -> Surface:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.motion.surface import Surface
+from pmr.report.subject import alone
 from pmr.results import RunResult
 from pmr.results.pads import THICK, pad_extent
 from pmr.scene.built import PadRing
@@ -31,15 +32,20 @@ class Block:
 
 @dataclass(frozen=True)
 class Stage:
-    """The next section, pads at its mouth (`near`), which stay in the picture, and those that move with the body."""
+    """The next section, pads at its mouth (`near`), which stay in the picture, and those that move with the body.
 
-    section: Block
+    Nothing around a boom, whose sections hold each other.
+    """
+
+    section: tuple[Block, ...]
     near: tuple[Block, ...]
     tail: tuple[Block, ...]
 
 
 def stage(result: RunResult, body: Surface) -> Stage:
     """The surroundings of a body, at s = 0."""
+    if not alone(result):
+        return Stage((), (), ())
     low, high = body.points.min(axis=0), body.points.max(axis=0)
     found = {moving: [ring for ring in result.scene.pads if ring.moving is moving] for moving in (False, True)}
     near, tail = (
@@ -48,7 +54,7 @@ def stage(result: RunResult, body: Surface) -> Stage:
     ahead = max((ring.at + ring.length / 2.0 for ring in found[True]), default=0.1)
     start = np.array([low[0] - float(result.along.max()) - 0.1, *(low[1:] - 1.2 * THICK)])
     end = np.array([ahead, *(high[1:] + 1.2 * THICK)])
-    return Stage(_block(start, end, _SIDES[2:]), near, tail)
+    return Stage((_block(start, end, _SIDES[2:]),), near, tail)
 
 
 def _pads(ring: PadRing, low: Array, high: Array) -> list[Block]:

@@ -1,4 +1,4 @@
-// The player of a body: WebGL 2, seen without perspective, in the next section's frame.
+// The player of bodies: WebGL 2, seen without perspective, in the frame of what does not slide.
 const SHADERS = [
   `#version 300 es
   uniform vec3 right, above, towards, centre;
@@ -47,12 +47,16 @@ class BodyPlayer extends Playback {
     }
     this.magnify = figure.querySelector("select.scale");
     this.lines = figure.querySelector("input[type=checkbox]");
-    this.rest = unpack(this.data.points);
     this.path = unpack(this.data.path);
-    this.triangles = indices(this.data.triangles);
-    this.edges = indices(this.data.edges);
-    this.motion = series(this.data.motion);
-    this.stress = this.data.stress && series(this.data.stress);
+    this.bodies = this.data.bodies.map((body) => ({
+      faces: body.faces,
+      rest: unpack(body.points),
+      along: unpack(body.along),
+      triangles: indices(body.triangles),
+      edges: indices(body.edges),
+      motion: series(body.motion),
+      stress: body.stress && series(body.stress),
+    }));
     this.view = { ...HOME };
     this.frame = this.slider.value = this.data.first;
     this.prepare();
@@ -139,10 +143,12 @@ class BodyPlayer extends Playback {
     return total;
   }
 
-  get back() {
+  between(values) {
     const k = Math.min(Math.floor(this.frame), this.last - 1), part = this.frame - k;
-    return this.path[k] * (1 - part) + this.path[k + 1] * part;
+    return values[k] * (1 - part) + values[k + 1] * part;
   }
+
+  get back() { return this.between(this.path); }
 
   draw() {
     const gl = this.pen, width = this.canvas.clientWidth, height = this.canvas.clientHeight;
@@ -152,11 +158,10 @@ class BodyPlayer extends Playback {
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     this.look(height / width);
-    const places = this.bent();
-    this.body(places);
+    for (const body of this.bodies) this.body(body, this.bent(body));
     for (const block of this.data.near) this.block(block, 0);
     for (const block of this.data.tail) this.block(block, this.back);
-    this.section(this.data.section);
+    for (const section of this.data.section) this.section(section);
     const out = this.data.length - this.back;
     this.say(`${this.clock}, ${out.toFixed(2)} m out`);
   }
@@ -164,8 +169,7 @@ class BodyPlayer extends Playback {
   look(aspect) {
     const gl = this.pen, { azimuth, elevation, zoom } = this.view;
     const [c, s, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
-    const corners = this.data.section.corners, back = Math.min(...corners.filter((_, i) => i % 3 === 0));
-    const front = this.data.length - this.path.reduce((a, b) => Math.min(a, b));
+    const back = this.data.back, front = this.data.length - this.path.reduce((a, b) => Math.min(a, b));
     const half = Math.max((front - back) / 2 + 0.25, 0.5) / zoom;
     gl.uniform3f(this.at("towards"), ce * c, ce * s, se);
     gl.uniform3f(this.at("right"), -s, c, 0);
@@ -176,14 +180,15 @@ class BodyPlayer extends Playback {
     gl.uniform2f(this.at("size"), half, half * aspect);
   }
 
-  bent() {
-    const moved = this.sum(this.motion, this.rest.length), scale = Number(this.magnify.value), back = this.back;
-    return this.rest.map((x, i) => x + scale * moved[i] - (i % 3 ? 0 : back));
+  bent(body) {
+    const moved = this.sum(body.motion, body.rest.length), scale = Number(this.magnify.value);
+    const along = this.between(body.along);
+    return body.rest.map((x, i) => x + scale * moved[i] + (i % 3 ? 0 : along));
   }
 
-  body(places) {
-    const gl = this.pen, faces = this.data.faces, corners = this.triangles, count = corners.length;
-    const stress = this.stress && this.sum(this.stress, faces);
+  body({ faces, triangles: corners, edges, stress: shapes }, places) {
+    const gl = this.pen, count = corners.length;
+    const stress = shapes && this.sum(shapes, faces);
     const spread = new Float32Array(3 * count), values = new Float32Array(count);
     for (let i = 0; i < count; i++) {
       for (let j = 0; j < 3; j++) spread[3 * i + j] = places[3 * corners[i] + j];
@@ -191,8 +196,8 @@ class BodyPlayer extends Playback {
     }
     this.show(gl.TRIANGLES, spread, values, [...rgb("#b9c4cd"), 1], Boolean(stress), true);
     if (!this.lines.checked) return;
-    const ends = new Float32Array(3 * this.edges.length);
-    this.edges.forEach((point, i) => { for (let j = 0; j < 3; j++) ends[3 * i + j] = places[3 * point + j]; });
+    const ends = new Float32Array(3 * edges.length);
+    edges.forEach((point, i) => { for (let j = 0; j < 3; j++) ends[3 * i + j] = places[3 * point + j]; });
     this.over(() => this.show(gl.LINES, ends, null, [...rgb("#1c2733"), 0.3], false, false));
   }
 

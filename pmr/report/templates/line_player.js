@@ -1,11 +1,16 @@
-// The player of a body's axis: it draws on a canvas.
-const INK = "#1c2733", MUTED = "#5b6875", RULE = "#c9d1d9", LOAD = "#7b2d8e";
+// The player of axes, of a body or of sections that slide in each other: it draws on a canvas.
+const INK = "#1c2733", MUTED = "#5b6875", RULE = "#c9d1d9", LOAD = "#7b2d8e", BAR = 36;
 
 class LinePlayer extends Playback {
   constructor(figure) {
     super(figure);
     this.overlay = figure.querySelector("input[type=checkbox]");
-    this.beams = this.data.beams.map((beam) => ({ ...beam, w: unpack(beam.w) }));
+    this.models = this.data.lanes.map(({ label, beams }) => ({
+      label,
+      beams: beams.map((beam) => ({ ...beam, w: unpack(beam.w), tail: beam.tail && unpack(beam.tail) })),
+    }));
+    this.sections = this.models[0].beams.length > 1;
+    this.pads = this.data.pads.map((pad) => ({ ...pad, at: unpack(pad.at), force: unpack(pad.force) }));
     this.s = unpack(this.data.s);
     this.loads = this.data.loads.map((load) => {
       const values = unpack(load.values);
@@ -18,12 +23,13 @@ class LinePlayer extends Playback {
   resize() {
     const width = this.canvas.clientWidth, ratio = window.devicePixelRatio || 1;
     if (!width) return;
-    const lanes = this.overlay?.checked ? 1 : this.beams.length;
+    const lanes = this.overlay?.checked ? 1 : this.models.length;
     this.left = 16;
     this.metre = (width - this.left - 20) / this.data.length;
     const [low, high] = this.data.reach.map((w) => w * this.data.scale * this.metre);
-    this.above = Math.max(high, 0) + 34;
-    this.lane = this.above + Math.max(-low, 0) + 30;
+    const bars = this.pads.length ? BAR : 0;
+    this.above = Math.max(high, 0) + 34 + bars;
+    this.lane = this.above + Math.max(-low, 0) + 30 + bars;
     this.lanes = lanes;
     const height = lanes * this.lane + 44;
     if (this.height !== height || this.width !== width) {
@@ -42,12 +48,13 @@ class LinePlayer extends Playback {
     pen.clearRect(0, 0, this.width, this.height);
     pen.font = "12px system-ui, sans-serif";
     for (let lane = 0; lane < this.lanes; lane++) {
-      const shown = this.lanes === 1 ? this.beams : [this.beams[lane]];
-      const y = lane * this.lane + this.above;
+      const shown = this.lanes === 1 ? this.models : [this.models[lane]];
+      const y = lane * this.lane + this.above, last = shown[shown.length - 1].beams;
       this.rest(pen, y);
       this.fixtures(pen, y, frame);
-      for (const beam of shown) this.beam(pen, y, beam, frame);
-      this.forces(pen, y, shown[shown.length - 1], frame);
+      for (const model of shown) for (const beam of model.beams) this.beam(pen, y, beam, frame);
+      this.bars(pen, y, last, frame);
+      this.forces(pen, y, last, frame);
       this.names(pen, lane * this.lane + 12, shown);
     }
     this.axis(pen);
@@ -57,6 +64,8 @@ class LinePlayer extends Playback {
   x(position) { return this.left + position * this.metre; }
 
   deflection(beam, i, frame) { return -beam.w[frame * beam.x.length + i] * this.data.scale * this.metre; }
+
+  tail(beam, frame) { return beam.tail ? beam.tail[frame] : 0; }
 
   at(beam, position, frame) {
     let i = beam.x.findIndex((x) => x >= position);
@@ -79,9 +88,20 @@ class LinePlayer extends Playback {
   rest(pen, y) { this.line(pen, [[this.x(0), y], [this.x(this.data.length), y]], RULE, 1, [3, 3]); }
 
   beam(pen, y, beam, frame) {
-    const points = beam.x.map((x, i) => [this.x(x), y + this.deflection(beam, i, frame)]);
-    const apart = this.lanes > 1;
-    this.line(pen, points, beam.colour, apart ? 3 : beam.width * 1.6, apart ? [] : beam.dash.map((d) => d * 1.6));
+    const tail = this.tail(beam, frame);
+    const points = beam.x.map((x, i) => [this.x(tail + x), y + this.deflection(beam, i, frame)]);
+    const apart = this.lanes > 1 || this.models.length === 1, width = this.sections ? beam.width : 3;
+    this.line(pen, points, beam.colour, apart || this.sections ? width : beam.width * 1.6,
+      apart ? [] : beam.dash.map((d) => d * 1.6));
+  }
+
+  bars(pen, y, beams, frame) {
+    pen.fillStyle = LOAD;
+    for (const pad of this.pads) {
+      const beam = beams[pad.section], size = BAR * Math.abs(pad.force[frame]);
+      const foot = y + this.at(beam, pad.at[frame] - this.tail(beam, frame), frame);
+      pen.fillRect(this.x(pad.at[frame]) - 3, pad.way > 0 ? foot - 9 - size : foot + 9, 6, size);
+    }
   }
 
   fixtures(pen, y, frame) {
@@ -108,11 +128,12 @@ class LinePlayer extends Playback {
     }
   }
 
-  forces(pen, y, beam, frame) {
+  forces(pen, y, beams, frame) {
     for (const load of this.loads) {
+      const beam = beams[load.section];
       const part = load.largest ? load.values[frame] / load.largest : 0;
       if (Math.abs(part) < 0.02) continue;
-      const x = this.x(load.at), foot = y + this.at(beam, load.at, frame);
+      const x = this.x(this.tail(beam, frame) + load.at), foot = y + this.at(beam, load.at, frame);
       if (load.direction === "turn") this.moment(pen, x, foot, part);
       else if (load.direction === "along") this.arrow(pen, x, foot, part, 0);
       else this.arrow(pen, x, foot, 0, -part);
@@ -150,13 +171,19 @@ class LinePlayer extends Playback {
   names(pen, y, shown) {
     pen.textAlign = "left";
     let x = this.left;
-    for (const beam of shown) {
-      pen.fillStyle = beam.colour;
-      pen.fillRect(x, y - 5, 14, 3);
+    const say = (label, colour) => {
+      if (colour) {
+        pen.fillStyle = colour;
+        pen.fillRect(x, y - 5, 14, 3);
+        x += 19;
+      }
       pen.fillStyle = INK;
-      pen.fillText(beam.label, x + 19, y);
-      x += 19 + pen.measureText(beam.label).width + 18;
-    }
+      pen.fillText(label, x, y);
+      x += pen.measureText(label).width + 18;
+    };
+    if (this.sections && this.models.length > 1) say(`${shown.map((model) => model.label).join(", ")}:`);
+    const named = this.sections ? shown[0].beams : shown.flatMap((model) => model.beams);
+    for (const beam of named) say(beam.label, beam.colour);
   }
 
   axis(pen) {
@@ -169,7 +196,7 @@ class LinePlayer extends Playback {
       this.line(pen, [[this.x(i * step), y], [this.x(i * step), y + 4]], MUTED, 1);
       pen.fillText(String(Number((i * step).toPrecision(6))), this.x(i * step), y + 17);
     }
-    pen.fillText("x in m", this.x(length / 2), y + 33);
+    pen.fillText(this.data.label, this.x(length / 2), y + 33);
   }
 }
 

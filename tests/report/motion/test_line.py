@@ -25,8 +25,9 @@ def data(whole: RunResult) -> dict[str, Any]:
 
 def test_motion_is_that_of_the_beam(whole: RunResult, data: dict[str, Any]) -> None:
     frames = spread(len(whole.along), FRAMES)
-    assert [beam["label"] for beam in data["beams"]] == ["full", "ANCF", "reduced"]
-    for beam, name in zip(data["beams"], ("full", "ancf", "reduced"), strict=True):
+    assert [lane["label"] for lane in data["lanes"]] == ["full", "ANCF", "reduced"]
+    for lane, name in zip(data["lanes"], ("full", "ancf", "reduced"), strict=True):
+        (beam,) = lane["beams"]
         moved = unpacked(beam["w"]).reshape(data["frames"], -1)
         expected = whole.responses[name].displacement[frames]
         assert np.abs(moved - expected).max() <= 0.51 * beam["w"]["count"]
@@ -43,7 +44,7 @@ def test_slider_and_load_go_with_it(whole: RunResult, data: dict[str, Any]) -> N
 def test_long_motion_is_thinned(make_result) -> None:
     data = motion(make_result(steps=20_000))
     assert data["frames"] == FRAMES
-    assert all(len(beam["x"]) <= POINTS for beam in data["beams"])
+    assert all(len(beam["x"]) <= POINTS for lane in data["lanes"] for beam in lane["beams"])
     assert len(json.dumps(data)) < 400_000
 
 
@@ -57,7 +58,7 @@ def test_resting_beam_is_no_error(make_result) -> None:
     result.responses["reduced"].displacement[:] = 0.0
     data = motion(result)
     assert data["scale"] == 1.0
-    assert said(data) == "The body does not move."
+    assert said(data) == "Nothing moves across the axis."
 
 
 def test_playback_speed_is_one_of_the_choices(data: dict[str, Any]) -> None:
@@ -69,7 +70,7 @@ def test_player_reads_what_is_there(data: dict[str, Any]) -> None:
     player = resources.files("pmr.report").joinpath("templates", "line_player.js").read_text(encoding="utf-8")
     assert set(re.findall(r"this\.data\.(\w+)", player)) <= set(data)
     assert set(re.findall(r"\bload\.(\w+)", player)) - {"values", "largest"} <= set(data["loads"][0])
-    assert {"x", "w", "label", "colour", "width", "dash"} <= set(data["beams"][0])
+    assert {"x", "w", "label", "colour", "width", "dash"} <= set(data["lanes"][0]["beams"][0])
 
 
 @pytest.mark.parametrize("script", ["line_player.js", "body_player.js"])

@@ -32,7 +32,7 @@ def test_pads_lie_on_their_faces(blocks) -> None:
 
 def test_the_next_section_holds_the_body_at_every_extension(blocks) -> None:
     result, around = blocks
-    (back, *_), (front, *_) = extent(around.section)
+    (back, *_), (front, *_) = extent(around.section[0])
     assert back < -result.along.max() and front == pytest.approx(0.15)
-    assert np.all(extent(around.section)[0, 1:] < (-0.15 - THICK, -0.2 - THICK))
-    assert len(around.section.sides) == 4  # open at both ends
+    assert np.all(extent(around.section[0])[0, 1:] < (-0.15 - THICK, -0.2 - THICK))
+    assert len(around.section[0].sides) == 4  # open at both ends

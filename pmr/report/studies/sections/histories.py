@@ -147,4 +147,4 @@ def _parameters(results: Mapping[str, RunResult]) -> list[list[Table]]:
         for name, result in results.items()
         for table in [parameters.motion(result)]
     ]
-    return [[parameters.body(first)], moving, [parameters.method(first)]]
+    return [parameters.bodies(first), moving, [parameters.method(first)]]

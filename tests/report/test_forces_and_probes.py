@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.report import borne
+from pmr.report import probes, stresses
+from pmr.report.columns import forces
 from pmr.report.errors import rows as error_rows
+from pmr.report.forces import contact, extremes
 from pmr.results import RunResult
 
 NAMES = ("weld stress along", "weld stress shear", "weld strain along", "weld displacement z")
@@ -35,7 +37,7 @@ def probed(make_result) -> RunResult:
 
 
 def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
-    block = borne.probes(probed, "case-1")
+    block = probes.probes(probed, "case-1")
     assert block is not None
     extremes, stress, strain = block.grids
     assert [row[0] for row in extremes.rows] == [
@@ -51,14 +53,15 @@ def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
 
 
 def test_forces_have_extremes_with_time_and_place(probed: RunResult) -> None:
-    (grid,) = borne.forces(probed)
+    (grid,) = contact(probed, "case-1").grids
     ((name, least, t_least, _, largest, *_),) = grid.rows
     assert (name, largest) == ("slider", "99.0") and grid.head[1] == "least in N"
     response = probed.responses["reduced"]
     assert float(t_least) == pytest.approx(response.t[response.slider_force[:, 0].argmin()], rel=1e-3)
     names, force = ("force of slider", "force of pad left"), response.slider_force[:, :1] * (1.0, 1e-14)
     beside = replace(response, force_names=names, slider_force=force, force_peaks=None)
-    (grid,) = borne.forces(replace(probed, responses=probed.responses | {"reduced": beside}))
+    result = replace(probed, responses=probed.responses | {"reduced": beside})
+    grid = extremes(result, forces(result)[""])
     assert grid.rows[1] == ("pad left", "0", "", "", "0", "", "")  # round-off has no time
 
 
@@ -72,11 +75,12 @@ def test_regions_stand_beside_the_full_model(make_result) -> None:
     peak = {"value": 50e6, "t": 0.5, "position": [1.0, 0.1, 0.2], "face": "outer"}
     both = {"top": peak, "bottom": peak | {"value": 40e6}}
     found = {"stress_by_region": {"reduced": both, "full": {name: one | {"value": 51e6} for name, one in both.items()}}}
-    (grid,) = borne.regions(make_result(summary=found))
+    (grid,) = stresses.stress(make_result(summary=found), "case-1").grids
     assert grid.head[:3] == ("region", "in MPa", "full model")
     assert grid.rows[1] == ("bottom", "40.00", "51.00", "0.5000", "(1.00, 0.100, 0.200)", "outer")
-    assert borne.regions(make_result(summary={"stress_by_region": {"reduced": {"body": peak}}})) == ()
+    assert stresses.stress(make_result(summary={"stress_by_region": {"reduced": {"body": peak}}}), "case-1") is None
 
 
 def test_without_probes_or_names_of_forces_nothing_is_said(make_result) -> None:
-    assert borne.probes(make_result(), "case-1") is None and borne.forces(make_result()) == ()
+    assert probes.probes(make_result(), "case-1") is None
+    assert contact(make_result(), "case-1").grids == ()

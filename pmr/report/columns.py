@@ -1,0 +1,178 @@
+"""Which columns of a response are what: histories of tips, lines and forces, by the kinds of their outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.report.numbers import quantity
+from pmr.report.subject import alone, long
+from pmr.results import Response, RunResult
+from pmr.results.outputs import SIDES, outputs_of
+from pmr.results.tables import FORCE_OF
+from pmr.scene.built import PadRing
+
+Array = NDArray[np.float64]
+Quantity = Callable[[Response], Array]
+
+#: Share of the largest displacement of a model below which one is round-off, where a response does not say.
+ROUND_OFF = 1e-12
+
+
+@dataclass(frozen=True)
+class Force:
+    """A force on a body: what a response calls it, and what it is called within its group.
+
+    `column` is where it stands in a response without names.
+    """
+
+    column: int
+    name: str
+    called: str
+
+    def of(self, response: Response) -> Array:
+        """The force over time, (T,) N."""
+        return response.force(self.called, self.column)
+
+
+@dataclass(frozen=True)
+class Line:
+    """Places along a body's axis, and the columns of a response that hold their displacement along the vertical."""
+
+    body: str
+    x: Array  # (o,) m
+    columns: NDArray[np.int64]
+    tail: Array  # (T,) m, where the body's tail is along the boom
+
+    def moved(self, response: Response) -> Array:
+        """That displacement, (T, o) m."""
+        return response.displacement[:, self.columns]
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Pads above or below a body: where they are along the boom (T,) m, and what they press with, in all (T,) N."""
+
+    body: str
+    at: Array
+    above: bool
+    force: Array
+
+
+def tips(result: RunResult) -> Mapping[str, Quantity]:
+    """The displacement of the tip, or that of the last section, (T,) m, along each direction across the axis."""
+    last = list(result.scene.bodies)[-1]
+
+    def along(direction: str) -> Quantity:
+        def displacement(response: Response) -> Array:
+            found = outputs_of(result.scene, response)
+            of = ("tip", last, direction)
+            column = next(k for k, one in enumerate(found) if (one.kind, one.body, one.direction) == of)
+            return response.displacement[:, column]
+
+        return displacement
+
+    found = outputs_of(result.scene, result.responses["reduced"])
+    return {one.direction: along(one.direction) for one in found if (one.kind, one.body) == ("tip", last)}
+
+
+def is_round_off(result: RunResult, what: Quantity) -> bool:
+    """Whether a displacement exceeds in no model what round-off may make of it."""
+    return max(float(np.abs(what(one)).max()) for one in result.responses.values()) <= _floor(result)
+
+
+def _floor(result: RunResult) -> float:
+    """What of a displacement may be round-off, m; where that is not known, a share of the largest displacement."""
+    return max(
+        one.round_off or ROUND_OFF * float(np.abs(one.displacement).max(initial=0.0))
+        for one in result.responses.values()
+    )
+
+
+def not_drawn(result: RunResult, directions: Sequence[str]) -> str:
+    """Why the tip's displacement along these directions has no figure; empty without any."""
+    if not directions:
+        return ""
+    floor = _floor(result)
+    size = f"at most {quantity(floor, 'm')}, which may be round-off alone" if floor > 0.0 else "zero at all times"
+    return f"Without a figure is the displacement of the tip along {' and '.join(directions)}: it is {size}."
+
+
+def lines(result: RunResult, response: Response) -> list[Line]:
+    """Where a response has the displacement of each body along the vertical, from the base out."""
+    outputs, found = outputs_of(result.scene, response), []
+    for body, tail in zip(result.scene.bodies, _tails(result, len(response.t)).T, strict=True):
+        columns = [k for k, one in enumerate(outputs) if one.body == body and one.direction == "z"]
+        columns.sort(key=lambda k: float(response.x[k]))
+        if columns:
+            found.append(Line(body, response.x[columns], np.array(columns, np.int64), tail))
+    return found
+
+
+def _tails(result: RunResult, steps: int) -> Array:
+    """Where the tail of each body is along the boom, (T, bodies) m; of a body alone at 0."""
+    if alone(result):
+        return np.zeros((steps, 1))
+    extensions = result.paths.values
+    if len(extensions) != steps:
+        at = np.linspace(0.0, 1.0, len(extensions))
+        extensions = np.stack([np.interp(np.linspace(0.0, 1.0, steps), at, one) for one in extensions.T], axis=1)
+    return np.cumsum(np.hstack([np.zeros((steps, 1)), extensions]), axis=1)
+
+
+def forces(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
+    """Forces of a kind of output by what they come from, that which stays first: all that the reduced model knows.
+
+    Pads of a body alone are grouped by their rings; all others are one group without a name.
+    """
+    response = result.responses["reduced"]
+    first, count = response.displacement.shape[1], response.slider_force.shape[1]
+    outputs = outputs_of(result.scene, response)[first : first + count]
+    chosen = [(k, one.name) for k, one in enumerate(outputs) if one.kind == kind]
+    rings = sorted(result.scene.pads, key=lambda ring: bool(ring.moving)) if alone(result) and kind == "pad" else []
+    if not rings:
+        several = len(chosen) > 1
+        short = {name: name.removeprefix(FORCE_OF) for _, name in chosen}
+        if alone(result) and kind == "pad":  # points that slide
+            short = {}
+        called = [short.get(name, f"slider {k + 1}" if several else "") for k, name in chosen]
+        found = [Force(k, short, name) for (k, name), short in zip(chosen, called, strict=True)]
+        return {"": found} if found else {}
+    columns, groups = {name: k for k, name in chosen}, dict[str, list[Force]]()
+    for ring in rings:
+        for name, _, _ in ring.places:
+            if (full := FORCE_OF + name) in columns:
+                pad = Force(columns[full], name.removeprefix(f"{ring.name} "), full)
+                groups.setdefault(ring.name, []).append(pad)
+    return groups
+
+
+def rings(result: RunResult) -> Iterator[Ring]:
+    """Pads above and below the bodies, all of a ring on one face together."""
+    response = result.responses["reduced"]
+    first = response.displacement.shape[1]
+    outputs = outputs_of(result.scene, response)[first : first + response.slider_force.shape[1]]
+    bodies, tails = list(result.scene.bodies.items()), _tails(result, len(response.t))
+    for number, (body, of) in enumerate(bodies):
+        places = [(f"{FORCE_OF}{ring.name} ", _along(result, ring, tails[:, number])) for ring in of.pads]
+        if (joint := getattr(of, "joint", None)) is not None:
+            outer, (_, outside) = tails[:, number - 1], bodies[number - 1]
+            at_tail = [("tail", ring, tails[:, number] + ring.at) for ring in joint.tail]
+            at_mouth = [("mouth", ring, outer + long(outside) - ring.at) for ring in joint.mouth]
+            for end, ring, at in (*at_tail, *at_mouth):
+                places.append((FORCE_OF + " ".join(filter(None, (body, end, ring.name))) + " ", at))
+        for start, at in places:
+            for face in ("bottom", "top"):
+                on_face = [(k, one.name) for k, one in enumerate(outputs) if one.direction == face]
+                own = [(k, name.removeprefix(start)) for k, name in on_face if name.startswith(start)]
+                columns = [k for k, rest in own if rest.split()[0] in SIDES]
+                if columns:
+                    yield Ring(body, at, face == "top", response.slider_force[:, columns].sum(axis=1))
+
+
+def _along(result: RunResult, ring: PadRing, tail: Array) -> Array:
+    """Where a ring on the ground is along the axis, (T,) m."""
+    return ring.at + (result.along if ring.moving else np.zeros_like(tail))
