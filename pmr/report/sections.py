@@ -177,7 +177,10 @@ def response(result: RunResult, prefix: str) -> Block | None:
     for k, name in enumerate(found.inputs):
         if not np.any(found.gain[:, :, k]):
             continue
-        caption = f"Response of {found.outputs[k]} to {name} with the sliders at rest, each curve at one s in m."
+        rest = "with the sliders at rest, each curve at one s in m"
+        if not alone(result):
+            rest = "with everything at rest, each curve at one reach in m"
+        caption = f"Response of {found.outputs[k]} to {name} {rest}."
         drawings.append(drawing(f"{prefix}-response-{k}", spectra.gain, caption, found, k))
         said = result.summary["frequency_response"]["gain"][name]
         rows = [
@@ -189,7 +192,7 @@ def response(result: RunResult, prefix: str) -> Block | None:
             )
             for j, s in enumerate(found.s)
         ]
-        head = ("s", f"static, {said['unit']}", f"largest, {said['unit']}", "at, Hz")
+        head = (result.coordinate, f"static, {said['unit']}", f"largest, {said['unit']}", "at, Hz")
         grids.append(Grid(f"{found.outputs[k]} under {name}", head, tuple(rows)))
     pairs = tuple(tuple(drawings[k : k + 2]) for k in range(0, len(drawings), 2))
     return Block(heading="Response in frequency", rows=pairs, grids=tuple(grids))
