@@ -24,7 +24,6 @@ from pmr.simulation.native.multibody_march import places
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact
-from pmr.system.from_scene import cylinder
 from pmr.system.system import System
 
 Array = NDArray[np.float64]

@@ -22,7 +22,6 @@ from pmr.simulation.modal import inertia_share, unpressed
 from pmr.simulation.native import multibody
 from pmr.system.body import force_outputs, length_outputs
 from pmr.system.contacts import Contact, named
-from pmr.system.from_scene import cylinder
 from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]

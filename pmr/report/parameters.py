@@ -12,8 +12,9 @@ from pmr.report.subject import alone, loads, moving, spoken
 from pmr.results import RunResult
 from pmr.scene import Body, Reduction
 from pmr.scene.choice import choose
-from pmr.scene.names import named
-from pmr.scene.scene import OneBody
+from pmr.scene.members import member_at
+from pmr.scene.names import ALONE, named
+from pmr.scene.parts import OneBody
 from pmr.scene.signals import SignalBase
 from pmr.scene.structures import Profile
 
@@ -25,11 +26,13 @@ _MOST_KNOTS = 6
 def bodies(result: RunResult) -> list[Table]:
     """What slides, what holds it, how it is damped; of a boom each section."""
     scene, damping = result.scene, tuple(_damping(result.scene))
+    found = {
+        name: tuple(_structure(of, choose(member_at(scene, number)).model))
+        for number, (name, of) in enumerate(scene.bodies.items())
+    }
     if alone(result):
-        chosen = choose(scene).model
-        return [Table("Body and mesh", (*_structure(scene, chosen), *damping))]
-    tables = [Table(name, tuple(_structure(of, of.body.model))) for name, of in scene.bodies.items()]
-    return [*tables, Table("All sections", damping)]
+        return [Table("Body and mesh", (*found[ALONE], *damping))]
+    return [*(Table(name, rows) for name, rows in found.items()), Table("All sections", damping)]
 
 
 def motion(result: RunResult) -> Table:
@@ -71,15 +74,14 @@ def described(signal: SignalBase, unit: str) -> str:
 
 def _structure(of: OneBody, chosen: str) -> Rows:
     body, mesh = of.body, of.mesh
-    if chosen != "auto":
-        yield "model", f"{spoken(chosen).split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
+    yield "model", f"{spoken(chosen).split(' ', 1)[1]}{' (chosen)' if body.model == 'auto' else ''}"
     if body.profile is not None:
         yield from _profile(body.profile)
     else:
         yield from _section(body)
     if mesh.file is not None:
         yield "mesh", PurePath(mesh.file).name
-    elif chosen.startswith("beam") or body.profile is not None:
+    elif chosen.startswith("beam"):
         graded = f", last over first {plain(mesh.grading)}" if mesh.grading != 1.0 else ""
         yield "elements", f"{plain(mesh.elements)}{graded}"
     else:
@@ -139,11 +141,12 @@ def _joints(result: RunResult) -> Rows:
             plus = f" {signed(joint.offset)}{SPACE}m" if joint.offset else ""
             yield f"extension of {name}", f"{plain(joint.ratio)} times that of {joint.follows}{plus}"
         else:
-            kind, path = ("overlap", joint.overlap) if joint.extension is None else ("extension", joint.extension)
-            yield f"{kind} of {name}", described(path, "m")
+            for kind, path in (("extension", joint.extension), ("overlap", joint.overlap)):
+                if path is not None:
+                    yield f"{kind} of {name}", described(path, "m")
         for end, rings in (("tail", joint.tail), ("mouth", joint.mouth)):
             for ring in rings:
-                faces = ", ".join(f"{len(places)} {face}" for face, places in (ring.faces or {"point": (0.0,)}).items())
+                faces = ", ".join(f"{len(at)} {face}" for face, at in ring.faces.items()) if ring.faces else "a point"
                 way = "only pushing" if ring.unilateral else "holding both ways"
                 gap = f", play {plain(1e3 * ring.clearance)}{SPACE}mm" if ring.clearance else ""
                 rubs = f", friction {plain(ring.friction)}" if ring.friction else ""

@@ -161,8 +161,7 @@ def _published(result: RunResult) -> Iterator[Grid]:
         models = [name for name in ("full", "reduced") if name in one]
         ours = [f"{one[name]:.4f} ({signed_deviation(one[name], one['published'])})" for name in models]
         rows.append((f"{one['reach']:.5g}{SPACE}m", f"{one['published']:g}", *ours))
-    if rows:
-        published = result.scene.published
+    if rows and (published := result.scene.published) is not None:
         remarks = "".join(f" {remark}" for remark in published.remarks)
         caption = f"First natural frequency in Hz beside the published one ({published.source}).{remarks}"
         yield Grid(caption, ("reach", "published", *models), tuple(rows))

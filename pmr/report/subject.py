@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from pmr.report.numbers import SPACE, plain
 from pmr.results import BodyResult, RunResult
 from pmr.scene.choice import choose
-from pmr.scene.names import ALONE
-from pmr.scene.scene import OneBody
+from pmr.scene.members import member_at
+from pmr.scene.names import ALONE, input_of
+from pmr.scene.parts import OneBody
 from pmr.scene.signals import SignalBase
 
 Array = NDArray[np.float64]
@@ -148,7 +149,7 @@ def loads(result: RunResult) -> list[Acting]:
             kind = {"x": "along", "y": "aside", "z": "up"}.get(one.direction, "turn")
             where = f"on {one.on}" if isinstance(one.on, str) else f"at {plain(one.on)}{SPACE}m"
             at = end if isinstance(one.on, str) else one.on
-            if (name := f"{body}.{one.name}" if body else one.name) in names:
+            if (name := input_of(body, one.name)) in names:
                 values = result.loads.values[:, names.index(name)]
             elif body == ALONE and not names:  # of earlier results
                 values = result.loads.values[:, number]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from pmr.results.response import Response
+from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
 from pmr.scene.choice import model_of, transverse
+from pmr.scene.members import member_at
 from pmr.scene.names import ALONE, cylinder_of, named
-from pmr.scene.scene import OneBody
+from pmr.scene.parts import OneBody
 
 #: Kinds of outputs: displacements of places along a body and of its tip, forces of pads (sliders are pads without
 #: faces), of cylinders and of supports that give way, what probes measure, reactions of rigid supports.
@@ -31,7 +32,7 @@ class Output:
     unit: str = "m"
 
 
-def outputs_of(scene: Any, response: Response) -> tuple[Output, ...]:
+def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
     """Of all columns of a response: displacements, then forces, then all others.
 
     By what their names have meant since names were given; without names by the order of columns before that.
@@ -39,7 +40,7 @@ def outputs_of(scene: Any, response: Response) -> tuple[Output, ...]:
     return (*_displacements(scene, response), *_forces(scene, response), *_others(scene, response))
 
 
-def _displacements(scene: Any, response: Response) -> Iterator[Output]:
+def _displacements(scene: Scene, response: Response) -> Iterator[Output]:
     known = {named(body, of.observe.tip_along(d)): ("tip", body, d) for body, of in scene.bodies.items() for d in "xyz"}
     beams = {named(body, f"{d} at "): ("beam", body, d) for body in scene.bodies for d in "xyz"}
     names = response.output_names or _unnamed_displacements(scene, response)
@@ -49,15 +50,15 @@ def _displacements(scene: Any, response: Response) -> Iterator[Output]:
         yield Output(name, kind, body, x, d)
 
 
-def _unnamed_displacements(scene: Any, response: Response) -> tuple[str, ...]:
+def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
     """As a body alone had them before columns were named: places along each direction, then the tip along each."""
     (body,) = scene.bodies.values()
-    across = transverse(scene)
+    across = transverse(member_at(scene))
     each = len(response.x) // len(across) - 1
     return (*(f"{d} at " for d in across for _ in range(each)), *(body.observe.tip_along(d) for d in across))
 
 
-def _forces(scene: Any, response: Response) -> Iterator[Output]:
+def _forces(scene: Scene, response: Response) -> Iterator[Output]:
     count = response.slider_force.shape[1]
     known = {name: one for body, of in scene.bodies.items() for name, one in _of_body(body, of).items()}
     for body in scene.bodies:
@@ -87,16 +88,16 @@ def _of_body(body: str, of: OneBody) -> dict[str, Output]:
     return found
 
 
-def _unnamed_forces(scene: Any) -> list[str]:
+def _unnamed_forces(scene: Scene) -> list[str]:
     """Outputs before rows, those of rows that move last; nothing where points slide."""
     (body,) = scene.bodies.values()
-    faces = ("bottom", "top") if model_of(scene) == "beam2d" else ("bottom", "top", "left", "right")
+    faces = ("bottom", "top") if model_of(member_at(scene)) == "beam2d" else ("bottom", "top", "left", "right")
     staying = [ring for ring in body.pads if not ring.moving and ring.stiffness != "rigid"]
     ordered = [*sorted(staying, key=lambda ring: ring.unilateral), *(ring for ring in body.pads if ring.moving)]
     return [force_of(name) for ring in ordered for name, face, _ in ring.places if face in faces]
 
 
-def _others(scene: Any, response: Response) -> Iterator[Output]:
+def _others(scene: Scene, response: Response) -> Iterator[Output]:
     for name, unit in zip(response.other_names, response.other_units, strict=True):
         kind = "reaction" if name.startswith(reaction_of("")) else "probe"
         said = name.removeprefix(reaction_of(""))

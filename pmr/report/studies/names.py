@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, get_args
@@ -10,7 +11,8 @@ from pydantic import BaseModel
 
 from pmr.report.numbers import SPACE, length, percent, plain, quantity, significant
 from pmr.report.subject import MODELS
-from pmr.scene import Scene
+from pmr.scene.parts import Part
+from pmr.scene.scene import BodyFile
 from pmr.scene.section import quantity_of as quantity_in
 from pmr.studies.engine.task import Scalar, number
 from pmr.studies.results import RunRecord
@@ -64,7 +66,7 @@ def worded(value: Scalar) -> str:
 
 def unit_of(key: str) -> str:
     """Unit of a scene's key, as the scene declares it; empty for a plain number, a word, or what is no such key."""
-    section: type[BaseModel] = Scene
+    section: type[BaseModel] = Part if re.match(r"sections?\b", key) else BodyFile
     *path, last = key.split(".")
     for part in path:
         inside = section.model_fields.get(part.partition("[")[0])  # what is no key names an entry of a list
