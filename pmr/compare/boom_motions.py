@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.boom_figures import CURVES
 from pmr.compare.booms import Said, respond, response_of
+from pmr.compare.responses import full_simulator
 from pmr.compare.simulated import simulator_of
 from pmr.compare.trust import distrust
 from pmr.errors import SimulationError
@@ -35,8 +36,6 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Coordinates of all sections together from which on matrices stay sparse, and PETSc simulates.
-MARCHED_UP_TO = 1200
 #: (rad/s)^2, below all that is looked for: what holds is not singular there.
 SHIFT = -1.0
 
@@ -63,8 +62,7 @@ class FullBoom:
         """Collective."""
         bodies = {name: one.model for name, one in built.items()}
         whole = FullSystem(bodies, contacts_of(boom, bodies))
-        fastest = "march" if whole.size <= MARCHED_UP_TO else "petsc"
-        simulator = fastest if boom.simulation.full == "auto" else boom.simulation.full
+        simulator = full_simulator(boom, whole.size)
         return cls(whole, simulator, None if simulator == "petsc" else whole.gather())
 
     def frequencies(self, boom: Scene, steps: NDArray[np.int64]) -> Array:

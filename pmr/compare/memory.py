@@ -6,12 +6,13 @@ import logging
 
 from pmr.compare.responses import full_simulator
 from pmr.errors import InputError
-from pmr.scene import Scene
+from pmr.scene.scene import Whole
 
 _log = logging.getLogger(__name__)
 
 #: Arrays (T, n) at once where Exudyn simulates, which keeps all states: they, as its sensors and as ours have them.
-#: The same of a reduced model whose error is estimated by two richer ones.  `march` keeps no states.
+#: The same of a reduced model whose error is estimated by two richer ones.  `march` keeps no states of a body alone, of
+#: several bodies it does.
 STATES = 4
 #: Arrays (T, o) at once beside the responses, where the reduction's error is estimated, and elsewhere.  Measured with
 #: two responses: 6.9 kB a step for 66 outputs and 10 coordinates, here 7.5; 1.7 kB for 51 outputs, here 2.3.
@@ -22,26 +23,27 @@ NUMBER = 8  # bytes
 NOTICED = 2**30  # bytes, from which on it is worth a line
 
 
-def needed(scene: Scene, size: int, outputs: int) -> int:
-    """Memory in bytes that the histories of all steps take at most at once; `size` and `outputs` of the full model."""
-    against, r = scene.compare.against, scene.reduction.coordinates
-    responses = len(against) + len(scene.simulation.simulators) + 1  # one that is simulated again for its time
-    in_exudyn = [r] if any(name != "march" for name in scene.simulation.simulators) else []
-    if "full" in against and full_simulator(scene, size) == "exudyn":
-        in_exudyn.append(size)
-    estimated = scene.reduction.estimate and scene.reduction.needs_inertia
-    states = max([*in_exudyn, r if estimated else 0])
+def needed(scene: Whole, size: int, outputs: int) -> int:
+    """Memory in bytes that histories of all steps take at most at once; `size` and `outputs` of all full models."""
+    bodies, full = scene.bodies.values(), full_simulator(scene, size)
+    r, several = sum(body.reduction.coordinates for body in bodies), len(bodies) > 1
+    responses = len(scene.compare.against) + len(scene.simulation.simulators) + 1  # one simulated again for its time
+    keeping = [r] if several or any(name != "march" for name in scene.simulation.simulators) else []
+    if "full" in scene.compare.against and (full == "exudyn" or (several and full == "march")):
+        keeping.append(size)
+    estimated = all(body.reduction.estimate and body.reduction.needs_inertia for body in bodies)
+    states = max([*keeping, r if estimated else 0])
     a_step = responses * (outputs + BESIDE) + STATES * states + (ESTIMATED if estimated else COMPARED) * outputs
     return NUMBER * (scene.time.steps + 1) * a_step
 
 
-def warnings(scene: Scene, size: int, outputs: int) -> list[str]:
+def warnings(scene: Whole, size: int, outputs: int) -> list[str]:
     """A line where the histories take a lot."""
     total = needed(scene, size, outputs)
     return [] if total < NOTICED else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
 
 
-def check(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
+def check(scene: Whole, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
     """Refuse what does not fit into the `free` memory in bytes, and tell of what takes a lot of it, if asked to `tell`.
 
     Raises InputError with what would fit.

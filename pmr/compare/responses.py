@@ -22,6 +22,7 @@ from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.choice import transverse
 from pmr.scene.members import member_at
+from pmr.scene.scene import Whole
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, exudyn
 from pmr.simulation.blocks import Block, Recorder
@@ -42,6 +43,8 @@ Prepare = Callable[[Scene, SlidingBody], Simulate]
 #: A full model of more coordinates than this goes through PETSc, for diagonalising costs more.  Exudyn factorises in
 #: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
 MARCHED_UP_TO = 400
+#: The same of several sections, which are diagonalised one by one.
+SECTIONS_MARCHED_UP_TO = 1200
 #: s: what takes no longer is simulated several times, since the first one may be cold.
 SHORT = 0.2
 
@@ -157,11 +160,11 @@ def quantities(scene: Scene) -> Mapping[str, compare.Quantity]:
     return compare.quantities_of(tips, slice(None) if scene.observe.stations is None else slice(-tips))
 
 
-def full_simulator(scene: Scene, size: int) -> str:
+def full_simulator(scene: Whole, size: int) -> str:
     """Which simulator takes a full model of `size` coordinates: the one that the scene names, or the fastest."""
     if scene.simulation.full != "auto":
         return scene.simulation.full
-    return "march" if size <= MARCHED_UP_TO else "petsc"
+    return "march" if size <= (MARCHED_UP_TO if len(scene.bodies) == 1 else SECTIONS_MARCHED_UP_TO) else "petsc"
 
 
 def _repeated(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare import boom_figures as figures
-from pmr.compare import pad_forces
+from pmr.compare import memory, pad_forces
 from pmr.compare.accuracy import mesh, order
 from pmr.compare.boom_estimate import BoomError, boom_error
 from pmr.compare.boom_motions import FullBoom, FullRun
@@ -22,7 +22,7 @@ from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
 from pmr.compare.simulated import BoomSimulations, simulate_sections
 from pmr.compare.summary import Part, compared, driven, gathered, made_with, simulated, theory, trusted
-from pmr.errors import InputError, on_first
+from pmr.errors import InputError, environment, on_first
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
@@ -98,6 +98,10 @@ class _Run:
         with clock.stage("assemble"):
             self.built = build_bodies(boom, comm)
             self.free = left_free(boom, self.built) if boom.free_motions == "allowed" else []
+        self.full_size = sum(one.model.size for one in self.built.values())
+        self.outputs = sum(one.model.outputs.getSize()[1] for one in self.built.values())
+        free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
+        memory.check(boom, self.full_size, self.outputs, free, tell=comm.rank == 0)
         with clock.stage("reduce"):
             self.caches = (
                 {} if cache is None else {name: cache_in(cache, one.model) for name, one in self.built.items()}
@@ -171,7 +175,7 @@ class _Run:
             Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
             trusted({"full": whole.missing} if whole.missing else {}, responses),
             *(Part(warnings=build_warnings(structure)) for structure in structures.values()),
-            Part(warnings=self.free),
+            Part(warnings=self.free + memory.warnings(boom, self.full_size, self.outputs)),
             theory(boom, responses),
         ]
         paths = Paths(tuple(excitation.paths), excitation.s, excitation.rates)

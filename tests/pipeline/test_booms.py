@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare import boom_motions
+from pmr.compare import boom_motions, memory, responses
 from pmr.compare.boom_figures import frequency_map, joints
 from pmr.compare.booms import respond, with_friction
+from pmr.errors import InputError
 from pmr.export.paraview import Travelling, write_series
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
@@ -91,7 +92,7 @@ def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.Monk
     push = [f"section.joint.{end}.0.unilateral={str(pads == 'pushing').lower()}" for end in ("tail", "mouth")]
     boom, found = load(*quick, *push, "sections.fly.loads.0.signal=3000.0"), []
     for most in (1200, 0):
-        monkeypatch.setattr(boom_motions, "MARCHED_UP_TO", most)
+        monkeypatch.setattr(responses, "SECTIONS_MARCHED_UP_TO", most)
         found.append(run_boom(boom))
     if MPI.COMM_WORLD.rank > 0:
         assert found == [None, None]
@@ -403,3 +404,13 @@ def test_the_published_boom_lift_with_rigid_overlaps() -> None:
         assert row["full"] == pytest.approx(row["published"], rel=0.02)
         assert row["reduced"] == pytest.approx(row["full"], rel=1e-4)
     assert [one["name"] for one in outcome.result.summary["pads"]] == ["mid tail", "mid mouth", "fly tail", "fly mouth"]
+
+
+def test_a_boom_that_does_not_fit_into_memory_is_refused_before_it_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of several bodies all states are kept: with many steps that is said before anything is simulated."""
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ["time.step=1e-5", "section.mesh.elements=6"])
+    few = boom.model_copy(update={"time": boom.time.model_copy(update={"step": 1e-3})})
+    assert memory.needed(boom, 100, 30) / memory.needed(few, 100, 30) == pytest.approx(100.0, rel=0.01)
+    monkeypatch.setattr("pmr.errors.environment.available_memory", lambda: 10**8)
+    with pytest.raises(InputError, match="steps take about .* are free; at most"):
+        run_boom(boom)
