@@ -6,7 +6,7 @@ import logging
 
 from pmr.compare.responses import full_simulator
 from pmr.errors import InputError
-from pmr.scene.scene import Whole
+from pmr.scene import Scene
 
 _log = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ NUMBER = 8  # bytes
 NOTICED = 2**30  # bytes, from which on it is worth a line
 
 
-def needed(scene: Whole, size: int, outputs: int) -> int:
+def needed(scene: Scene, size: int, outputs: int) -> int:
     """Memory in bytes that histories of all steps take at most at once; `size` and `outputs` of all full models."""
     bodies, full = scene.bodies.values(), full_simulator(scene, size)
     r, several = sum(body.reduction.coordinates for body in bodies), len(bodies) > 1
@@ -37,13 +37,13 @@ def needed(scene: Whole, size: int, outputs: int) -> int:
     return NUMBER * (scene.time.steps + 1) * a_step
 
 
-def warnings(scene: Whole, size: int, outputs: int) -> list[str]:
+def warnings(scene: Scene, size: int, outputs: int) -> list[str]:
     """A line where the histories take a lot."""
     total = needed(scene, size, outputs)
     return [] if total < NOTICED else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
 
 
-def check(scene: Whole, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
+def check(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
     """Refuse what does not fit into the `free` memory in bytes, and tell of what takes a lot of it, if asked to `tell`.
 
     Raises InputError with what would fit.

@@ -22,7 +22,6 @@ from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.choice import transverse
 from pmr.scene.members import member_at
-from pmr.scene.scene import Whole
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, exudyn
 from pmr.simulation.blocks import Block, Recorder
@@ -160,7 +159,7 @@ def quantities(scene: Scene) -> Mapping[str, compare.Quantity]:
     return compare.quantities_of(tips, slice(None) if scene.observe.stations is None else slice(-tips))
 
 
-def full_simulator(scene: Whole, size: int) -> str:
+def full_simulator(scene: Scene, size: int) -> str:
     """Which simulator takes a full model of `size` coordinates: the one that the scene names, or the fastest."""
     if scene.simulation.full != "auto":
         return scene.simulation.full

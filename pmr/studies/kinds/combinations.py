@@ -14,11 +14,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.files import records
 from pmr.simulation import Excitation
-from pmr.studies import marching, nested, shared
+from pmr.studies import marching, nested, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, number
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Count, StudyBase
@@ -44,7 +43,7 @@ class Study(StudyBase):
     fewest: Count = Field(default=3, description="Coordinates to begin with")
 
     def plan(self) -> Plan:
-        scene = scenes.beam_scene(self.scene)
+        scene = subjects.beam(self.scene, self.kind, "scene")
         nested.check(scene, [n for n, _ in self.combinations], [m for _, m in self.combinations], "combinations")
         library = nested.library_task(scene, [n for n, _ in self.combinations], max(m for _, m in self.combinations))
         reference = marching.full_task(scene)

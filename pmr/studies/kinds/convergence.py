@@ -18,7 +18,7 @@ from pmr.compare.cable import simulate_cable
 from pmr.errors import InputError
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn.cable import COORDINATES_PER_NODE
-from pmr.studies import marching, shared
+from pmr.studies import marching, sections, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
@@ -28,7 +28,7 @@ COSTS = {"ancf": 0.1, "full": 0.01}
 
 
 class Study(StudyBase):
-    """Numbers of elements of the full beam and of the ANCF cable, at least two each.
+    """Numbers of elements of the full beam and of the ANCF cable, at least two each; of a boom those of every section.
 
     Figures, for each approach: ``chosen.<approach>``, the error in m with the elements that the scene asks for, and
     ``least.<approach>``, the smallest of all.
@@ -37,22 +37,39 @@ class Study(StudyBase):
     kind: Literal["convergence"] = Field(description="What is varied, and how")
     scene: Path = Field(description="The scene")
     full: Annotated[tuple[Count, ...], Field(min_length=2)] = Field(description="Numbers of elements of the full beam")
-    ancf: Annotated[tuple[Count, ...], Field(min_length=2)] = Field(description="Numbers of elements of the ANCF cable")
+    ancf: tuple[Count, ...] = Field(default=(), description="Numbers of elements of the ANCF cable, of one beam alone")
 
     @field_validator("full", "ancf")
     @classmethod
     def _increasing(cls, elements: tuple[int, ...]) -> tuple[int, ...]:
         if list(elements) != sorted(set(elements)):
             raise ValueError("numbers of elements must increase")
+        if len(elements) == 1:
+            raise ValueError("two numbers of elements at least are allowed")
         return elements
 
     def plan(self) -> Plan:
-        scene = scenes.beam_scene(self.scene)
+        if boom := subjects.boom(self.scene):
+            return self._of_sections(boom)
+        scene = subjects.beam(self.scene, self.kind, "scene")
         profile = scene.body.profile
         if scene.mesh.file is not None or profile is None or profile.axial_stiffness is None:
             allowed = "a scene with mesh.elements and body.profile.axial_stiffness is allowed"
             raise InputError("study", "scene", str(self.scene), allowed)
         return Plan((*self._runs(scene, "ancf", self.ancf), *self._runs(scene, "full", self.full)))
+
+    def _of_sections(self, boom: scenes.Scene) -> Plan:
+        if self.ancf:
+            raise InputError("study", "ancf", list(self.ancf), "no ANCF cable is allowed: it is a single beam")
+        if any(part.mesh.file is not None for part in boom.sections):
+            raise InputError("study", "scene", str(self.scene), "sections with mesh.elements are allowed")
+        finest, runs = f"full-{self.full[-1]}", []
+        for count in self.full:
+            needs = {"finest": finest} if count != self.full[-1] else {}
+            parameters: dict[str, Scalar] = {"approach": "full", "elements": count}
+            one = sections.meshed(boom, count)
+            runs.append(sections.task(f"full-{count}", sections.full_tip, one, parameters, needs))
+        return Plan(tuple(runs))
 
     def _runs(self, scene: scenes.Scene, approach: str, elements: tuple[int, ...]) -> list[Task]:
         function = {"ancf": cable_tip, "full": beam_tip}[approach]
@@ -67,9 +84,13 @@ class Study(StudyBase):
         return runs
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        scene, found = scenes.beam_scene(self.scene), dict[str, Scalar]()
-        for approach, chosen in (("ancf", scene.compare.ancf_elements), ("full", scene.mesh.elements)):
+        scene, found = scenes.load_any(self.scene), dict[str, Scalar]()
+        counts = {one.mesh.elements for one in scene.bodies.values()}
+        asked = {"ancf": scene.compare.ancf_elements, "full": counts.pop() if len(counts) == 1 else None}
+        for approach, chosen in asked.items():
             runs = [run for run in results.runs if run.parameters["approach"] == approach]
+            if not runs:
+                continue
             errors = {run.parameters["elements"]: run.figures["e_abs"] for run in runs}
             found[f"chosen.{approach}"] = errors.get(chosen)
             found[f"least.{approach}"] = min(error for error in errors.values() if error is not None)

@@ -14,11 +14,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.errors import InputError
 from pmr.simulation import Excitation
-from pmr.studies import marching, nested, shared
+from pmr.studies import marching, nested, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
@@ -48,7 +47,7 @@ class Study(StudyBase):
     curve: Count | None = Field(default=None, description="Pool size for which a curve is drawn")
 
     def plan(self) -> Plan:
-        scene = scenes.beam_scene(self.scene)
+        scene = subjects.beam(self.scene, self.kind, "scene")
         counts, modes = range(1, self.most_snapshots + 1), range(1, self.most_modes + 1)
         nested.check(scene, counts, modes, "most_snapshots")
         chosen = [(n, m) for n in counts for m in modes if self.smallest_pool <= n * m <= self.largest_pool]

@@ -21,7 +21,7 @@ from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
 from pmr.simulation import Excitation
-from pmr.studies import marching, shared, taken_away
+from pmr.studies import marching, shared, subjects, taken_away
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Statement, StudyBase
@@ -46,7 +46,7 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         runs, common = [], dict[str, Task]()
         for file in self.scenes:
-            scene = scenes.beam_scene(file)
+            scene = subjects.beam(file, self.kind, "scenes")
             if "ancf" not in scene.compare.against:
                 allowed = f"{file.name}: scenes compared with ancf are allowed"
                 raise InputError("study", "scenes", list(scene.compare.against), allowed)

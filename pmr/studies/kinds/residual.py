@@ -24,11 +24,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pmr import scene as scenes
 from pmr.compare import errors as compare
 from pmr.compare import estimate
 from pmr.errors import InputError, SimulationError
-from pmr.studies import bases, shared
+from pmr.studies import bases, sections, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
@@ -40,6 +39,8 @@ REPEATS = 5
 
 class Study(StudyBase):
     """Each of `scenes` (two sliders or pads are fine, axial coordinates too) with each basis.
+
+    Of booms of sections with ``modes`` and ``flexibility``; `coordinates` are then elastic modes of each section.
 
     Figures: ``<scene>.<basis>.<r>``, e_NRMS of the beam, and ``ratio.least`` and ``ratio.largest`` of the estimate to
     the true error, over all scenes and models with residual flexibility whose error is above `round_off`.
@@ -62,7 +63,15 @@ class Study(StudyBase):
             raise InputError("study", "coordinates", list(self.coordinates), "increasing numbers are allowed")
         runs = []
         for file in self.scenes:
-            scene = scenes.beam_scene(file)
+            if boom := subjects.boom(file):
+                largest = sections.reduced_to(boom, max(self.coordinates))
+                more: dict[str, Any] = {"coordinates": list(self.coordinates)}
+                for basis in sections.BASES:
+                    parameters: dict[str, Scalar] = {"scene": file.stem, "basis": basis}
+                    name, more = f"{file.stem},{basis}", more | {"basis": basis}
+                    runs.append(sections.task(name, sections.by_size, largest, parameters, {}, **more))
+                continue
+            scene = subjects.beam(file, self.kind, "scenes")
             for basis in BASES:
                 update = {"reduction": bases.reduction(scene, basis, max(self.coordinates))}
                 arguments = shared.scene_arguments(scene.model_copy(update=update))

@@ -23,7 +23,7 @@ from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation, exudyn
 from pmr.simulation.exudyn.cable import COORDINATES_PER_NODE
 from pmr.simulation.native import simulator as march
-from pmr.studies import shared
+from pmr.studies import shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Count, StudyBase
@@ -104,7 +104,7 @@ class Study(StudyBase):
             raise InputError("study", f"share.{unknown[0]}", self.share[unknown[0]], allowed)
         runs, common = [], dict[str, Task]()
         for file in self.scenes:
-            scene = scenes.beam_scene(file)
+            scene = subjects.beam(file, self.kind, "scenes")
             _check(scene, file)
             modes = shared.modes_tasks(scene)
             common |= {task.key: task for task in modes.values()}

@@ -29,7 +29,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.studies import bases, shared
+from pmr.studies import bases, sections, shared, subjects
 from pmr.studies.bases import observed, stepped
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
@@ -51,7 +51,8 @@ MANY = 20
 class Study(StudyBase):
     """Each of `scenes` with each of `methods`, of `coordinates` and with the scene's step times each of `steps`.
 
-    Beside that, for each scene, spectral radii and for planar beams numbers of elements.
+    Beside that, for each scene, spectral radii and for planar beams numbers of elements.  Of booms of sections the
+    methods are ``modes`` and ``flexibility`` alone, and `coordinates` elastic modes of each section.
 
     Figures: ``<scene>.<method>.<tolerance>``, as ``"6 x 0.5"``: the fewest coordinates that hold the tolerance with any
     of the steps, and the longest one with which they do, as a multiple of the scene's.
@@ -68,13 +69,14 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         runs, truths = [], []
         for file in self.scenes:
+            if boom := subjects.boom(file):
+                self._check_steps(boom.time.steps)
+                truth, of_sections = self._of_sections(boom, file.stem)
+                truths.append(truth)
+                runs += of_sections
+                continue
             scene = without_axial(scenes.load(file))
-            ratios = [scene.time.steps / max(self.steps), *(max(self.steps) / one for one in self.steps)]
-            if any(ratio != round(ratio) for ratio in ratios) or 1.0 not in self.steps:
-                allowed = (
-                    f"1 and factors that divide the largest, and that one the {scene.time.steps} steps, are allowed"
-                )
-                raise InputError("study", "steps", list(self.steps), allowed)
+            self._check_steps(scene.time.steps)
             given = shared.scene_arguments(scene) | {"steps": sorted(self.steps, reverse=True)}
             truth = Task(key_of(f"truth-{file.stem}-{given['hash']}"), reference, given, cost=5.0)
             truths.append(truth)
@@ -91,6 +93,25 @@ class Study(StudyBase):
                 arguments, parameters = given | {"elements": list(self.elements)}, parameters | {"method": "elements"}
                 runs.append(Task(key_of(f"{file.stem},elements"), meshed, arguments, {}, parameters))
         return Plan(tuple(runs), tuple(truths))
+
+    def _check_steps(self, count: int) -> None:
+        ratios = [count / max(self.steps), *(max(self.steps) / one for one in self.steps)]
+        if any(ratio != round(ratio) for ratio in ratios) or 1.0 not in self.steps:
+            allowed = f"1 and factors that divide the largest, and that one the {count} steps, are allowed"
+            raise InputError("study", "steps", list(self.steps), allowed)
+
+    def _of_sections(self, boom: Scene, name: str) -> tuple[Task, list[Task]]:
+        """The reference of a boom, and a run of each method that sections have."""
+        steps, largest = sorted(self.steps, reverse=True), sections.reduced_to(boom, max(self.coordinates))
+        truth = sections.task(f"truth-{name}-{boom.hash}", sections.finest, boom, {}, {}, steps=steps)
+        runs = []
+        for method in (one for one in self.methods if one in sections.BASES):
+            more = {"steps": steps, "basis": method, "coordinates": sorted(self.coordinates)}
+            parameters, needs = {"scene": name, "method": method}, {"truth": truth.key}
+            runs.append(
+                sections.task(f"{name},{method}", sections.by_size_and_step, largest, parameters, needs, **more)
+            )
+        return truth, runs
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
         found: dict[str, Scalar] = {}

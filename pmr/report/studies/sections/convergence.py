@@ -12,33 +12,36 @@ from pmr.report.studies.curves import dots, log_x
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies.engine.task import number
 
-APPROACHES = {"ancf": "ANCF cable", "full": "full beam"}
+APPROACHES = {"ancf": "ANCF cable", "full": "full model"}
 _NUMBERS = {"full": 0, "ancf": 2}  # of the colours
 
 
 def content(study: FinishedStudy, prefix: str) -> Chapter:
     """The errors over the number of coordinates."""
-    chosen = {name: study.figures.get(f"chosen.{name}") for name in APPROACHES}
+    there = {name: label for name, label in APPROACHES.items() if study.runs(approach=name)}
+    chosen = {name: study.figures.get(f"chosen.{name}") for name in there}
     caption = (
         "Absolute error of the tip displacement, the norm over all steps of its difference to the finest beam of the "
         "same approach, over the number of coordinates. Filled: as many elements as the scene asks for."
     )
     figure = drawing(f"{prefix}-errors", errors, caption, study)
-    counts = {name: len(study.runs(approach=name)) for name in APPROACHES}
-    finest = {name: max(number(run.parameters["elements"]) for run in study.runs(approach=name)) for name in APPROACHES}
+    finest = {name: max(number(run.parameters["elements"]) for run in study.runs(approach=name)) for name in there}
+    compared = [
+        f"{len(study.runs(approach=name))} of the {label} with up to {finest[name]:g} elements"
+        for name, label in there.items()
+    ]
+    reached = [f"the {label} to {length(study.figure(f'least.{name}'))}" for name, label in there.items()]
     return Chapter(
         anchor=prefix,
         title=study.title,
-        headline=f"Both beams converge, the full one to {length(study.figure('least.full'))}, the ANCF cable to "
-        f"{length(study.figure('least.ancf'))}.",
+        headline=f"Meshes converge: {', '.join(reached)}.",
         key_numbers=[
             KeyNumber(length(number(value)), f"{APPROACHES[name]}, as many elements as asked for")
             for name, value in chosen.items()
             if value is not None
         ],
         paragraphs=[
-            f"{counts['ancf']} ANCF cables of up to {finest['ancf']:g} elements and {counts['full']} beams of up to "
-            f"{finest['full']:g} are compared with the finest of their kind.",
+            f"{' and '.join(compared)} are compared with the finest of their kind.",
         ],
         blocks=[Block("Error over the number of coordinates", ((figure,),))],
     )
@@ -50,6 +53,8 @@ def errors(study: FinishedStudy) -> Figure:
     ax = axes[0, 0]
     handles, every = [], []
     for name, label in APPROACHES.items():
+        if not study.runs(approach=name):
+            continue
         runs = [run for run in study.runs(approach=name) if run.figures.get("e_abs")]
         x = [number(run.figures["coordinates"]) for run in runs]
         y = [number(run.figures["e_abs"]) for run in runs]
