@@ -27,7 +27,7 @@ from pmr.scene import Scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.studies.engine.task import Scalar, Task, TaskFunction, TaskResult, key_of
 from pmr.studies.taken_away import boom_arguments
-from pmr.system.booms import contacts_of, system_of
+from pmr.system.from_scene import contacts_of, system_of
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -155,10 +155,10 @@ class Case:
 
     @classmethod
     def of(cls, boom: Scene) -> Case:
-        from pmr.fullmodel.build import build_sections
+        from pmr.fullmodel.build import build_bodies
         from pmr.fullmodel.system import FullSystem
 
-        built = build_sections(boom)
+        built = build_bodies(boom)
         models = {name: one.model for name, one in built.items()}
         full = FullSystem(models, contacts_of(boom, models)).gather()
         assert full is not None  # a task runs on one rank
