@@ -16,7 +16,7 @@ from pmr.simulation.native import contact as contact_rows
 from pmr.simulation.native import multibody_step as kernel
 from pmr.simulation.native.arrays import ROW, Z_NEXT, V, Z
 from pmr.simulation.native.multibody_arrays import bodies, multibody_state, sides
-from pmr.simulation.native.multibody_form import multibody_form
+from pmr.simulation.native.multibody_form import MultibodyForm, multibody_form
 from pmr.simulation.native.multibody_levels import Multibody, control, levels
 from pmr.simulation.native.multibody_rows import move_sides
 from pmr.simulation.native.multibody_step import Drive, Record
@@ -60,12 +60,27 @@ class MultibodyMarch:
         self._state.modes[:Z_NEXT] = self._levels.modes[0]
         self._start(stepping.rho_inf, initial)
 
+    @property
+    def form(self) -> MultibodyForm:
+        """The bodies in their modes."""
+        return self._form
+
+    @property
+    def march(self) -> Multibody:
+        """What the compiled steps read and change."""
+        return Multibody(self._bodies, self._levels, self._state, self._sides, self._control)
+
+    def record(self, T: int) -> Record:
+        """Room for T steps."""
+        m, r = len(self._system.contacts), self._state.modes.shape[1]
+        return Record._make([*(np.zeros((T, width)) for width in (r, r, m, m, m, 2)), np.ones(T, np.int64)])
+
     def _start(self, rho_inf: float, initial: Mapping[str, InitialState]) -> None:
         state, f, m = self._state, self._drive.f[0], len(self._system.contacts)
         scheme = GeneralizedAlpha(float(self._t[1]), rho_inf).scheme()
         failed = move_sides(self._bodies, scheme, state, self._sides, self._drive.s[0])
         if failed:
-            raise SimulationError(f"march failed at t = 0 s: {self._reason(failed)}")
+            raise SimulationError(f"march failed at t = 0 s: {self.reason(failed)}")
         half = self._sides.half[:, :m]
         C, F = state.modes[ROW : ROW + m].copy(), np.asarray(half + half.T + np.diag(self._system.compliance), float)
         self._check_rigid(np.all(F == 0.0, axis=1), rho_inf)
@@ -76,7 +91,7 @@ class MultibodyMarch:
         try:
             state.multipliers[:] = multipliers_of(C, F, free, C @ z + self._sides.inputs @ f, state.contact)
         except NotSettledError as error:
-            raise SimulationError(f"march failed at t = 0 s: {self._reason(error.number)}") from None
+            raise SimulationError(f"march failed at t = 0 s: {self.reason(error.number)}") from None
         state.modes[Z], state.modes[V] = z, v
         kernel.account(self._bodies, state, self._sides, f)
         self._sides.energy[1] = 0.0
@@ -104,8 +119,7 @@ class MultibodyMarch:
 
     def run(self, progress: Progress | None) -> SystemTrajectory:
         """Take all steps."""
-        T, m, r = len(self._t), len(self._system.contacts), self._state.modes.shape[1]
-        record = Record._make([*(np.zeros((T, width)) for width in (r, r, m, m, m, 2)), np.ones(T, np.int64)])
+        T, record = len(self._t), self.record(len(self._t))
         modes, multipliers = self._state.modes, self._state.multipliers
         start = (modes[Z], modes[V], multipliers, multipliers, 0.0, self._sides.energy, 1)
         for array, values in zip(record, start, strict=True):
@@ -125,10 +139,9 @@ class MultibodyMarch:
         """Take steps `first` to `last`, the latter excluded."""
         rows, reach = slice(first, last), slice((first - 1) * self._finest, (last - 1) * self._finest + 1)
         drive = Drive(self._drive.s[reach], self._drive.f[reach], self._drive.given[first - 1 : last - 1])
-        march = Multibody(self._bodies, self._levels, self._state, self._sides, self._control)
-        taken, failed = kernel.run(march, drive, Record._make(array[rows] for array in record))
+        taken, failed = kernel.run(self.march, drive, Record._make(array[rows] for array in record))
         if failed:
-            raise SimulationError(f"march failed at {self._where(first + taken)}: {self._reason(failed)}")
+            raise SimulationError(f"march failed at {self._where(first + taken)}: {self.reason(failed)}")
         finite = np.isfinite(record.z[rows]).all(axis=1)
         if not finite.all():
             raise SimulationError(f"march failed at {self._where(first + int(np.argmin(finite)))}: not finite")
@@ -136,7 +149,8 @@ class MultibodyMarch:
     def _where(self, step: int) -> str:
         return f"step {step}, t = {self._t[step]:g} s"
 
-    def _reason(self, failed: int) -> str:
+    def reason(self, failed: int) -> str:
+        """Why a step failed, in words."""
         system = self._system
         if failed == contact_rows.UNSETTLED:
             names = ", ".join(c.name for c in system.contacts if c.clearance is not None)

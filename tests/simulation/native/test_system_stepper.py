@@ -1,0 +1,135 @@
+"""A boom one step at a time: what the compiled simulator finds under the same extensions and loads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from nested import Nested, full, reduced
+
+import pmr
+from pmr.errors import InputError, SimulationError
+from pmr.scene import Boom
+from pmr.simulation import TimeStepping
+from pmr.simulation.booms import excitation_of
+from pmr.simulation.native import multibody
+from pmr.simulation.native.system_stepper import SystemStepper
+from pmr.simulation.start import InitialState
+from pmr.system.system import System
+
+END, STEP, RHO = 0.2, 1e-3, 0.9
+SHORT = ["compare.against=[]", "section.mesh.elements=8", f"time.end={END}", f"time.step={STEP}"]
+MOVING = "sections.fly.joint.extension={kind='smooth_ramp',times=[0.0,0.2],values=[2.0,2.3]}"
+
+
+@pytest.fixture(scope="module")
+def boom() -> Boom:
+    """On pads that only push, two rigid cylinders among the contacts."""
+    return pmr.load_scene("boom_three", [*SHORT, MOVING])
+
+
+@pytest.fixture(scope="module")
+def system(boom: Boom) -> System:
+    return pmr.reduce(boom).system
+
+
+def test_steps_are_those_of_the_simulation(boom: Boom, system: System) -> None:
+    """Displacements of all sections and forces of all contacts, by names and in their order, from equilibrium on."""
+    excitation = excitation_of(boom, system).with_stepping(TimeStepping(END, STEP, RHO, parts=1))
+    expected = multibody.simulate(system, excitation, multibody.static_start(system, excitation))
+    moved = np.hstack(list(multibody.displacements(system, expected).values()))
+    s, f = excitation.s, excitation.forces(system.input_names)
+    stepper = SystemStepper(system, STEP, s[0], f[0], RHO)
+    by_name = SystemStepper(
+        system,
+        STEP,
+        dict(zip(system.paths, s[0], strict=True)),
+        dict(zip(system.input_names, f[0], strict=True)),
+        RHO,
+        outputs=["force of cylinder of fly", 3],
+    )
+    assert stepper.output_names[-1] == "force of cylinder of fly"
+    assert len(stepper.output_names) == moved.shape[1] + len(system.contacts)
+    size, force = np.abs(moved).max(), np.abs(expected.forces).max()
+    np.testing.assert_allclose(stepper.outputs[: moved.shape[1]], moved[0], rtol=0.0, atol=1e-12 * size)
+    for k in range(1, len(s)):
+        y = stepper.step(s[k], f[k])
+        np.testing.assert_allclose(y, moved[k], rtol=0.0, atol=1e-12 * size)
+        np.testing.assert_allclose(list(stepper.forces.values()), expected.forces[k], rtol=0.0, atol=1e-12 * force)
+        chosen = by_name.step(
+            dict(zip(system.paths, s[k], strict=True)), dict(zip(system.input_names, f[k], strict=True))
+        )
+        assert chosen.tolist() == [stepper.forces["cylinder of fly"], y[3]]
+    assert stepper.time == pytest.approx(END)
+    for name, motion in expected.bodies.items():
+        np.testing.assert_allclose(stepper.q[name], motion.q[-1], rtol=0.0, atol=1e-12 * np.abs(motion.q).max())
+        np.testing.assert_allclose(stepper.v[name], motion.v[-1], rtol=0.0, atol=1e-11 * np.abs(motion.v).max())
+    stepper.check_finite()
+
+
+def test_a_boom_that_knows_its_scene_starts_in_equilibrium_under_its_weight(system: System) -> None:
+    """And stays there: what is left out of a mapping stays."""
+    stepper = pmr.Stepper(system, STEP, {"middle": 1.0, "fly": 2.0})
+    start, forces = stepper.outputs, stepper.forces
+    assert sum(forces.values()) != 0.0
+    for _ in range(20):
+        stepper.step({"fly": 2.0})
+    np.testing.assert_allclose(stepper.outputs, start, rtol=0.0, atol=1e-8 * np.abs(start).max())
+
+
+def test_a_start_of_ones_own_and_bodies_without_a_scene() -> None:
+    """Nothing bears a load, and what moves goes on."""
+    bare = reduced(Nested(2, elements=8), 2)
+    at_rest = SystemStepper(bare, STEP, 2.0, initial={})
+    assert not at_rest.outputs.any() and not at_rest.step(2.0).any()
+    moving = {"1": InitialState(np.zeros(bare.bodies["1"].size), np.ones(bare.bodies["1"].size))}
+    stepper = SystemStepper(bare, STEP, 2.0, initial=moving)
+    np.testing.assert_allclose(stepper.v["1"], 1.0, rtol=1e-9)
+    assert stepper.step(2.0).any()
+
+
+def test_how_fine_a_step_is_for_pads_that_push(system: System) -> None:
+    half = SystemStepper(system, STEP / 2.0, [1.0, 2.0])
+    whole = SystemStepper(system, STEP, [1.0, 2.0])
+    assert whole.contact == pytest.approx(2.0 * half.contact) and whole.contact > 0.0
+    assert SystemStepper(reduced(Nested(2, elements=8), 2), STEP, 2.0).contact == 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"step": 0.0}, "step = 0.0"),
+        ({"rho_inf": 1.0}, "rho_inf = 1.0"),
+        ({"s": [1.0]}, r"s = \[1.0\]: one path coordinate for each path is allowed, in this order: middle, fly"),
+        ({"s": {"fly": 2.0}}, "s: all paths are needed at the start: middle, fly"),
+        ({"s": {"middle": 1.0, "fyl": 2.0}}, "s = 'fyl': did you mean 'fly'"),
+        ({"s": {"middle": 1.0, "fly": 99.0}}, "s.fly = 99.0: .* m is allowed"),
+        ({"s": {"middle": 1.0, "fly": float("nan")}}, "s.fly = nan"),
+        ({"F": [1.0, 2.0]}, r"F = \[1.0, 2.0\]: one load for each input is allowed"),
+        ({"F": {"fly.tip": 1.0}}, "F = 'fly.tip': did you mean 'fly.tip force'"),
+        ({"outputs": ["fly: w"]}, "outputs = 'fly: w'"),
+        ({"outputs": [999]}, "outputs = 999"),
+    ],
+)
+def test_what_is_out_of_range_is_refused(system: System, change: dict, says: str) -> None:
+    arguments = {"step": STEP, "s": {"middle": 1.0, "fly": 2.0}} | change
+    with pytest.raises(InputError, match=f"stepper: {says}"):
+        SystemStepper(system, **arguments)
+
+
+def test_a_path_that_leaves_its_range_and_loads_that_are_none_are_refused_on_the_way(system: System) -> None:
+    stepper = SystemStepper(system, STEP, [1.0, 2.0])
+    with pytest.raises(InputError, match="s.middle = 99.0"):
+        stepper.step({"middle": 99.0})
+    stepper.step([1.0, 2.0], {"fly.tip force": float("nan")})
+    with pytest.raises(SimulationError, match="not finite"):
+        stepper.check_finite()
+
+
+def test_full_bodies_are_refused_and_a_body_alone_is_stepped_as_before() -> None:
+    with pytest.raises(InputError, match="a ReducedModel is allowed"):
+        SystemStepper(full(Nested(2, elements=4)), STEP, 2.0)
+    model = replace(reduced(Nested(2, elements=8), 2).bodies["0"])
+    one, other = (pmr.Stepper(body, STEP, 3.0, 0.0) for body in (model, System.of(model)))
+    np.testing.assert_array_equal(one.step(3.0, 1.0), other.step(3.0, 1.0))
