@@ -18,6 +18,7 @@ from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
 from pmr.fullmodel.structure import Action, Clamp, PadForce, Structure, Weight
+from pmr.fullmodel.walls_from_scene import walls_of
 from pmr.mesh.beam import beam_nodes
 from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.mesh.drawing import NotDrawnError
@@ -26,7 +27,7 @@ from pmr.models import StructuralModel
 from pmr.models.box_section import box_section
 from pmr.models.matrices import Matrices
 from pmr.scene.built import Box, PadRing
-from pmr.scene.choice import directions, has_tail, is_accelerated, model_of, transverse
+from pmr.scene.choice import directions, has_giving_walls, has_tail, is_accelerated, model_of, transverse
 from pmr.scene.members import DRIVEN, TAIL, Member
 from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Profile
 
@@ -52,6 +53,8 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     if model_of(member) not in WITHOUT_FORMS:
         check_fenicsx(model_of(member))
     model, pads = _MODELS.get(model_of(member), _meshed)(member, comm), _pads(member)
+    if has_giving_walls(member):
+        pads = replace(pads, walls=walls_of(member, profile_of(_box(member)), (*pads.fixed, *pads.moving), comm))
     across, observe, supports = transverse(member), member.part.observe, _supports(member)
     stations: Sequence[float] | Array | None = observe.stations
     if stations is None:
@@ -141,7 +144,7 @@ def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
 
 
 def _planar_profile(box: Box, material: Material) -> Profile:
-    section = box_section(_profile(box), material.poisson)
+    section = box_section(profile_of(box), material.poisson)
     return Profile(
         length=box.length,
         bending_stiffness=material.young * section.second_moment_y,
@@ -151,7 +154,8 @@ def _planar_profile(box: Box, material: Material) -> Profile:
     )
 
 
-def _profile(box: Box) -> BoxProfile:
+def profile_of(box: Box) -> BoxProfile:
+    """The section of a box."""
     return BoxProfile(width=box.width, height=box.height, wall=box.wall, radius=box.radius)
 
 
@@ -159,7 +163,7 @@ def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
     from pmr.models.beam3d import Beam3D
 
     box, body = _box(member), member.part.body
-    profile = None if body.section else _profile(box)
+    profile = None if body.section else profile_of(box)
     return Beam3D(
         Beam3DBody(
             length=box.length,

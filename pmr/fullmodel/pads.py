@@ -36,6 +36,7 @@ from pmr.constraints.polynomials import bump, rebased, value_or_zero
 from pmr.constraints.rows import Row, fixed_row
 from pmr.constraints.straight import Straight
 from pmr.errors import InputError
+from pmr.fullmodel.walls import Walls
 from pmr.mesh.strip import Extent, Window
 from pmr.models import StructuralModel
 
@@ -114,6 +115,7 @@ class Pads:
     # places that another body holds, not the ground: rows whose stiffness is that body's matter
     ends: tuple[Support, ...] = ()
     straight: tuple[Straight, ...] = ()  # stretches of a planar beam that another body keeps from bending
+    walls: Walls = Walls()  # of a beam, that give way under its pads
 
     def __post_init__(self) -> None:
         low, high = self.travel
@@ -160,16 +162,18 @@ class Restraints:
 def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints:
     """Rows and springs of all pads, supports and sliders on the coordinates z of a structure, q = T z.
 
+    Coordinates of walls that give way are the last ones of z.
+
     Raises an `InputError` if a face does not exist or a pad leaves it somewhere on its travel.
     """
     staying = [
-        *(fixed_pad(pad, model, T, pads.travel) for pad in pads.fixed),
-        *(_support(support, model, T, pads.travel) for support in pads.supports),
+        *(pads.walls.dented(fixed_pad(pad, model, T, pads.travel), pad.at) for pad in pads.fixed),
+        *(_support(support, model, T, pads) for support in pads.supports),
     ]
     moving = [
         *(_point(slider, model, T) for slider in pads.sliders),
-        *(moving_pad(pad, model, T, pad.travel or pads.travel) for pad in pads.moving),
-        *(_end(end, model, T, pads.travel) for end in pads.ends),
+        *(pads.walls.dented(moving_pad(pad, model, T, pad.travel or pads.travel), pad.at) for pad in pads.moving),
+        *(_end(end, model, T, pads) for end in pads.ends),
         *(row for one in pads.straight for row in one.rows(_point(Slider(), model, T))),
     ]
     springs = [row.compliance > 0.0 and row.clearance is None for row in staying]
@@ -205,23 +209,24 @@ def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[
     return replace(fixed_row(pad.name, mean, travel), compliance=1.0 / pad.stiffness, clearance=pad.free_way)
 
 
-def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+def _support(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
     if support.direction not in model.directions:
         allowed = f"{', '.join(model.directions)} are allowed"
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
     measure = model.displacement if support.direction in ("x", "y", "z") else model.motion  # points have no rotation
     measured = measure(support.on)[model.directions.index(support.direction)]
-    left = sp.csr_matrix(measured @ T)
+    left = pads.walls.moved(sp.csr_matrix(measured @ T), support.on, (support.direction,))
     if np.abs(left.data).max(initial=0.0) <= 1e-12 * np.abs(measured.data).max(initial=0.0):
         allowed = f"a support of all points holds {support.on} along it already; one of the two is allowed"
         raise InputError("scene", f"supports.{support.name}.directions", support.direction, allowed)
     unit = "N m" if support.direction.startswith("r") else "N"
-    return replace(fixed_row(support.name, left, travel), compliance=1.0 / support.stiffness, unit=unit)
+    return replace(fixed_row(support.name, left, pads.travel), compliance=1.0 / support.stiffness, unit=unit)
 
 
-def _end(end: Support, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+def _end(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:
     """On two intervals, as rows that don't always hold have: one that is rigid and stays would be a support."""
-    return _support(end, model, T, travel).refined(np.array([travel[0], sum(travel) / 2.0, travel[1]]))
+    travel = pads.travel
+    return _support(end, model, T, pads).refined(np.array([travel[0], sum(travel) / 2.0, travel[1]]))
 
 
 def _point(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:

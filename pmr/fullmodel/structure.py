@@ -26,6 +26,7 @@ from pmr.fullmodel.model import FullModel, RigidMotions
 from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.symmetry import mirror_images
+from pmr.fullmodel.walls import Walls
 from pmr.models import StructuralModel
 from pmr.scene import Damping
 from pmr.scene.built import WEIGHT, force_of
@@ -112,7 +113,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     attached = coupling.attached_mass()
     size = coupling.T.shape[1]
     restraints = restrain(structure.pads, model, coupling.T)
-    springs = restraints.stiffness(size)
+    springs = restraints.stiffness(size) + structure.pads.walls.stiffness(size)
     loads = [sp.csr_matrix((0, size)), *(coupling.load(load, base.M) for load in structure.loads)]
     operators = Operators(
         _reduced(base.M, coupling.T, attached),
@@ -152,15 +153,17 @@ class Coupling:
     """Coordinates z of a structure: the model's are T z."""
 
     model: StructuralModel
-    T: sp.csr_matrix  # (n, n'): the model's free coordinates in their order, then the motions of rigidly coupled masses
+    # (n, n'): the model's free coordinates in their order, then the motions of rigidly coupled masses, dents of walls
+    T: sp.csr_matrix
     motions: tuple[sp.csr_matrix, ...]  # (k, n') each: of the attached masses, along k directions of the model
     inertias: tuple[Array, ...]  # (k,) each: mass in kg and inertia in kg m^2 along those directions
     rigid: Array  # (n', k): z under each of the model's rigid motions
     clamped: Array  # (c, k): what the clamped coordinates would do under each of them
+    walls: Walls
 
     def attached_mass(self) -> sp.csr_matrix:
-        """Sum of G^T diag(m, J) G, (n', n')."""
-        total = sp.csr_matrix((self.T.shape[1], self.T.shape[1]))
+        """Sum of G^T diag(m, J) G, and the mass of walls that give way, (n', n')."""
+        total = self.walls.mass(self.T.shape[1])
         for G, inertia in zip(self.motions, self.inertias, strict=True):
             total += G.T @ sp.diags(inertia) @ G
         return total.tocsr()
@@ -174,8 +177,18 @@ class Coupling:
         columns, entries = (np.concatenate(parts) for parts in zip(*of_model, strict=True))
         ends = np.cumsum([len(part[0]) for part in of_model])
         result = sp.csr_matrix((entries, columns, ends), shape=(len(actions), self.model.size)) @ self.T
+        dents = [self._dents(one) for one in actions]
         sizes = [1.0 if isinstance(one, Gauge) else one.size for one in actions]
+        if dents:
+            result = result + sp.vstack(dents)
         return sp.csr_matrix(sp.diags(sizes, shape=(len(sizes), len(sizes))) @ result)
+
+    def _dents(self, action: Action | Gauge) -> sp.csr_matrix:
+        """What walls add to what an action measures, (1, n')."""
+        nothing = sp.csr_matrix((1, self.T.shape[1]))
+        if isinstance(action, Gauge):
+            return nothing
+        return self.walls.moved(nothing, action.on, (action.direction,))
 
     def _of_model(self, action: Action | Gauge) -> tuple[Indices, Array]:
         """Coordinates of the model and their weights."""
@@ -230,16 +243,19 @@ def couple(structure: Structure) -> Coupling:
         blocks.append(block)
     free = np.flatnonzero(owner == "")
     selection = sp.csr_matrix((np.ones(len(free)), (free, np.arange(len(free)))), shape=(model.size, len(free)))
-    T = sp.hstack([selection, *blocks], format="csr")
+    walls = structure.pads.walls
+    T = sp.hstack([selection, *blocks, sp.csr_matrix((model.size, walls.count))], format="csr")
     motions = []
     for mass in structure.masses:
         if mass.coupling == "rigid":
             k = len(model.directions)
             motions.append(sp.eye(k, T.shape[1], k=len(free) + k * rigid.index(mass), format="csr"))
         else:
-            motions.append((model.motion(mass.on, _centre(mass)) @ T).tocsr())
+            motion = (model.motion(mass.on, _centre(mass)) @ T).tocsr()
+            motions.append(walls.moved(motion, mass.on, model.directions))
     inertias = tuple(_inertia(mass, model.directions) for mass in structure.masses)
-    return Coupling(model, T, tuple(motions), inertias, np.vstack([R[free], *carried]), R[clamped])
+    rigid_motions = np.vstack([R[free], *carried, np.zeros((walls.count, R.shape[1]))])
+    return Coupling(model, T, tuple(motions), inertias, rigid_motions, R[clamped], walls)
 
 
 def _centre(mass: PointMass) -> Array | None:

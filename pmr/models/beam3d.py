@@ -87,14 +87,14 @@ class Beam3D(Beam):
     def node_stations(self) -> Array:
         return self.body.length * (np.arange(self.body.elements + 1) / self.body.elements)
 
-    @property
+    @cached_property
     def section(self) -> BeamSection:
         if self.body.section is not None:
             return self.body.section
         assert self.body.profile is not None
         return box_section(self.body.profile, self.body.material.poisson)
 
-    @property
+    @cached_property
     def planes(self) -> tuple[Bending, Bending]:
         """Bending along the section's y and z."""
         material, section, shear = self.body.material, self.section, self.body.shear

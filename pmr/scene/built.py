@@ -83,6 +83,9 @@ class Body(Section):
         default=5.0 / 6.0, description="Shear correction factor kappa of shells"
     )
     section: BeamSection | None = Field(default=None, description="Of a beam in space, by default that of the box")
+    walls: Literal["rigid", "give"] = Field(
+        default="rigid", description="Whether the walls of a box that is a beam give way under its pads"
+    )
 
     @model_validator(mode="after")
     def _thickness_is_the_walls(self) -> Body:

@@ -34,12 +34,18 @@ def choose(member: Member) -> Choice:
         return Choice("shell", tuple(shell))
     if space := _lateral(member):
         return Choice("beam3d", tuple(space))
-    return Choice("beam2d", ("all loads and masses lie in the vertical plane, and no wall deforms by itself",))
+    walls = "walls give way under pads only" if member.part.body.walls == "give" else "no wall deforms by itself"
+    return Choice("beam2d", (f"all loads and masses lie in the vertical plane, and {walls}",))
 
 
 def model_of(member: Member) -> str:
     """The name of that model."""
     return choose(member).model
+
+
+def has_giving_walls(member: Member) -> bool:
+    """Whether the chosen model is a beam whose walls give way under pads."""
+    return member.part.body.walls == "give" and model_of(member) in ("beam2d", "beam3d")
 
 
 def directions(member: Member) -> tuple[Direction, ...]:
@@ -119,7 +125,7 @@ def _walls(member: Member) -> list[str]:
     box, material, found = member.part.body.box, member.part.body.material, []
     if box is None:
         return []
-    for ring in member.pads:
+    for ring in member.pads if member.part.body.walls == "rigid" else ():
         for name, face, across in ring.places:
             half = (box.width if face in ("bottom", "top") else box.height) / 2.0
             if half - abs(across) > AT_THE_WEB * 2.0 * half:

@@ -161,11 +161,17 @@ def seats(scene: Scene, number: int) -> Iterator[Seat]:
 
 
 def footprint(scene: Scene, ring: JointPads) -> str:
-    """What the pads of a ring are called on the sections that they touch; those of one pattern and size are alike."""
+    """What the pads of a ring are called on the sections that they touch.
+
+    Those of one pattern and size are alike, unless walls give way under them.
+    """
     if ring.faces is None:
         return POINT
-    rings = [one for number in range(1, len(scene.sections)) for one in scene.joint(number).rings]
-    known = list(dict.fromkeys(_pattern(one) for one in rings if one.faces is not None))
+    joints = (scene.joint(number) for number in range(1, len(scene.sections)))
+    rings = [one for joint in joints for one in joint.rings if one.faces is not None]
+    if any(part.body.walls == "give" for part in scene.sections):  # each dents a wall where it is
+        return f"pads {[one is ring for one in rings].index(True) + 1}"
+    known = list(dict.fromkeys(_pattern(one) for one in rings))
     return f"pads {known.index(_pattern(ring)) + 1}"
 
 

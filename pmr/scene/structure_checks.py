@@ -124,6 +124,8 @@ def _body(member: Member) -> None:
     if body.section is not None and body.shear and None in (body.section.shear_area_y, body.section.shear_area_z):
         allowed = "shear_area_y and shear_area_z in m^2 are needed, or body.shear = false"
         raise refusal("body.section", None, allowed)
+    if body.walls == "give":
+        _walls(member)
     for name, region in body.regions.items():
         if model in BEAMS:
             raise refusal(f"body.regions.{name}", None, "regions are for shells and solids")
@@ -137,6 +139,20 @@ def _body(member: Member) -> None:
         raise refusal("reduction.positions", "nodes", "'path' or a list of places in m is allowed: nodes are a beam's")
     if model == "beam2d":
         _planar(member)
+
+
+def _walls(member: Member) -> None:
+    """Walls that give way are those of a box, under pads that have a place on a face."""
+    box, key = member.part.body.box, "body.walls"
+    if box is None:
+        raise refusal(key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
+    if model_of(member) not in BEAMS:
+        return  # where walls give way anyway
+    if box.frames:
+        allowed = "'rigid' is allowed for a beam with body.box.frames, or body.model = 'shell': frames stiffen walls"
+        raise refusal(key, "give", allowed)
+    if member.points or not member.pads:
+        raise refusal(key, "give", "'rigid' is allowed without pads that have faces: walls give way under those")
 
 
 def _planar(member: Member) -> None:

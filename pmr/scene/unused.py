@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pmr.scene.choice import is_axial, model_of
+from pmr.scene.choice import has_giving_walls, is_axial, model_of
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.structure_checks import refusal
@@ -17,13 +17,15 @@ _CELLS = ("size", "along", "tail_layer", "cells")
 UNUSED = {
     "beam2d": (*(f"mesh.{key}" for key in _CELLS), "body.shear_correction", "body.shear"),
     "beam3d": (*(f"mesh.{key}" for key in _CELLS), "body.shear_correction"),
-    "shell": ("mesh.elements", "mesh.cells", "body.shear"),
-    "solid": ("mesh.elements", "body.shear", "body.shear_correction"),
+    "shell": ("mesh.elements", "mesh.cells", "body.shear", "body.walls"),
+    "solid": ("mesh.elements", "body.shear", "body.shear_correction", "body.walls"),
     "matrices": (
         *(f"mesh.{key}" for key in (*_CELLS, "elements")),
-        *(f"body.{key}" for key in ("material", "thickness", "regions", "shear", "shear_correction")),
+        *(f"body.{key}" for key in ("material", "thickness", "regions", "shear", "shear_correction", "walls")),
     ),
 }
+#: What a beam whose walls give way has a use for nevertheless: they are pressed on as a shell.
+OF_WALLS = ("mesh.size", "mesh.along", "body.shear_correction")
 #: What a box loses as a beam: geometry, whoever wrote it.
 STIFFENERS = ("body.box.frames", "body.box.frame_depth")
 #: What only the POD of eigenmodes looks at.
@@ -78,6 +80,8 @@ def _of_body(member: Member) -> Iterator[Unused]:
     for key in UNUSED[model] if member.part.body.model != "auto" else ():
         if model == "beam2d" and key == "body.shear" and not member.part.body.shear:
             continue  # as it is
+        if key in OF_WALLS and has_giving_walls(member):
+            continue
         yield Unused(key, "body.model", f"it has no effect on {model}")
     if model.startswith("beam"):
         yield from (Unused(key, "", f"{model} has no walls that frames stiffen; shell has") for key in STIFFENERS)

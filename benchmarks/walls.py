@@ -1,0 +1,171 @@
+"""Beams whose walls give way beside shells of the same boxes: twenty random ones, of one to three sections.
+
+``python -m benchmarks.walls [FIRST [LAST]]`` prints a line a box: errors of the two lowest frequencies on the way
+and of the largest displacement of a run, for beams with rigid walls and with walls that give way.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import pmr
+from pmr.scene import Scene
+from pmr.scene.checks import check
+
+Array = NDArray[np.float64]
+
+BOXES, WITHIN = 20, 0.05
+END = 4.0
+#: Faces, and the side of the box that each lies along.
+ALONG = {"bottom": "width", "top": "width", "left": "height", "right": "height"}
+CELLS = {"size": 0.1, "along": 0.15}
+RIGID, GIVE, SHELL = "beam", "beam, walls give", "shell"
+MODELS = {RIGID: {"model": "beam3d"}, GIVE: {"model": "beam3d", "walls": "give"}, SHELL: {"model": "shell"}}
+
+
+def random_box(seed: int, body: dict[str, Any]) -> Scene:
+    """Ten of twenty have one section, six two, four three; pads sit anywhere across the faces, each face by itself."""
+    rng = np.random.default_rng(1000 + seed)
+    return _one(rng, body) if seed < 10 else _several(rng, 2 if seed < 16 else 3, body)
+
+
+def _one(rng: np.random.Generator, body: dict[str, Any]) -> Scene:
+    box = _box(rng)
+    length = box["length"]
+    low, high = float(rng.uniform(0.2, 0.35)) * length, float(rng.uniform(0.5, 0.7)) * length
+    rings = [_ring(rng, [box]), _ring(rng, [box])]
+    at = rings[0]["length"] / 2.0 + float(rng.uniform(0.0, 0.2))
+    scene = Scene.model_validate(
+        {
+            "title": "Box",
+            "pads": [{"name": "tail", "at": at, **rings[0]}, {"name": "mouth", "moving": True, **rings[1]}],
+            "supports": [{"name": "cylinder", "directions": ["x"]}],
+            "slider": {"path": _there_and_back(low, high)},
+            **_body(box, body),
+            **_carried(rng),
+            **_common(),
+            "observe": {"start": 0.05 * length, "end": 0.95 * length},
+        }
+    )
+    check(scene)
+    return scene
+
+
+def _several(rng: np.random.Generator, count: int, body: dict[str, Any]) -> Scene:
+    boxes = [_box(rng)]
+    for _ in range(1, count):
+        before, wall = boxes[-1], _wall(rng)
+        gap = float(rng.uniform(0.01, 0.03))
+        smaller = {side: before[side] - before["wall"] - wall - 2.0 * gap for side in ("width", "height")}
+        boxes.append({"length": before["length"], "wall": wall, **smaller})
+    sections: list[dict[str, Any]] = []
+    for k, box in enumerate(boxes):
+        section = {"name": ("base", "middle", "fly")[k if k + 1 < count else 2], **_body(box, body)}
+        section["observe"] = {"start": 0.05 * box["length"], "end": 0.95 * box["length"]}
+        section["reduction"] = {"coordinates": 10 if k else 4}
+        if k == 0:
+            section["supports"] = [{"name": "clamp", "kind": "clamped", "points": "all"}]
+        else:
+            low, high = float(rng.uniform(0.1, 0.25)), float(rng.uniform(0.5, 0.7))
+            pads = {end: [_joint_ring(rng, boxes[k - 1 : k + 1])] for end in ("tail", "mouth")}
+            section["joint"] = {"extension": _there_and_back(low * box["length"], high * box["length"]), **pads}
+        sections.append(section)
+    sections[-1] |= _carried(rng)
+    boom = Scene.model_validate({"title": "Boxes", "sections": sections, **_common(), "gravity": {"rise": 0.0}})
+    check(boom)
+    return boom
+
+
+def _box(rng: np.random.Generator) -> dict[str, float]:
+    sizes = {"length": rng.uniform(4.0, 8.0), "width": rng.uniform(0.25, 0.5), "height": rng.uniform(0.3, 0.6)}
+    return {key: float(value) for key, value in sizes.items()} | {"wall": _wall(rng)}
+
+
+def _wall(rng: np.random.Generator) -> float:
+    return float(rng.uniform(0.004, 0.012))
+
+
+def _ring(rng: np.random.Generator, boxes: list[dict[str, float]]) -> dict[str, Any]:
+    """One pad or two on each face, anywhere across the face of the smallest of the boxes."""
+    width, faces = float(rng.uniform(0.05, 0.09)), {}
+    for face, side in ALONG.items():
+        room = min(box[side] for box in boxes) / 2.0 - width / 2.0
+        first = float(rng.uniform(-room, room))
+        places = [first]
+        if rng.random() < 0.6:  # another one, where it is beside the first
+            second = float(rng.uniform(-room, room))
+            places += [second] * (abs(second - first) > width)
+        faces[face] = sorted(places)
+    return {
+        "faces": faces,
+        "length": float(rng.uniform(0.2, 0.4)),
+        "width": width,
+        "stiffness": float(10.0 ** rng.uniform(7.7, 9.0)),
+    }
+
+
+def _joint_ring(rng: np.random.Generator, boxes: list[dict[str, float]]) -> dict[str, Any]:
+    return {"at": 0.2 + float(rng.uniform(0.0, 0.2)), "unilateral": False, **_ring(rng, boxes)}
+
+
+def _there_and_back(low: float, high: float) -> dict[str, Any]:
+    return {"kind": "smooth_ramp", "times": [0.5, 2.0, 3.5], "values": [low, high, low]}
+
+
+def _body(box: dict[str, float], body: dict[str, Any]) -> dict[str, Any]:
+    uses_cells = body["model"] == "shell" or "walls" in body
+    return {"body": {"box": box, **body}, "mesh": CELLS if uses_cells else {}}
+
+
+def _carried(rng: np.random.Generator) -> dict[str, Any]:
+    push = {"kind": "chirp", "amplitude": float(rng.uniform(500, 2000)), "times": [0.0, END], "frequencies": [0.5, 3.0]}
+    gust = {"kind": "smooth_ramp", "times": [1.0, 1.5, 2.0], "values": [0.0, float(rng.uniform(200, 1000)), 0.0]}
+    return {
+        "masses": [{"name": "payload", "on": "tip", "mass": float(rng.uniform(100.0, 400.0))}],
+        "loads": [
+            {"name": "push", "on": "tip", "direction": "z", "signal": push},
+            {"name": "gust", "on": "tip", "direction": "y", "signal": gust},
+        ],
+    }
+
+
+def _common() -> dict[str, Any]:
+    return {
+        "gravity": {},
+        "damping": {"ratio": 0.01, "frequencies": [3.0, 60.0]},
+        "time": {"end": END, "step": 2e-3},
+        "compare": {"against": []},
+        "simulation": {"simulators": ["march"]},
+    }
+
+
+def measured(scene: Scene) -> tuple[Array, float]:
+    """The two lowest frequencies (S, 2) in Hz on the way, and the largest displacement in m of a run."""
+    result = pmr.run(scene).result
+    return result.frequencies.models["reduced"][:, :2], float(result.summary["max_displacement"])
+
+
+def main(first: int = 0, last: int = BOXES) -> None:
+    """Print a line a box, and how many are within 5 %."""
+    within = 0
+    for seed in range(first, last):
+        start = time.perf_counter()
+        f, most = measured(random_box(seed, MODELS[SHELL]))
+        errors = {}
+        for name in (RIGID, GIVE):
+            found, largest = measured(random_box(seed, MODELS[name]))
+            errors[name] = *np.abs(found / f - 1.0).max(axis=0), largest / most - 1.0
+        within += bool(np.abs(errors[GIVE]).max() <= WITHIN)
+        said = [f"{name}: " + ", ".join(f"{100.0 * e:+.1f} %" for e in found) for name, found in errors.items()]
+        seconds = time.perf_counter() - start
+        print(f"{seed}: {f.min():.2f} Hz, {1e3 * most:.1f} mm; {'; '.join(said)} ({seconds:.0f} s)", flush=True)
+    print(f"within {100.0 * WITHIN:.0f} %: {within} of {last - first}")
+
+
+if __name__ == "__main__":
+    main(*(int(one) for one in sys.argv[1:3]))
