@@ -40,6 +40,7 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import places
+from pmr.pipeline.search import chosen
 from pmr.recover.coordinates import Recovery, chosen_states
 from pmr.recover.framed import framed_body as framed_body
 from pmr.recover.from_scene import Recovered, recover, recovered_steps
@@ -129,7 +130,14 @@ def run(
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
     cached = None if cache is None else cache_in(cache, built.model)
     reduction = _cached_or_reduced(scene, built.model, clock, cached)
-    choice = _chosen(scene, reduction, clock, cached)
+
+    def models_of(finer: Scene) -> dict[str, ReducedModel]:
+        def make() -> ReducedModel:
+            return reduce(finer, comm).reduced
+
+        return {ALONE: make() if cached is None else cached.model_of(finer, make)}
+
+    choice = chosen(scene, {ALONE: reduction.reduced}, models_of, comm, clock)
     if choice is not None:
         scene, reduction = choice.scene, replace(reduction, reduced=choice.models[ALONE])
     other = _other(scene, reduction, cached)
@@ -256,24 +264,6 @@ def _cached_or_reduced(scene: Scene, model: FullModel, clock: Clock, cached: Cac
     found = cached.reduced(asked, make)
     found = with_provenance(found, provenance(scene, found.basis))
     return Reduction(model, found.snapshots, found.basis, found.model)
-
-
-def _chosen(scene: Scene, reduction: Reduction, clock: Clock, cached: Cache | None) -> order.Choice | None:
-    """Model and step for the scene's tolerance or within its budget, if it has one."""
-    if scene.ordered is None:
-        return None
-    comm = reduction.model.comm
-    with clock.stage("search"):
-        choice = comm.bcast(order.choose(scene, reduction.reduced))  # what takes how long differs from rank to rank
-
-    def reduced_of(finer: Scene) -> ReducedModel:
-        def make() -> ReducedModel:
-            return reduce(finer, comm).reduced
-
-        return make() if cached is None else cached.model_of(finer, make)
-
-    with clock.stage("finer mesh"):
-        return comm.bcast(order.with_mesh(choice, scene, reduction.reduced, reduced_of))
 
 
 def _other(scene: Scene, reduction: Reduction, cached: Cache | None) -> ReducedModel | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.compare import boom_figures as figures
 from pmr.compare import memory, pad_forces
-from pmr.compare.accuracy import mesh, order
+from pmr.compare.accuracy import order
 from pmr.compare.boom_estimate import BoomError, boom_error
 from pmr.compare.boom_motions import FullBoom, FullRun
 from pmr.compare.boom_runs import SteppedBoom
@@ -30,6 +30,7 @@ from pmr.fullmodel import probes
 from pmr.fullmodel.build import Built, build_bodies, left_free
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.pipeline import Outcome, Reduction, reduce, run
+from pmr.pipeline.search import chosen
 from pmr.recover.from_scene import Recovered, recover_sections, recovered_steps, states_of
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.cache import cache_in
@@ -90,6 +91,11 @@ def run_boom(
     return _Run(boom, comm, clock or Clock(), cache).outcome(checkpoint)
 
 
+def _modal(sections: Mapping[str, ReducedSection]) -> dict[str, ReducedModel]:
+    """The models on free modes."""
+    return {name: one.modal for name, one in sections.items()}
+
+
 class _Run:
     """A boom's sections, built and reduced, what is simulated of them, and what that says."""
 
@@ -107,7 +113,7 @@ class _Run:
                 {} if cache is None else {name: cache_in(cache, one.model) for name, one in self.built.items()}
             )
             self.sections = reduce_sections(boom, self.built, self.caches)
-        self.choice = self._chosen()
+        self.choice = chosen(boom, _modal(self.sections), self._on_finer, comm, clock)
         if self.choice is not None:
             models = self.choice.models
             self.boom = boom = self.choice.scene
@@ -117,21 +123,8 @@ class _Run:
         self.excitation = Excitation.of(boom)
         self.full = FullBoom.of(boom, self.built) if "full" in boom.compare.against else None
 
-    def _chosen(self) -> order.Choice | None:
-        """Models and step for the boom's tolerance or within its budget, if it has one; the same on every rank."""
-        boom, comm, models = self.boom, self.comm, {name: one.modal for name, one in self.sections.items()}
-        if boom.ordered is None:
-            return None
-        with self.clock.stage("search"):
-            choice: order.Choice = comm.bcast(on_first(comm, lambda: order.choose_sections(boom, models)))
-        if not boom.ordered.mesh or (finer := mesh.finer_sections(boom)) is None:
-            return order.without_mesh(choice)
-        with self.clock.stage("finer mesh"):
-            built = build_bodies(finer, comm)
-            on_finer = {name: one.modal for name, one in reduce_sections(finer, built).items()}
-            found = on_first(comm, lambda: order.with_mesh_of_sections(choice, boom, models, finer, on_finer))
-            choice = comm.bcast(found)
-        return choice
+    def _on_finer(self, finer: Scene) -> dict[str, ReducedModel]:
+        return _modal(reduce_sections(finer, build_bodies(finer, self.comm)))
 
     def outcome(self, checkpoint: Checkpoint | None) -> BoomOutcome | None:
         """All the rest; None beside rank 0."""
@@ -155,7 +148,7 @@ class _Run:
         found |= {"reduced": simulations.response}
         responses = {name: with_friction(boom, system.contacts, one) for name, one in found.items()}
         curves |= {"reduced": Assembly(system).frequencies(x[steps], figures.CURVES)}
-        modal = {name: one.modal for name, one in self.sections.items()}
+        modal = _modal(self.sections)
         estimate, step = (
             (None, None) if self.choice is None else (self.choice.found.estimate, self.choice.found.step_error)
         )

@@ -54,6 +54,7 @@ class BoomFamily(Motions):
         self._probes = sum(int(np.count_nonzero(other_outputs(model))) for model in models.values())
         forces = force_kinds(boom, [force_of(name) for name in self._given_system.contact_names])
         self.kinds = ("beam", "tip", "velocity", *dict.fromkeys(forces), *["probe"] * bool(self._probes))
+        self.places, self.impulsive = boom_runs.places(self._given_system), False  # forces count between kinks
         self._systems, self._schedules = dict[Member, System](), dict[int, tuple[int, ...]]()
         elastic = [size - rigid for size, rigid in zip(self._sizes, self._rigid, strict=True)]
         self.fewest, self.most, self.size = 1, max(elastic) - 1, max(elastic)
@@ -61,13 +62,7 @@ class BoomFamily(Motions):
         self.best = self._member(self._sizes, True)
         self.less = self._member(tuple(max(size - LESS, 1) for size in self._sizes), True)
 
-    @property
-    def places(self) -> list[tuple[str, float]]:
-        """Of each displacement its name, and where it is along its section in m."""
-        return boom_runs.places(self._given_system)
-
     def models(self, member: Member) -> dict[str, ReducedModel]:
-        """Those of the sections, on free modes."""
         of_all = zip(self._wholes.items(), member.sizes, strict=True)
         return {name: whole if size == whole.size else truncated(whole, size) for (name, whole), size in of_all}
 

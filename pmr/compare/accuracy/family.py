@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from pmr.compare.attached import with_loads_answered
 from pmr.compare.estimate import Estimate, Estimated, estimate
 from pmr.compare.halved_steps import reference_rho
-from pmr.compare.outputs import KINDS, Floors, Outputs, lagging, observed, outputs, without_rates
+from pmr.compare.outputs import KINDS, Floors, Outputs, impulsive, lagging, observed, outputs, without_rates
 from pmr.compare.step_error import StepError, step_error
 from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
@@ -22,7 +23,8 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.blocks import Recorder
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native import simulator as march
-from pmr.system.body import Trajectory, other_outputs, pushing_rows
+from pmr.system.body import Trajectory, length_outputs, other_outputs, pushing_rows
+from pmr.system.contacts import ALONE
 
 Array = NDArray[np.float64]
 
@@ -70,6 +72,8 @@ class Motions(ABC):
     best: Member  # the one with all modes, which the others are compared with
     less: Member  # the same with a few modes less, which tells what that one leaves unsure
     kinds: tuple[str, ...]  # of outputs that there are
+    impulsive: bool  # whether forces have no size, as of rigid sliders that strike at kinks
+    places: Sequence[tuple[str, float]]  # of each displacement its name, and where it is along its body in m
 
     def __init__(self, excitation: Excitation, rates: bool, reference_rho: float) -> None:
         self.excitation, self.rates = excitation, rates
@@ -124,6 +128,10 @@ class Motions(ABC):
         return self._steps[member, steps]
 
     @abstractmethod
+    def models(self, member: Member) -> dict[str, ReducedModel]:
+        """A member's models by body; of sections without the modes of their cylinders."""
+
+    @abstractmethod
     def member(self, modes: int, residual_inertia: bool = False) -> Member:
         """The one with so many modes, `fewest` to `size`; of several bodies each has so many, as far as it has them."""
 
@@ -176,7 +184,9 @@ class Family(Motions):
         self.fewest = max(1, int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1])))
         self.most = max(self.fewest, self.size - min(BEYOND, self.size // 4))
         self.kinds = KINDS if np.any(other_outputs(model)) else KINDS[:-1]
-        self.pushing = bool(pushing_rows(model))
+        self.pushing, self.impulsive = bool(pushing_rows(model)), impulsive(model, excitation)
+        moved = length_outputs(model)
+        self.places = list(zip(np.array(model.output_names)[moved], model.output_positions[moved], strict=True))
         # Damping that couples modes has no tables, nor have rows that push.
         self.keeps_inertia = self._form.classically_damped and not self.pushing
         self.best = Member(self.size, self.keeps_inertia or self.pushing)
@@ -185,6 +195,9 @@ class Family(Motions):
     @cached_property
     def _run(self) -> Trajectory:
         return march.simulate_modal(self._form, self.excitation)
+
+    def models(self, member: Member) -> dict[str, ReducedModel]:
+        return {ALONE: member_of(self.model, member)}
 
     def member(self, modes: int, residual_inertia: bool = False) -> Member:
         return Member(modes, residual_inertia)

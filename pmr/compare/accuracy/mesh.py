@@ -9,23 +9,12 @@ thus taken to be larger than it is.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pmr.compare.halved_steps import reference_rho
-from pmr.compare.outputs import Floors, Outputs, differences, outputs
-from pmr.reduced.model import ReducedModel
+from pmr.compare.accuracy.family import Member, Motions
+from pmr.compare.outputs import differences
 from pmr.scene import MeshChoice, Scene
-from pmr.scene.choice import model_of
-from pmr.scene.members import member_at
-from pmr.simulation import Excitation
-from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
-from pmr.system.body import length_outputs
-
-Array = NDArray[np.float64]
 
 #: Cells are so many times as short: beams have few of them, and with shells the coordinates grow with the square.
 BEAM, CELLS = 2.0, 1.5
@@ -35,20 +24,12 @@ SAME = 1e-9
 
 
 def finer(scene: Scene) -> Scene | None:
-    """The scene on a mesh with shorter cells; None where its mesh is a file."""
-    cells = _shorter(scene.mesh)
-    if cells is None:
-        return None
-    return scene.model_copy(update={"mesh": cells, "accuracy": None, "budget": None})
-
-
-def finer_sections(boom: Scene) -> Scene | None:
-    """The boom with shorter cells in all sections; None where the mesh of one is a file."""
-    cells = [_shorter(part.mesh) for part in boom.sections]
+    """The scene with shorter cells in all bodies; None where the mesh of one is a file."""
+    cells = [_shorter(part.mesh) for part in scene.sections]
     if not all(cells):
         return None
-    parts = [part.model_copy(update={"mesh": mesh}) for part, mesh in zip(boom.sections, cells, strict=True)]
-    return boom.model_copy(update={"sections": tuple(parts)})
+    parts = [part.model_copy(update={"mesh": mesh}) for part, mesh in zip(scene.sections, cells, strict=True)]
+    return scene.model_copy(update={"sections": tuple(parts)})
 
 
 def _shorter(cells: MeshChoice) -> MeshChoice | None:
@@ -61,48 +42,23 @@ def _shorter(cells: MeshChoice) -> MeshChoice | None:
     return cells.model_copy(update=changed | {"tail_layer": cells.tail_layer / CELLS})
 
 
-@dataclass(frozen=True)
-class Meshed:
-    """A motion, and of each displacement its name and where it is along its body in m."""
-
-    outputs: Outputs
-    places: Sequence[tuple[str, float]]
-
-
 def part_of(
-    own: Meshed, better: Meshed, floors: Floors, models: Collection[str], kinds: Sequence[str]
+    own: Motions, better: Motions, member: Member, steps: int, models: Collection[str], kinds: Sequence[str]
 ) -> dict[str, float]:
-    """Part of the mesh by kind, fractions, of structural models by their names, from a motion on the finer mesh."""
-    mine, theirs = _common(own.places, better.places)
-    found = differences(own.outputs.moved_at(mine), better.outputs.moved_at(theirs), floors, kinds)
-    by = BEAM if set(models) <= {"beam2d", "beam3d"} else CELLS
-    return {kind: share / (1.0 - by**-ORDER) for kind, share in found.items()}
-
-
-def mesh_error(
-    model: ReducedModel, on_finer: ReducedModel, scene: Scene, tips: int, kinds: Sequence[str]
-) -> dict[str, float]:
-    """Part of the mesh of `model`, from the one with as many coordinates on the finer mesh.
+    """Part of the mesh by kind, fractions, of bodies of some structural `models`: the same member on the finer mesh.
 
     Both are hardly damped by the scheme, as what runs are compared with (`pmr.compare.halved_steps`).  Raises
     InputError or SimulationError as for `pmr.simulation.Simulator`.
     """
-    excitation = Excitation.of(scene)
-    stepping = excitation.stepping
-    undamped = replace(stepping, rho_inf=reference_rho(model, stepping.rho_inf))
-    excitation = excitation.with_stepping(undamped)
-    own, better = (Meshed(_motion(one, excitation, tips), _places(one)) for one in (model, on_finer))
-    return part_of(own, better, Floors.of(model, excitation), [model_of(member_at(scene))], kinds)
-
-
-def _motion(model: ReducedModel, excitation: Excitation, tips: int) -> Outputs:
-    form = modal_form(model)
-    return outputs(form.body, march.simulate_modal(form, excitation), excitation, tips)
-
-
-def _places(model: ReducedModel) -> list[tuple[str, float]]:
-    moved = length_outputs(model)
-    return list(zip(np.array(model.output_names)[moved], model.output_positions[moved], strict=True))
+    common = _common(own.places, better.places)
+    one, other = (
+        family.motion(member, steps, steps).moved_at(places)
+        for family, places in zip((own, better), common, strict=True)
+    )
+    by = BEAM if set(models) <= {"beam2d", "beam3d"} else CELLS
+    return {
+        kind: share / (1.0 - by**-ORDER) for kind, share in differences(one, other, own.floors(steps), kinds).items()
+    }
 
 
 def _common(own: Sequence[tuple[str, float]], finer: Sequence[tuple[str, float]]) -> tuple[list[int], list[int]]:

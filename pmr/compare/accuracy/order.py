@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,12 +10,11 @@ from pmr.compare import boom_estimate as of_sections
 from pmr.compare.accuracy import mesh
 from pmr.compare.accuracy.boom_family import BoomFamily
 from pmr.compare.accuracy.errors import Demand, coarsest
-from pmr.compare.accuracy.family import Family, Motions, member_of
+from pmr.compare.accuracy.family import Family, Motions
 from pmr.compare.accuracy.limits import best_within
 from pmr.compare.accuracy.search import Found, comparable, search
 from pmr.compare.coverage import BLOWS, JUMPS
 from pmr.compare.estimate import no_estimate
-from pmr.compare.outputs import impulsive
 from pmr.errors import InputError
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
@@ -70,48 +69,42 @@ def prepared(scene: Scene) -> Scene:
     return scene.model_copy(update={"reduction": reduction})
 
 
-def choose(scene: Scene, reduced: ReducedModel, taken: Mapping[str, float] | None = None) -> Choice:
-    """The smallest model and the longest step that hold a `prepared` scene's tolerance; or the best within its budget.
+def choose(scene: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str, float] | None = None) -> Choice:
+    """The smallest models and the longest step that hold a scene's tolerance; or the best within its budget.
 
-    Of the tolerance so much is `taken` by the mesh, by kind.  Raises InputError if errors of this model, or of the
-    outputs that are asked for, can't be estimated; SimulationError if its motion can't be computed.
+    `models` are those of a `prepared` scene by body, of sections on free modes.  Of the tolerance so much is `taken` by
+    the mesh, by kind.  Raises InputError if errors of these models, or of the outputs that are asked for, can't be
+    estimated; SimulationError if their motion can't be computed.
     """
-    asked, excitation = _asked(scene), Excitation.of(scene)
-    if why := no_estimate(reduced):
+    asked, recovery = _asked(scene), scene.recovery
+    if why := no_estimate(models[ALONE]) if ALONE in models else of_sections.no_estimate(models):
         raise InputError("scene", _key(scene), None, f"there is no estimate to go by: {why}")
-    if "pad_force" in asked.outputs and impulsive(reduced, excitation):
+    family = _family(scene, models)
+    if lacking := [kind for kind in asked.outputs if kind not in family.kinds]:
+        _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
+    if "pad_force" in asked.outputs and family.impulsive:
         _refuse(scene, f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}")
-    family = Family(reduced, excitation, len(transverse(member_at(scene))), rates="velocity" in asked.outputs)
-    found = _sought(scene, family, taken)
+    coarse, inertia = coarsest(family, recovery.every if recovery else None), scene.simulation.simulators == ("march",)
+    if scene.accuracy is not None:
+        found = search(family, Demand(scene.accuracy.tolerance, asked.outputs, inertia, taken or {}), coarse)
+    else:
+        assert scene.budget is not None
+        found = best_within(family, Demand(1.0, asked.outputs, inertia), scene.budget, coarse)
     if found.estimate is not None and (why := found.estimate.unknown.get("pad_force")) == JUMPS:
         if "pad_force" in asked.outputs:
             _refuse(scene, f"no pad_force, or loads that set in smoothly, are allowed; nothing tells {why}")
-    member = found.member
-    update = {"coordinates": member.coordinates, "residual_inertia": member.residual_inertia}
-    chosen = _with_step(scene, found.steps).model_copy(update={"reduction": scene.reduction.model_copy(update=update)})
-    return Choice(chosen, {ALONE: member_of(reduced, member)}, found)
+    chosen, member = _with_step(scene, found.steps), found.member
+    if ALONE in models:
+        update = {"coordinates": member.coordinates, "residual_inertia": member.residual_inertia}
+        chosen = chosen.model_copy(update={"reduction": scene.reduction.model_copy(update=update)})
+    return Choice(chosen, family.models(member), found)
 
 
-def choose_sections(
-    boom: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str, float] | None = None
-) -> Choice:
-    """The same for the sections of a boom, by their models on free modes; errors as for `choose`."""
-    if why := of_sections.no_estimate(models):
-        raise InputError("scene", _key(boom), None, f"there is no estimate to go by: {why}")
-    family = BoomFamily(boom, models, rates="velocity" in _asked(boom).outputs)
-    found = _sought(boom, family, taken)
-    return Choice(_with_step(boom, found.steps), family.models(found.member), found)
-
-
-def _sought(scene: Scene, family: Motions, taken: Mapping[str, float] | None) -> Found:
-    asked, recovery = _asked(scene), scene.recovery
-    if lacking := [kind for kind in asked.outputs if kind not in family.kinds]:
-        _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
-    coarse, inertia = coarsest(family, recovery.every if recovery else None), scene.simulation.simulators == ("march",)
-    if scene.accuracy is not None:
-        return search(family, Demand(scene.accuracy.tolerance, asked.outputs, inertia, taken or {}), coarse)
-    assert scene.budget is not None
-    return best_within(family, Demand(1.0, asked.outputs, inertia), scene.budget, coarse)
+def _family(scene: Scene, models: Mapping[str, ReducedModel]) -> Motions:
+    rates = "velocity" in _asked(scene).outputs
+    if ALONE not in models:
+        return BoomFamily(scene, models, rates)
+    return Family(models[ALONE], Excitation.of(scene), len(transverse(member_at(scene))), rates)
 
 
 _NEEDED = {"probe": "probes", "pad_force": "pads", "cylinder_force": "cylinders"}
@@ -134,49 +127,45 @@ def _with_step(scene: Scene, steps: int) -> Scene:
     return scene.model_copy(update={"time": scene.time.model_copy(update={"step": scene.time.end / steps})})
 
 
-def with_mesh(
-    choice: Choice, asked: Scene, reduced: ReducedModel, reduced_of: Callable[[Scene], ReducedModel]
-) -> Choice:
-    """What `choose` found for the scene `asked`, with the part of its mesh, if the scene wants that.
+def finer(choice: Choice, asked: Scene) -> Scene | None:
+    """The scene `asked` with the step that was chosen and shorter cells; None where the part of the mesh isn't wanted.
 
-    `reduced_of` makes the reduction of a scene.
-
-    That scene has shorter cells, and `COORDINATES` or twice as many until they suffice: most choices share it.  Where
-    the mesh leaves some of the tolerance, the rest is searched with that much.  Raises InputError or SimulationError as
-    for `pmr.simulation.Simulator`.
+    None, too, where a mesh is read from a file.  A body alone has `COORDINATES` or twice as many until they suffice:
+    most choices share that scene.
     """
-    member, wanted = choice.found.member, _asked(asked)
-    if not wanted.mesh:
-        return without_mesh(choice)
+    if not _asked(asked).mesh:
+        return None
+    found = mesh.finer(_with_step(asked, choice.found.steps))
+    if found is None or ALONE not in choice.models:
+        return found
     coordinates = COORDINATES
-    while coordinates < member.coordinates:
+    while coordinates < choice.found.member.coordinates:
         coordinates *= 2
     reduction = asked.reduction.model_copy(update={"coordinates": coordinates, "residual_inertia": False})
-    finer = mesh.finer(_with_step(asked, choice.found.steps).model_copy(update={"reduction": reduction}))
-    if finer is None:
-        return without_mesh(choice)
-    better = member_of(reduced_of(finer), member)
-    compared = _with_step(asked, comparable(choice.found.steps, 1))
-    found = mesh.mesh_error(choice.models[ALONE], better, compared, len(transverse(member_at(asked))), wanted.outputs)
-    return _beside_mesh(choice, found, lambda taken: choose(asked, reduced, taken))
+    return found.model_copy(update={"reduction": reduction, "accuracy": None, "budget": None})
 
 
-def with_mesh_of_sections(
+def with_mesh(
     choice: Choice,
     asked: Scene,
     models: Mapping[str, ReducedModel],
-    finer: Scene,
     on_finer: Mapping[str, ReducedModel],
 ) -> Choice:
-    """The same for the sections of a boom, from those with shorter cells."""
-    wanted, found = _asked(asked), choice.found
-    steps, rates = comparable(found.steps, 1), "velocity" in wanted.outputs
-    of_both = ((asked, models), (finer, on_finer))
-    families = [BoomFamily(_with_step(one, steps), bodies, rates) for one, bodies in of_both]
-    own, better = (mesh.Meshed(one.motion(found.member, steps, steps), one.places) for one in families)
-    kinds = [model_of(one) for one in members(asked)]
-    part = mesh.part_of(own, better, families[0].floors(steps), kinds, wanted.outputs)
-    return _beside_mesh(choice, part, lambda taken: choose_sections(asked, models, taken))
+    """What `choose` found for the scene `asked`, with the part of its mesh, from models on the `finer` one.
+
+    Where the mesh leaves some of the tolerance, the rest is searched with that much.  Raises InputError or
+    SimulationError as for `pmr.simulation.Simulator`.
+    """
+    found, wanted = choice.found, _asked(asked)
+    steps = comparable(found.steps, 1)
+    compared, kinds = _with_step(asked, steps), [model_of(one) for one in members(asked)]
+    families = [_family(compared, bodies) for bodies in (models, on_finer)]
+    part = mesh.part_of(families[0], families[1], found.member, steps, kinds, wanted.outputs)
+    choice, accuracy = replace(choice, mesh=part, mesh_reason=None), choice.scene.accuracy
+    allowed = 0.0 if accuracy is None else accuracy.tolerance
+    if choice.found.holds and not choice.holds and max(part.values()) <= MOST_OF_MESH * allowed:
+        return replace(choose(asked, models, part), mesh=part, mesh_reason=None)
+    return choice
 
 
 def without_mesh(choice: Choice) -> Choice:
@@ -186,15 +175,6 @@ def without_mesh(choice: Choice) -> Choice:
 
 
 _NOT_FINER = "a mesh that is read from a file has no finer one"
-
-
-def _beside_mesh(choice: Choice, part: Mapping[str, float], again: Callable[[Mapping[str, float]], Choice]) -> Choice:
-    """The choice with what the mesh is off by; chosen again where that leaves some of the tolerance, and too little."""
-    choice, accuracy = replace(choice, mesh=part, mesh_reason=None), choice.scene.accuracy
-    allowed = 0.0 if accuracy is None else accuracy.tolerance
-    if choice.found.holds and not choice.holds and max(part.values()) <= MOST_OF_MESH * allowed:
-        return replace(again(part), mesh=part, mesh_reason=None)
-    return choice
 
 
 def summary(choice: Choice) -> dict[str, Any]:

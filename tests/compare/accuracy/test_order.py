@@ -17,6 +17,7 @@ from pmr.compare.responses import simulate_reduced
 from pmr.errors import InputError
 from pmr.mesh.beam import graded_nodes
 from pmr.pipeline import reduce, run
+from pmr.simulation import Excitation
 
 SMOOTH = "slider.path={kind='smooth_ramp',times=[0.1,0.5],values=[1.25,1.9]}"
 PROBE = "probes=[{name='p',at=[2.0,0.0,0.0],measures=['displacement']}]"
@@ -81,7 +82,9 @@ def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
     kinds, scene = ("tip", "pad_force"), load_scene("evolved_residual", SHORT)
     scenes = [load_scene("evolved_residual", [*SHORT, f"mesh.elements={count}"]) for count in (6, 12, 48)]
     model, finer, finest = (reduce(one).reduced for one in scenes)
-    said = mesh.mesh_error(model, finer, scene, 1, kinds)
+    families = [Family(one, Excitation.of(scene), 1) for one in (model, finer)]
+    member = Member(model.size, model.flexibility.keeps_inertia)
+    said = mesh.part_of(*families, member, scene.time.steps, ["beam2d"], kinds)
     own, truth = (simulate_reduced(asked, one) for asked, one in ((scenes[0], model), (scenes[2], finest)))
     for kind, error in (
         ("tip", relative_error(own.displacement[:, -1:], truth.displacement[:, -1:])),
@@ -122,7 +125,7 @@ def test_what_is_beyond_a_tolerance_is_not_rounded_to_it(load_scene, share: floa
     scene = load_scene("evolved_tolerance", ["accuracy.tolerance=0.001"])
     sizes = {"beam": share, "tip": 1e-4}
     found = Found(Member(6, False), 100, sizes, sizes, sizes, holds=False, reasons=(), seconds=0.0)
-    lines = warnings(Choice(scene, inertial(full_body(4), 4), found, mesh=sizes))
+    lines = warnings(Choice(scene, {"": inertial(full_body(4), 4)}, found, mesh=sizes))
     assert f"are off by {said} in displacements, 0.01 % in the tip's" in lines[0]
     assert f"it is off by {said} in displacements; shorter cells help" in lines[1]
 
@@ -153,7 +156,7 @@ def test_what_has_no_error_to_hold_is_refused(load_scene, override: str, said: s
 
 def test_cells_of_the_finer_mesh(load_scene) -> None:
     beam, boom = load_scene("evolved_tolerance"), load_scene("boom_tolerance")
-    assert mesh.finer(beam).mesh.elements == 100 and mesh.finer(beam).accuracy is None
+    assert mesh.finer(beam).mesh.elements == 100
     assert mesh.finer(boom).mesh.size == pytest.approx(boom.mesh.size / 1.5)
 
 
