@@ -13,6 +13,7 @@ from pmr.errors import InputError
 from pmr.export.formats import Options
 from pmr.reduced.model import ReducedModel
 from pmr.scene.names import ALONE
+from pmr.simulation.recorded import visited
 from pmr.simulation.state_space import StateSpace, state_space
 from pmr.system.saved import read
 from pmr.system.system import System
@@ -52,13 +53,15 @@ def section_alone(npz_path: Path, name: str) -> System:
 
 
 def places(system: System, asked: str | None) -> Mapping[str, Array]:
-    """Coordinates (S,) in m of each path: those asked for, or a grid from the first to the last ends of all paths.
+    """Coordinates (S,) in m of each path: those asked for, or a grid from the first to the last ends of all.
 
     One path is asked for as ``1.5,2,4``, several as ``mid=2,fly=3; mid=2.5,fly=3``; an InputError is raised off them.
     """
     ranges = system.ranges
     if asked is None:
-        return {path: np.linspace(low, high, PLACES) for path, (low, high) in ranges.items()}
+        ends = visited(system)
+        count = PLACES if any(high > low for low, high in ends.values()) else 1
+        return {path: np.linspace(low, high, count) for path, (low, high) in ends.items()}
     if not ranges:
         raise InputError("command line", "--at", asked, "none is allowed: nothing travels")
     allowed = f"places from {', '.join(f'{low:g} to {high:g} m' for low, high in ranges.values())}"

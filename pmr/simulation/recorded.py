@@ -100,6 +100,19 @@ def of_boom(boom: Scene, system: System) -> Recorded:
     return Recorded(boom.title, excitation, first_loads, static=boom.start == "equilibrium")
 
 
+def visited(system: System) -> dict[str, tuple[float, float]]:
+    """Smallest and largest s in m of each path in the scene of the sections; of others, where rows are defined."""
+    ranges = system.ranges
+    try:
+        excitation = None if ALONE in system.bodies else recorded_system(system, "system").excitation
+    except InputError:
+        excitation = None
+    if excitation is None:
+        return ranges
+    ends = {path: signal.bounds(0.0, excitation.stepping.end) for path, signal in excitation.paths.items()}
+    return {path: (max(low, ends[path][0]), min(high, ends[path][1])) for path, (low, high) in ranges.items()}
+
+
 def _signals(scene: Any) -> list[Any]:
     """What may be signals in the sections of a boom."""
     parts = [part for part in scene["sections"] if isinstance(part, dict)]

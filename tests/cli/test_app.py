@@ -12,7 +12,7 @@ from on_pads import beam_on_pads, modes_on_pads
 from oracle import flexible, full_body
 from processes import called, python
 
-from pmr.cli.info import described_model
+from pmr.cli.described import described_model
 
 SIMPLE = "workflows/paper_simple.toml"
 SHORT = [

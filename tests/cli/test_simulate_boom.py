@@ -13,6 +13,7 @@ from processes import FENICSX, PETSC, called, without
 import pmr
 from pmr.compare.simulated import check_fits
 from pmr.errors import InputError
+from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
 SHORT = ["compare.against=[]", "section.mesh.elements=8", "time.end=0.1", "simulation.repeats=1"]
@@ -124,3 +125,16 @@ def test_models_that_know_no_scene_are_simulated_as_they_are(system: System) -> 
     found = pmr.simulate(scene, System(bodies, system.contacts))
     expected = pmr.simulate(pmr.load_scene("boom_two", SHORT), system)
     np.testing.assert_array_equal(found.displacement, expected.displacement)
+
+
+def test_info_says_what_a_saved_boom_is(folder: Path, system: System, monkeypatch, capsys) -> None:
+    """Bodies, contacts, paths with their ranges, and frequencies where the scene's paths end."""
+    done = called(monkeypatch, capsys, "info", str(folder / "system.npz"))
+    said = " ".join(done.stdout.split())
+    assert done.returncode == 0 and "2 bodies, 11 coordinates" in said and "body fly 8 coordinates" in said
+    assert "fly from 0.6 to 5.7 m" in said and "fly tail bottom (only pushes)" in said
+    assert "cylinder of fly (holds both ways)" in said and "fly.tip force in N" in said
+    hertz = Assembly(system).frequencies(system.coordinates({"fly": 0.6}), 4)
+    assert f"frequencies, fly at 0.6 m {', '.join(f'{f:.4g}' for f in hertz)} Hz" in said
+    scene = " ".join(called(monkeypatch, capsys, "info", "boom_three").stdout.split())
+    assert "middle beam2d, box of 6 x 0.26 x 0.36 m" in scene and "extended by 0.6 to 4.5 m" in scene

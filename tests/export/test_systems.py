@@ -106,7 +106,9 @@ def test_places_off_the_paths_are_refused(system: System, asked: str) -> None:
 
 
 def test_without_places_all_sections_come_out_together(system: System) -> None:
-    found = places(system, None)
+    """As far as in the scene that the system was made from, where they stay; else as far as rows are defined."""
+    assert {path: s.tolist() for path, s in places(system, None).items()} == {"middle": [0.6], "fly": [0.6]}
+    found = places(replace(system, provenance={}), None)
     for path, (low, high) in system.ranges.items():
         np.testing.assert_allclose(found[path], np.linspace(low, high, 21))
 

@@ -26,7 +26,7 @@ prepare = warm
 
 def case(number: int, rng: Random, folder: Path) -> str:
     """Read a mutation of a model file and use it if it is accepted."""
-    from pmr.cli.info import described_model
+    from pmr.cli.described import described_model
     from pmr.errors.text import visible
     from pmr.export.exudyn.script import exudyn_script
     from pmr.reduced.model import ReducedModel

@@ -1,0 +1,174 @@
+"""What files hold, line by line: scenes, reduced models, systems of several bodies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pmr import scene as scenes
+    from pmr.reduced.model import ReducedModel
+    from pmr.scene.members import Member
+    from pmr.system.system import System
+
+#: Names of one kind that are listed; of more the first and the last.
+LISTED = 8
+#: Lowest frequencies that are listed.
+FREQUENCIES = 4
+_TABLES = ("versions", "scene")  # of a model's provenance
+
+
+def described_file(file: Path) -> dict[str, str]:
+    """What a file of a reduced model or a system holds."""
+    from pmr.reduced.model import ReducedModel
+    from pmr.system.saved import read
+    from pmr.system.system import System
+
+    found = read(file)
+    if not isinstance(found, ReducedModel):
+        return described_system(System.load(file))
+    rows = described_model(found)
+    return rows if found.section is not None else rows | _frequencies(System.of(found))
+
+
+def described_system(system: System) -> dict[str, str]:
+    """What a system of several bodies is."""
+    scene = system.provenance.get("scene")
+    title = scene.get("title", "unknown") if isinstance(scene, dict) else "unknown"
+    rows = {
+        "system": f"{len(system.bodies)} bodies, {sum(body.size for body in system.reduced.values())} coordinates",
+        "scene": f"{title} ({system.provenance.get('scene_hash', 'no hash')})",
+    }
+    for name, body in system.reduced.items():
+        rows[f"body {name}"] = f"{body.size} coordinates; outputs: {_describe_outputs(body)}"
+    pushing = {True: "holds both ways", False: "only pushes"}
+    contacts = [f"{one.name} ({pushing[one.clearance is None]})" for one in system.contacts]
+    ranges = [f"{path} from {low:.4g} to {high:.4g} m" for path, (low, high) in system.ranges.items()]
+    inputs = zip(system.input_names, system.input_units, strict=True)
+    return rows | {
+        "inputs": ", ".join(f"{name} in {unit}" for name, unit in inputs),
+        "contacts": f"{len(contacts)}: {_listed(contacts)}",
+        "paths": ", ".join(ranges) or "none",
+        **_frequencies(system),
+    }
+
+
+def _frequencies(system: System) -> dict[str, str]:
+    """The lowest with all contacts closed, at the first and the last ends of all paths of the scene."""
+    import numpy as np
+
+    from pmr.errors import InputError, SimulationError
+    from pmr.simulation.recorded import visited
+    from pmr.system.assembly import Assembly
+
+    found, ranges = dict[str, str](), visited(system)
+    for end in (0, 1):
+        s = {path: ends[end] for path, ends in ranges.items()}
+        where = ", ".join(f"{path} at {at:.4g} m" for path, at in s.items()) or "at rest"
+        try:
+            hertz = Assembly(system).frequencies(system.coordinates(s), FREQUENCIES)
+        except (InputError, SimulationError, np.linalg.LinAlgError):
+            continue  # where two rigid pads meet
+        found[f"frequencies, {where}"] = f"{', '.join(f'{f:.4g}' for f in hertz if np.isfinite(f))} Hz"
+    return found
+
+
+def _listed(names: list[str]) -> str:
+    """Of many the first and the last."""
+    return ", ".join(names if len(names) <= LISTED else [names[0], "...", names[-1]])
+
+
+def described_scene(scene: scenes.Scene) -> dict[str, str]:
+    """What a scene asks for, line by line."""
+    from pmr.scene.members import members
+
+    rows = {"title": scene.title, "hash": scene.hash}
+    for one in members(scene):
+        rows |= _describe_body(one) if len(scene.sections) == 1 else {one.part.name: _in_a_line(scene, one)}
+    return rows | {
+        "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
+        "compared with": ", ".join(scene.compare.against) or "nothing",
+    }
+
+
+def _describe_body(one: Member) -> dict[str, str]:
+    """A body alone."""
+    from pmr.scene.choice import choose
+
+    chosen, (low, high), part = choose(one), one.bounds, one.part
+    pads = [f"{len(ring.places)} at the {ring.name}{' (moving)' * ring.moving}" for ring in one.pads]
+    points = [f"{len(one.points)} row(s)"] if one.points else []
+    return {
+        "body": f"{chosen.model}, {_size(part.body)}",
+        "model": f"{part.body.model}: {'; '.join(chosen.reasons)}",
+        "slider" if one.points else "pads": f"{', '.join([*pads, *points])}; s from {low:g} to {high:g} m",
+        "loads": ", ".join(_loads(one)),
+        "reduction": f"{part.reduction.coordinates} coordinates: {_describe_reduction(part.reduction)}",
+    }
+
+
+def _in_a_line(scene: scenes.Scene, one: Member) -> str:
+    """A section: its model, size and coordinates, how far it comes out, what acts on it."""
+    from pmr.scene.choice import model_of
+
+    said = [f"{model_of(one)}, {_size(one.part.body)}", f"{one.part.reduction.coordinates} coordinates"]
+    if one.part.name in scene.paths:
+        low, high = scene.paths[one.part.name].bounds(0.0, scene.time.end)
+        said.append(f"extended by {low:g} to {high:g} m")
+    return "; ".join([*said, f"loads: {', '.join(_loads(one))}"])
+
+
+def _loads(one: Member) -> list[str]:
+    places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in one.part.loads]
+    loads = [f"{load.name} on {on} along {load.direction}" for load, on in zip(one.part.loads, places, strict=True)]
+    return [*loads, *(["gravity"] if one.gravity else [])]
+
+
+def _size(body: scenes.Body) -> str:
+    if body.profile is not None:
+        return f"{body.profile.length:g} m, EI = {body.profile.bending_stiffness:g} N m^2"
+    box = body.box
+    return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {box.wall:g} m" if box else "from a file"
+
+
+def _describe_reduction(reduction: scenes.Reduction) -> str:
+    pool = f"POD of {reduction.snapshots} x {reduction.modes} eigenmodes"
+    basis = pool if reduction.pooled else reduction.basis.replace("_", " ")
+    return f"{basis} and residual flexibility" if reduction.flexibility else basis
+
+
+def described_model(model: ReducedModel) -> dict[str, str]:
+    """What a reduced model is, line by line."""
+    import numpy as np
+
+    low, high = model.domain
+    made_with, scene = ({} if not isinstance(found := model.provenance.get(key), dict) else found for key in _TABLES)
+    holds = np.isnan(model.row_clearance)
+    rows = [name if both else f"{name} (only pushes)" for name, both in zip(model.row_names, holds, strict=True)]
+    of = "" if model.section is None else f" of section {model.section.name}, without what joins it to the others"
+    return {
+        "reduced model": f"{model.size} coordinates{of}",
+        "scene": f"{scene.get('title', 'unknown')} ({model.provenance.get('scene_hash', 'no hash')})",
+        "basis": str(model.provenance.get("basis", "unknown")),
+        "inputs": ", ".join(f"{n} in {unit}" for n, unit in zip(model.input_names, model.input_units, strict=True)),
+        "outputs": _describe_outputs(model),
+        "rows": f"{', '.join(rows)}; s from {low:g} to {high:g} m",
+        "rows left out": ", ".join(model.left_out) or "none",
+        **({"ports": ", ".join(model.ports)} if model.ports else {}),
+        "made with": ", ".join(
+            f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
+        ),
+    }
+
+
+def _describe_outputs(model: ReducedModel) -> str:
+    """Numbers and names by unit; of many the first and the last."""
+    count = len(model.outputs)
+    units = model.output_units or ("m",) * count
+    names = model.output_names or tuple(f"at {x:g} m" for x in model.output_positions)
+    found = []
+    for unit in dict.fromkeys(units):
+        of = [name for name, its in zip(names, units, strict=True) if its == unit]
+        listed = ", ".join(of if len(of) <= LISTED else [of[0], "...", of[-1]])
+        found.append(f"{len(of)} in {unit} ({listed})")
+    return "; ".join(found)
