@@ -13,7 +13,7 @@ from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetJsonSchemaHandler
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetJsonSchemaHandler, ValidationInfo
 
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name, visible
@@ -79,7 +79,13 @@ Direction = Literal["x", "y", "z", "rx", "ry", "rz"]
 Switch = Annotated[bool, Field(strict=True)]
 
 
-def _exists(file: Path) -> Path:
+#: Context of a validation that takes the names of files as they are: of a scene that a saved model holds.
+RECORDED = {"files": "names"}
+
+
+def _exists(file: Path, info: ValidationInfo) -> Path:
+    if info.context == RECORDED:
+        return file
     if not isfile(file):
         raise ValueError(f"no such file: {file}")
     try:

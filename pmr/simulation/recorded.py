@@ -15,6 +15,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.built import WEIGHT, Gravity
 from pmr.scene.checks import MOST_STEPS
+from pmr.scene.section import RECORDED
 from pmr.scene.signals import Signal, SignalBase
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.stepping import TimeStepping
@@ -78,16 +79,16 @@ def recorded_system(system: System, source: str) -> Recorded:
         scene = system.provenance["scene"]
         if any(map(_names_a_file, _signals(scene))):
             raise ValueError("a signal in a model holds its numbers itself")
-        boom = Scene.model_validate(scene)
-        found = of_boom(boom, system)
+        boom = Scene.model_validate(scene, context=RECORDED)
+        if boom.time.steps > MOST_STEPS:
+            raise ValueError(f"at most {MOST_STEPS:,} steps are allowed")
+        if not set(system.paths) <= set(boom.paths):
+            raise ValueError(f"paths for {', '.join(system.paths)} are needed")
+        return of_boom(boom, system)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         why = "this one has none" if error.args == ("scene",) else repr(error)
         allowed = f"a system that holds its scene (sections, gravity, time) is allowed: {why}"
         raise InputError(source, "provenance.scene", None, allowed) from None
-    if found.excitation.stepping.steps > MOST_STEPS:
-        steps = found.excitation.stepping.steps
-        raise InputError(source, "provenance.scene.time", steps, f"at most {MOST_STEPS:,} steps are allowed")
-    return found
 
 
 def of_boom(boom: Scene, system: System) -> Recorded:

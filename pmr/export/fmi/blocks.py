@@ -25,7 +25,7 @@ from pmr.constraints.rows import Row
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.system.contacts import SLIDER
+from pmr.system.contacts import ALONE, SLIDER
 from pmr.system.system import Side, System
 
 Array = NDArray[np.float64]
@@ -145,6 +145,8 @@ def _parts(system: System) -> tuple[Part, ...]:
 
 def _has_tables(system: System) -> bool:
     """Whether all contacts are rows of one body where the path leads, as its tables are."""
+    if not (system.paths or ALONE in system.bodies):
+        return False
     (body, *_) = system.bodies.values()
     moving = {body.row_names[k] for k in body.moving}
     return system.on_one_path and all(c.inner.path is not None or c.inner.row not in moving for c in system.contacts)
