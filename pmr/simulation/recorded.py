@@ -68,7 +68,7 @@ def recorded(model: ReducedModel, source: str) -> Recorded:
     first_loads = excitation.f[0].copy()
     if gravity is not None:
         first_loads[-1] = gravity.acceleration
-    return Recorded(title, excitation, first_loads)
+    return Recorded(title, excitation, first_loads, static=scene.get("start") == "equilibrium")
 
 
 def recorded_system(system: System, source: str) -> Recorded:
@@ -82,8 +82,8 @@ def recorded_system(system: System, source: str) -> Recorded:
         boom = Scene.model_validate(scene, context=RECORDED)
         if boom.time.steps > MOST_STEPS:
             raise ValueError(f"at most {MOST_STEPS:,} steps are allowed")
-        if not set(system.paths) <= set(boom.paths):
-            raise ValueError(f"paths for {', '.join(system.paths)} are needed")
+        if set(system.bodies) != set(boom.names) or not set(system.paths) <= set(boom.paths):
+            raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")
         return of_boom(boom, system)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         why = "this one has none" if error.args == ("scene",) else repr(error)

@@ -92,9 +92,10 @@ def _with_parts(system: System, excitation: Excitation) -> TimeStepping:
 def _followed(rows: Arrangement, given: Excitation, static: bool) -> tuple[Array, Array, Array, Array]:
     """Modes and their rates (T, r), displacements (T, o) and forces (T, m)."""
     system, parts = rows.system, rows.parts
+    initial = multibody.static_start(system, given) if static else {}
     if ALONE in system.bodies:
         form, domain = parts[0].form, parts[0].form.body.domain
-        found = march.simulate_modal(form, given)
+        found = march.simulate_modal(form, given, form.start(initial[ALONE]) if initial else None)
         f = given.forces(system.input_names)
         return (
             found.q,
@@ -102,7 +103,7 @@ def _followed(rows: Arrangement, given: Excitation, static: bool) -> tuple[Array
             displacement(form.body, found.q, given.along(domain), found.multipliers, f),
             found.multipliers,
         )
-    moved = multibody.simulate(system, given, multibody.static_start(system, given) if static else None)
+    moved = multibody.simulate(system, given, initial)
     z, v = (
         np.hstack([getattr(moved.bodies[part.name], what) @ part.form.inverse.T for part in parts]) for what in "qv"
     )

@@ -27,8 +27,10 @@ from pmr.simulation.native import simulator as march
 from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.recorded import recorded
 from pmr.simulation.stepping import TimeStepping
+from pmr.system.assembly import Assembly
 from pmr.system.body import displacement
 from pmr.system.compliant_rows import CompliantRows
+from pmr.system.statics import equilibrium
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -355,6 +357,26 @@ def test_a_static_start_is_in_equilibrium(made: Made) -> None:
     for k in range(20):
         instance.step(k * STEP, STEP)
     np.testing.assert_allclose(instance.get(moved), before, rtol=0.0, atol=1e-9 * np.abs(before).max())
+
+
+def test_a_scene_that_starts_in_equilibrium_is_an_fmu_that_does() -> None:
+    """Under the inputs of its reference it has the reference's outputs."""
+    model = model_of("flexible")
+    model.provenance["scene"]["start"] = "equilibrium"
+    found = described(model, "3")
+    root = ET.fromstring(found.texts["modelDescription.xml"])
+    (start,) = [v.attrib["start"] for v in root.iter("Enumeration")]
+    assert start == "1"
+    first = np.loadtxt(found.texts["resources/reference_out.csv"].splitlines(), delimiter=",", skiprows=1)[0, 1:]
+    system, scene = System.of(model), recorded(model, "model")
+    assembly = Assembly(system)
+    f, x = scene.first_loads, system.coordinates({SLIDER: scene.excitation.s[0, 0]})
+    state = equilibrium(assembly, x, f)
+    y = assembly.outputs @ state.q + assembly.direct @ f
+    y -= assembly.at(x).X @ state.forces
+    assert np.abs(y).max() > 1e-6
+    np.testing.assert_allclose(first[: len(y)], y, rtol=0.0, atol=1e-9 * np.abs(y).max())
+    np.testing.assert_allclose(first[len(y) :], state.forces, rtol=0.0, atol=1e-9 * np.abs(state.forces).max())
 
 
 def test_a_start_as_given_goes_on_where_another_instance_is(made: Made) -> None:

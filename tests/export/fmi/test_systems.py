@@ -17,7 +17,7 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.export.fmi.blocks import arrangement
 from pmr.export.fmi.fmu import contents
 from pmr.pipeline.booms import BoomReduction, reduce_either
-from pmr.scene import Boom, load_any
+from pmr.scene import Scene, load_any
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import multibody
@@ -53,7 +53,7 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Made:
-    boom: Boom
+    boom: Scene
     system: System
     library: Library
 
@@ -195,7 +195,7 @@ def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
 
 
 def test_derivatives_along_each_direction(made: Made) -> None:
-    """Against central differences, (h^2 / 6) y''' off and by the round-off of y over h; both paths move, between breaks of their rows."""
+    """Against central differences, (h^2 / 6) y''' off and by the round-off of y over h; both paths move, between breaks."""
     if not arrangement(made.system).gives_way.all():
         return
     (values, rates), observed = made.inputs(), made.observed()
