@@ -195,7 +195,7 @@ def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
 
 
 def test_derivatives_along_each_direction(made: Made) -> None:
-    """Against central differences, (h^2 / 6) y''' off and by the round-off of y over h; both paths move, between breaks."""
+    """Against central differences, (h^2 / 6) y''' and the round-off of y over h off; between breaks."""
     if not arrangement(made.system).gives_way.all():
         return
     (values, rates), observed = made.inputs(), made.observed()
