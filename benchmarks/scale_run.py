@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 import pmr.fullmodel.build
-import pmr.pipeline
+import pmr.pipeline.alone
 import pmr.reduction.residual.model
 from benchmarks.timing import peak_memory
 from pmr import scene
@@ -39,7 +39,7 @@ SCENE = Path(__file__).parents[1] / "workflows" / "boom_shell.toml"
 STAGES = {
     "mesh": ((pmr.fullmodel.build, "structure_of"),),
     "assembly": ((pmr.fullmodel.build, "structural_model"),),
-    "modes": ((pmr.pipeline, "take_snapshots"),),
+    "modes": ((pmr.pipeline.alone, "take_snapshots"),),
     "projection": ((pmr.reduction.residual.model, "galerkin"),),
     "flexibility": tuple(
         (pmr.reduction.residual.model, name) for name in ("ResidualFlexibility", "load_flexibility", "tables")

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from pmr.compare.simulated import simulate
     from pmr.errors import ConvergenceError, InputError, SimulationError
     from pmr.files.matrices import from_matrices
-    from pmr.pipeline.booms import reduce_either as reduce
-    from pmr.pipeline.booms import run_either as run
+    from pmr.pipeline import reduce, run
     from pmr.reduced.model import ReducedModel
     from pmr.results import RunResult
     from pmr.scene import load_any as load_scene
@@ -52,8 +51,8 @@ _PLACES = {
     "System": "pmr.system.system:System",
     "from_matrices": "pmr.files.matrices:from_matrices",
     "load_scene": "pmr.scene:load_any",
-    "reduce": "pmr.pipeline.booms:reduce_either",
-    "run": "pmr.pipeline.booms:run_either",
+    "reduce": "pmr.pipeline:reduce",
+    "run": "pmr.pipeline:run",
     "simulate": "pmr.compare.simulated:simulate",
 }
 __all__ = [

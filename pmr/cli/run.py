@@ -21,7 +21,6 @@ from pmr.files.swap import fresh, removed
 if TYPE_CHECKING:
     from pmr.errors.environment import Progress as Report
     from pmr.pipeline import Outcome
-    from pmr.pipeline.booms import BoomOutcome
 
 
 def run(
@@ -96,7 +95,7 @@ def run(
 
     from pmr.errors.environment import Clock
     from pmr.fem.compat import MPI
-    from pmr.pipeline.booms import run_either
+    from pmr.pipeline import run as run_scene
     from pmr.report.document import REPORT_FILES, write_report
     from pmr.simulation.petsc import Checkpoint
 
@@ -107,7 +106,7 @@ def run(
         checkpoint = Checkpoint(where / f"full-{scene.hash}.checkpoint")
         with _progress(name, shown=first) as progress:
             try:
-                outcome = run_either(scene, MPI.COMM_WORLD, Clock(progress), checkpoint, cache)
+                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), checkpoint, cache)
             except InputError as error:
                 raise error.found_in(str(file)) from None
             except (np.linalg.LinAlgError, ArithmeticError) as error:
@@ -132,7 +131,7 @@ def run(
         say(out, f"        {written.pdf}")
 
 
-def _save(outcome: Outcome | BoomOutcome, folder: Path) -> None:
+def _save(outcome: Outcome, folder: Path) -> None:
     """Everything but the report, which comes later: the one that is there belongs to the old results and goes."""
     from pmr.export.paraview import Travelling, write_series
     from pmr.report.document import REPORT_FILES
@@ -171,7 +170,7 @@ def _to(tolerance: str, file: Path) -> list[str]:
     return [*basis, f"accuracy.tolerance={share!r}"]
 
 
-def _print(outcome: Outcome | BoomOutcome) -> None:
+def _print(outcome: Outcome) -> None:
     """Errors, beside published ones where there are any, coordinates of each section and solver seconds."""
     from pmr.report import errors, sentences
 

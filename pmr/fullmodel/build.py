@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -52,9 +52,15 @@ def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
 def build_and_warn(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Built:
     """As `build`, with warnings in the log."""
     built = build(scene, comm)
-    for said in warnings(built.structure) if comm.rank == 0 else ():
-        logger.warning("%s", said)
+    log_warnings([built], comm)
     return built
+
+
+def log_warnings(built: Iterable[Built], comm: MPI.Comm) -> None:
+    """Warnings of structures, each once, in the log of the first rank."""
+    found = dict.fromkeys(said for one in built for said in warnings(one.structure))
+    for said in found if comm.rank == 0 else ():
+        logger.warning("%s", said)
 
 
 def warnings(structure: Structure) -> list[str]:

@@ -84,9 +84,10 @@ def reduction(scene: Scene, basis: str, largest: int) -> Reduction:
 
 
 def _built(case: Case) -> ReducedModel:
-    from pmr.pipeline import reduce
+    from pmr.fullmodel.build import full_model
+    from pmr.pipeline.alone import reduce
 
-    return reduce(case.scene).reduced
+    return reduce(case.scene, full_model(case.scene)).reduced
 
 
 def pod(case: Case) -> Models:

@@ -108,10 +108,10 @@ def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult])
     ``frequencies.<model>`` (Hz).
     """
     from pmr.compare.booms import tip_columns
-    from pmr.pipeline.booms import run_boom
+    from pmr.pipeline import run
 
     boom = Scene.model_validate(arguments["boom"])
-    outcome = run_boom(boom)
+    outcome = run(boom)
     assert outcome is not None  # a task runs on one rank
     result, summary = outcome.result, outcome.result.summary
     record = compared(summary, "errors")

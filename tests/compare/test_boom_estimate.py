@@ -12,7 +12,7 @@ import pytest
 from pmr import scene as scenes
 from pmr.compare import attached, boom_estimate
 from pmr.fullmodel.build import build_bodies
-from pmr.pipeline.booms import run_boom
+from pmr.pipeline import run
 from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
@@ -44,7 +44,7 @@ def test_the_estimate_is_the_true_error_and_its_margin(pads: str, monkeypatch: p
     if pads == "both ways":
         monkeypatch.setattr(boom_estimate, "extended", lambda model: model)
     rings = [f"section.joint.{end}.0." for end in ("tail", "mouth")]
-    outcome = run_boom(load(*(ring + of for ring in rings for of in (f"unilateral={push}", "friction=0.15"))))
+    outcome = run(load(*(ring + of for ring in rings for of in (f"unilateral={push}", "friction=0.15"))))
     assert outcome is not None
     summary, forces = outcome.result.summary, outcome.result.responses["reduced"].slider_force
     assert np.any((forces == 0.0).any(axis=0) & (forces > 0.0).any(axis=0)) == (pads != "both ways")
@@ -111,7 +111,7 @@ def _rows(model: ReducedModel, s: float) -> np.ndarray:
     ],
 )
 def test_where_there_is_none_the_reason_is_told(changes: tuple[str, ...], said: str) -> None:
-    outcome = run_boom(load("compare.against=[]", "time.end=0.02", *changes))
+    outcome = run(load("compare.against=[]", "time.end=0.02", *changes))
     assert outcome is not None
     found = outcome.result.summary["estimate"]
     assert found["tip"] is None and said in found["reason"]
@@ -119,13 +119,13 @@ def test_where_there_is_none_the_reason_is_told(changes: tuple[str, ...], said: 
 
 def test_richer_models_that_disagree_on_an_impact_are_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(attached, "SETTLED", 1e-9)
-    outcome = run_boom(load("compare.against=[]", "time.end=0.1"))
+    outcome = run(load("compare.against=[]", "time.end=0.1"))
     assert outcome is not None
     assert "changes all that follows" in outcome.result.summary["estimate"]["reason"]
 
 
 def test_none_is_made_where_none_is_asked_for() -> None:
-    outcome = run_boom(load("compare.against=[]", "time.end=0.02", "section.reduction.estimate=false"))
+    outcome = run(load("compare.against=[]", "time.end=0.02", "section.reduction.estimate=false"))
     assert outcome is not None and "estimate" not in outcome.result.summary
     assert outcome.reduced["fly"].enrichment is None
 
@@ -133,7 +133,7 @@ def test_none_is_made_where_none_is_asked_for() -> None:
 def test_peaks_of_pads_that_rattle_are_a_range_and_an_odd_material_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no richer model tells the error; the material of which section is named by its key."""
     monkeypatch.setattr(boom_estimate, "settled", lambda told, apart: False)
-    outcome = run_boom(load("compare.against=[]", "section.body.material.density=7.85"))
+    outcome = run(load("compare.against=[]", "section.body.material.density=7.85"))
     assert outcome is not None
     summary, response = outcome.result.summary, outcome.result.responses["reduced"]
     assert summary["estimate"]["beam"] is None and "an impact a moment earlier" in summary["estimate"]["reason"]
@@ -148,7 +148,7 @@ def test_peaks_of_pads_that_rattle_are_a_range_and_an_odd_material_is_said(monke
 def test_the_full_model_goes_through_the_simulator_that_is_named() -> None:
     found = {}
     for name in ("march", "petsc"):
-        outcome = run_boom(load(f"simulation.full={name}", "time.end=0.02", "section.joint.extension=1.0"))
+        outcome = run(load(f"simulation.full={name}", "time.end=0.02", "section.joint.extension=1.0"))
         assert outcome is not None and outcome.result.summary["simulators"]["full"] == name
         found[name] = outcome.result.responses["full"].displacement
     np.testing.assert_allclose(found["petsc"], found["march"], rtol=0.0, atol=1e-6 * np.abs(found["march"]).max())

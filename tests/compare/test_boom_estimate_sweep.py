@@ -10,7 +10,7 @@ import os
 import pytest
 from random_scenes import random_boom
 
-from pmr.pipeline.booms import run_boom
+from pmr.pipeline import run
 
 SEEDS = range(40) if os.environ.get("PMR_SWEEP") == "full" else range(4)
 #: True errors below this are round-off of two long simulations.
@@ -21,7 +21,7 @@ TOLD = 1e-6
 def test_one_to_five_times_the_true_error_on_random_booms() -> None:
     ratios = {"tip": [], "beam": [], "pad_force": []}
     for seed in SEEDS:
-        outcome = run_boom(random_boom(seed))
+        outcome = run(random_boom(seed))
         assert outcome is not None
         summary = outcome.result.summary
         true, said = summary["errors"]["reduced_vs_full"], summary["estimate"]

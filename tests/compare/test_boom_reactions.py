@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pmr import pipeline
 from pmr import scene as scenes
 from pmr.compare.booms import respond
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built, build_bodies
-from pmr.pipeline.booms import run_boom
 from pmr.recover.coordinates import Recovery
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.sections import ReducedSection, reduce_sections
@@ -168,7 +168,7 @@ def test_exudyn_tells_the_same_reactions() -> None:
 
 def test_a_summary_has_all_supports_whether_they_give_way_or_not() -> None:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, *CASES["pivot"]])
-    outcome = run_boom(boom)
+    outcome = pipeline.run(boom)
     assert outcome is not None
     found = {one["name"]: one for one in outcome.result.summary["reactions"]}
     assert set(found) == {"base: pivot x", "base: pivot z", "base: luffing"}
@@ -198,7 +198,7 @@ def test_what_beams_without_axial_coordinates_do_not_know_is_said() -> None:
             "compare": {"against": []},
         }
     )
-    outcome = run_boom(boom)
+    outcome = pipeline.run(boom)
     assert outcome is not None
     assert {one["name"] for one in outcome.result.summary["reactions"]} == {"base: clamp z", "base: clamp ry"}
     said = "base, fly: planar beams without coordinates along x"
@@ -207,7 +207,7 @@ def test_what_beams_without_axial_coordinates_do_not_know_is_said() -> None:
 
 def test_what_a_clamp_of_all_points_bears_is_said_to_be_missing() -> None:
     clamp = "sections.base.supports=[{kind='clamped',points='all'}]"
-    outcome = run_boom(scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, clamp]))
+    outcome = pipeline.run(scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, clamp]))
     assert outcome is not None and "reactions" not in outcome.result.summary
     said = "what supports of all points (base: tail) bear is not computed"
     assert any(line.startswith(said) for line in outcome.result.summary["warnings"])

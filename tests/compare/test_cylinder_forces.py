@@ -12,7 +12,7 @@ import scipy.integrate
 from pmr import scene as scenes
 from pmr.compare.estimate import MARGIN
 from pmr.fullmodel.build import build_bodies
-from pmr.pipeline.booms import run_boom
+from pmr.pipeline import run
 from pmr.recover.coordinates import Recovery
 from pmr.recover.from_scene import states_of
 from pmr.reduction.sections import reduce_sections
@@ -36,7 +36,7 @@ QUICK = (
 @cache
 def result(workflow: str, *changes: str) -> RunResult:
     boom = scenes.load_any(WORKFLOWS / workflow, (*QUICK, *changes))
-    outcome = run_boom(boom)
+    outcome = run(boom)
     assert outcome is not None
     return outcome.result
 

@@ -10,7 +10,7 @@ import os
 import pytest
 from random_scenes import driven_boom
 
-from pmr.pipeline.booms import run_boom
+from pmr.pipeline import run
 
 SEEDS = range(40) if os.environ.get("PMR_SWEEP") == "full" else (0, 7)
 
@@ -18,7 +18,7 @@ SEEDS = range(40) if os.environ.get("PMR_SWEEP") == "full" else (0, 7)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_forces_agree_to_a_per_cent_or_the_estimate_is_near_their_error(seed: int) -> None:
-    outcome = run_boom(driven_boom(seed))
+    outcome = run(driven_boom(seed))
     assert outcome is not None
     summary = outcome.result.summary
     true, estimated = summary["errors"]["reduced_vs_full"], summary["estimate"]

@@ -13,7 +13,7 @@ from pmr import pipeline as whole
 from pmr import scene as scenes
 from pmr.compare.frequencies import frequency_part, of_body
 from pmr.errors import InputError
-from pmr.pipeline.booms import run_boom
+from pmr.pipeline import run
 from pmr.report import sections
 from pmr.report.numbers import SPACE
 from pmr.results import RunResult
@@ -102,7 +102,7 @@ def test_a_boom_answers_as_its_equations_with_multipliers_say() -> None:
         *(f"section.joint.{end}.0.unilateral=false" for end in ("tail", "mouth")),
     ]
     boom = scenes.load_any(BOOM.with_name("boom_two.toml"), changes)
-    outcome = run_boom(boom)
+    outcome = run(boom)
     assert outcome is not None
     found, system = outcome.result.frequency_response, system_of(boom, outcome.reduced)
     assert found is not None and len(found.s) == 5 and np.all(np.diff(found.s) > 0.0)

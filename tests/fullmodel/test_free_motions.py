@@ -19,7 +19,6 @@ from pmr.files.matrices import GivenMatrices, from_matrices
 from pmr.fullmodel import free_motions
 from pmr.fullmodel.build import build_bodies, left_free
 from pmr.pipeline import run
-from pmr.pipeline.booms import run_either
 from pmr.scene import Scene
 from pmr.scene.checks import check
 
@@ -207,10 +206,10 @@ def test_a_machine_without_one_of_its_supports_is_refused_before_it_is_reduced(
 ) -> None:
     """What moves, and how, follows from what was taken away."""
     machine = without_a_support(seed)
-    monkeypatch.setattr("pmr.pipeline.booms.reduce_sections", None)
-    monkeypatch.setattr("pmr.pipeline._reduce", None)
+    monkeypatch.setattr("pmr.pipeline.sections.reduce_sections", None)
+    monkeypatch.setattr("pmr.pipeline.alone.reduce", None)
     with pytest.raises(InputError) as error:
-        run_either(machine.scene, MPI.COMM_SELF)
+        run(machine.scene, MPI.COMM_SELF)
     said = str(error.value)
     assert error.value.key == "free_motions" and "\n" not in said
     assert f"leave {machine.section} " in said and all(words in said for words in machine.free)

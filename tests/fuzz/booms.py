@@ -107,9 +107,9 @@ def extension(rng: Random, number: int, length: float) -> dict[str, Any]:
 def ran(boom: Scene, folder: Path) -> str:
     """Run it the whole way; the results are finite, valid files, and what Newton says."""
     from pmr.fem.compat import MPI
-    from pmr.pipeline.booms import run_boom
+    from pmr.pipeline import run
 
-    outcome = run_boom(boom, MPI.COMM_SELF)
+    outcome = run(boom, MPI.COMM_SELF)
     assert outcome is not None
     result = outcome.result
     for name, response in result.responses.items():

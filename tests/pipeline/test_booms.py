@@ -19,7 +19,7 @@ from pmr.errors import InputError
 from pmr.export.paraview import Travelling, write_series
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
-from pmr.pipeline.booms import BoomOutcome, run_boom
+from pmr.pipeline import Outcome, run
 from pmr.reduced.model import ReducedModel
 from pmr.reduction import sections
 from pmr.reduction.sections import reduce_sections
@@ -48,15 +48,15 @@ def load(*changes: str, file: str = "boom_three") -> Scene:
 
 
 @pytest.fixture(scope="module")
-def outcome() -> BoomOutcome:
+def outcome() -> Outcome:
     probe = "sections.middle.probes=[{name='waist',at=[3.0,0.0,0.0],measures=['displacement']}]"
     published = "published={source='A paper',frequencies=[{reach=9.0,first=2.0},{reach=30.0,first=1.0}]}"
-    found = run_boom(load(*QUICK, "sections.fly.loads.0.signal=3000.0", probe, published))
+    found = run(load(*QUICK, "sections.fly.loads.0.signal=3000.0", probe, published))
     assert found is not None
     return found
 
 
-def test_summary_says_what_each_section_and_joint_does(outcome: BoomOutcome) -> None:
+def test_summary_says_what_each_section_and_joint_does(outcome: Outcome) -> None:
     summary = outcome.result.summary
     assert summary["coordinates"] == {"full": 117, "reduced": 19}
     assert max(summary["errors"]["reduced_vs_full"][of] for of in ("tip", "beam", "pad_force")) < 5e-3
@@ -72,7 +72,7 @@ def test_summary_says_what_each_section_and_joint_does(outcome: BoomOutcome) -> 
 
 def test_exudyn_simulates_the_sections_beside_march() -> None:
     """By a cylinder, pads and an acceleration along the boom; to Newton's tolerance."""
-    found = run_boom(load(*QUICK, "compare.against=[]", "simulation.simulators=['march','exudyn']", "time.end=0.1"))
+    found = run(load(*QUICK, "compare.against=[]", "simulation.simulators=['march','exudyn']", "time.end=0.1"))
     assert found is not None
     summary = found.result.summary
     assert summary["agreement"]["march_vs_exudyn"] < 1e-9 * summary["max_displacement"]
@@ -93,7 +93,7 @@ def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.Monk
     boom, found = load(*quick, *push, "sections.fly.loads.0.signal=3000.0"), []
     for most in (1200, 0):
         monkeypatch.setattr(responses, "SECTIONS_MARCHED_UP_TO", most)
-        found.append(run_boom(boom))
+        found.append(run(boom))
     if MPI.COMM_WORLD.rank > 0:
         assert found == [None, None]
         return
@@ -112,7 +112,7 @@ def test_three_shells_are_the_same_on_all_ranks_as_on_one() -> None:
     """Reduction, full model, frequencies and stresses of workflows/boom_three_shell.toml, on larger cells, to 1e-8."""
     coarse = ("section.mesh={size=0.15,along=0.6}", "time.end=0.008", "recovery.every=0.004")
     boom = load(*coarse, file="boom_three_shell")
-    alone, together = (run_boom(boom, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
+    alone, together = (run(boom, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
     assert alone is not None and (together is None) == (MPI.COMM_WORLD.rank > 0)
     if together is None:
         return
@@ -126,7 +126,7 @@ def test_three_shells_are_the_same_on_all_ranks_as_on_one() -> None:
         assert two.summary["max_von_mises"][model] == pytest.approx(one.summary["max_von_mises"][model], rel=1e-8)
 
 
-def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: BoomOutcome) -> None:
+def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: Outcome) -> None:
     result, found = outcome.result, tables(outcome.result)
     assert set(found) == {"forces", "reactions", "frequencies", "probes"}
     assert [row[1] for row in found["reactions"].rows] == ["base: clamp x", "base: clamp z", "base: clamp ry"]
@@ -157,7 +157,7 @@ def test_with_a_cache_another_signal_computes_nothing_again(tmp_path: Path, monk
         monkeypatch.setattr(owner, name, told)
     quick = (*QUICK, "time.end=0.02", "section.reduction.estimate=false")
     signals = (f"sections.fly.loads.0.signal={size}" for size in (3000.0, 6000.0))
-    first, other = (run_boom(load(*quick, signal), cache=tmp_path) for signal in signals)
+    first, other = (run(load(*quick, signal), cache=tmp_path) for signal in signals)
     assert calls == 3 * ["free_modes"] + ["frequencies"]
     assert first is not None and other is not None
     for name, model in first.reduced.items():
@@ -166,11 +166,11 @@ def test_with_a_cache_another_signal_computes_nothing_again(tmp_path: Path, monk
         )
     models = (one.result.frequencies.models["full"] for one in (first, other))
     assert np.array_equal(*models)
-    run_boom(load(*quick, "sections.fly.masses.0.mass=260.0"), cache=tmp_path)
+    run(load(*quick, "sections.fly.masses.0.mass=260.0"), cache=tmp_path)
     assert calls == 3 * ["free_modes"] + ["frequencies", "free_modes", "frequencies"]
 
 
-def test_pads_that_hold_both_ways_and_pull_are_told_with_what_to_set(outcome: BoomOutcome) -> None:
+def test_pads_that_hold_both_ways_and_pull_are_told_with_what_to_set(outcome: Outcome) -> None:
     said = [line for line in outcome.result.summary["warnings"] if "pull" in line]
     assert said and all("unilateral = true in sections." in line for line in said)
     pulled = {pad["name"] for pad in outcome.result.summary["pads"] if pad["min"] < 0.0}
@@ -178,20 +178,20 @@ def test_pads_that_hold_both_ways_and_pull_are_told_with_what_to_set(outcome: Bo
 
 
 def test_a_section_whose_name_begins_as_pads_of_another_one_do_has_pads_of_its_own() -> None:
-    found = run_boom(load(*QUICK, "compare.against=[]", "time.end=0.02", "sections.middle.name='fly tail'"))
+    found = run(load(*QUICK, "compare.against=[]", "time.end=0.02", "sections.middle.name='fly tail'"))
     assert found is not None
     said = [line.partition(" with up to ")[0] for line in found.result.summary["warnings"] if "pull" in line]
     held = "pads of the joint of {0} hold both ways and pull: {0} mouth top"
     assert said == [held.format(name) for name in ("fly tail", "fly")]
 
 
-def test_frequencies_are_those_of_the_full_model_from_the_shortest_to_the_longest(outcome: BoomOutcome) -> None:
+def test_frequencies_are_those_of_the_full_model_from_the_shortest_to_the_longest(outcome: Outcome) -> None:
     found = outcome.result.frequencies
     assert np.all(np.diff(found.along) > 0.0) and found.along[[0, -1]] == pytest.approx([8.0, 9.2])
     assert found.models["reduced"][:, :3] == pytest.approx(found.models["full"][:, :3], rel=1e-3)
 
 
-def test_the_first_frequency_over_two_joints(outcome: BoomOutcome) -> None:
+def test_the_first_frequency_over_two_joints(outcome: Outcome) -> None:
     """Along the way both move alike; which of the two is out makes a difference."""
     found = outcome.result.frequencies
     over = found.over_joints
@@ -208,7 +208,7 @@ def test_the_first_frequency_over_two_joints(outcome: BoomOutcome) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_result_is_read_as_it_was_saved_and_reported(outcome: BoomOutcome, tmp_path: Path) -> None:
+def test_a_result_is_read_as_it_was_saved_and_reported(outcome: Outcome, tmp_path: Path) -> None:
     outcome.result.save(tmp_path)
     again = RunResult.load(tmp_path)
     if find_spec("pandas"):
@@ -258,7 +258,7 @@ def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(
         "section.reduction.coordinates=9", "sections.base.reduction.coordinates=4", "recovery.every=0.1",
         "sections.fly.loads.0.signal=3000.0",
     )  # fmt: skip
-    outcome = run_boom(boom)
+    outcome = run(boom)
     assert outcome is not None
     result = outcome.result
     response, fields = result.responses["reduced"], result.bodies["fly"].fields
@@ -285,7 +285,7 @@ def test_a_shell_slides_in_beams() -> None:
     """The fly as a shell, whose stresses are asked for; its pads on the beam carry its weight, full and reduced."""
     beams = [f"sections.{name}.body.model=beam3d" for name in ("base", "middle")]
     coarse = ["section.mesh={size=0.15,along=0.6,elements=12}", "time.end=0.02", "recovery.every=0.01"]
-    outcome = run_boom(load(*beams, *coarse, file="boom_three_shell"))
+    outcome = run(load(*beams, *coarse, file="boom_three_shell"))
     assert outcome is not None
     summary, weight = outcome.result.summary, 9.80665 * (7850.0 * 6.0 * 2.0 * (0.22 + 0.32) * 6e-3 + 250.0)
     assert [one["coordinates"]["full"] > 1000 for one in summary["sections"]] == [False, False, True]
@@ -307,7 +307,7 @@ def test_equal_sections_are_built_and_reduced_once_and_points_hold_beams(tmp_pat
     assert reduced["one"].model.M is reduced["two"].model.M
     system = system_of(boom, {name: one.model for name, one in reduced.items()})
     assert system.contact_names == tuple(f"{name} {end}" for name in boom.names[1:] for end in ("tail", "mouth"))
-    outcome = run_boom(boom)
+    outcome = run(boom)
     assert outcome is not None and max(outcome.result.summary["errors"]["reduced_vs_full"].values()) < 1e-3
 
 
@@ -364,7 +364,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
 
 @pytest.mark.slow
 def test_three_sections_as_they_come() -> None:
-    outcome = run_boom(load())
+    outcome = run(load())
     assert outcome is not None
     summary = outcome.result.summary
     assert summary["coordinates"]["reduced"] == 19 and summary["warnings"] == []
@@ -376,7 +376,7 @@ def test_three_sections_as_they_come() -> None:
 
 @pytest.mark.slow
 def test_four_sections_that_extend_one_after_the_other() -> None:
-    outcome = run_boom(load("section.reduction.estimate=false", file="boom_four"))
+    outcome = run(load("section.reduction.estimate=false", file="boom_four"))
     assert outcome is not None
     errors = outcome.result.summary["errors"]["reduced_vs_full"]
     assert outcome.result.summary["coordinates"]["reduced"] == 24
@@ -385,7 +385,7 @@ def test_four_sections_that_extend_one_after_the_other() -> None:
 
 def test_the_published_boom_lift_on_two_rigid_pads_an_overlap() -> None:
     """Overlaps of 5 to 35 % of the last section: figures of a planar prototype, to 0.1 %."""
-    outcome = run_boom(load("time.end=7.0", "time.step=1e-2", file="boom_lift"))
+    outcome = run(load("time.end=7.0", "time.step=1e-2", file="boom_lift"))
     assert outcome is not None
     first = {name: values[::-2, 0] for name, values in outcome.result.frequencies.models.items()}
     expected = [0.8888, 0.9407, 0.9978, 1.0609, 1.1306, 1.2082, 1.2948]
@@ -396,7 +396,7 @@ def test_the_published_boom_lift_on_two_rigid_pads_an_overlap() -> None:
 
 def test_the_published_boom_lift_with_rigid_overlaps() -> None:
     """Seven published frequencies to 2 %: nothing bends within an overlap, in full order and reduced."""
-    outcome = run_boom(load("time.end=7.0", "time.step=2e-2", file="boom_lift_rigid"))
+    outcome = run(load("time.end=7.0", "time.step=2e-2", file="boom_lift_rigid"))
     assert outcome is not None
     rows = outcome.result.summary["published_frequencies"]
     assert len(rows) == 7
@@ -413,4 +413,4 @@ def test_a_boom_that_does_not_fit_into_memory_is_refused_before_it_begins(monkey
     assert memory.needed(boom, 100, 30) / memory.needed(few, 100, 30) == pytest.approx(100.0, rel=0.01)
     monkeypatch.setattr("pmr.errors.environment.available_memory", lambda: 10**8)
     with pytest.raises(InputError, match="steps take about .* are free; at most"):
-        run_boom(boom)
+        run(boom)

@@ -10,7 +10,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.pipeline.booms import run_either
+from pmr.pipeline import run
 from pmr.report.document import write_report
 from tests.scene.test_dialects import WHOLE, written
 
@@ -20,7 +20,7 @@ QUICK = WHOLE + "gravity = {rise = 0.1}\nsimulation = {repeats = 1}\n"
 def test_figures_and_report_do_not_depend_on_the_dialect(tmp_path: Path, undrawn: None) -> None:
     """Seconds aside, which the report of one is told of the other."""
     files = [written(tmp_path, listed, QUICK) for listed in (True, False)]
-    outcomes = [run_either(scenes.load(file, [f"title={file.stem}"])) for file in files]
+    outcomes = [run(scenes.load(file, [f"title={file.stem}"])) for file in files]
     listed, top = (one.result for one in outcomes if one is not None)
     assert set(listed.responses) == set(top.responses) == {"reduced", "full"}
     for model, one in listed.responses.items():
@@ -51,5 +51,5 @@ def test_what_is_refused_on_the_way_is_called_as_the_file_calls_it(tmp_path: Pat
         file = written(tmp_path, listed, QUICK)
         file.write_text(f"{file.read_text()}{more}\n")
         with pytest.raises(InputError) as refused:
-            run_either(scenes.load(file))
+            run(scenes.load(file))
         assert refused.value.key == called

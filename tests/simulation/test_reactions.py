@@ -11,7 +11,6 @@ from pmr import scene as scenes
 from pmr.compare.evaluation import respond
 from pmr.fullmodel.build import full_model
 from pmr.pipeline import Outcome, run
-from pmr.pipeline.booms import run_boom
 from pmr.reduced.model import ReducedModel
 from pmr.results.tables import reaction_extremes
 from pmr.scene.built import GRAVITY
@@ -122,7 +121,7 @@ def test_the_clamp_of_a_boom_of_sections_bears_all_of_them() -> None:
     both_ways = ("section.joint.tail.0.unilateral=false", "section.joint.mouth.0.unilateral=false")
     few = ("section.mesh.elements=12", "compare.against=[]", "gravity.rise=0.5")
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*still, *both_ways, *few])
-    outcome = run_boom(boom)
+    outcome = run(boom)
     assert outcome is not None
     response, weight, moment = outcome.result.responses["reduced"], 0.0, 0.0
     for part, tail in zip(boom.sections, (0.0, 2.0), strict=True):

@@ -71,7 +71,7 @@ class Subject:
         return pmr.load_scene(self.file)
 
     @cached_property
-    def outcome(self) -> pmr.pipeline.Outcome | pmr.pipeline.booms.BoomOutcome:
+    def outcome(self) -> pmr.pipeline.Outcome:
         found = pmr.run(self.scene)
         assert found is not None
         return found

@@ -13,7 +13,7 @@ from pmr import scene as scenes
 from pmr.compare.errors import relative_error
 from pmr.compare.estimate import MARGIN
 from pmr.errors import InputError
-from pmr.pipeline.booms import run_boom
+from pmr.pipeline import run
 from pmr.reduced.attachment import CYLINDER
 from pmr.results import Response
 from pmr.scene.asked import Accuracy
@@ -31,7 +31,7 @@ QUICK = (
 
 def summary(*changes: str) -> dict[str, Any]:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
-    outcome = run_boom(boom)
+    outcome = run(boom)
     assert outcome is not None
     return outcome.result.summary
 
@@ -54,7 +54,7 @@ def test_random_booms_hold_what_they_are_asked_for() -> None:
     """Beside their full models; ``PMR_SWEEP=full`` takes eight booms."""
     for seed in (0, 2, 3, 5, 7, 11, 14, 17) if os.environ.get("PMR_SWEEP") == "full" else (3,):
         for tolerance in (1e-3, 1e-4):
-            outcome = run_boom(random_boom(seed).model_copy(update={"accuracy": Accuracy(tolerance=tolerance)}))
+            outcome = run(random_boom(seed).model_copy(update={"accuracy": Accuracy(tolerance=tolerance)}))
             assert outcome is not None
             found = outcome.result.summary
             true = found["errors"]["reduced_vs_full"]
@@ -97,7 +97,7 @@ def test_a_tolerance_chooses_the_step_and_counts_the_mesh() -> None:
 
 def _motion(model: str, *changes: str) -> Response:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
-    outcome = run_boom(boom)
+    outcome = run(boom)
     assert outcome is not None
     return outcome.result.responses[model]
 

@@ -10,9 +10,9 @@ from nested import Nested, full, reduced
 
 import pmr
 from pmr.errors import InputError, SimulationError
-from pmr.scene import Boom
+from pmr.scene import Scene
 from pmr.simulation import TimeStepping
-from pmr.simulation.booms import excitation_of
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import multibody
 from pmr.simulation.native.system_stepper import SystemStepper
 from pmr.simulation.start import InitialState
@@ -24,19 +24,19 @@ MOVING = "sections.fly.joint.extension={kind='smooth_ramp',times=[0.0,0.2],value
 
 
 @pytest.fixture(scope="module")
-def boom() -> Boom:
+def boom() -> Scene:
     """On pads that only push, two rigid cylinders among the contacts."""
     return pmr.load_scene("boom_three", [*SHORT, MOVING])
 
 
 @pytest.fixture(scope="module")
-def system(boom: Boom) -> System:
+def system(boom: Scene) -> System:
     return pmr.reduce(boom).system
 
 
-def test_steps_are_those_of_the_simulation(boom: Boom, system: System) -> None:
+def test_steps_are_those_of_the_simulation(boom: Scene, system: System) -> None:
     """Displacements of all sections and forces of all contacts, by names and in their order, from equilibrium on."""
-    excitation = excitation_of(boom, system).with_stepping(TimeStepping(END, STEP, RHO, parts=1))
+    excitation = Excitation.of(boom).with_stepping(TimeStepping(END, STEP, RHO, parts=1))
     expected = multibody.simulate(system, excitation, multibody.static_start(system, excitation))
     moved = np.hstack(list(multibody.displacements(system, expected).values()))
     s, f = excitation.s, excitation.forces(system.input_names)
