@@ -21,6 +21,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import RunResult
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.exudyn import simulator as exudyn
+from pmr.system.system import System
 
 SHORT = ("time.end=0.5", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}")
 
@@ -120,7 +121,7 @@ def test_exudyn_refuses_a_model_that_keeps_residual_inertia(load_scene) -> None:
         with pytest.raises(InputError, match="march is allowed: exudyn.* does not keep residual inertia"):
             exudyn.simulate(model, excitation, formulation=formulation)
     with pytest.raises(InputError, match="evolved.npz: march is allowed: exudyn does not keep"):
-        exudyn_script(model, "evolved.npz")
+        exudyn_script(System.of(model), "evolved.npz")
 
 
 ODD = {

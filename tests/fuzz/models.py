@@ -30,6 +30,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
     from pmr.errors.text import visible
     from pmr.export.exudyn.script import exudyn_script
     from pmr.reduced.model import ReducedModel
+    from pmr.system.system import System
 
     file = folder / "model.npz"
     file.write_bytes(_changed(_whole()[int(rng.integers(len(_whole())))], rng))
@@ -38,7 +39,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
         raise NonsenseError("what info says is no text")
     moved = _simulated(model)
     try:
-        script = exudyn_script(model, file.name)
+        script = exudyn_script(System.of(model), file.name)
     except ValueError as error:
         return f"{moved}, no script: {visible(str(error))[:100]}"
     compile(script, "script.py", "exec")

@@ -1,38 +1,35 @@
-"""Export of a reduced model, with its scene, as a standalone Python script for Exudyn.
+"""Export of a reduced system, with its scene, as a standalone Python script for Exudyn.
 
-The script consists of functions copied from `script_parts` and `script_body` (or, where rows give
-way, `script_compliant_rows`), and of what the scene says (`script_scene`): path, loads and time stepping.
-Whatever comes with the model (names, title, numbers) stands in it as a literal of Python: none of it is ever run.
+The script consists of functions copied from `script_parts`, `script_system` and `script_carriers` (or, of a body alone,
+`script_tables`), and of what the scene says (`script_scene`): paths, loads and time stepping.
+Whatever comes with the system (names, title, numbers) stands in it as a literal of Python: none of it is ever run.
 """
 
 from __future__ import annotations
 
 import inspect
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pmr.errors import InputError
-from pmr.export.exudyn import script_body as script_body
-from pmr.export.exudyn import script_compliant_rows as script_compliant_rows
-from pmr.export.exudyn import script_parts as script_parts
-from pmr.export.exudyn.script_scene import WIDTH, scene_text
+from pmr.errors.text import visible
+from pmr.export.exudyn import script_carriers, script_parts, script_system, script_tables
+from pmr.export.exudyn.script_scene import listed, scene_text
 from pmr.files.whole import replaced
-from pmr.reduced.model import ReducedModel
 from pmr.scene.simulators import Asked, refuse
-from pmr.simulation.needs import needs_of
+from pmr.simulation.exudyn.equations import Equations
 from pmr.system.body import force_outputs
-from pmr.system.compliant_rows import compliant_rows
+from pmr.system.contacts import ALONE
+from pmr.system.system import System
 
 _SCRIPT = '''\
-"""A reduced model in Exudyn.
+"""A reduced system in Exudyn.
 
-{equations}
+    M q'' + D q' + K q + C(s)^T lambda = B f(t),    C(s) q + H(s) f - F(s) lambda = 0,
+    y = outputs q + W f - X(s) lambda
 
-with {size} reduced coordinates p, the slider at s(t) and the transverse displacements y; SI units throughout.
+with {size} reduced coordinates q of {bodies}, path coordinates s(t) and outputs y; SI units throughout.
 
 Written by pmr; needs numpy, scipy and exudyn, and the file MODEL in this folder.
 """
@@ -41,7 +38,8 @@ Written by pmr; needs numpy, scipy and exudyn, and the file MODEL in this folder
 
 TITLE = {title!r}
 MODEL = {file_name!r}
-ROWS = {rows}  # of C
+CONTACTS = {contacts}  # the rows of C
+OF = {where!r}
 
 # --- What happens: change it here -------------------------------------------------------------------
 
@@ -53,17 +51,17 @@ ROWS = {rows}  # of C
 {signals}
 
 
-# --- The body in Exudyn -----------------------------------------------------------------------------
+# --- The bodies in Exudyn ---------------------------------------------------------------------------
 
 
-{body}
+{system}
 
 
 def main():
     model = read_model(Path(__file__).with_name(MODEL))
-    t, displacement = simulate(model, slider_position, LOADS, END, STEP, RHO_INF)
-    tip = displacement[:, {tip}]
-    print(f"Displacement at x = {{model.output_positions[{tip}]:g}} m over {{t[-1]:g}} s:")
+    t, y = simulate(model, PATHS, LOADS, END, STEP, RHO_INF, START, PARTS)
+    tip = y[:, {tip}]
+    print(f"Displacement{{OF}} at x = {{model.output_positions[{tip}]:g}} m over {{t[-1]:g}} s:")
     for name, value in (("smallest", tip.min()), ("largest", tip.max()), ("last", tip[-1])):
         print(f"  {{name}}: {{1e3 * value:.4f}} mm")
 
@@ -73,22 +71,14 @@ if __name__ == "__main__":
 '''
 
 
-#: Functions of a body's module that a script needs.
-BODY = {"read_model", "multipliers", "system", "add_sliding_body", "simulate"}
-_FIRM = "    M p'' + D p' + K p + C(s)^T lambda = B f(t),    C(s) p = 0,    y = outputs p"
-_COMPLIANT_ROWS = """\
-    M p'' + D p' + K p + C(s)^T lambda = B f(t),    C(s) p + H(s) f - (G(s) + pads) lambda = 0,
-    y = outputs p + W f - X(s) lambda"""
-
-
 def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
-    """Write a script that simulates a saved reduced model under its scene's path and loads.
+    """Write a script that simulates a saved system under its scene's paths and loads.
 
-    It needs numpy, scipy and exudyn only, and the model in its own folder, into which it is copied if need be.
-    Raises InputError as `exudyn_script`, if the file is no reduced model, or if writing would replace a model.
+    It needs numpy, scipy and exudyn only, and the system in its own folder, into which it is copied if need be.
+    Raises InputError as `exudyn_script`, if the file is no system, or if writing would replace one.
     """
     npz_path, target = Path(npz_path), Path(target)
-    text = exudyn_script(ReducedModel.load(npz_path), npz_path.name)
+    text = exudyn_script(System.load(npz_path), npz_path.name)
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(npz_path.name)
     if target == beside:
@@ -103,61 +93,64 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     return target
 
 
-def exudyn_script(model: ReducedModel, file_name: str) -> str:
-    """Text of a script that reads `model` from `file_name`.
+def exudyn_script(system: System, file_name: str) -> str:
+    """Text of a script that reads `system` from `file_name`.
 
-    Raises InputError if the model's provenance has no usable scene, only some of its rows give way, it keeps residual
-    inertia or has rows that only push.
+    Raises InputError if the system's provenance has no usable scene, its output is no displacement, or it keeps
+    residual inertia.
     """
-    model.ensure_whole(file_name)
-    refuse("exudyn-multiplier", needs_of(model, model.domain[0]), Asked(file_name, "", None))
-    scene, compliant = scene_text(model, file_name), compliant_rows(model)
-    moved = np.flatnonzero(~force_outputs(model))
-    if not moved.size:
+    for body in system.bodies.values():
+        if ALONE in system.bodies:
+            body.ensure_whole(file_name)
+    scene, equations = scene_text(system, file_name), Equations(system)
+    first = {name: float(path.value(0.0)) for name, path in zip(system.paths, scene.paths.values(), strict=True)}
+    x = equations.at(first or {"": 0.0})  # of a system in which nothing travels
+    refuse("exudyn", equations.needs(x), Asked(file_name, "", None))
+    units = [(name, force) for name, body in system.bodies.items() for force in force_outputs(body)]
+    moved = [k for k, (_, force) in enumerate(units) if not force]
+    if not moved:
         raise InputError(file_name, "outputs", None, "at least one displacement is allowed in a script")
-    if 0 < len(compliant) < len(model.row_names):
-        names = ", ".join(model.row_names[i] for i in compliant)
-        raise InputError(file_name, "rows", None, f"only {names} give way; all rows or none are allowed in a script")
-    module: Any = script_compliant_rows if compliant else script_body
+    reader: Any = script_tables if ALONE in system.bodies else script_carriers
     signals = scene.kinds | ({"akima"} if "table" in scene.kinds else set())
     return _SCRIPT.format(
         title=scene.title,
-        equations=_COMPLIANT_ROWS if compliant else _FIRM,
-        size=model.size,
-        rows=_listed(model.row_names),
+        size=equations.size,
+        bodies=f"{len(system.bodies)} bodies" if len(system.bodies) > 1 else "a body",
+        contacts=listed(system.contact_names),
         file_name=file_name,
-        imports=_imports(scene.kinds, (module, script_parts)),
+        imports=_imports(scene.kinds, reader),
         scene=scene.text(),
         signals=_sources(script_parts, signals),
-        body=f"{_sources(module, BODY)}\n\n\n{_sources(script_parts, {'add_body', 'solve'})}",
-        tip=int(moved[-1]),
+        system=f"{_sources(reader)}\n\n\n{_sources(script_system)}",
+        tip=moved[-1],
+        where=visible(f" of {units[moved[-1]][0]}").rstrip() if ALONE not in system.bodies else "",
     )
 
 
-def _listed(names: Sequence[str]) -> str:
-    """A list of strings as Python writes it; a name a line where it is long."""
-    line = repr(list(names))
-    return line if len(line) <= WIDTH else "\n".join(["[", *(f"    {name!r}," for name in names), "]"])
+def _sources(module: Any, names: set[str] | None = None) -> str:
+    """Source text of some functions of a module, or of all, in the module's order."""
+    functions = {name: f for name, f in vars(module).items() if getattr(f, "__module__", None) == module.__name__}
+    return "\n\n\n".join(
+        inspect.getsource(f).rstrip() for name, f in functions.items() if names is None or name in names
+    )
 
 
-def _sources(module: Any, names: set[str]) -> str:
-    """Source text of some functions of a module, in the module's order."""
-    return "\n\n\n".join(inspect.getsource(f).rstrip() for name, f in vars(module).items() if name in names)
-
-
-def _imports(kinds: set[str], modules: Sequence[Any]) -> str:
-    """What the copied functions need; the items as their modules import them."""
+def _imports(kinds: set[str], reader: Any) -> str:
+    """What the copied functions need; the items as their module imports them."""
     items = "".join(
         f"    {name},\n"
-        for module in modules
-        for name, value in vars(module).items()
+        for name, value in vars(script_system).items()
         if getattr(value, "__module__", None) == "exudyn.itemInterface"
     )
     cache = "from functools import lru_cache\n" if "table" in kinds else ""
-    akima = "Akima1DInterpolator, " if "table" in kinds else ""
+    scipy = ["from scipy.interpolate import Akima1DInterpolator"] if "table" in kinds else []
+    if reader is script_tables:
+        scipy = [f"from scipy.interpolate import {'Akima1DInterpolator, ' if scipy else ''}PPoly"]
+    else:
+        scipy.append("from scipy.linalg import block_diag")
+    first = "" if reader is script_tables else "import json\n"
     return (
-        f"import warnings\n{cache}from pathlib import Path\nfrom types import SimpleNamespace\n\n"
+        f"{first}import warnings\n{cache}from pathlib import Path\nfrom types import SimpleNamespace\n\n"
         "import exudyn as exu\nimport numpy as np\n"
-        f"from exudyn.itemInterface import (\n{items})\n"
-        f"from scipy.interpolate import {akima}PPoly"
+        f"from exudyn.itemInterface import (\n{items})\n" + "\n".join(scipy)
     )

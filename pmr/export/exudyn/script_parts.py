@@ -1,4 +1,4 @@
-"""Signals, a body and its time integration in Exudyn, without pmr: the source text of these is copied into scripts.
+"""Signals without pmr: the source text of these is copied into scripts.
 
 A signal is a function of one time t in s and takes the fields of the signal of the same kind in `pmr.scene.signals`.
 """
@@ -6,78 +6,10 @@ A signal is a function of one time t in s and takes the fields of the signal of 
 # mypy: allow-untyped-defs, allow-untyped-calls
 from __future__ import annotations
 
-import warnings
 from functools import lru_cache
 
-import exudyn as exu
 import numpy as np
-from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2, SensorNode
 from scipy.interpolate import Akima1DInterpolator
-
-
-def add_body(mbs, model, stiffness, force):
-    """Add a body at rest, with its stiffness and generalised forces (r,) at t = 0; numbers of its node and object."""
-    r = len(model.M)
-    nBody = mbs.AddNode(
-        NodeGenericODE2(
-            numberOfODE2Coordinates=r,
-            referenceCoordinates=np.zeros(r),
-            initialCoordinates=np.zeros(r),
-            initialCoordinates_t=np.zeros(r),
-        )
-    )
-    # Exudyn adds K and D to the Jacobian itself; told that there is nothing else, it needs no differences.
-    zero = exu.MatrixContainer(np.zeros((r, r)))
-
-    def nothing_else(mbs, t, item, *others):
-        if t > mbs.variables.get(item, 0.0):
-            raise ValueError("another SetPreStepUserFunction took the place of `update`: call both from one function")
-        return zero
-
-    oBody = mbs.AddObject(
-        ObjectGenericODE2(
-            nodeNumbers=[nBody],
-            massMatrix=model.M,
-            dampingMatrix=model.D,
-            stiffnessMatrix=stiffness,
-            forceVector=force,
-            jacobianUserFunction=nothing_else,
-        )
-    )
-    return nBody, oBody
-
-
-def solve(mbs, nBody, end, step, rho_inf):
-    """Assemble and integrate; times (T,) in s and the coordinates (T, r) of node `nBody`."""
-    sBody = mbs.AddSensor(
-        SensorNode(nodeNumber=nBody, outputVariableType=exu.OutputVariableType.Coordinates, storeInternal=True)
-    )
-    mbs.Assemble()
-
-    settings = exu.SimulationSettings()
-    settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = step
-    settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
-    settings.timeIntegration.endTime = end
-    settings.timeIntegration.numberOfSteps = round(end / step)
-    settings.timeIntegration.adaptiveStep = False
-    settings.timeIntegration.automaticStepSize = False
-    settings.timeIntegration.generalizedAlpha.spectralRadius = rho_inf
-    settings.timeIntegration.newton.useModifiedNewton = False
-    mbs.SolveDynamic(settings)
-
-    stored = mbs.GetSensorStoredData(sBody)
-    t, p = stored[:, 0], stored[:, 1:]
-    rest = p  # what changes its sign with every step: its eighth differences
-    for _ in range(4):
-        rest = (rest[:-2] - 2.0 * rest[1:-1] + rest[2:]) / 4.0
-    if not (rest**2).sum() <= 1e-6 * (p**2).sum():
-        warnings.warn(
-            "The motion changes its sign with every step: a constraint that moves (index 3) grows where RHO_INF is "
-            "near 1, or STEP is too long for the motion. These results can't be trusted.",
-            stacklevel=2,
-        )
-    return t, p
 
 
 def ramp(t, times, values):
@@ -120,3 +52,19 @@ def chirp(t, amplitude, times, frequencies, phase):
     knots = np.append(np.clip(times, None, max(t, times[0])), t)
     mean = (np.interp(knots[1:], times, frequencies) + np.interp(knots[:-1], times, frequencies)) / 2.0
     return amplitude * np.sin(phase + 2.0 * np.pi * np.sum(mean * np.diff(knots)))
+
+
+def acceleration(t, positions, step):
+    """The sum of some paths twice differentiated, as a step sees it; what moves at t = 0 has moved so before."""
+    begin = max(t - step / 2.0, 0.0)
+    change = sum(rate(one, t + step / 2.0, step / 16.0) - rate(one, begin, step / 16.0) for one in positions)
+    return change / (t + step / 2.0 - begin)
+
+
+def rate(position, t, d):
+    """Time derivative by values d apart, to their fourth power: of those around t, at t = 0 of those behind it."""
+    if t > 0.0:
+        near, far = (position(t + k * d) - position(t - k * d) for k in (1, 2))
+        return (8.0 * near - far) / (12.0 * d)
+    weights = (-25.0, 48.0, -36.0, 16.0, -3.0)
+    return sum(w * position(t + k * d) for k, w in enumerate(weights)) / (12.0 * d)

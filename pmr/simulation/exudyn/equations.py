@@ -96,6 +96,6 @@ class Equations:
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
         """What the system asks of a simulator where its places lead along x (T, sides) m."""
-        found = needs_of_contacts(self.system, ~np.any(self.rows(x[:1]).F[0], axis=1), x, rho_inf)
+        found = needs_of_contacts(self.system, ~np.any(self.assembly.along(x[:1]).F[0], axis=1), x, rho_inf)
         flexibility = None if self.alone is None else self.alone.flexibility
         return replace(found, kept_inertia=flexibility is not None and flexibility.keeps_inertia)

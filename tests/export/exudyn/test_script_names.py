@@ -18,6 +18,7 @@ from pmr.export.exudyn.script import exudyn_script, write_exudyn_script
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SignalBase, Sine, SmoothRamp, Step, Table
 from pmr.system.body import FullBody
+from pmr.system.system import System
 
 PATH = SmoothRamp(times=(0.0, 0.2), values=(2.0, 2.6))
 SINE = Sine(amplitude=3.0, frequency=1.3, phase=0.4, offset=-2.0)
@@ -91,7 +92,7 @@ def test_a_name_is_never_run(plain: ReducedModel, kind: str, compliant: bool, tm
         model, rows = replace(plain, provenance=model.provenance, pads=model.pads), list(plain.row_names)
     script = write_exudyn_script(model.save(tmp_path / "beam.npz"), tmp_path / "script.py")
     names = runpy.run_path(str(script))
-    assert names["TITLE"] == visible(NAMES[kind]) and names["ROWS"] == rows
+    assert names["TITLE"] == visible(NAMES[kind]) and names["CONTACTS"] == rows
     assert [load.__name__ for load in names["LOADS"]] == list(dict.fromkeys(f.__name__ for f in names["LOADS"]))
     t = 0.123
     assert [load(t) for load in names["LOADS"]] == pytest.approx([float(SINE.value(t)), float(TABLE.value(t))])
@@ -138,5 +139,5 @@ def test_a_crafted_model_is_refused(plain: ReducedModel, tmp_path: Path) -> None
 def test_a_scene_of_anything_but_numbers_is_refused(plain: ReducedModel, change: dict) -> None:
     told = scene(SINE, STEP) | change
     with pytest.raises(InputError) as caught:
-        exudyn_script(replace(plain, provenance={"scene": told}), "beam.npz")
+        exudyn_script(System.of(replace(plain, provenance={"scene": told})), "beam.npz")
     assert caught.value.source == "beam.npz" and len(str(caught.value).splitlines()) == 1

@@ -1,0 +1,43 @@
+"""A script of a boom of sections: what it says as it stands is what a run says by Exudyn."""
+
+from __future__ import annotations
+
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from processes import called
+
+import pmr
+
+#: Steps that are few and parts that are many; nothing is compared with a full model.
+SHORT = ['simulation.simulators=["exudyn"]', "compare.against=[]", "section.mesh.elements=8"]
+SHORT += ["time.end=0.1", "time.step=1e-3", "time.rho_inf=0.9"]
+BOTH_WAYS = [f"section.joint.{end}=[{{at=0.15,stiffness=1e8}}]" for end in ("tail", "mouth")]
+
+
+@pytest.mark.parametrize("pads", ["both ways", "pushing"])
+def test_it_reproduces_the_run(pads: str, tmp_path: Path, monkeypatch, capsys) -> None:
+    """Two sections that move along the boom from equilibrium; to the tolerance that holds for a body alone."""
+    outcome = pmr.run(pmr.load_scene("boom_two", [*SHORT, *(BOTH_WAYS if pads == "both ways" else [])]))
+    outcome.system.save(tmp_path / "system.npz")
+    done = called(monkeypatch, capsys, "export", str(tmp_path / "system.npz"), "--to", "exudyn")
+    assert done.returncode == 0, done.stderr
+    script = tmp_path / "sliding_body.py"
+    names = runpy.run_path(str(script))
+    model = names["read_model"](tmp_path / "system.npz")
+    wanted = [names[name] for name in ("PATHS", "LOADS", "END", "STEP", "RHO_INF", "START", "PARTS")]
+    t, y = names["simulate"](model, *wanted)
+    assert (names["PARTS"] > 1) == (pads == "pushing") and "load_fly_extension" in script.read_text()
+    response = outcome.result.responses["reduced"]
+    units = [unit for body in outcome.system.bodies.values() for unit in body.output_units]
+    moved = y[:, [unit == "m" for unit in units]]
+    expected = response.displacement
+    np.testing.assert_allclose(t, response.t, atol=1e-12)
+    assert np.abs(moved - moved[0]).max() > 1e-4
+    np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    alone = subprocess.run([sys.executable, "-I", str(script)], capture_output=True, text=True, cwd="/")
+    assert alone.returncode == 0 and alone.stdout.startswith("Displacement of fly at x = 6 m over 0.1 s:")
