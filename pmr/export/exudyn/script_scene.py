@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.scene.boom import Linear
+from pmr.scene.joints import Linear
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation import contact_step
-from pmr.simulation.booms import Acceleration
+from pmr.simulation.acceleration import Acceleration
 from pmr.simulation.native.multibody_march import contact_frequency
 from pmr.simulation.recorded import recorded_system
 from pmr.simulation.stepping import TimeStepping

@@ -15,11 +15,11 @@ import pmr
 
 #: Steps that are few and parts that are many; nothing is compared with a full model.
 SHORT = ['simulation.simulators=["exudyn"]', "compare.against=[]", "section.mesh.elements=8"]
-SHORT += ["time.end=0.1", "time.step=1e-3", "time.rho_inf=0.9"]
-BOTH_WAYS = [f"section.joint.{end}=[{{at=0.15,stiffness=1e8}}]" for end in ("tail", "mouth")]
+SHORT += ["time.end=0.03", "time.step=1e-3", "time.rho_inf=0.9"]
+BOTH_WAYS = [f"section.joint.{end}=[{{at=0.15,stiffness=1e8,unilateral=false}}]" for end in ("tail", "mouth")]
 
 
-@pytest.mark.parametrize("pads", ["both ways", "pushing"])
+@pytest.mark.parametrize("pads", ["both ways", pytest.param("pushing", marks=pytest.mark.slow)])
 def test_it_reproduces_the_run(pads: str, tmp_path: Path, monkeypatch, capsys) -> None:
     """Two sections that move along the boom from equilibrium; to the tolerance that holds for a body alone."""
     outcome = pmr.run(pmr.load_scene("boom_two", [*SHORT, *(BOTH_WAYS if pads == "both ways" else [])]))
@@ -37,7 +37,7 @@ def test_it_reproduces_the_run(pads: str, tmp_path: Path, monkeypatch, capsys) -
     moved = y[:, [unit == "m" for unit in units]]
     expected = response.displacement
     np.testing.assert_allclose(t, response.t, atol=1e-12)
-    assert np.abs(moved - moved[0]).max() > 1e-4
+    assert np.abs(moved - moved[0]).max() > 1e-5
     np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
     alone = subprocess.run([sys.executable, "-I", str(script)], capture_output=True, text=True, cwd="/")
-    assert alone.returncode == 0 and alone.stdout.startswith("Displacement of fly at x = 6 m over 0.1 s:")
+    assert alone.returncode == 0 and alone.stdout.startswith("Displacement of fly at x = 6 m over 0.03 s:")
