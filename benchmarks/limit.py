@@ -28,8 +28,7 @@ from numpy.typing import NDArray
 from benchmarks import beams
 from pmr.simulation.native import simulator as march
 from pmr.simulation.native.compilation import OPTIONS
-from pmr.simulation.native.simd import LANES, load, spread, store, total
-from pmr.simulation.native.system import aligned
+from pmr.simulation.native.simd import LANES, aligned, load, spread, store, total
 
 Array = NDArray[np.float64]
 

@@ -75,7 +75,7 @@ def estimate(
 
     `modal` are the sections on their free modes, those of the system before they had modes of their cylinders.
 
-    Raises ValueError if there is no estimate (`no_estimate`); InputError or SimulationError as `multibody.simulate`;
+    Raises ValueError if there is no estimate (`no_estimate`); InputError or SimulationError as `systems.simulate`;
     SimulationError too if what two richer models say of an impact differs.
     """
     begin = time.perf_counter()

@@ -20,7 +20,7 @@ from pmr.scene.built import force_of
 from pmr.scene.members import DRIVEN
 from pmr.scene.names import cylinder_of
 from pmr.simulation import Excitation
-from pmr.simulation.native.multibody_march import places
+from pmr.simulation.excitation import places
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact

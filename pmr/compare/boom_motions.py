@@ -25,8 +25,7 @@ from pmr.fullmodel.build import Built
 from pmr.fullmodel.system import FullSystem
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.simulation.excitation import Excitation
-from pmr.simulation.native.multibody_march import places
+from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.petsc import Checkpoint, Recording, observe_system, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.stepping import TimeStepping

@@ -13,9 +13,8 @@ from pmr.compare.outputs import Outputs
 from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.simulation.columns import called
-from pmr.simulation.contact_step import as_made
-from pmr.simulation.native import multibody
-from pmr.simulation.native.multibody_march import contact_frequency
+from pmr.simulation.contact_step import as_made, contact_frequency
+from pmr.simulation.native import systems
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import length_outputs, other_outputs
 from pmr.system.contacts import named
@@ -29,7 +28,7 @@ BESIDE_KINK = 2.0
 
 def run_from_rest(system: System, excitation: Excitation) -> SystemTrajectory:
     """From static equilibrium."""
-    return multibody.simulate(system, excitation, multibody.static_start(system, excitation))
+    return systems.simulate(system, excitation, systems.static_start(system, excitation))
 
 
 def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:
@@ -71,7 +70,7 @@ class SteppedBoom:
 
     def displacements(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
         run = run_from_rest(self._system, on_grid(self._boom, self._system, stepping))
-        found = multibody.displacements(self._system, run.at(slice(None, None, every)))
+        found = systems.displacements(self._system, run.at(slice(None, None, every)))
         moved = [found[name][:, length_outputs(body)] for name, body in self._system.bodies.items()]
         return np.hstack(moved)[:, slice(None) if which is None else which]
 
@@ -106,7 +105,7 @@ def outputs(boom: Scene, system: System, run: SystemTrajectory, seen: Seen) -> O
 
 def velocities(system: System, run: SystemTrajectory) -> Array:
     r"""Rates of the displacements, (T, o) in m/s: :math:`O \dot q`, and by differences those of the residual part."""
-    of_all, found = multibody.displacements(system, run), list[Array]()
+    of_all, found = systems.displacements(system, run), list[Array]()
     for name, body in system.bodies.items():
         moved, motion = length_outputs(body), run.bodies[name]
         O = np.asarray(body.outputs[moved])

@@ -19,7 +19,7 @@ from pmr.scene.members import STRAIGHT
 from pmr.scene.names import cylinder_of
 from pmr.simulation.columns import called
 from pmr.simulation.modal import inertia_share, unpressed
-from pmr.simulation.native import multibody
+from pmr.simulation.native import systems
 from pmr.system.body import force_outputs, length_outputs
 from pmr.system.contacts import Contact, named
 from pmr.system.system import Joined, System, SystemTrajectory
@@ -47,7 +47,7 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
         v = trajectory.bodies[name].v
         kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
     energy = Energy(kinetic, trajectory.energy - kinetic, -trajectory.work)
-    outputs = multibody.displacements(system, trajectory)
+    outputs = systems.displacements(system, trajectory)
     found = response_of(system, trajectory.t, Said(outputs, trajectory.forces, trajectory.peaks, energy))
     return _with_reactions(replace(found, seconds=trajectory.seconds, surplus=trajectory.surplus), system, trajectory)
 

@@ -22,8 +22,9 @@ from pmr.scene import Scene
 from pmr.scene.choice import transverse
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation, contact_step
+from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.excitation import places
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native.multibody_march import contact_frequency, places
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE
 from pmr.system.system import System

@@ -21,9 +21,9 @@ from pmr.scene import Scene
 from pmr.scene.built import WEIGHT
 from pmr.scene.members import DRIVEN
 from pmr.simulation import Excitation, Progress, SystemSimulator, contact_step, exudyn
+from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import on_path
-from pmr.simulation.native import multibody
-from pmr.simulation.native.multibody_march import contact_frequency
+from pmr.simulation.native import systems
 from pmr.system.contacts import ALONE
 from pmr.system.from_scene import system_of
 from pmr.system.system import System, SystemTrajectory
@@ -64,7 +64,7 @@ def simulate_sections(boom: Scene, system: System, excitation: Excitation, clock
 def simulator_of(name: str) -> SystemSimulator:
     """By its name in a scene."""
     if name == "march":
-        return multibody.simulate
+        return systems.simulate
     return partial(exudyn.simulate_system, formulation=exudyn.FORMULATIONS[name])
 
 
@@ -149,7 +149,7 @@ def _repeated(
     boom: Scene, system: System, excitation: Excitation, simulator: SystemSimulator, done: Progress
 ) -> SystemTrajectory:
     """A short simulation is repeated as the scene says, and the fastest counts."""
-    start = multibody.static_start(system, excitation)
+    start = systems.static_start(system, excitation)
     found = [simulator(system, excitation, start, done)]
     while len(found) < boom.simulation.repeats and found[0].seconds < SHORT:
         found.append(simulator(system, excitation, start))

@@ -30,7 +30,8 @@ from pmr.reduction.sections import ReducedSection, reduce_sections
 from pmr.results import BodyResult, Frequencies
 from pmr.scene import Scene
 from pmr.simulation import Excitation, contact_step
-from pmr.simulation.native.multibody_march import contact_frequency, places
+from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.excitation import places
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of

@@ -54,7 +54,7 @@ class Simulator(Protocol):
 
 
 class SystemSimulator(Protocol):
-    """Integrates a system of bodies over time: `native.multibody.simulate`, `exudyn.simulate_system`."""
+    """Integrates a system of bodies over time: `native.systems.simulate`, `exudyn.simulate_system`."""
 
     def __call__(
         self,
@@ -71,7 +71,7 @@ class SystemSimulator(Protocol):
         excitation : Excitation
             The system's paths, by name, and a load for each ``body.input``.
         initial : mapping of str to InitialState, optional
-            Of each body; those that are missing start at rest, undeformed.  `native.multibody.static_start` gives one.
+            Of each body; those that are missing start at rest, undeformed.  `native.systems.static_start` gives one.
         progress : callable, optional
 
         Raises

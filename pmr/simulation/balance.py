@@ -58,7 +58,7 @@ class Account:
 
     def __init__(self, body: SlidingBody, steps: int) -> None:
         self._body = body
-        self._stored, self._work = np.zeros(steps + 1), np.zeros(steps + 1)
+        self.stored, self.work = np.zeros(steps + 1), np.zeros(steps + 1)
 
     def add(self, first: int, part: Trajectory, loads: Array) -> Energy:
         """Energies of a part of the trajectory, whose first step, number `first`, is the last of the one before."""
@@ -66,8 +66,8 @@ class Account:
         with np.errstate(over="ignore", invalid="ignore"):
             motion = _motion(self._body, part, loads)
             found = _energy(self._body, part, loads, motion)
-            self._stored[steps] = found.kinetic + found.strain
-            self._work[steps][1:] = self._work[first] + np.cumsum(_works(self._body, part, loads, motion))
+            self.stored[steps] = found.kinetic + found.strain
+            self.work[steps][1:] = self.work[first] + np.cumsum(_works(self._body, part, loads, motion))
         return found
 
     def surplus(self, loads: Array, step: float, s: float, simulator: str) -> float:
@@ -79,7 +79,7 @@ class Account:
         with np.errstate(over="ignore", invalid="ignore"):
             inertia = body.M.diagonal() if sp.issparse(body.M) else np.diagonal(body.M)
             least = round_off(body.B.T @ (body.B / inertia[:, None]), loads, step)
-            found = surplus(self._stored, self._work, least, since_start=bool(pushing_rows(body)))
+            found = surplus(self.stored, self.work, least, since_start=bool(pushing_rows(body)))
         rigid = row_flexibility(body, s)[1]
         refuse_growth(found, simulator, [body.row_names[k] for k in body.moving if rigid[k]])
         return found

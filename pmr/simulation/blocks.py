@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.results import Energy
+from pmr.simulation.stepping import Progress
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
@@ -24,6 +26,9 @@ class Block:
     loads: Array  # (T, i) N
     energy: Energy
 
+
+#: Seconds from which on blocks get no longer, where they begin with few steps.
+BRIEF = 0.05
 
 #: Who is told of each block, in order.
 Take = Callable[[Block], None]
@@ -57,3 +62,31 @@ class Recorder:
     def trajectory(self, ended: Ended) -> Trajectory:
         """The recorded steps."""
         return Trajectory(**self._arrays, seconds=ended.seconds, surplus=ended.surplus)
+
+
+def in_blocks(
+    end: int,
+    most: int,
+    heavy: int,
+    advance: Callable[[int, int], None],
+    taken: Callable[[int, int], None],
+    progress: Progress | None,
+) -> float:
+    """Steps 1 to `end`, the latter excluded, `most` of them at once; the seconds that `advance` took.
+
+    It takes steps first to last, the latter excluded; then `taken` learns of them, and `progress` of the share that is
+    done.  Where steps may be as `heavy` as so many, the first blocks are smaller.
+    """
+    advance(1, 1)  # none: what is compiled or loaded for the first time is not the solver's time
+    first, seconds, size = 1, 0.0, max(1, most // heavy)
+    while first < end:
+        last = min(first + size, end)
+        begun = time.perf_counter()
+        advance(first, last)
+        passed = time.perf_counter() - begun
+        taken(first, last)
+        if progress is not None:
+            progress((last - 1) / (end - 1))
+        first, seconds = last, seconds + passed
+        size = min(2 * size, most) if passed < BRIEF else size
+    return seconds

@@ -6,7 +6,7 @@ A body that lands on closed pads swings on them, for half a period of
 
 taken over the rows that only push.  A step with h omega of 1 or more takes the energy of an impact and most of its
 force; what is lost falls with the square (docs/pads.md).  So a step is made in equal parts, as many as h omega takes;
-of systems that is the most, and an estimate of the error decides (`pmr.simulation.native.multibody_levels`).
+that is the most, and an estimate of the error decides (`pmr.simulation.native.levels`).
 """
 
 from __future__ import annotations
@@ -14,13 +14,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.errors.text import rounded, rounded_down
 from pmr.reduced.model import ReducedModel
-from pmr.simulation.excitation import Excitation
+from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.stepping import TimeStepping
+from pmr.system.assembly import Assembly
 from pmr.system.body import pushing_rows
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -34,19 +37,28 @@ MOST_PARTS, MOST_IN_ALL = 200, 5_000_000
 PLACES = 65
 
 
-def contact_frequency(body: ReducedModel, s: Array) -> float:
-    """Largest omega in rad/s where the path coordinates s (T,) m lead; 0 if no row that gives way only pushes."""
-    rows = pushing_rows(body)
-    if not rows:
-        return 0.0
-    places, largest = np.unique(np.linspace(s.min(), s.max(), PLACES)), 0.0
-    which = np.ix_(rows, rows)
-    for at in places:
-        C = body.C(float(at))[rows]
-        F = np.diag(body.row_compliance[rows])
-        if body.flexibility is not None:
-            F = F + body.flexibility.rows(at)[which]
-        largest = max(largest, frequency(F, C @ np.linalg.solve(body.M, C.T)))
+def contact_frequency(system: System, excitation: Excitation) -> float:
+    """Largest omega in rad/s of the contacts that only push, on the way; 0 without any, or if a rigid one does.
+
+    Errors as for `pmr.simulation.excitation.places`.
+    """
+    x = places(system, excitation)
+    if not (system.on_one_path and system.paths):
+        return frequency_at(system, x[np.unique(np.linspace(0, len(x) - 1, PLACES).astype(int))])
+    (path,) = system.paths
+    s = np.clip(excitation.s[:, list(excitation.paths).index(path)], *system.ranges[path])
+    return frequency_at(system, system.coordinates({path: np.unique(np.linspace(s.min(), s.max(), PLACES))}))
+
+
+def frequency_at(system: System, x: Array) -> float:
+    """The same with the contacts' places at x (T, sides) m."""
+    pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
+    if not len(pushing):
+        return largest
+    assembly = Assembly(system)
+    mobility, rows = spla.splu(assembly.M.tocsc()), assembly.along(x)
+    for C, F in zip(rows.C[:, pushing], rows.F[:, pushing][:, :, pushing], strict=True):
+        largest = max(largest, frequency(F, C @ mobility.solve(np.ascontiguousarray(C.T))))
     return largest
 
 
@@ -132,4 +144,4 @@ def warnings_of(omega: float, stepping: TimeStepping) -> list[str]:
 
 
 def _omega(body: ReducedModel, excitation: Excitation) -> float:
-    return contact_frequency(body, excitation.along(body.domain)) if pushing_rows(body) else 0.0
+    return contact_frequency(System.of(body), excitation.on_slider) if pushing_rows(body) else 0.0

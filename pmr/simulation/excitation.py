@@ -20,6 +20,7 @@ from pmr.scene.names import input_of
 from pmr.scene.signals import SignalBase
 from pmr.simulation.acceleration import Acceleration
 from pmr.simulation.stepping import TimeStepping
+from pmr.system.system import Body, Joined
 
 Array = NDArray[np.float64]
 Load = TypeVar("Load")
@@ -58,6 +59,11 @@ class Excitation:
             allowed = f"{len(self.paths)} given ({', '.join(self.paths)}), one path for all sliders is allowed"
             raise InputError("scene", "slider.path", None, allowed)
         return next(iter(self.paths.values()))
+
+    @property
+    def on_slider(self) -> Excitation:
+        """The same, whose only path is called as that of a body alone; an InputError as for `path`."""
+        return self if tuple(self.paths) == (SLIDER,) else replace(self, paths={SLIDER: self.path})
 
     @cached_property
     def times(self) -> Array:
@@ -136,3 +142,22 @@ def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -
             allowed = f"{low:g} to {high:g} m is allowed; left between two steps"
             raise InputError("scene", "slider.path", at, allowed)
     return np.clip(s, low, high)
+
+
+def places(system: Joined[Body], excitation: Excitation) -> Array:
+    """X (T, sides) in m of the contacts' places at the steps.
+
+    Raises
+    ------
+    InputError
+        If a path is missing, or takes a place where its row is not defined.
+    """
+    x = system.coordinates(dict(zip(excitation.paths, excitation.s.T, strict=True)))
+    return np.ascontiguousarray(np.broadcast_to(x, (len(excitation.s), len(system.sides))))
+
+
+def rates_of_places(system: Joined[Body], excitation: Excitation) -> Array:
+    """Their rates (sides,) in m/s at t = 0."""
+    rates = {name: float(path.rate(0.0)) for name, path in excitation.paths.items()}
+    on = [side.place for side in system.sides]
+    return np.array([0.0 if place.path is None else place.rate * rates[place.path] for place in on])

@@ -113,6 +113,19 @@ class Assembly:
             found.H[:, contacts] = evaluate(known.inputs, s)[:, rows]
             found.X[:, :, contacts] = evaluate(known.outputs, s)[:, :, rows]
 
+    def rates(self, x: Array, x_rate: Array) -> Array:
+        """dC/dt (m, n) of the contacts with their places at x (sides,) m, which move by x_rate (sides,) m/s."""
+        found = np.zeros((len(self.system.contacts), self.size))
+        for side, at, rate in zip(self.system.sides, x, x_rate, strict=True):
+            if rate != 0.0:
+                body, name = self.system.bodies[side.place.body], side.place.body
+                if body.carriers is None:
+                    row = np.asarray(body.C(float(at), 1))[body.row_names.index(side.place.row)]
+                else:
+                    row = self.system.row(side.place).weights(at, 1).toarray()[0] @ body.carriers.values
+                found[side.contact, self.coordinates[name]] += side.sign * rate * row[self.free[name]]
+        return found
+
     def frequencies(self, x: Array, count: int) -> Array:
         """The lowest natural frequencies, ([S,] count) Hz, every contact closed, its places at x ([S,] sides) in m."""
         if x.ndim == 1:

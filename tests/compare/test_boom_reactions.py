@@ -23,7 +23,7 @@ from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
 from pmr.scene.members import TAIL
 from pmr.simulation import Excitation, SystemSimulator, exudyn
-from pmr.simulation.native import multibody
+from pmr.simulation.native import systems
 from pmr.system.body import force_outputs
 from pmr.system.from_scene import system_of
 from pmr.system.system import System, SystemTrajectory
@@ -86,13 +86,13 @@ class Run:
         return respond(self.system, self.moved)
 
 
-def run(changes: Sequence[str], simulator: SystemSimulator = multibody.simulate) -> Run:
+def run(changes: Sequence[str], simulator: SystemSimulator = systems.simulate) -> Run:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, *changes])
     built = build_bodies(boom, MPI.COMM_SELF)
     sections = reduce_sections(boom, built)
     system = system_of(boom, {name: one.model for name, one in sections.items()})
     excitation = Excitation.of(boom)
-    moved = simulator(system, excitation, multibody.static_start(system, excitation))
+    moved = simulator(system, excitation, systems.static_start(system, excitation))
     return Run(boom, built, sections, system, excitation, moved)
 
 

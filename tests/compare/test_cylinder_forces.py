@@ -18,7 +18,7 @@ from pmr.recover.from_scene import states_of
 from pmr.reduction.sections import reduce_sections
 from pmr.results import RunResult
 from pmr.simulation import Excitation
-from pmr.simulation.native import multibody
+from pmr.simulation.native import systems
 from pmr.system.from_scene import system_of
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -126,12 +126,12 @@ def test_full_coordinates_are_recovered_from_modes_of_cylinders_too() -> None:
     ):
         system = system_of(boom, bodies)
         given = Excitation.of(boom)
-        runs.append((system, multibody.simulate(system, given, multibody.static_start(system, given))))
+        runs.append((system, systems.simulate(system, given, systems.static_start(system, given))))
     (system, motion), (whole, full) = runs
     states = states_of(system, motion, steps)["fly"]
     recovery = Recovery(built["fly"].model, reduced["fly"].V, reduced["fly"].model, rows=states.rows)
     q, body = recovery.positions(states.states), whole.bodies["fly"]
-    y = multibody.displacements(system, motion)["fly"][steps]
+    y = systems.displacements(system, motion)["fly"][steps]
     assert (body.outputs @ q.T).T == pytest.approx(y, abs=1e-12 * np.abs(y).max())
     along = np.flatnonzero(np.asarray(built["fly"].model.rigid.coordinates)[:, 0] > 0.5)
     expected = full.bodies["fly"].q[np.ix_(steps, along)]

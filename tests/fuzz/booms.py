@@ -132,14 +132,14 @@ def newton(boom: Scene) -> float:
     from pmr.fullmodel.build import build_bodies
     from pmr.reduction.sections import reduce_sections
     from pmr.simulation import Excitation
-    from pmr.simulation.native import multibody
+    from pmr.simulation.native import systems
     from pmr.system.from_scene import system_of
 
     built = build_bodies(boom, MPI.COMM_SELF)
     sections = reduce_sections(boom, built)
     system = system_of(boom, {name: one.model for name, one in sections.items()})
     given = Excitation.of(boom)
-    found = multibody.simulate(system, given, multibody.static_start(system, given))
+    found = systems.simulate(system, given, systems.static_start(system, given))
     assert found.parts is not None
     ones, worst, size = np.ones(STEPS + 1, np.int64), 0.0, max(np.abs(found.peaks).max(), np.abs(found.forces).max())
     pads = impulses(given.stepping, ones, found.forces) if found.impulses is None else found.impulses

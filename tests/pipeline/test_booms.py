@@ -29,7 +29,7 @@ from pmr.results import load as load_frames
 from pmr.results.tables import tables
 from pmr.scene import Scene
 from pmr.simulation import Excitation
-from pmr.simulation.native import multibody
+from pmr.simulation.native import systems
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
 
@@ -334,7 +334,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
     masses["fly"] += 250.0
     system = system_of(boom, {name: one.model for name, one in reduce_sections(boom, build_bodies(boom)).items()})
     given = Excitation.of(boom)
-    found = respond(system, multibody.simulate(system, given, multibody.static_start(system, given)))
+    found = respond(system, systems.simulate(system, given, systems.static_start(system, given)))
     t = given.times
     x = t / 4.0
     a = 3.0 * (60.0 * x - 180.0 * x**2 + 120.0 * x**3) / 4.0**2

@@ -23,6 +23,8 @@ from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
 from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, pushing_rows
+from pmr.system.contacts import SLIDER
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 STIFFNESS = 3e8  # N/m, a scene's default
@@ -48,12 +50,13 @@ def fall(body: ReducedModel, stepping: TimeStepping) -> Trajectory:
 @pytest.mark.parametrize("stiffness", [1e2, 1e8])
 def test_the_frequency_of_a_contact_is_that_of_a_mass_on_its_pad(stiffness: float) -> None:
     body = on_a_spring(2.0, stiffness, 1e-3)
-    omega = contact_step.contact_frequency(body, np.array([0.3, 0.6]))
+    x = np.array([[0.0], [0.0]])
+    omega = contact_step.frequency_at(System.of(body), x)
     assert omega == pytest.approx(np.sqrt(stiffness / 2.0), rel=1e-12)
-    assert contact_step.contact_frequency(modal_form(body).body, np.array([0.5])) == pytest.approx(omega, rel=1e-12)
+    assert contact_step.frequency_at(System.of(modal_form(body).body), x) == pytest.approx(omega, rel=1e-12)
     assert Stepper(body, step=1e-3, s=0.5).contact == pytest.approx(1e-3 * omega, rel=1e-12)
     both_ways = replace(body, clearance=None)
-    assert not pushing_rows(both_ways) and contact_step.contact_frequency(both_ways, np.zeros(1)) == 0.0
+    assert not pushing_rows(both_ways) and contact_step.frequency_at(System.of(both_ways), x) == 0.0
 
 
 def test_as_many_parts_as_the_contact_takes() -> None:
@@ -179,7 +182,8 @@ def test_first_impacts_of_random_falls_are_those_of_a_fine_step() -> None:
         h, s, rho_inf = float(rng.choice([2e-4, 5e-4, 1e-3, 2e-3])), rng.uniform(2.0, 4.5), rng.choice([0.5, 0.9, 1.0])
         body = list(BODIES.values())[number % 2](beam_on_pads(clearance, stiffness, 20), r)
         steps = int(np.ceil((1.6 * np.sqrt(2.0 * clearance / 9.81) + 0.01) / h))
-        omega = contact_step.contact_frequency(body, np.array([s]))
+        system = System.of(body)
+        omega = contact_step.frequency_at(system, system.coordinates({SLIDER: np.array([s])}))
         found = []
         for parts in (0, 1, max(2, int(np.ceil(h * omega / 0.004)))):
             stepping = TimeStepping(steps * h, h, float(rho_inf), parts)

@@ -17,9 +17,9 @@ from pmr.export.fmi.variables import STARTS, Variable
 from pmr.scene.signals import Ramp
 from pmr.simulation import contact_step
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native import multibody
+from pmr.simulation.native import systems
 from pmr.simulation.native import simulator as march
-from pmr.simulation.native.multibody_march import contact_frequency
+from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.recorded import Recorded
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import displacement
@@ -92,7 +92,7 @@ def _with_parts(system: System, excitation: Excitation) -> TimeStepping:
 def _followed(rows: Arrangement, given: Excitation, static: bool) -> tuple[Array, Array, Array, Array]:
     """Modes and their rates (T, r), displacements (T, o) and forces (T, m)."""
     system, parts = rows.system, rows.parts
-    initial = multibody.static_start(system, given) if static else {}
+    initial = systems.static_start(system, given) if static else {}
     if ALONE in system.bodies:
         form, domain = parts[0].form, parts[0].form.body.domain
         found = march.simulate_modal(form, given, form.start(initial[ALONE]) if initial else None)
@@ -103,11 +103,11 @@ def _followed(rows: Arrangement, given: Excitation, static: bool) -> tuple[Array
             displacement(form.body, found.q, given.along(domain), found.multipliers, f),
             found.multipliers,
         )
-    moved = multibody.simulate(system, given, initial)
+    moved = systems.simulate(system, given, initial)
     z, v = (
         np.hstack([getattr(moved.bodies[part.name], what) @ part.form.inverse.T for part in parts]) for what in "qv"
     )
-    return z, v, np.hstack(list(multibody.displacements(system, moved).values())), moved.forces
+    return z, v, np.hstack(list(systems.displacements(system, moved).values())), moved.forces
 
 
 def inputs_csv(found: Reference, variables: Sequence[Variable]) -> str:

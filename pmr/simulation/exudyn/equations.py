@@ -15,8 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.scene.simulators import Needs
-from pmr.simulation.excitation import Excitation
-from pmr.simulation.native.multibody_march import places
+from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.needs import needs_of_contacts
 from pmr.simulation.start import InitialState, check_position, checked, consistent_start
 from pmr.system.assembly import Assembly, ContactRows

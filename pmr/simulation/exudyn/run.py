@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.scene.simulators import refuse
 from pmr.simulation import balance
+from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.contacts import Balance, Contacts, Motion, followed
 from pmr.simulation.exudyn.equations import Equations
@@ -18,7 +19,6 @@ from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
 from pmr.simulation.exudyn.inputs import TabulatedInputs
 from pmr.simulation.exudyn.solver import change, of_connector, of_nodes, solve, solver_settings, stored
 from pmr.simulation.lengths import Lengths
-from pmr.simulation.native.multibody_march import contact_frequency
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.body import FullBody, SlidingBody, Trajectory

@@ -1,21 +1,21 @@
 """What the compiled loop of `march` reads and changes, as named arrays.
 
 Everything that has an entry for each mode is a row of one table, `State.modes`: so a compiler sees that rows do not
-overlap and works on several modes at once.  They are r' long, the number of modes r rounded up to a whole number of
-vector registers (`pmr.simulation.native.simd`); what is added is zero and stays zero.
+overlap and works on several modes at once.  They are r' long: the bodies' modes one after the other, each body's
+rounded up to a whole number of vector registers (`pmr.simulation.native.simd`); what is added is zero and stays zero.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
-#: Rows of `State.modes`.  Constants: Omega^2, D, 1 and the first input, all divided by S
-#: (`pmr.simulation.native.step`).
+#: Rows of `State.modes`.  Constants: Omega^2, D, 1 and the first input, divided by S (`pmr.simulation.native.step`).
 STIFFNESS, DAMPING, UNIT, INPUT = range(4)
 #: The predicted state with which the next step begins; the displacement it leads to without multipliers and loads.
 Z_NEXT, V_NEXT, A_NEXT, Z_FREE = range(4, 8)
@@ -39,24 +39,6 @@ class Scheme(NamedTuple):
     a_from_acceleration: float
 
 
-class System(NamedTuple):
-    """Constants of a body with r modes, m rows and i inputs; polynomials on k intervals, highest power first."""
-
-    breaks: Array  # (k + 1,) m
-    rows: Array  # (k, m, p, r'): C
-    couplings: Array  # (k, m, p', w): dq C S^-1 C^T + G + pads, (m, m), and behind it dq C S^-1 B + H, (m, i)
-    B: Array  # (i, r'): S^-1 B, transposed
-    damped: Array  # (3, r, r'): S^-1 Omega^2, S^-1 D, S^-1 where damping couples the modes; else (0, 0, 0)
-    constant_rows: int  # how many of the first rows never move
-
-
-class Outputs(NamedTuple):
-    """Constants of o outputs, filled up to o' by those that make whole cache lines; k intervals."""
-
-    of_modes: Array  # (r, o')
-    of_rows: Array  # (k, q, o'): X, row after row, highest power first, and W; q = 0 without residual flexibility
-
-
 class Memory(NamedTuple):
     """What a force and its share in generalized-alpha's a do in the following step, on a unit mass."""
 
@@ -69,6 +51,38 @@ class Memory(NamedTuple):
     z_from_share: float
 
 
+class Modes(NamedTuple):
+    """The modes' equations without contacts: unit mass, i inputs."""
+
+    stiffness: Array  # (r',): Omega^2
+    damping: Array  # (1, r'): the diagonal of D, or (r', r') where it couples modes
+    B: Array  # (i, r'): transposed
+
+
+class Divided(NamedTuple):
+    """What of these a step needs divided by S = 1 + D dv + Omega^2 dq, for one length of step."""
+
+    B: Array  # (i, r'): S^-1 B, transposed
+    damped: Array  # (3, r', r'): S^-1 Omega^2, S^-1 D, S^-1 where damping couples the modes; else (0, 0, 0)
+
+
+class Tables(NamedTuple):
+    """The m rows of one body on one path; polynomials on k intervals, highest power first."""
+
+    breaks: Array  # (k + 1,) m
+    rows: Array  # (k, m, p, r'): C
+    # (k, m, p', w), for one length of step: dq C S^-1 C^T + G + pads, (m, m), and behind it dq C S^-1 B + H, (m, i)
+    couplings: Array
+    constant_rows: int  # how many of the first rows never move
+
+
+class Outputs(NamedTuple):
+    """Constants of o outputs of such a body, filled up to o' by those that make whole cache lines; k intervals."""
+
+    of_modes: Array  # (r, o')
+    of_rows: Array  # (k, q, o'): X, row after row, highest power first, and W; q = 0 without residual flexibility
+
+
 class Contact(NamedTuple):
     """Rows that only push, among m rows, and which of all rows hold at present."""
 
@@ -78,8 +92,8 @@ class Contact(NamedTuple):
     clearance: Array  # (m,) m; 0 where a row holds both ways
     closed: NDArray[np.bool_]  # (m,): rows that hold; true where they do both ways
     wrong: NDArray[np.bool_]  # (m,): rows that have to change sides
-    factored: NDArray[np.int64]  # (1,): how many closed rows `State.factor` is of; negative where it is of others
-    numbers: NDArray[np.int64]  # (m,): those rows, ascending
+    factored: Indices  # (1,): how many closed rows `State.factor` is of; negative where it is of others
+    numbers: Indices  # (m,): those rows, ascending
     excess: Array  # (m,) m: how far the rows would come out beyond their clearance without multipliers
     entries: Array  # (m,): room for one row of a matrix, or a right-hand side
     force: Array  # (m,) N: multipliers at the end of the step before
@@ -88,14 +102,36 @@ class Contact(NamedTuple):
 
 
 class State(NamedTuple):
-    """What changes; r modes, m rows."""
+    """What changes; r' modes, m rows."""
 
     modes: Array  # (11 + max(m, 1), r')
     multipliers: Array  # (m,)
-    position: Array  # (1,): s at which the rows stand; NaN before the first step
-    interval: NDArray[np.int64]  # (1,)
-    couplings: Array  # (m, w): `System.couplings` at s; w is m + i, rounded up like r'
+    position: Array  # (1,): s at which the rows of a table stand; NaN before the first step, of a table or not
+    interval: Indices  # (1,): likewise
+    couplings: Array  # (m, w): `Tables.couplings` where the rows stand; w is m + i, rounded up like r'
     factor: Array  # (m, m): L below the diagonal, 1 / pivots on it, of the Schur complement L diag(pivots) L^T
-    weighted: Array  # (m, r'): C / S where damping couples the modes; else (0, r')
+    weighted: Array  # (m, r'): C / S where they are needed apart
     shares: Array  # (q,): what `Outputs.of_rows` is multiplied by
     contact: Contact | None = None  # None, a type of its own to the compiler, where all rows hold both ways
+
+
+class Drive(NamedTuple):
+    """Paths s (., P) and loads f (., i), the start included, as finely as the shortest parts of a step take them."""
+
+    s: Array
+    f: Array
+    # (T,): the level of each step (`pmr.simulation.native.levels`), -1 where it is to be found; None: all are whole
+    given: Any
+
+
+class Record(NamedTuple):
+    """What is recorded of T steps; what is None is not."""
+
+    z: Any  # (T, r) or (T, r')
+    v: Any
+    multipliers: Array  # (T, m) N
+    peaks: Any = None  # (T, m) N: largest within the step, where it may be made in parts
+    parts: Any = None  # (T,): of how many
+    impulses: Any = None  # (T, m) N s: given in the step, where contacts only push
+    energy: Any = None  # (T, 2) J: what is stored, and the work since the start
+    y: Any = None  # (T, o): outputs

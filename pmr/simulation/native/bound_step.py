@@ -19,15 +19,14 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from pmr.simulation.native import contact as contact_rows
-from pmr.simulation.native.arrays import Contact, Outputs, Scheme, State, System
+from pmr.simulation.native.arrays import Contact, Divided, Outputs, Scheme, State, Tables
 from pmr.simulation.native.compilation import compiled, compiled_for_python, inlined
-from pmr.simulation.native.outputs import observe
+from pmr.simulation.native.part import step_on_tables
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.step import step
 
 Array = NDArray[np.float64]
 Memory = NDArray[np.int64]
-Arguments = tuple[System, Scheme, Outputs, State, Array, Array]
+Arguments = tuple[Tables, Divided, Scheme, Outputs, State, Array, Array]
 
 #: Returned instead of the number of a row where s lies off the path.
 OFF_THE_PATH = -1
@@ -68,9 +67,9 @@ def stored(kind: Any) -> Any:
 def _example(contact: Contact | None) -> Arguments:
     """Arguments of the types that all have whose rows hold both ways, or that all others have."""
     one, two, three, four = (np.zeros((1,) * n) for n in range(1, 5))
-    system = System(one, four, four, two, three, 0)
+    tables, divided = Tables(one, four, four, 0), Divided(two, three)
     state = State(two, one, one, np.zeros(1, np.int64), two, two, two, one, contact)
-    return system, Scheme(*[0.0] * len(Scheme._fields)), Outputs(two, three), state, one, one
+    return tables, divided, Scheme(*[0.0] * len(Scheme._fields)), Outputs(two, three), state, one, one
 
 
 _CONTACT = contact_rows.contact(np.zeros(1), GeneralizedAlpha(1.0, 0.0).memory())
@@ -78,10 +77,12 @@ _TYPE, _TYPE_IN_CONTACT = (typeof(_example(contact)) for contact in (None, _CONT
 _stored, _stored_in_contact = (stored(kind) for kind in (_TYPE, _TYPE_IN_CONTACT))
 
 
-def store(system: System, scheme: Scheme, outputs: Outputs, state: State, f: Array, y: Array) -> Memory:
+def store(
+    tables: Tables, divided: Divided, scheme: Scheme, outputs: Outputs, state: State, f: Array, y: Array
+) -> Memory:
     """Memory for `advance`; the arrays have to outlive it."""
     memory = np.zeros(words(_TYPE if state.contact is None else _TYPE_IN_CONTACT), np.int64)
-    _store(memory.ctypes.data, (system, scheme, outputs, state, f, y))
+    _store(memory.ctypes.data, (tables, divided, scheme, outputs, state, f, y))
     return memory
 
 
@@ -102,22 +103,19 @@ def _advance_in_contact(address: int, s: float) -> int:
 
 @inlined
 def _advanced(arguments: Arguments, s: float) -> int:
-    system, scheme, outputs, state, f, y = arguments
-    breaks = system.breaks
+    tables, divided, scheme, outputs, state, f, y = arguments
+    breaks = tables.breaks
     if not breaks[0] <= s <= breaks[len(breaks) - 1]:
         return OFF_THE_PATH
-    failed = step(system, scheme, state, s, f)
-    if failed == 0:
-        observe(system, outputs, state, f, y)
-    return failed
+    return step_on_tables(tables, divided, scheme, outputs, state, s, f, y)
 
 
 @cache
 def entry(in_contact: bool) -> Callable[[int, float], int]:
     """``advance(address, s)``: a step to s under the loads in f, its outputs in y; compiled when first asked for.
 
-    For arguments whose rows all hold both ways, or of which some only push (`in_contact`).  Returns what `step` of
-    `pmr.simulation.native.step` does, or OFF_THE_PATH.  Nothing is looked at as a call of a compiled
+    For arguments whose rows all hold both ways, or of which some only push (`in_contact`).  Returns what
+    `step_on_tables` does, or OFF_THE_PATH.  Nothing is looked at as a call of a compiled
     function would do it: the address has to be that of the memory that `store` gave.
     """
     signature = (types.int64, types.float64)

@@ -3,7 +3,8 @@ r"""Outputs of `march`, compiled.
 .. math::
     y = O z + W f - X(s) \lambda
 
-is a sum of columns times their shares: those of O times z, and the coefficients of X and W times -lambda x^p and f.
+is a sum of columns times their shares: those of O times z, and the coefficients of X and W times -lambda x^p and f.  Of
+contacts with places of their own X is that of the carriers times the weights of each side.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native.arrays import Outputs, State, System, Z
+from pmr.simulation.native.arrays import Outputs, State, Tables, Z
 from pmr.simulation.native.compilation import inlined
+from pmr.simulation.native.rows import dot
+from pmr.simulation.native.side_arrays import Bodies, SideOutputs, Sides
 from pmr.simulation.native.simd import LANES, load, spread, store
 
 Array = NDArray[np.float64]
@@ -20,11 +23,11 @@ _WIDE = 4 * LANES
 
 
 @inlined
-def observe(system: System, outputs: Outputs, state: State, f: Array, y: Array) -> None:
+def observe(tables: Tables, outputs: Outputs, state: State, f: Array, y: Array) -> None:
     """Outputs y (o,) of the present state under the loads f (i,)."""
     j, z, shares, count = state.interval[0], state.modes[Z], state.shares, len(y)
     if len(shares) > 0:
-        _share(state, state.position[0] - system.breaks[j], f)
+        _share(state, state.position[0] - tables.breaks[j], f)
     of_modes, of_rows = outputs.of_modes, outputs.of_rows[j]
     if count < LANES:
         for n in range(count):
@@ -44,6 +47,36 @@ def observe(system: System, outputs: Outputs, state: State, f: Array, y: Array) 
     for n in range(wide, count, LANES):
         at = min(n, count - LANES)  # the last ones overlap with those before
         store(y, at, _add(of_rows, shares, at, _add(of_modes, z, at, spread(0.0))))
+
+
+@inlined
+def observe_sides(outputs: SideOutputs, bodies: Bodies, sides: Sides, state: State, f: Array, y: Array) -> None:
+    """The same of bodies whose contacts have places of their own."""
+    rows, z, count = bodies.rows, state.modes[Z], len(y)
+    for n in range(count):
+        y[n] = 0.0
+    for q in range(len(z)):
+        _add_column(y, outputs.of_modes[q], z[q])
+    for l in range(len(f)):
+        _add_column(y, outputs.of_inputs[l], f[l])
+    for k in range(len(state.multipliers)):
+        _add_column(y, outputs.of_staying[k], -state.multipliers[k])
+    for a in range(len(sides.interval)):
+        body, width = rows.body[a], rows.width[a]
+        if bodies.first_flexibility[body + 1] == bodies.first_flexibility[body]:
+            continue
+        touched = rows.first_touched[a] + sides.interval[a] * width
+        first = rows.first_coefficient[a] + sides.interval[a] * width
+        for l in range(width):
+            weight = dot(rows.coefficients[first + l], sides.powers[a])
+            share = -state.multipliers[rows.contact[a]] * weight
+            _add_column(y, outputs.of_carriers[bodies.carriers[body] + rows.touched[touched + l]], share)
+
+
+@inlined
+def _add_column(y: Array, column: Array, share: float) -> None:
+    for n in range(len(y)):
+        y[n] += column[n] * share
 
 
 @inlined

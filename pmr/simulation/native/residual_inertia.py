@@ -9,23 +9,22 @@ it.  A load that jumps is differentiated likewise; measured loads should be smoo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import side_by_side, total
-from pmr.errors import InputError
+from pmr.errors import InputError, SimulationError
 from pmr.scene.simulators import refuse
 from pmr.simulation import balance
-from pmr.simulation.blocks import Block, Ended, Take
+from pmr.simulation.blocks import Block, Ended, Take, in_blocks
 from pmr.simulation.excitation import Excitation, in_order
 from pmr.simulation.modal import ModalForm
-from pmr.simulation.native import marching
+from pmr.simulation.native import march
 from pmr.simulation.native import residual_inertia_step as kernel
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.system import aligned
+from pmr.simulation.native.simd import aligned
 from pmr.simulation.needs import needs_on
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
@@ -52,31 +51,38 @@ def follow(
     stepping, t = excitation.stepping, excitation.times
     course, account = _sampled(form, excitation), balance.Account(body, stepping.steps)
     r, m, i, T = body.size, len(body.row_names), len(body.input_names), stepping.steps + 1
-    record = kernel.Record(*(np.empty((min(marching.BLOCK, T - 1) + 1, size)) for size in (r, r, m, m)))
+    record = kernel.Record(*(np.empty((min(march.BLOCK, T - 1) + 1, size)) for size in (r, r, m, m)))
     state = _state(InitialState.at_rest(r) if initial is None else initial, m, i)
-    scheme, before = _scheme(GeneralizedAlpha(stepping.step, stepping.rho_inf)), 0
-    loop = marching.Loop(course.s[0], stepping.step, 1, partial(_reason, body.row_names))
+    scheme = _scheme(GeneralizedAlpha(stepping.step, stepping.rho_inf))
     resting = scheme._replace(step=0.0, dq=0.0, dv=0.0, gain=1.0)
-    loop.check(0, kernel.run(_system(form, resting), resting, state, course, record, 0, 1)[1])
+
+    def where(k: int) -> str:
+        return f"march failed at step {k}, t = {t[k]:g} s, slider at {course.s[0, k]:g} m"
+
+    def check(k: int, failed: int) -> None:
+        if failed:
+            raise SimulationError(f"{where(k)}: {_reason(body.row_names, failed)}")
+
+    check(0, kernel.run(_system(form, resting), resting, state, course, record, 0, 1)[1])
     system = _system(form, scheme)
 
-    def steps(first: int, last: int) -> tuple[int, int]:
+    def steps(first: int, last: int) -> None:
         part = kernel.Course(*(np.ascontiguousarray(one[:, first - 1 : last]) for one in course))
         reached, failed = kernel.run(system, scheme, state, part, record, 1, last - first + 1)
-        return reached - 1, failed
+        check(first + reached - 1, failed)
 
-    def passed(last: int) -> None:
-        nonlocal before
-        rows = slice(before, last)
-        p, v, z, multipliers = (array[: last - before] for array in record)
-        loop.check_finite(p, 1, before)
+    def taken(first: int, last: int) -> None:
+        rows = slice(first - 1, last)
+        p, v, z, multipliers = (array[: last - first + 1] for array in record)
+        finite = np.isfinite(p).all(axis=1)
+        if not finite.all():
+            raise SimulationError(f"{where(first - 1 + int(np.argmin(finite)))}: not finite")
         found, f = Trajectory(t[rows], p, v, multipliers, course.s[0, rows], 0.0, z), course.f[0, rows]
-        take(Block(before, found, f, account.add(before, found, f)))
+        take(Block(first - 1, found, f, account.add(first - 1, found, f)))
         for array in record:
-            array[0] = array[last - before - 1]
-        before = last - 1
+            array[0] = array[last - first]
 
-    seconds = loop.advance(steps, 1, progress, passed)
+    seconds = in_blocks(T, march.BLOCK, 1, steps, taken, progress)
     return Ended(seconds, account.surplus(course.f[0], float(t[1] - t[0]), float(course.s[0, 0]), "march"))
 
 
@@ -138,6 +144,6 @@ def _state(start: InitialState, m: int, i: int) -> kernel.State:
     )
 
 
-def _reason(names: Sequence[str], s: float, failed: int) -> str:
+def _reason(names: Sequence[str], failed: int) -> str:
     depend = ", ".join(names[:failed])
     return f"the rows {depend} can't tell there what holds the body (a slider on a support, or two in one place)"

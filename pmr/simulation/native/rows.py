@@ -1,4 +1,4 @@
-r"""The moving rows of `march`, compiled: all that depends on the path coordinate s alone.
+r"""The rows of a body on one path from its tables, compiled: all that depends on the path coordinate s alone.
 
 .. math::
     C(s), \qquad G(s) + dq\, C S^{-1} C^T = L\, \mathrm{diag}(d)\, L^T, \qquad H(s) + dq\, C S^{-1} B
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native.arrays import ROW, Contact, State, System
+from pmr.simulation.native.arrays import ROW, Contact, Divided, State, Tables
 from pmr.simulation.native.compilation import inlined
 from pmr.simulation.native.simd import LANES, load, spread, store, total
 
@@ -22,7 +22,7 @@ SINGULAR = 1e-12
 
 
 @inlined
-def move_rows(system: System, state: State, s: float) -> int:
+def move_rows(tables: Tables, divided: Divided, state: State, s: float) -> int:
     """Evaluate rows and factor at s; number of the first row that depends on others, counted from 1, or 0.
 
     Nothing is done while s stays where it is, and rows that never move are done once.
@@ -30,16 +30,16 @@ def move_rows(system: System, state: State, s: float) -> int:
     before = state.position[0]
     if s == before:
         return 0
-    first = 0 if np.isnan(before) else system.constant_rows
-    j = find_interval(system.breaks, s, state.interval[0])
-    x = s - system.breaks[j]
+    first = 0 if np.isnan(before) else tables.constant_rows
+    j = find_interval(tables.breaks, s, state.interval[0])
+    x = s - tables.breaks[j]
     state.interval[0] = j
     state.position[0] = s
     for k in range(first, len(state.factor)):
-        _evaluate(system.rows[j, k], x, state.modes[ROW + k])
-        _evaluate(system.couplings[j, k], x, state.couplings[k])
-        for n in range(system.damped.shape[1]):
-            state.weighted[k, n] = dot(system.damped[2, n], state.modes[ROW + k])
+        _evaluate(tables.rows[j, k], x, state.modes[ROW + k])
+        _evaluate(tables.couplings[j, k], x, state.couplings[k])
+        for n in range(divided.damped.shape[1]):
+            state.weighted[k, n] = dot(divided.damped[2, n], state.modes[ROW + k])
         if not add_to_factor(state.contact, state, k):
             state.position[0] = np.nan
             return k + 1

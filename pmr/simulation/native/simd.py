@@ -14,13 +14,19 @@ from __future__ import annotations
 import operator
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, models, register_model
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 LANES = 4
+#: Bytes; a register that crosses the border of two takes two accesses.
+CACHE_LINE = 64
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 
 
@@ -120,3 +126,19 @@ def _spread(builder: Any, x: Any) -> Any:
 def _shuffle(builder: Any, x: Any, chosen: list[int]) -> Any:
     mask = ir.Constant(ir.VectorType(ir.IntType(32), len(chosen)), chosen)
     return builder.shuffle_vector(x, ir.Constant(x.type, ir.Undefined), mask)
+
+
+def padded(array: Array, multiple: int = LANES) -> Array:
+    """With zeros at the end of the last axis, up to a whole number of vector registers or cache lines."""
+    wide = np.zeros((*array.shape[:-1], array.shape[-1] + -array.shape[-1] % multiple))
+    wide[..., : array.shape[-1]] = array
+    return aligned(wide)
+
+
+def aligned(array: Array) -> Array:
+    """Contiguous and writable, for others would be other types to the compiled loop, and from a cache line's start."""
+    memory = np.empty(array.size + CACHE_LINE // 8)
+    first = -memory.ctypes.data % CACHE_LINE // 8
+    copy = memory[first : first + array.size].reshape(array.shape)
+    copy[...] = array
+    return copy

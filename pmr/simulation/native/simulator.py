@@ -1,4 +1,4 @@
-r"""The compiled simulator: generalized-alpha in modal coordinates, a microsecond or less a step.
+r"""The compiled simulator of a body alone: generalized-alpha in modal coordinates, a microsecond or less a step.
 
 .. math::
     M \ddot q + D \dot q + K q + C(s)^T \lambda = B f, \qquad C(s) q + H(s) f - (G(s) + 1/k) \lambda = 0
@@ -6,7 +6,8 @@ r"""The compiled simulator: generalized-alpha in modal coordinates, a microsecon
 M, K and D never change: they are diagonalised once (`pmr.simulation.modal`), and a step is r scalar updates and one
 m x m solve for the multipliers (`pmr.simulation.native.step`), or a few where rows only push
 (`pmr.simulation.native.contact`).  Rayleigh and modal damping stay in the diagonal; a damping that couples the modes
-costs two products with an r x r matrix a step.
+costs two products with an r x r matrix a step.  The body is simulated as the system of one that it is
+(`pmr.simulation.native.march`), from its tables.
 """
 
 from __future__ import annotations
@@ -17,17 +18,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation import balance
 from pmr.simulation.blocks import Block, Ended, Recorder, Take
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import ModalForm, modal_form, support_forces
 from pmr.simulation.native import residual_inertia as inertial
-from pmr.simulation.native import step as kernel
-from pmr.simulation.native import system as march_system
-from pmr.simulation.native.marching import March, Room, without_pull
-from pmr.simulation.start import InitialState, consistent_start
+from pmr.simulation.native import tables
+from pmr.simulation.native.arrays import Z
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.march import March, Steps
+from pmr.simulation.native.start import modal_start
+from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
-from pmr.system.body import SlidingBody, Trajectory, displacement, pushing_rows
+from pmr.system.body import SlidingBody, Trajectory, displacement
+from pmr.system.contacts import ALONE
 
 Array = NDArray[np.float64]
 
@@ -55,10 +58,8 @@ def simulate(
     machine), diagonalising and the way back to q are not in it.
     """
     form = modal_form(body)
-    if initial is not None:
-        s, s_rate = float(excitation.along(body.domain)[0]), float(excitation.path_rate[0])
-        initial = form.start(consistent_start(body, s, s_rate, initial))
-    modal = simulate_modal(form, excitation, initial, progress)
+    start = None if initial is None else modal_start(body, form, initial)
+    modal = simulate_modal(form, excitation, start, progress)
     return in_coordinates(body, form, modal, excitation.forces(body.input_names))
 
 
@@ -83,20 +84,19 @@ def follow(
     """The same, but that nothing is recorded: `take` is told of some thousand steps at a time.
 
     A body that keeps the inertia of its residual part goes to `pmr.simulation.native.residual_inertia`.  Where rows
-    only push, a step is made in parts (`pmr.simulation.contact_step`), of which the last one is told.
-    Errors as for `pmr.simulation.Simulator`; that of a motion that grows comes at the end.
+    only push, a step may be made in parts (`pmr.simulation.contact_step`), of which the last one is told.  Errors as
+    for `pmr.simulation.Simulator`; that of a motion that grows comes at the end.
     """
     if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
         return inertial.follow(form, excitation, take, initial, progress)
-    march, t = March(form, excitation, initial), excitation.times
-    account = balance.Account(form.body, excitation.stepping.steps)
 
-    def taken(first: int, part: Trajectory, f: Array) -> None:
-        take(Block(first, part, f, account.add(first, part, f)))
+    def taken(steps: Steps) -> None:
+        z, v, multipliers, peaks = steps.record[:4]
+        assert z is not None and v is not None and steps.energy is not None
+        part = Trajectory(steps.t, z, v, multipliers, steps.s[:, 0], seconds=0.0, peaks=peaks)
+        take(Block(steps.first, part, steps.f, steps.energy))
 
-    room = Room(march, t, taken)
-    seconds = march.advance(room.steps, march.parts, progress, room.passed)
-    return Ended(seconds, account.surplus(march.f[:: march.parts], float(t[1] - t[0]), float(march.s[0]), "march"))
+    return _march(form, excitation, initial).run(taken, progress)
 
 
 def observe(
@@ -111,23 +111,14 @@ def observe(
     that `simulate` checks is not: rigid rows that move may grow unnoticed with rho_inf near 1
     (docs/time_integration.md).  Errors as for `pmr.simulation.Simulator`.
     """
-    march, stepping = March(form, excitation, None), excitation.stepping
-    parts_ = every * march.parts
-    chosen = np.arange(len(form.body.outputs)) if outputs is None else np.asarray(outputs, dtype=np.int64)
-    tables = march_system.outputs(form.body, chosen)
-    count = stepping.steps // every + 1
-    y, multipliers = np.empty((count, len(chosen))), np.empty((count, len(form.body.row_names)))
-    multipliers[0] = march.state.multipliers
-    y[0] = displacement(form.body, march.start[:1], march.s[:1], multipliers[:1], march.f[:1])[0, chosen]
-
-    def steps(first: int, last: int) -> tuple[int, int]:
-        rows = slice((first - 1) // parts_ + 1, (last - 1) // parts_ + 1)
-        arrays = march.s[first:last], march.f[first:last], parts_, y[rows], multipliers[rows]
-        return kernel.run_observed(march.system, march.scheme, tables, march.state, *arrays)
-
-    seconds = march.advance(steps, parts_, None)
-    march.check_finite(y, parts_)
-    without_pull(multipliers, pushing_rows(form.body))
+    march, body = _march(form, excitation, None), form.body
+    state = march.loop.state
+    chosen = range(len(body.outputs)) if outputs is None else outputs
+    count = excitation.stepping.steps // every + 1
+    y, multipliers = np.empty((count, len(chosen))), np.empty((count, len(body.row_names)))
+    multipliers[0], z = state.multipliers, state.modes[Z, : body.size]
+    y[0] = displacement(body, z[None], march.s[:1, 0], multipliers[:1], march.f[:1])[0, list(chosen)]
+    seconds = march.observe(tables.outputs(body, chosen), every, y[1:], multipliers[1:])
     return Observation(excitation.times[::every][:count], y, multipliers, seconds)
 
 
@@ -145,3 +136,9 @@ def in_coordinates(body: SlidingBody, form: ModalForm, modal: Trajectory, f: Arr
         peaks = multipliers.copy()
         peaks[:, form.rows] = modal.peaks
     return replace(modal, q=q, v=v, multipliers=multipliers, peaks=peaks)
+
+
+def _march(form: ModalForm, excitation: Excitation, initial: InitialState | None) -> March:
+    form.body.ensure_whole("model")
+    start = {} if initial is None else {ALONE: initial}
+    return March(SystemForm.alone(form), excitation.on_slider, start)

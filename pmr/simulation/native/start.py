@@ -1,70 +1,124 @@
-"""Start of a march: accelerations and multipliers at t = 0, as Exudyn finds them."""
+"""Start of a simulation: coordinates, accelerations and multipliers at t = 0."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.dependence import of_rows
-from pmr.errors import InputError, SimulationError
-from pmr.reduced.model import ReducedModel
-from pmr.scene.simulators import refuse
+from pmr.errors import SimulationError
+from pmr.scene.simulators import Needs, refuse
 from pmr.simulation.modal import ModalForm
 from pmr.simulation.native import contact as contact_rows
-from pmr.simulation.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, State, V, Z
+from pmr.simulation.native import energy
+from pmr.simulation.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, V, Z
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.part import Loop
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.system import state
-from pmr.simulation.needs import needs_of
-from pmr.simulation.start import InitialState, consistent_start, row_flexibility
-from pmr.system.body import SlidingBody, pushing_rows
+from pmr.simulation.native.sides import move_sides
+from pmr.simulation.start import ROW_TOLERANCE, InitialState, check_impulse, check_position, checked, row_drift
+from pmr.system.assembly import Assembly
+from pmr.system.body import SlidingBody
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
-def starting_state(
-    form: ModalForm, method: GeneralizedAlpha, s: float, s_rate: float, f: Array, initial: InitialState | None
-) -> State:
-    """State of a body in modal form at t = 0.
+@dataclass(frozen=True)
+class Onset:
+    """What drives a system at t = 0, and what it starts with."""
 
-    Where rows give way, the multipliers follow from the position, and which of those that only push are closed; rigid
-    rows hold the acceleration, their own motion left out as in Exudyn.
+    paths: Sequence[str]
+    s: Array  # (P,) m: where they lead
+    # of the contacts' sides as `System.sides` has them (sides,): places in m and their rates in m/s
+    x: Array
+    x_rate: Array
+    f: Array  # (i,) N
+    travelling: Sequence[str]  # contacts whose places move later on
+    initial: Mapping[str, InitialState]  # of each body; those that are missing start at rest, undeformed
 
-    An InputError is raised where the initial position violates a rigid row or a size is wrong, a rigid row only pushes,
-    the body keeps the inertia of its residual part or is but a section of a boom; a SimulationError where rows that
-    give way depend on each other, and some of them only push.
+
+def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) -> Mask:
+    """Bring a loop whose first step is one of `method` to t = 0; which contacts (m,) are rigid.
+
+    Where contacts give way, the multipliers follow from the position, and which of those that only push are closed;
+    rigid ones hold the acceleration, their own motion left out as in Exudyn.  An initial velocity that violates these
+    is corrected by the change of least kinetic energy (`pmr.simulation.start`).
+
+    An InputError is raised where the initial position violates a rigid contact or a size is wrong, and where a rigid
+    contact only pushes or travels with nothing to damp its force; a SimulationError where contacts that give way depend
+    on each other, and some of them only push.
     """
-    form.body.ensure_whole("model")
-    if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
-        allowed = "false is allowed step by step, and where outputs alone are kept; march.simulate keeps it"
-        raise InputError("scene", "reduction.residual_inertia", True, allowed)
-    body, scheme = form.body, method.scheme()
-    start = consistent_start(body, s, s_rate, initial)
-    C, free = body.C(s), body.B @ f - body.D @ start.v - np.diagonal(body.K) * start.q
-    begun = state(form, scheme, method.memory())
-    begun.multipliers[:] = _multipliers(body, s, C, free, f, start.q, begun.contact)
-    if begun.contact is not None:
-        begun.contact.force[:] = begun.contact.share[:] = begun.multipliers
-    modes = begun.modes[:, : body.size]
-    z, v, a = method.predict(start.q, start.v, free - C.T @ begun.multipliers)
-    modes[Z], modes[V], modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = start.q, start.v, z, v, a
-    modes[Z_FREE] = z - scheme.z_gain * (modes[STIFFNESS] * z + modes[DAMPING] * v)
-    return begun
-
-
-def _multipliers(
-    body: ReducedModel, s: float, C: Array, free: Array, f: Array, z: Array, contact: Contact | None
-) -> Array:
-    G, rigid = row_flexibility(body, s)
-    H = body.flexibility.inputs(s) if body.flexibility else np.zeros((len(C), len(f)))
-    if contact is not None:
-        refuse("march", needs_of(body, s))
+    rows, state, stiffness = Assembly(form.modal).at(onset.x), loop.state, loop.modes.stiffness
+    C = np.zeros((len(rows.C), len(stiffness)))
+    C[:, form.used] = rows.C
+    rigid = np.all(rows.F == 0.0, axis=1)
+    _check_rigid(form.system, rigid, onset.travelling, method.rho_inf)
+    z, v = _consistent(form, onset, C[rigid], rigid)
+    D = loop.modes.damping
+    free = loop.modes.B.T @ onset.f - (D[0] * v if len(D) == 1 else D @ v) - stiffness * z
     try:
-        return multipliers_of(C, G, free, C @ z + H @ f, contact)
+        state.multipliers[:] = multipliers_of(C, rows.F, free, C @ z + rows.H @ onset.f, state.contact)
     except NotSettledError as error:
-        why = reason(body, s, error.number)
-        raise SimulationError(f"march failed at t = 0 s, slider at {s:g} m: {why}") from None
+        why = reason(form.system, C, error.number)
+        raise SimulationError(f"march failed at t = 0 s{places_of(onset.paths, onset.s)}: {why}") from None
+    if state.contact is not None:
+        state.contact.force[:] = state.contact.share[:] = state.multipliers
+    modes, a = state.modes, free - C.T @ state.multipliers
+    modes[Z], modes[V] = z, v
+    modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = method.predict(z, v, a)
+    held = modes[STIFFNESS] * modes[Z_NEXT] + modes[DAMPING] * modes[V_NEXT]
+    modes[Z_FREE] = modes[Z_NEXT] - method.scheme().z_gain * held
+    if loop.control is not None:
+        loop.control.acceleration[0] = a
+    if loop.sides is not None:
+        failed = move_sides(loop.bodies, loop.divided, method.scheme(), state, loop.sides, onset.s)
+        if failed:
+            why = reason(form.system, C, failed)
+            raise SimulationError(f"march failed at t = 0 s{places_of(onset.paths, onset.s)}: {why}")
+        energy.account(loop.modes, loop.bodies, state, loop.sides, onset.f)
+        loop.sides.energy[1] = 0.0
+    return rigid
+
+
+def _check_rigid(system: System, rigid: Mask, travelling: Sequence[str], rho_inf: float) -> None:
+    contacts = list(zip(system.contacts, rigid, strict=True))
+    pushing = tuple(c.name for c, firm in contacts if firm and c.clearance is not None)
+    moving = tuple(c.name for c, firm in contacts if firm and c.name in travelling)
+    refuse("march", Needs(rigid_pushing=pushing, rigid_moving=moving, rho_inf=rho_inf))
+
+
+def _consistent(form: SystemForm, onset: Onset, C: Array, rigid: Mask) -> tuple[Array, Array]:
+    """Modal coordinates and velocities (r',) that fit the rigid rows C (m, r')."""
+    z, v = np.zeros((2, form.starts[-1]))
+    for name, initial in onset.initial.items():
+        start = modal_start(form.system.bodies[name], form.forms[name], initial)
+        z[form.columns[name]], v[form.columns[name]] = start.q, start.v
+    if not onset.initial or not rigid.any():
+        return z, v
+    names = tuple(name for name, firm in zip(form.system.contact_names, rigid, strict=True) if firm)
+    check_position(C, z, names)
+    C_t = np.zeros(C.shape)
+    C_t[:, form.used] = Assembly(form.modal).rates(onset.x, onset.x_rate)[rigid]
+    drift = row_drift(C, C_t, 1.0, InitialState(z, v))
+    if drift is None:
+        return z, v
+    change = np.linalg.lstsq(C, drift, rcond=None)[0]
+    check_impulse(C @ change, drift, names)
+    return z, v - change
+
+
+def modal_start(body: SlidingBody, form: ModalForm, initial: InitialState) -> InitialState:
+    """An initial state in modal coordinates; an InputError where a size is wrong or a support is violated."""
+    state, held = checked(initial, body.size), body.held
+    for row, coordinate in held.items():
+        if abs(state.q[coordinate]) > ROW_TOLERANCE * np.abs(state.q).max():
+            check_position(np.ones((1, 1)), state.q[[coordinate]], (body.row_names[row],))
+    return form.start(state)
 
 
 class NotSettledError(Exception):
@@ -105,12 +159,17 @@ def _closed(contact: Contact, F: Array, motion: Array) -> Array:
     return multipliers
 
 
-def reason(body: SlidingBody, s: float, failed: int) -> str:
-    """Why a step to s failed, in words, from what `pmr.simulation.native.step.step` returned."""
+def reason(system: System, C: Array, failed: int) -> str:
+    """Why a step failed that ends with rows C (m, r), in words, from what it returned."""
     if failed == contact_rows.UNSETTLED:
-        names = ", ".join(body.row_names[k] for k in pushing_rows(body))
+        names = ", ".join(contact.name for contact in system.contacts if contact.clearance is not None)
         return f"which of the rows {names} are closed was not settled in {contact_rows.LIMIT} solves"
-    return dependence(np.asarray(body.C(s))[:failed], body.row_names)
+    return dependence(C[:failed], system.contact_names)
+
+
+def places_of(paths: Sequence[str], s: Array) -> str:
+    """Where the paths lead, s (P,) m, in words."""
+    return "".join(f", {path} at {at:g} m" for path, at in zip(paths, s, strict=False))
 
 
 def dependence(C: Array, names: Sequence[str]) -> str:

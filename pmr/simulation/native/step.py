@@ -1,4 +1,4 @@
-r"""The compiled loop of `march`: one step of generalized-alpha in modal coordinates, O(r m).
+r"""One step of generalized-alpha in modal coordinates, compiled, O(r m).
 
 .. math::
     \ddot z + D \dot z + \Omega^2 z + C(s)^T \lambda = B f, \qquad C(s) z + H(s) f - G(s) \lambda = 0
@@ -37,17 +37,15 @@ from pmr.simulation.native.arrays import (
     Z_FREE,
     Z_NEXT,
     Contact,
-    Outputs,
+    Divided,
     Scheme,
     State,
-    System,
     V,
     Z,
 )
-from pmr.simulation.native.compilation import compiled, compiled_and_inlined, inlined
+from pmr.simulation.native.compilation import inlined
 from pmr.simulation.native.contact import let_go, remember, settle
-from pmr.simulation.native.outputs import observe
-from pmr.simulation.native.rows import dot, move_rows, solve
+from pmr.simulation.native.rows import dot, solve
 from pmr.simulation.native.simd import LANES, load, spread, store
 
 Array = NDArray[np.float64]
@@ -56,26 +54,19 @@ FINISHED = 0
 
 
 @inlined
-def step(system: System, scheme: Scheme, state: State, s: float, f: Array) -> int:
-    """Advance by one step to the path coordinate s and the loads f (i,) at its end.
+def advance(divided: Divided, scheme: Scheme, state: State, f: Array) -> int:
+    """A step under the loads f (i,) at its end, where the rows stand already.
 
-    Returns 0, the number from 1 of a dependent row, or `contact_rows.UNSETTLED`.
+    Returns 0, the number from 1 of a row that depends on those before it, or `pmr.simulation.native.contact.UNSETTLED`.
     """
-    failed = move_rows(system, state, s)
-    return failed if failed else advance(system, scheme, state, f)
-
-
-@inlined
-def advance(system: System, scheme: Scheme, state: State, f: Array) -> int:
-    """The rest of a step, with the rows where they stand at its end."""
-    m, i, coupled = len(state.multipliers), len(f), len(system.damped) > 0
+    m, i, coupled = len(state.multipliers), len(f), len(divided.damped) > 0
     if coupled:
-        _couple(system, scheme, state.modes)
-    failed, multiplier = _find_multipliers(state.contact, system, scheme, state, f)
+        _couple(divided, scheme, state.modes)
+    failed, multiplier = _find_multipliers(state.contact, divided, scheme, state, f)
     if failed:
         return failed
     if m > 1 or i > 1 or coupled:
-        _add_others(system, state, f)
+        _add_others(divided, state, f)
     force = f[0] if i > 0 else 0.0
     _advance(scheme, state.modes, force, multiplier)
     return FINISHED
@@ -83,11 +74,11 @@ def advance(system: System, scheme: Scheme, state: State, f: Array) -> int:
 
 @inlined
 def _find_multipliers(
-    contact: Contact | None, system: System, scheme: Scheme, state: State, f: Array
+    contact: Contact | None, divided: Divided, scheme: Scheme, state: State, f: Array
 ) -> tuple[int, float]:
     """Multipliers from the rows that the free motion violates; returns what failed, or 0, and the first one, or 0."""
     if contact is not None:  # decided when compiled
-        return _find_in_contact(contact, system, scheme, state, f)
+        return _find_in_contact(contact, divided, scheme, state, f)
     violation = _violate(state, f)
     m, multipliers = len(state.multipliers), state.multipliers
     if m == 1:  # as `solve` would do, without the way through memory
@@ -99,7 +90,7 @@ def _find_multipliers(
 
 
 @inlined
-def _find_in_contact(contact: Contact, system: System, scheme: Scheme, state: State, f: Array) -> tuple[int, float]:
+def _find_in_contact(contact: Contact, divided: Divided, scheme: Scheme, state: State, f: Array) -> tuple[int, float]:
     """The same where rows only push; as often as rows let go, each of them once at most."""
     while True:
         _violate(state, f)
@@ -107,8 +98,8 @@ def _find_in_contact(contact: Contact, system: System, scheme: Scheme, state: St
         if failed or not let_go(contact, scheme, state):
             remember(contact, scheme, state.multipliers)
             return failed, state.multipliers[0]
-        if len(system.damped) > 0:
-            _couple(system, scheme, state.modes)
+        if len(divided.damped) > 0:
+            _couple(divided, scheme, state.modes)
 
 
 @inlined
@@ -143,25 +134,25 @@ def _advance(scheme: Scheme, modes: Array, force: float, multiplier: float) -> N
 
 
 @inlined
-def _couple(system: System, scheme: Scheme, modes: Array) -> None:
+def _couple(divided: Divided, scheme: Scheme, modes: Array) -> None:
     """Stiffness and a damping that couples the modes: the table's STIFFNESS, DAMPING and UNIT are zero then."""
-    for n in range(system.damped.shape[1]):
-        forces = dot(system.damped[0, n], modes[Z_NEXT]) + dot(system.damped[1, n], modes[V_NEXT])
+    for n in range(divided.damped.shape[1]):
+        forces = dot(divided.damped[0, n], modes[Z_NEXT]) + dot(divided.damped[1, n], modes[V_NEXT])
         modes[OTHERS, n] = -forces
         modes[Z_FREE, n] = modes[Z_NEXT, n] - scheme.z_gain * forces
 
 
 @inlined
-def _add_others(system: System, state: State, f: Array) -> None:
+def _add_others(divided: Divided, state: State, f: Array) -> None:
     """Accelerations by inputs and rows after the first ones, which ride along in `_advance`."""
-    others, unit, coupled = state.modes[OTHERS], state.modes[UNIT], len(system.damped) > 0
+    others, unit, coupled = state.modes[OTHERS], state.modes[UNIT], len(divided.damped) > 0
     r = len(others)
     if not coupled:
         for n in range(0, r, LANES):
             store(others, n, spread(0.0))
     for l in range(1, len(f)):
         for n in range(0, r, LANES):
-            store(others, n, load(others, n) + load(system.B[l], n) * f[l])
+            store(others, n, load(others, n) + load(divided.B[l], n) * f[l])
     for k in range(0 if coupled else 1, len(state.multipliers)):
         multiplier = state.multipliers[k]
         if coupled:
@@ -170,61 +161,3 @@ def _add_others(system: System, state: State, f: Array) -> None:
         else:
             for n in range(0, r, LANES):
                 store(others, n, load(others, n) - load(unit, n) * load(state.modes[ROW + k], n) * multiplier)
-
-
-@compiled
-def run(
-    system: System, scheme: Scheme, state: State, s: Array, f: Array, z: Array, v: Array, multipliers: Array
-) -> tuple[int, int]:
-    """Steps to s (T,) under f (T, i), all of them recorded in z, v (T, r) and multipliers (T, m).
-
-    Returns the number of steps taken and 0, or the number from 1 of the row that stopped the march.
-    """
-    for n in range(len(s)):
-        failed = step(system, scheme, state, s[n], f[n])
-        if failed:
-            return n, failed
-        for k in range(z.shape[1]):
-            z[n, k] = state.modes[Z, k]
-            v[n, k] = state.modes[V, k]
-        for k in range(multipliers.shape[1]):
-            multipliers[n, k] = state.multipliers[k]
-    return len(s), FINISHED
-
-
-@compiled_and_inlined
-def step_and_observe(
-    system: System, scheme: Scheme, outputs: Outputs, state: State, s: float, f: Array, y: Array
-) -> int:
-    """One step to s under f (i,), and its outputs y (o,); 0, or the number from 1 of a dependent row."""
-    failed = step(system, scheme, state, s, f)
-    if failed == 0:
-        observe(system, outputs, state, f, y)
-    return failed
-
-
-@compiled
-def run_observed(
-    system: System,
-    scheme: Scheme,
-    outputs: Outputs,
-    state: State,
-    s: Array,
-    f: Array,
-    every: int,
-    y: Array,
-    multipliers: Array,
-) -> tuple[int, int]:
-    """Steps to s (T,) under f (T, i); outputs y (T // every, o) and multipliers (T // every, m) of each `every`-th."""
-    row, until = 0, every
-    for n in range(len(s)):
-        failed = step(system, scheme, state, s[n], f[n])
-        if failed:
-            return n, failed
-        until -= 1
-        if until == 0:
-            observe(system, outputs, state, f[n], y[row])
-            for k in range(multipliers.shape[1]):
-                multipliers[row, k] = state.multipliers[k]
-            row, until = row + 1, every
-    return len(s), FINISHED

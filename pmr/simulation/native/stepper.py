@@ -17,16 +17,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError, SimulationError
 from pmr.reduced.model import ReducedModel
-from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.contact_step import PLACES, frequency_at
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import bound_step as bound_step
-from pmr.simulation.native import system as march_system
-from pmr.simulation.native.arrays import V, Z
+from pmr.simulation.native import tables
+from pmr.simulation.native.arrays import ROW, V, Z
+from pmr.simulation.native.building import loop_of
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.march import refuse_kept_inertia
 from pmr.simulation.native.scheme import GeneralizedAlpha
-from pmr.simulation.native.start import reason, starting_state
+from pmr.simulation.native.start import Onset, begin, reason
 from pmr.simulation.recorded import recorded
-from pmr.simulation.start import InitialState, consistent_start
+from pmr.simulation.start import InitialState
 from pmr.system.body import SlidingBody
+from pmr.system.contacts import ALONE, SLIDER
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -35,7 +40,7 @@ class Stepper:
     """The compiled simulator of `pmr.simulation.native.simulator`, advanced from outside.
 
     Neither the step nor its outputs allocate memory.  In compiled code of one's own (Numba), call
-    ``step_and_observe(*stepper.arguments, s, f, y)`` of `pmr.simulation.native.step`, which involves no Python.
+    ``step_on_tables(*stepper.arguments, s, f, y)`` of `pmr.simulation.native.part`, which involves no Python.
 
     Parameters
     ----------
@@ -81,29 +86,30 @@ class Stepper:
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
         chosen = np.arange(len(body.output_positions)) if outputs is None else np.asarray(outputs, dtype=np.int64)
-        form = modal_form(body)
-        method = GeneralizedAlpha(step, rho_inf)
-        scheme = method.scheme()
-        self._form, self._step = form, step
+        body_form = modal_form(body)
+        body_form.body.ensure_whole("model")
+        refuse_kept_inertia(body_form.body)
+        form, method = SystemForm(System.of(body), {ALONE: body_form}), GeneralizedAlpha(step, rho_inf)
+        self._system, self._form, self._step = form.system, body_form, step
         self._low, self._high = body.domain
         self._s, self._f = self._on_path(float(s)), np.zeros(len(body.input_names))
         if F is not None:
             self._f[:] = self._one_each(F)
         elif isinstance(body, ReducedModel) and "scene" in body.provenance:
             self._f[:] = recorded(body, "stepper").first_loads
-        start = form.start(consistent_start(body, self._s, 0.0, initial)) if initial else None
-        self._state = starting_state(form, method, self._s, 0.0, self._f, start)
+        loop, at = loop_of(form, [method], (1,), 0.0, (SLIDER,)), np.array([self._s])
+        x = form.system.coordinates({SLIDER: at})[0]
+        start = {} if initial is None else {ALONE: initial}
+        begin(loop, form, method, Onset((SLIDER,), at, x, np.zeros(len(x)), self._f, (), start))
+        self._state = loop.state
         # A single load is written through it in a third of the time that NumPy takes.
         self._single: Any = memoryview(self._f) if len(self._f) == 1 else None  # type: ignore[arg-type]
         self._y = np.zeros(len(chosen))
         self._steps = 0
-        #: What `step_and_observe` takes before s (float), the loads f (i,) and the outputs y (o,).
-        self.arguments = (
-            march_system.system(form, scheme),
-            scheme,
-            march_system.outputs(form.body, chosen),
-            self._state,
-        )
+        assert loop.tables is not None and form.on_tables is not None
+        observed = tables.outputs(form.on_tables, chosen.tolist())
+        #: What `step_on_tables` takes before s (float), the loads f (i,) and the outputs y (o,).
+        self.arguments = (loop.tables, loop.divided, method.scheme(), observed, self._state)
         self._advance = bound_step.entry(self._state.contact is not None)
         self._memory = bound_step.store(*self.arguments, self._f, self._y)
         self._address = self._memory.ctypes.data
@@ -139,7 +145,8 @@ class Stepper:
         if failed == bound_step.OFF_THE_PATH:
             failed = self._advance(self._address, self._on_path(s))
         if failed:
-            raise SimulationError(f"{self._where(s)}: {reason(self._form.body, s, failed)}")
+            why = reason(self._system, self._state.modes[ROW:], failed)
+            raise SimulationError(f"{self._where(s)}: {why}")
         self._steps += 1
         return self._y
 
@@ -154,7 +161,8 @@ class Stepper:
 
         Above `contact_step.RESOLVED` impacts lose force and energy (docs/pads.md): a step is one step here.
         """
-        return self._step * contact_frequency(self._form.body, np.array([self._low, self._high]))
+        x = self._system.coordinates({SLIDER: np.linspace(self._low, self._high, PLACES)})
+        return self._step * frequency_at(self._system, x)
 
     @property
     def q(self) -> Array:

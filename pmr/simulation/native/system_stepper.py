@@ -19,15 +19,17 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import BEYOND_ENDS, InputError, SimulationError
 from pmr.errors.text import hint
 from pmr.scene.built import force_of
-from pmr.scene.names import ALONE
+from pmr.scene.names import ALONE, named
 from pmr.scene.signals import Constant, Ramp
+from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native import multibody_step as kernel
-from pmr.simulation.native.arrays import V, Z
-from pmr.simulation.native.multibody import static_start
-from pmr.simulation.native.multibody_march import MultibodyMarch, contact_frequency
-from pmr.simulation.native.observed import output_names, with_outputs_as_inputs
+from pmr.simulation.native import loop as kernel
+from pmr.simulation.native.arrays import ROW, Drive, Record, V, Z
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.march import March, refuse_kept_inertia
+from pmr.simulation.native.start import reason
 from pmr.simulation.native.stepper import Stepper
+from pmr.simulation.native.systems import static_start
 from pmr.simulation.recorded import recorded_system
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
@@ -36,6 +38,15 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float] | ArrayLike
+
+
+def output_names(system: System) -> tuple[str, ...]:
+    """Of all bodies' outputs, in their order."""
+    return tuple(
+        named(name, one)
+        for name, body in system.bodies.items()
+        for one in body.output_names or tuple(f"output {k}" for k in range(len(body.output_positions)))
+    )
 
 
 class SystemStepper:
@@ -83,6 +94,8 @@ class SystemStepper:
             raise InputError("stepper", "step", step, "more than 0 s is allowed")
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
+        for body in system.reduced.values():
+            refuse_kept_inertia(body)
         self._system, self._step, self._steps = system, step, 0
         self._ranges = system.ranges
         #: Names of all that `outputs` chooses from: outputs of the bodies, then forces of the contacts.
@@ -95,19 +108,13 @@ class SystemStepper:
             self._take_loads(F)
         excitation = self._excitation(system, step, rho_inf)
         start = static_start(system, excitation) if initial is None else initial
-        seen = with_outputs_as_inputs(system)
-        self._whole = MultibodyMarch(seen, self._excitation(seen, step, rho_inf), start)
-        self._march = self._whole.march
-        counts = [(len(body.input_names), len(body.outputs)) for body in system.reduced.values()]
-        observed = np.concatenate([np.repeat([False, True], count) for count in counts])
-        self._own, self._seen = np.flatnonzero(~observed), np.flatnonzero(observed)
-        f = np.zeros(len(observed))
-        f[self._own] = self._f
-        self._drive = kernel.Drive(np.stack([self._s, self._s]), np.stack([f, f]), np.full(1, -1))
-        self._record = self._whole.record(1)
-        kernel.run(self._march, self._drive, self._whole.record(0))  # compiles, or loads what is compiled
+        self._march = March(SystemForm.of(system), excitation, start)
+        self._seen, y = self._march.outputs, self._march.first_outputs
+        self._drive = Drive(np.stack([self._s, self._s]), np.stack([self._f, self._f]), None)
+        self._record = Record(None, None, self._march.loop.state.multipliers[None].copy(), y=y[None])
+        self._run(Record(None, None, self._record.multipliers[:0], y=self._record.y[:0]))  # compiles, or loads
         names = list(self.output_names)
-        chosen: Sequence[str | int] = range(len(self._seen)) if outputs is None else outputs
+        chosen: Sequence[str | int] = range(len(y)) if outputs is None else outputs
         self._chosen = np.array([_number(one, names, "outputs") for one in chosen], np.int64)
 
     def step(self, s: Values, F: Values | None = None) -> Array:
@@ -131,23 +138,18 @@ class SystemStepper:
         self._take_path(s)
         if F is not None:
             self._take_loads(F)
-        paths, loads, _ = self._drive
-        paths[0], loads[0] = paths[1], loads[1]
-        paths[1], loads[1, self._own] = self._s, self._f
-        _, failed = kernel.run(self._march, self._drive, self._record)
+        self._drive.s[1], self._drive.f[1] = self._s, self._f
+        failed = self._run(self._record)
         if failed:
-            raise SimulationError(f"{self._where}: {self._whole.reason(failed)}")
+            why = reason(self._system, self._march.loop.state.modes[ROW:], failed)
+            raise SimulationError(f"{self._where}: {why}")
         self._steps += 1
         return self.outputs[self._chosen]
 
     @property
     def outputs(self) -> Array:
         """All of `output_names`, at present."""
-        bodies, state, sides = self._march.bodies, self._march.state, self._march.sides
-        moved = bodies.plain_inputs[self._seen] @ state.modes[Z]
-        moved += bodies.energy[self._seen] @ self._drive.f[1]
-        moved -= state.multipliers @ sides.inputs[:, self._seen]
-        return np.concatenate([moved, state.multipliers])
+        return np.concatenate([self._record.y[0], self._record.multipliers[0]])
 
     @property
     def time(self) -> float:
@@ -167,7 +169,7 @@ class SystemStepper:
     @property
     def forces(self) -> dict[str, float]:
         """Of the contacts in N, positive where they push."""
-        return dict(zip(self._system.contact_names, self._march.state.multipliers.tolist(), strict=True))
+        return dict(zip(self._system.contact_names, self._march.loop.state.multipliers.tolist(), strict=True))
 
     @property
     def contact(self) -> float:
@@ -183,13 +185,17 @@ class SystemStepper:
 
     def check_finite(self) -> None:
         """Raise SimulationError if the state is not finite: loads may have been NaN."""
-        if not np.all(np.isfinite(self._march.state.modes[Z])):
+        if not np.all(np.isfinite(self._march.loop.state.modes[Z])):
             raise SimulationError(f"{self._where}: not finite")
 
     def _coordinates(self, row: int) -> dict[str, Array]:
-        form, stacked = self._whole.form, self._march.state.modes[row]
-        bodies = zip(self._system.bodies, form.forms, form.columns, strict=True)
-        return {name: one.X @ stacked[columns] for name, one, columns in bodies}
+        form, stacked = self._march.form, self._march.loop.state.modes[row]
+        return {name: one.X @ stacked[form.columns[name]] for name, one in form.forms.items()}
+
+    def _run(self, record: Record) -> int:
+        """As many steps as the record has room for: what stopped them, or 0."""
+        march = self._march
+        return int(kernel.run(march.loop, march.scheme, self._seen, self._drive, record, 1)[1])
 
     def _excitation(self, system: System, step: float, rho_inf: float) -> Excitation:
         """Of one step on which nothing changes."""

@@ -16,9 +16,8 @@ from pmr.fullmodel.system import FullSystem
 from pmr.scene.names import ALONE, SLIDER
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.balance import refuse_growth
-from pmr.simulation.excitation import Excitation
+from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.lengths import Lengths
-from pmr.simulation.native.multibody_march import places
 from pmr.simulation.needs import needs_of_contacts
 from pmr.simulation.petsc.checkpoint import Checkpoint
 from pmr.simulation.petsc.effective import BlockFactor

@@ -20,8 +20,8 @@ from pmr.pipeline import SectionReduction, reduce
 from pmr.scene import Scene, load_any
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import multibody
-from pmr.simulation.native.multibody_march import places
+from pmr.simulation.native import systems
+from pmr.simulation.excitation import places
 from pmr.simulation.recorded import Recorded, of_boom, recorded_system
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
@@ -94,7 +94,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 
 def outputs_of(system: System, found: SystemTrajectory) -> Array:
-    return np.hstack(list(multibody.displacements(system, found).values()))
+    return np.hstack(list(systems.displacements(system, found).values()))
 
 
 def co_simulated(made: Made, instance: Instance, every: float = STEP) -> tuple[Array, Array]:
@@ -118,7 +118,7 @@ def co_simulated(made: Made, instance: Instance, every: float = STEP) -> tuple[A
 def test_co_simulation_is_march(made: Made) -> None:
     """From equilibrium, the same equations and steps in another order of operations."""
     system, excitation = made.system, made.excitation
-    expected = multibody.simulate(system, excitation, multibody.static_start(system, excitation))
+    expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
     y, scale = outputs_of(system, expected), np.abs(expected.forces).max()
     found, forces = co_simulated(made, Instance(made.library))
     assert np.abs(y - y[0]).max() > 1e-3 and scale > 1e3
@@ -138,7 +138,7 @@ def test_a_boom_on_pads_that_push_starts_with_as_many_parts_as_they_take(made: M
     count = round(STEP / part)
     assert 1 < count and count * part == pytest.approx(STEP, rel=1e-12)
     excitation = made.excitation.with_stepping(TimeStepping(0.02, STEP, 0.8, parts=count))
-    expected = multibody.simulate(made.system, excitation, multibody.static_start(made.system, excitation))
+    expected = systems.simulate(made.system, excitation, systems.static_start(made.system, excitation))
     short = replace(made, boom=made.boom.model_copy(update={"time": made.boom.time.model_copy(update={"end": 0.02})}))
     found, forces = (every[::count] for every in co_simulated(short, Instance(made.library), part))
     y = outputs_of(made.system, expected)

@@ -22,7 +22,7 @@ from pmr.errors import InputError
 from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.exudyn import Formulation, add_pre_step_function, add_sensors, add_system, simulate_system
-from pmr.simulation.native import multibody
+from pmr.simulation.native import systems
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def excitation(system: System) -> Excitation:
 
 
 def marched(system: System, excitation: Excitation, start: Any = None) -> SystemTrajectory:
-    return multibody.simulate(system, excitation, start)
+    return systems.simulate(system, excitation, start)
 
 
 class Own:
@@ -83,7 +83,7 @@ def assert_close(found: Array, expected: Array) -> None:
 @pytest.mark.parametrize("formulation", ["springs", "multipliers"])
 def test_a_boom_in_a_users_own_system(system: System, excitation: Excitation, formulation: Formulation) -> None:
     """Coordinates, and sensors of outputs and contact forces, from equilibrium."""
-    start, own = multibody.static_start(system, excitation), Own()
+    start, own = systems.static_start(system, excitation), Own()
     items = add_system(own.mbs, system, excitation.paths, excitation.loads, start, formulation)
     sensors = add_sensors(own.mbs, items)
     nodes = [own.coordinates(node) for node in items.nBodies.values()]
@@ -92,7 +92,7 @@ def test_a_boom_in_a_users_own_system(system: System, excitation: Excitation, fo
     for name, found in zip(items.nBodies, q, strict=True):
         assert_close(found, expected.bodies[name].q)
     assert_close(forces, expected.forces)
-    assert_close(y, np.hstack(list(multibody.displacements(system, expected).values())))
+    assert_close(y, np.hstack(list(systems.displacements(system, expected).values())))
     assert sensors.contact_names == system.contact_names and len(sensors.output_names) == y.shape[1]
     assert sensors.output_names[0] == "0: output 0"
 
@@ -144,7 +144,7 @@ def test_pads_that_only_push_lift_off_there_too() -> None:
     chirp = Chirp(amplitude=4e4, times=(0.0, 0.1), frequencies=(5.0, 30.0), phase=1.0)
     loads = {name: chirp if name.endswith("F") else Constant(amount=9.81) for name in system.input_names}
     excitation = Excitation({"1": SmoothRamp(times=(0.0, 0.1), values=(1.2, 1.35))}, loads, replace(STEPPING, parts=1))
-    own, start = Own(), multibody.static_start(system, excitation)
+    own, start = Own(), systems.static_start(system, excitation)
     items = add_system(own.mbs, system, excitation.paths, loads, start)
     sensors = add_sensors(own.mbs, items)
     q, forces = own.solve(own.coordinates(items.nBodies["1"]), sensors.sForces)

@@ -13,7 +13,7 @@ from pmr.errors import InputError
 from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.exudyn import simulate_system
-from pmr.simulation.native import multibody
+from pmr.simulation.native import systems
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -47,8 +47,8 @@ def assert_same(found: SystemTrajectory, expected: SystemTrajectory, tolerance: 
 def test_reduced_sections_with_residual_flexibility(count: int) -> None:
     system = reduced(Nested(count, elements=12), 3)
     given = driven(system)
-    start = multibody.static_start(system, given)
-    assert_same(simulate_system(system, given, start), multibody.simulate(system, given, start), 1e-10)
+    start = systems.static_start(system, given)
+    assert_same(simulate_system(system, given, start), systems.simulate(system, given, start), 1e-10)
 
 
 def test_rigid_contacts_and_one_that_gives_way() -> None:
@@ -57,8 +57,8 @@ def test_rigid_contacts_and_one_that_gives_way() -> None:
     first, *others = system.contacts
     system = System(system.bodies, (replace(first, compliance=1e-7), *others))
     given = driven(system)
-    start = multibody.static_start(system, given)
-    assert_same(simulate_system(system, given, start), multibody.simulate(system, given, start), 1e-8)
+    start = systems.static_start(system, given)
+    assert_same(simulate_system(system, given, start), systems.simulate(system, given, start), 1e-8)
 
 
 @pytest.mark.slow
@@ -67,9 +67,9 @@ def test_pads_that_only_push() -> None:
     system, off = reduced(Nested(2, elements=12, clearance=2e-4, compliance=1e-6), 3), []
     for parts in (2, 8):
         given = driven(system, parts=parts, lift=4e4)
-        start = multibody.static_start(system, given)
-        found, expected = simulate_system(system, given, start), multibody.simulate(system, given, start)
-        y, line = (multibody.displacements(system, one)["1"] for one in (found, expected))
+        start = systems.static_start(system, given)
+        found, expected = simulate_system(system, given, start), systems.simulate(system, given, start)
+        y, line = (systems.displacements(system, one)["1"] for one in (found, expected))
         off.append(np.abs(y - line).max() / np.abs(line).max())
         assert found.forces.min() >= 0.0 and np.all(found.peaks >= found.forces)
     changes = np.diff((expected.forces > 0.0).astype(int), axis=0)

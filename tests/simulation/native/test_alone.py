@@ -13,7 +13,7 @@ from pmr.reduction.residual.model import section_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.simulation import Excitation
-from pmr.simulation.native import multibody, simulator
+from pmr.simulation.native import simulator, systems
 from pmr.system.contacts import ALONE, SLIDER
 from pmr.system.system import System
 
@@ -24,7 +24,7 @@ def test_a_body_alone_moves_as_in_tables() -> None:
     model = section_model(body, modal_basis(free_modes(body.model, 8, "auto", 0, body)), {}, 8)
     excitation, system = Excitation.of(scene), System.of(model)
     assert (system.paths, system.input_names, system.contact_names) == ((SLIDER,), model.input_names, model.row_names)
-    by_sides = multibody.simulate(system, replace(excitation, paths={SLIDER: scene.slider.path})).bodies[ALONE]
+    by_sides = systems.simulate(system, replace(excitation, paths={SLIDER: scene.slider.path})).bodies[ALONE]
     by_tables = simulator.simulate(model, excitation)
     assert np.abs(by_sides.q - by_tables.q).max() <= 1e-10 * np.abs(by_tables.q).max()
     assert np.abs(by_sides.multipliers - by_tables.multipliers).max() <= 1e-10 * np.abs(by_tables.multipliers).max()

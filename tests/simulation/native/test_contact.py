@@ -25,12 +25,14 @@ from pmr.simulation.balance import energy
 from pmr.simulation.exudyn import simulator as exudyn
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import contact as contact_rows
+from pmr.simulation.native import march as marching
 from pmr.simulation.native import simulator as march
-from pmr.simulation.native.marching import without_pull
+from pmr.simulation.native.march import without_pull
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.start import reason
 from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, displacement, pushing_rows
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 CLEARANCE = 1e-3
@@ -324,8 +326,9 @@ def test_steps_take_no_memory(few: ReducedModel) -> None:
 
 def test_what_is_not_settled_is_named_with_time_and_place(few: ReducedModel, monkeypatch: pytest.MonkeyPatch) -> None:
     names = ", ".join(NAMES)
-    assert names in reason(few, 3.0, contact_rows.UNSETTLED)
-    monkeypatch.setattr(march.kernel, "run", lambda *arguments: (2, contact_rows.UNSETTLED))
+    assert names in reason(System.of(few), few.C(3.0), contact_rows.UNSETTLED)
+    taken = iter([(0, 0), (2, contact_rows.UNSETTLED)])
+    monkeypatch.setattr(marching.kernel, "run", lambda *arguments: next(taken))
     with pytest.raises(SimulationError, match=rf"step 3, t = 0\.003 s, slider at 3 m: which of the rows {names}"):
         march.simulate(few, driven(PATH, LOADS, STEPPING))
 
@@ -337,7 +340,7 @@ def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel)
     pushing = pushing_rows(few)
     assert found.multipliers[:, pushing].min() == 0.0 == seen.multipliers[:, pushing].min()
     forces = np.array([[-1e-10, -2.0, 3.0]])
-    without_pull(forces, [0, 2])
+    without_pull(forces, np.array([True, False, True]))
     assert forces.tolist() == [[0.0, -2.0, 3.0]]
 
 

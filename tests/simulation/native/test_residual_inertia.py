@@ -18,7 +18,7 @@ from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.balance import energy
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import marching
+from pmr.simulation.native import march as marching
 from pmr.simulation.native import simulator as march
 from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import FullBody, Trajectory, displacement

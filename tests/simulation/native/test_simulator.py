@@ -21,10 +21,11 @@ from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.balance import energy
 from pmr.simulation.exudyn import simulator as exudyn
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native import marching
+from pmr.simulation.native import march as marching
 from pmr.simulation.native import simulator as march
-from pmr.simulation.native import system as march_system
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.scheme import GeneralizedAlpha
+from pmr.simulation.native.tables import tables
 from pmr.simulation.start import consistent_start
 from pmr.system.body import FullBody, SlidingBody, Trajectory, displacement
 
@@ -81,7 +82,8 @@ def test_rows_that_never_move_stand_before_those_that_do(rich: FullBody) -> None
     held = fixed_row("fixed", carrier([4, 5, 7, 8], [0.3, 0.1, 0.6, -0.2], rich.size), rich.rows.domain)
     more = replace(rich, rows=Rows((held, *rich.rows.rows[2:]), rich.size))
     body = project(more, np.eye(rich.size)[:, 2:])
-    assert march_system.system(modal_form(body), GeneralizedAlpha(1e-3, 0.8).scheme()).constant_rows == 1
+    form = SystemForm.alone(modal_form(body))
+    assert tables(form, form.on_tables, GeneralizedAlpha(1e-3, 0.8).scheme()).constant_rows == 1
     assert_same(march.simulate(body, driven(PATH, LOADS, STEPPING), some_state(body)), reference(body), 1e-11)
 
 
@@ -249,13 +251,13 @@ def test_observed_outputs_are_those_of_the_trajectory(rich: FullBody) -> None:
 
 
 def test_what_is_compiled_for_the_first_time_is_not_timed(rich: FullBody, monkeypatch: pytest.MonkeyPatch) -> None:
-    taken, run = [], march.kernel.run
+    taken, run = [], marching.kernel.run
 
     def recorded(*arguments: Any) -> tuple[int, int]:
-        taken.append(len(arguments[3]))
+        taken.append(len(arguments[4].multipliers))
         return run(*arguments)
 
-    monkeypatch.setattr(march.kernel, "run", recorded)
+    monkeypatch.setattr(marching.kernel, "run", recorded)
     march.simulate(rich, driven(PATH, LOADS, STEPPING))
     assert taken == [0, STEPPING.steps]  # the first call, before the clock runs, takes no step
 

@@ -13,7 +13,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native import multibody
+from pmr.simulation.native import systems
 from pmr.simulation.native.system_stepper import SystemStepper
 from pmr.simulation.start import InitialState
 from pmr.system.system import System
@@ -37,8 +37,8 @@ def system(boom: Scene) -> System:
 def test_steps_are_those_of_the_simulation(boom: Scene, system: System) -> None:
     """Displacements of all sections and forces of all contacts, by names and in their order, from equilibrium on."""
     excitation = Excitation.of(boom).with_stepping(TimeStepping(END, STEP, RHO, parts=1))
-    expected = multibody.simulate(system, excitation, multibody.static_start(system, excitation))
-    moved = np.hstack(list(multibody.displacements(system, expected).values()))
+    expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
+    moved = np.hstack(list(systems.displacements(system, expected).values()))
     s, f = excitation.s, excitation.forces(system.input_names)
     stepper = SystemStepper(system, STEP, s[0], f[0], RHO)
     by_name = SystemStepper(

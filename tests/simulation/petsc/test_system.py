@@ -19,8 +19,8 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
 from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping, contact_step
-from pmr.simulation.native import multibody
-from pmr.simulation.native.multibody_march import contact_frequency
+from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.native import systems
 from pmr.simulation.petsc import Checkpoint, Recording, SystemHistory, constraint, observe_system, static_start
 from pmr.simulation.petsc.effective import BlockFactor
 from pmr.system.system import System
@@ -71,8 +71,8 @@ def test_as_bodies_that_are_diagonalised(pads: str) -> None:
     excitation = driven(system)
     found, omega = simulated(system, excitation), contact_frequency(system, excitation)
     same = driven(system, parts=contact_step.parts(omega, excitation.stepping))
-    expected = multibody.simulate(system, same, multibody.static_start(system, same))
-    lines = multibody.displacements(system, expected)
+    expected = systems.simulate(system, same, systems.static_start(system, same))
+    lines = systems.displacements(system, expected)
     for name, line in lines.items():
         assert_close(found.y[name], line, 1e-7)
     assert_close(found.forces, expected.forces, 1e-6)
@@ -91,13 +91,13 @@ def test_steps_in_the_parts_that_another_simulation_took() -> None:
     """Those that the same bodies take by modal coordinates; PETSc follows them through each change."""
     system = full(BOOMS["pushing"])
     excitation = driven(system)
-    expected = multibody.simulate(system, excitation, multibody.static_start(system, excitation))
+    expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
     assert expected.parts is not None and len(set(expected.parts[1:])) > 3
     found = simulated(system, scheduled(excitation, expected.parts[1:].tolist()))
     assert_close(found.forces, expected.forces, 1e-6)
     assert_close(found.peaks, expected.peaks, 1e-6)
     assert_close(found.energy.kinetic + found.energy.strain, expected.energy, 1e-6)
-    lines = multibody.displacements(system, expected)
+    lines = systems.displacements(system, expected)
     for name, line in lines.items():
         assert_close(found.y[name], line, 1e-7)
 
@@ -130,8 +130,8 @@ def test_reduced_sections_follow_it(pads: str) -> None:
     boom = replace(BOOMS[pads], elements=20)
     whole, few = full(boom), reduced(boom, 4)
     found, excitation = simulated(whole, driven(whole, rho_inf=1.0), MPI.COMM_SELF), driven(few, rho_inf=1.0)
-    small = multibody.simulate(few, excitation, multibody.static_start(few, excitation))
-    line = multibody.displacements(few, small)["2"]
+    small = systems.simulate(few, excitation, systems.static_start(few, excitation))
+    line = systems.displacements(few, small)["2"]
     assert rms(line - found.y["2"]) < 0.01 * rms(found.y["2"])
     assert rms(small.forces - found.forces) < 0.01 * rms(found.forces)
 

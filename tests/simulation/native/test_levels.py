@@ -11,9 +11,9 @@ from nested import Nested, reduced
 
 from pmr.scene.signals import Constant, SmoothRamp
 from pmr.simulation import contact_step
+from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native import multibody
-from pmr.simulation.native.multibody_march import contact_frequency
+from pmr.simulation.native import systems
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System, SystemTrajectory
 
@@ -33,7 +33,7 @@ def lifted(system: System, top: float, out: float, stepping: TimeStepping) -> Ex
 
 def simulated(system: System, given: Excitation, **stepping: object) -> SystemTrajectory:
     given = replace(given, stepping=replace(given.stepping, **stepping))
-    return multibody.simulate(system, given, multibody.static_start(system, given))
+    return systems.simulate(system, given, systems.static_start(system, given))
 
 
 @pytest.mark.parametrize("rho_inf", [1.0, 0.8])

@@ -1,4 +1,4 @@
-r"""The contacts of a system of bodies, compiled: all that depends on their places x alone.
+r"""The contacts of bodies from their sides, compiled: all that depends on their places x alone.
 
 .. math::
     C_{\rho} = \sum_{a \in \rho} \pm b_a(x_a)\, U V, \qquad
@@ -17,17 +17,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native.arrays import ROW, UNIT, Scheme, State
+from pmr.simulation.native.arrays import ROW, UNIT, Divided, Scheme, State
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
-from pmr.simulation.native.multibody_arrays import Bodies, Polynomials, Sides
 from pmr.simulation.native.rows import add_to_factor, dot
+from pmr.simulation.native.side_arrays import Bodies, Polynomials, Sides
 from pmr.simulation.native.simd import LANES, load, spread, store, total
 
 Array = NDArray[np.float64]
 
 
 @compiled_and_inlined
-def move_sides(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, s: Array) -> int:
+def move_sides(bodies: Bodies, divided: Divided, scheme: Scheme, state: State, sides: Sides, s: Array) -> int:
     """Evaluate rows and factor at s (P,) m of the paths; number of the first contact that depends on others, or 0."""
     moved = np.isnan(state.position[0])
     for k in range(len(s)):
@@ -47,7 +47,7 @@ def move_sides(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, s: Ar
     for a in range(q):
         _add_side(bodies, state, sides, a)
     for k in range(len(state.multipliers)):
-        _couple_contact(bodies, scheme, state, sides, k)
+        _couple_contact(bodies, divided, scheme, state, sides, k)
         if not add_to_factor(state.contact, state, k):
             state.position[0] = np.nan
             return k + 1
@@ -178,12 +178,12 @@ def _between(sides: Sides, a: int, c: int) -> float:
 
 
 @inlined
-def _couple_contact(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, k: int) -> None:
+def _couple_contact(bodies: Bodies, divided: Divided, scheme: Scheme, state: State, sides: Sides, k: int) -> None:
     """Row k of the contacts' matrix, up to its diagonal, and what inputs move in it."""
     m, row, unit, weighted = len(state.multipliers), state.modes[ROW + k], state.modes[UNIT], state.weighted[k]
-    if len(bodies.damped) > 0:
+    if len(divided.damped) > 0:
         for n in range(len(row)):
-            weighted[n] = dot(bodies.damped[2, n], row)
+            weighted[n] = dot(divided.damped[2, n], row)
     else:
         for n in range(0, len(row), LANES):
             store(weighted, n, load(unit, n) * load(row, n))
@@ -193,5 +193,5 @@ def _couple_contact(bodies: Bodies, scheme: Scheme, state: State, sides: Sides, 
             value = value + load(weighted, n) * load(state.modes[ROW + l], n)
         state.couplings[k, l] = sides.half[k, l] + sides.half[l, k] + scheme.z_gain * total(value)
     state.couplings[k, k] += bodies.compliance[k]
-    for l in range(bodies.B.shape[0]):
-        state.couplings[k, m + l] = sides.inputs[k, l] + scheme.z_gain * dot(bodies.B[l], row)
+    for l in range(divided.B.shape[0]):
+        state.couplings[k, m + l] = sides.inputs[k, l] + scheme.z_gain * dot(divided.B[l], row)

@@ -16,8 +16,8 @@ from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, SmoothRamp
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native import multibody
 from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
@@ -49,7 +49,7 @@ def quickly(system: System, step: float = 1e-3, rho_inf: float = 1.0, end: float
 
 
 def from_statics(system: System, given: Excitation) -> SystemTrajectory:
-    return multibody.simulate(system, given, multibody.static_start(system, given))
+    return systems.simulate(system, given, systems.static_start(system, given))
 
 
 def integrated(system: System, given: Excitation, start: dict[str, InitialState]) -> tuple[np.ndarray, np.ndarray]:
@@ -89,8 +89,8 @@ def integrated(system: System, given: Excitation, start: dict[str, InitialState]
 
 
 def assert_integrated(system: System, given: Excitation, tolerance: float) -> None:
-    start = multibody.static_start(system, given)
-    found, (q, forces) = multibody.simulate(system, given, start), integrated(system, given, start)
+    start = systems.static_start(system, given)
+    found, (q, forces) = systems.simulate(system, given, start), integrated(system, given, start)
     a = Assembly(system)
     for name, motion in found.bodies.items():
         expected = q[:, a.coordinates[name]]
@@ -142,12 +142,12 @@ def test_one_body_on_the_ground_is_the_simulator_of_one_body() -> None:
     system = System({"beam": body}, tuple(contacts))
     one = march.simulate(body, Excitation({"slider": path}, loads, stepping))
     several = Excitation({"s": path}, {f"beam.{name}": load for name, load in loads.items()}, stepping)
-    found = multibody.simulate(system, several)
+    found = systems.simulate(system, several)
     motion = found.bodies["beam"]
     assert np.abs(motion.q - one.q).max() < 1e-11 * np.abs(one.q).max()
     assert np.abs(found.forces - one.multipliers).max() < 1e-9 * np.abs(one.multipliers).max()
     y = displacement(body, one.q, one.s, one.multipliers, found.loads)
-    assert np.abs(multibody.displacements(system, found)["beam"] - y).max() < 1e-11 * np.abs(y).max()
+    assert np.abs(systems.displacements(system, found)["beam"] - y).max() < 1e-11 * np.abs(y).max()
 
 
 @pytest.mark.parametrize("rho_inf", [1.0, 0.8])
@@ -236,7 +236,7 @@ def test_pads_that_only_push_lift_off_and_create_no_energy() -> None:
         pushing = found.forces > 0.0
         assert pushing.any(axis=0).sum() == 4 and not pushing.all(axis=0).any()  # each lands and lifts off
         assert found.surplus < 1e-3
-        line = multibody.displacements(system, found)["1"]
+        line = systems.displacements(system, found)["1"]
         lines.append(line)
         tip.append(line[:, -1])
         forces.append(found.forces)
@@ -251,7 +251,7 @@ def test_pads_that_only_push_converge_with_the_step() -> None:
     for parts in (4, 8, 16, 64):
         given = excitation(system, lambda k: Constant(amount=2.0), force, TimeStepping(0.3, 1e-3, 1.0, parts))
         found = from_statics(system, given)
-        last.append(multibody.displacements(system, found)["1"][:, -1])
+        last.append(systems.displacements(system, found)["1"][:, -1])
     error = [rms(y - last[-1]) for y in last[:-1]]
     assert error[0] > 1.7 * error[1] > 1.7 * 1.7 * error[2] and error[2] < 0.01 * rms(last[-1])
 
@@ -275,9 +275,9 @@ def test_static_start_stays_at_rest() -> None:
 def test_a_start_at_rest_sags() -> None:
     system = reduced(Nested(2, elements=20), 2)
     given = excitation(system, lambda k: Constant(amount=2.0), Constant(amount=0.0), TimeStepping(0.5, 1e-3, 1.0))
-    found = multibody.simulate(system, given)
-    tip = multibody.displacements(system, found)["1"][:, -1]
-    static = multibody.displacements(system, from_statics(system, given))["1"][0, -1]
+    found = systems.simulate(system, given)
+    tip = systems.displacements(system, found)["1"][:, -1]
+    static = systems.displacements(system, from_statics(system, given))["1"][0, -1]
     assert tip.min() == pytest.approx(2.0 * static, rel=0.1)
 
 
@@ -285,37 +285,39 @@ def test_a_body_that_nothing_drives_but_weight_falls() -> None:
     """No contact at all: s = g t^2 / 2, to the digit with the trapezoidal rule."""
     system = System({"1": reduced(Nested(2, elements=20), 3).bodies["1"]}, ())
     loads = {name: Constant(amount=0.0 if name.endswith("F") else 9.81) for name in system.input_names}
-    found = multibody.simulate(system, Excitation({}, loads, TimeStepping(1.0, 1e-2, 1.0)))
-    y = multibody.displacements(system, found)["1"]
+    found = systems.simulate(system, Excitation({}, loads, TimeStepping(1.0, 1e-2, 1.0)))
+    y = systems.displacements(system, found)["1"]
     assert y[-1] == pytest.approx(-9.81 / 2.0, rel=1e-9)
 
 
 def test_what_is_refused() -> None:
     rigid = full(Nested(2, elements=8, compliance=0.0, clearance=0.0))
     with pytest.raises(InputError, match="mouth 0 top, mouth 0 bottom only push and are rigid"):
-        multibody.simulate(rigid, quickly(rigid))
+        systems.simulate(rigid, quickly(rigid))
     travelling = full(Nested(2, elements=8, compliance=0.0))
     with pytest.raises(InputError, match="rho_inf"):
-        multibody.simulate(travelling, quickly(travelling))
+        systems.simulate(travelling, quickly(travelling))
     system = reduced(Nested(2, elements=20), 2)
     given = quickly(system)
     with pytest.raises(InputError, match="a path for it is needed"):
-        multibody.simulate(system, replace(given, paths={}))
+        systems.simulate(system, replace(given, paths={}))
     with pytest.raises(InputError, match="one for each input is allowed"):
-        multibody.simulate(system, replace(given, loads={}))
+        systems.simulate(system, replace(given, loads={}))
     with pytest.raises(InputError, match="4 finite values"):
-        multibody.simulate(system, given, {"1": InitialState(np.zeros(3), np.zeros(3))})
+        systems.simulate(system, given, {"1": InitialState(np.zeros(3), np.zeros(3))})
     far = replace(given, paths={"1": Constant(amount=7.0)})
     with pytest.raises(InputError, match="contacts.tail 1.place = 7.15: 0 to 6 m are allowed on 0"):
-        multibody.simulate(system, far)
+        systems.simulate(system, far)
     twice = System(travelling.bodies, (*travelling.contacts, replace(travelling.contacts[0], name="again")))
     with pytest.raises(SimulationError, match="the rows tail 1, again depend on each other"):
-        multibody.simulate(twice, quickly(twice, rho_inf=0.8))
+        systems.simulate(twice, quickly(twice, rho_inf=0.8))
     violated = full_body(8)
     held = System({"b": violated}, (Contact("slider", Place("b", violated.row_names[2], 2.0)),))
-    start = {"b": InitialState(np.ones(violated.size), np.zeros(violated.size))}
+    q = np.ones(violated.size)
+    q[list(violated.held.values())] = 0.0
+    start = {"b": InitialState(q, np.zeros(violated.size))}
     with pytest.raises(InputError, match="row 'slider' is violated"):
-        multibody.simulate(held, Excitation({}, {"b.F": Constant(amount=0.0)}, TimeStepping(0.1, 1e-3, 0.9)), start)
+        systems.simulate(held, Excitation({}, {"b.F": Constant(amount=0.0)}, TimeStepping(0.1, 1e-3, 0.9)), start)
 
 
 #: Sections, elastic modes of each, coordinates in all, highest frequency of the tip force in Hz, bound of the errors.
@@ -337,7 +339,7 @@ def test_booms_against_full_order(count: int, elastic: int, coordinates: int, to
         )
         trajectory = from_statics(system, given)
         assert trajectory.surplus < 1e-3
-        found.append((multibody.displacements(system, trajectory), trajectory.forces))
+        found.append((systems.displacements(system, trajectory), trajectory.forces))
     assert sum(body.size for body in systems[1].bodies.values()) == coordinates
     small, without = (errors(one, found[0]) for one in found[1:])
     assert small.max() < bound

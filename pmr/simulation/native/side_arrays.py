@@ -1,23 +1,21 @@
-"""A system of bodies and a time step as the arrays that the compiled loop reads.
+"""Contacts with places of their own as the arrays that the compiled loop reads.
 
-The bodies' modes stand one after the other in rows as long as `State.modes` has them, each body's filled up with zeros
-to whole vector registers.  What the rows of all bodies need is laid out flat: breaks, coefficients and touched carriers
-one row after the other, each row at its own offset.
+What the rows of all bodies need is laid out flat: breaks, coefficients and touched carriers one row after the other,
+each row at its own offset.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.native.arrays import ROW, Memory, State
-from pmr.simulation.native.contact import contact
-from pmr.simulation.native.multibody_form import MultibodyForm, starts
-from pmr.simulation.native.simd import LANES
-from pmr.simulation.native.system import aligned
+from pmr.errors import InputError
+from pmr.reduced.carriers import CarriedRows
+from pmr.simulation.native.form import SystemForm, starts
+from pmr.simulation.native.simd import LANES, aligned, padded
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -45,14 +43,9 @@ class Polynomials(NamedTuple):
 class Bodies(NamedTuple):
     """Constants of bodies with r' modes, K carriers and i inputs in all, and of m contacts; m' as r'."""
 
-    B: Array  # (i, r'): S^-1 B, transposed, of the present step's length
-    damped: Array  # (3, r', r') as `System.damped`, likewise, or (0, 0, 0)
     values: Array  # (K, r'): what the modes measure on the carriers
     inputs: Array  # (K, i) m/N: U R B
     energy: Array  # (i, i) m/N: B^T R B
-    plain_inputs: Array  # (i, r'): B, transposed
-    stiffness: Array  # (r',): Omega^2
-    damping: Array  # (1, r'): the diagonal of D, or (r', r') where it couples modes
     flexibility: Array  # all U R U^T in m/N, flat, one body after the other; nothing of a body without
     first_flexibility: Indices  # (bodies + 1,)
     carriers: Indices  # (bodies + 1,): where each body's begin
@@ -64,6 +57,15 @@ class Bodies(NamedTuple):
     staying_half: Array  # (m, m') m/N: half of G between these
     staying_answers: Array  # (K, m') m/N: U R b^T of these
     rows: Polynomials
+
+
+class SideOutputs(NamedTuple):
+    """Constants of o outputs, filled up to o' by those that make whole vector registers."""
+
+    of_modes: Array  # (r', o')
+    of_inputs: Array  # (i, o') m/N: W
+    of_staying: Array  # (m, o') m/N: X of the sides that stay
+    of_carriers: Array  # (K, o') m/N: O R U^T
 
 
 class Sides(NamedTuple):
@@ -94,74 +96,92 @@ class Sides(NamedTuple):
     energy: Array  # (2,) J: what is stored, and the work done since the start
 
 
-def bodies(form: MultibodyForm, paths: Sequence[str]) -> Bodies:
-    """Constants of a system that travels on `paths`, by their names; those of a step are zero."""
-    system, K, i = form.system, int(form.carriers[-1]), int(form.inputs[-1])
-    values, inputs, energy = np.zeros((K, form.modes[-1])), np.zeros((K, i)), np.zeros((i, i))
+def bodies(form: SystemForm, paths: Sequence[str]) -> Bodies:
+    """Constants of a system that travels on `paths`, by their names."""
+    system, all_carried = form.modal, carried(form)
+    carriers = starts([len(one.values) for one in all_carried.values()])
+    K, i = int(carriers[-1]), int(form.inputs[-1])
+    values, inputs, energy = np.zeros((K, form.starts[-1])), np.zeros((K, i)), np.zeros((i, i))
     flexibility = []
-    for k, (carried, columns) in enumerate(zip(form.carried, form.columns, strict=True)):
-        rows, own = slice(form.carriers[k], form.carriers[k + 1]), slice(form.inputs[k], form.inputs[k + 1])
-        values[rows, columns] = carried.values
-        left = carried.flexibility
+    for k, (name, one) in enumerate(all_carried.items()):
+        rows, own = slice(carriers[k], carriers[k + 1]), slice(form.inputs[k], form.inputs[k + 1])
+        values[rows, form.columns[name]] = one.values
+        left = one.flexibility
         flexibility.append(np.zeros((0, 0)) if left is None else left.rows)
         if left is not None:
             inputs[rows, own], energy[own, own] = left.inputs, left.energy
     m, names = len(system.contacts), list(system.bodies)
-    staying, answers, moves = np.zeros((m, K)), np.zeros((K, m + -m % LANES)), np.zeros((m, 2), np.int64)
+    answers, moves = np.zeros((K, m + -m % LANES)), np.zeros((m, 2), np.int64)
     for k in range(m):
         on = [names.index(side.place.body) for side in system.sides if side.contact == k]
-        moves[k] = form.modes[min(on)], form.modes[max(on) + 1]
-    for side in system.sides:
-        if side.place.path is None:
-            first = form.carriers[names.index(side.place.body)]
-            b = side.sign * system.row(side.place).weights(side.place.at).toarray()[0]
-            staying[side.contact, first : first + len(b)] += b
-    for first, last, R in zip(form.carriers, form.carriers[1:], flexibility, strict=False):
+        moves[k] = form.starts[min(on)], form.starts[max(on) + 1]
+    staying = _staying(form, carriers)
+    for first, last, R in zip(carriers, carriers[1:], flexibility, strict=False):
         if len(R):
             answers[first:last, :m] = R @ staying[:, first:last].T
-    r = int(form.modes[-1])
     return Bodies(
-        B=aligned(np.zeros((i, r))),
-        damped=aligned(np.zeros((0, 0, 0) if form.classically_damped else (3, r, r))),
         values=aligned(values),
         inputs=inputs,
         energy=energy,
-        plain_inputs=aligned(form.B.T),
-        stiffness=aligned(form.along("K")),
-        damping=aligned(form.along("D")[None] if form.classically_damped else form.damping),
         flexibility=np.concatenate([np.empty(0), *(R.ravel() for R in flexibility)]),
         first_flexibility=starts([R.size for R in flexibility]),
-        carriers=form.carriers,
-        modes=form.modes,
+        carriers=carriers,
+        modes=form.starts,
         compliance=system.compliance,
         moves=moves,
         staying=aligned(staying @ values),
         staying_inputs=staying @ inputs,
         staying_half=aligned(staying @ answers / 2.0),
         staying_answers=aligned(answers),
-        rows=_polynomials(form.system, paths),
+        rows=_polynomials(system, paths),
     )
 
 
-def multibody_state(form: MultibodyForm, constants: Bodies, memory: Memory) -> State:
-    """At rest, before the contacts' rows are evaluated and the constants of a step are known."""
-    m, (i, r) = len(constants.compliance), constants.B.shape
-    return State(
-        modes=aligned(np.zeros((ROW + max(m, 1), r))),
-        multipliers=np.zeros(m),
-        position=np.full(1, np.nan),
-        interval=np.zeros(1, np.int64),
-        couplings=np.zeros((m, m + i)),
-        factor=np.zeros((m, m)),
-        weighted=aligned(np.zeros((m, r))),
-        shares=np.zeros(0),
-        contact=contact(form.system.clearance, memory),
-    )
+def carried(form: SystemForm) -> dict[str, CarriedRows]:
+    """The bodies' rows, of their modes; an InputError where a body has none on carriers."""
+    found = {}
+    for name, body in form.modal.bodies.items():
+        if body.carriers is None:
+            allowed = "a model with carriers is allowed (`pmr.reduction.residual.model.section_model`)"
+            raise InputError("system", f"bodies.{name}", None, allowed)
+        found[name] = body.carriers
+    return found
+
+
+def _staying(form: SystemForm, carriers: Indices) -> Array:
+    """B of the sides that stay where they are, with their signs, (m, K)."""
+    system, names = form.modal, list(form.modal.bodies)
+    staying = np.zeros((len(system.contacts), carriers[-1]))
+    for side in system.sides:
+        if side.place.path is None:
+            first = carriers[names.index(side.place.body)]
+            b = side.sign * system.row(side.place).weights(side.place.at).toarray()[0]
+            staying[side.contact, first : first + len(b)] += b
+    return staying
+
+
+def side_outputs(form: SystemForm, chosen: Mapping[str, Sequence[int]]) -> SideOutputs:
+    """Constants of outputs, by the numbers chosen of each body, one body after the other."""
+    all_carried = carried(form)
+    carriers = starts([len(one.values) for one in all_carried.values()])
+    of_modes, of_inputs, of_carriers = list[Array](), list[Array](), list[Array]()
+    for k, (name, one) in enumerate(all_carried.items()):
+        numbers = list(chosen.get(name, ()))
+        O = np.zeros((form.starts[-1], len(numbers)))
+        W, X = np.zeros((form.inputs[-1], len(numbers))), np.zeros((carriers[-1], len(numbers)))
+        O[form.columns[name]] = form.forms[name].body.outputs[numbers].T
+        if one.flexibility is not None:
+            W[form.inputs[k] : form.inputs[k + 1]] = one.flexibility.direct[numbers].T
+            X[carriers[k] : carriers[k + 1]] = one.flexibility.outputs[numbers].T
+        of_modes, of_inputs, of_carriers = [*of_modes, O], [*of_inputs, W], [*of_carriers, X]
+    X = np.hstack(of_carriers)
+    of_staying = _staying(form, carriers) @ X
+    return SideOutputs(*(padded(one) for one in (np.hstack(of_modes), np.hstack(of_inputs), of_staying, X)))
 
 
 def sides(constants: Bodies, paths: int) -> Sides:
-    """Before the first step."""
-    (m, wide), (i, r) = constants.staying_half.shape, constants.B.shape
+    """Before the first step, with `paths` of them."""
+    (m, wide), i, r = constants.staying_half.shape, constants.inputs.shape[1], constants.values.shape[1]
     q, width = len(constants.rows.body), int(constants.rows.width.max(initial=1))
     p = constants.rows.coefficients.shape[1]
     return Sides(

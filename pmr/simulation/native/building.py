@@ -1,0 +1,81 @@
+"""From a system and the lengths of its steps to the arrays of the compiled loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.simulation import contact_step
+from pmr.simulation.native.arrays import Z_NEXT, State, Tables, V
+from pmr.simulation.native.contact import contact
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.levels import Control, Levels
+from pmr.simulation.native.part import Loop
+from pmr.simulation.native.scheme import GeneralizedAlpha
+from pmr.simulation.native.side_arrays import bodies, sides
+from pmr.simulation.native.simd import aligned
+from pmr.simulation.native.tables import shares, tables
+
+Array = NDArray[np.float64]
+
+
+def loop_of(
+    form: SystemForm, methods: Sequence[GeneralizedAlpha], parts: Sequence[int], omega: float, paths: Sequence[str]
+) -> Loop:
+    """A loop at rest, whose steps are made in so many `parts`, by the `methods` of each, on `paths` by their names.
+
+    `omega` in rad/s is that of contacts that only push (`pmr.simulation.contact_step`).
+    """
+    system, schemes = form.system, [method.scheme() for method in methods]
+    body = form.on_tables
+    of_levels = [] if body is None else [tables(form, body, scheme) for scheme in schemes]
+    constants = bodies(form, paths) if body is None else None
+    state = form.state(schemes[0], contact(system.clearance, methods[0].memory()), shares(body))
+    whole = tuple(parts) == (1,)
+    return Loop(
+        modes=form.modes,
+        divided=form.divided(schemes[0]),
+        tables=None if body is None else of_levels[0]._replace(constant_rows=min(t.constant_rows for t in of_levels)),
+        bodies=constants,
+        sides=None if constants is None else sides(constants, len(paths)),
+        state=state,
+        levels=None if whole else _levels(form, methods, parts, of_levels),
+        control=None if whole else _control(state, omega),
+    )
+
+
+def _levels(
+    form: SystemForm, methods: Sequence[GeneralizedAlpha], parts: Sequence[int], tables: Sequence[Tables]
+) -> Levels:
+    schemes = [method.scheme() for method in methods]
+    divided = [form.divided(scheme) for scheme in schemes]
+    couplings = np.array([one.couplings for one in tables]) if tables else np.zeros((len(schemes), 0, 0, 0, 0))
+    return Levels(
+        parts=np.array(parts, np.int64),
+        schemes=np.array(schemes),
+        memories=np.array([method.memory() for method in methods]),
+        modes=aligned(np.array([form.constant_modes(scheme) for scheme in schemes])),
+        B=aligned(np.array([one.B for one in divided])),
+        damped=aligned(np.array([one.damped for one in divided])),
+        couplings=aligned(couplings),
+    )
+
+
+def _control(state: State, omega: float) -> Control:
+    """Before the first step, which begins on the first level."""
+    m, r = len(state.multipliers), state.modes.shape[1]
+    return Control(
+        level=np.zeros(1, np.int64),
+        active=np.zeros(1, np.int64),
+        came=np.full(1, -1),
+        bounds=np.array([contact_step.TOLERANCE, omega, 0.0]),
+        acceleration=aligned(np.zeros((2, r))),
+        began=aligned(np.zeros((V + 1 - Z_NEXT, r))),
+        began_forces=np.zeros((3, m)),
+        began_closed=np.zeros(m, np.bool_),
+        began_energy=np.zeros(2),
+        closed=np.zeros(m, np.bool_),
+        force=np.zeros(m),
+    )

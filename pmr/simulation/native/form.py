@@ -1,0 +1,154 @@
+"""A system with each of its bodies in its own modes, all of them one after the other, and what a step needs of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from pmr.reduced.model import ReducedModel
+from pmr.simulation.modal import ModalForm, modal_form
+from pmr.simulation.native.arrays import DAMPING, INPUT, ROW, STIFFNESS, UNIT, Contact, Divided, Modes, Scheme, State
+from pmr.simulation.native.simd import LANES, aligned, padded
+from pmr.system.contacts import ALONE
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class SystemForm:
+    """A system whose bodies are in modal form."""
+
+    system: System
+    forms: Mapping[str, ModalForm]  # by the bodies' names, in their order
+
+    @classmethod
+    def of(cls, system: System) -> SystemForm:
+        """Diagonalise every body; errors as for `modal_form`."""
+        return cls(system, {name: modal_form(body) for name, body in system.bodies.items()})
+
+    @classmethod
+    def alone(cls, form: ModalForm) -> SystemForm:
+        """A body alone, whose coordinates are its modes already."""
+        eye, rows = np.eye(form.body.size), tuple(range(len(form.body.row_names)))
+        return cls(
+            System.of(form.body),
+            {ALONE: replace(form, X=eye, inverse=eye, rows=rows)},
+        )
+
+    @cached_property
+    def starts(self) -> Indices:
+        """(bodies + 1,): where each body's modes begin among all, in whole vector registers."""
+        return starts([form.body.size + sum(_beside(form)) for form in self.forms.values()])
+
+    @cached_property
+    def inputs(self) -> Indices:
+        """(bodies + 1,): likewise."""
+        return starts([form.body.B.shape[1] for form in self.forms.values()])
+
+    @property
+    def columns(self) -> dict[str, slice]:
+        """Where the modes of each body stand, without what fills them up."""
+        of_bodies = zip(self.forms.items(), self.starts, strict=False)
+        return {name: slice(int(at), int(at) + form.body.size) for (name, form), at in of_bodies}
+
+    @property
+    def used(self) -> Indices:
+        """(r,): where modes stand among all, and not what fills them up."""
+        return np.concatenate([np.arange(own.start, own.stop) for own in self.columns.values()])
+
+    @cached_property
+    def modal(self) -> System:
+        """The system in its modes; a body whose tables say all is without carriers."""
+        bodies = {}
+        for name, form in self.forms.items():
+            carriers = None if self.system.on_one_path else self.system.bodies[name].carriers
+            on_modes = None if carriers is None else carriers.on(form.X).with_rows(form.rows)
+            bodies[name] = replace(form.body, carriers=on_modes)
+        return System(bodies, self.system.contacts)
+
+    @cached_property
+    def on_tables(self) -> ReducedModel | None:
+        """A body in its modes, with a row for each contact in their order; None where tables do not say all."""
+        if not self.system.on_one_path:
+            return None
+        (form,) = self.forms.values()
+        rows = [form.body.row_names.index(contact.inner.row) for contact in self.system.contacts]
+        return replace(form.body.with_rows(rows), pads=self.system.compliance, clearance=self.system.clearance)
+
+    @property
+    def classically_damped(self) -> bool:
+        """Whether damping couples no modes."""
+        return all(form.classically_damped for form in self.forms.values())
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The modes' equations."""
+        D = block_diag(*(np.pad(form.body.D, _beside(form)) for form in self.forms.values()))
+        B = block_diag(*(np.pad(form.body.B, (_beside(form), (0, 0))) for form in self.forms.values()))
+        return Modes(
+            stiffness=aligned(np.concatenate([np.pad(form.omega2, _beside(form)) for form in self.forms.values()])),
+            damping=aligned(np.diagonal(D)[None] if self.classically_damped else D),
+            B=aligned(B.T),
+        )
+
+    def over_S(self, X: Array, scheme: Scheme) -> Array:
+        """X S^-1, for X (..., r') and the symmetric S = 1 + D dv + Omega^2 dq."""
+        stiffness, D, _ = self.modes
+        diagonal = 1.0 + stiffness * scheme.z_gain
+        if len(D) == 1:
+            return np.asarray(X / (diagonal + D[0] * scheme.v_gain))
+        return np.asarray(X @ np.linalg.inv(np.diag(diagonal) + D * scheme.v_gain))
+
+    def divided(self, scheme: Scheme) -> Divided:
+        """Divided by S for one length of step."""
+        stiffness, D, B = self.modes
+        damped = np.zeros((0, 0, 0))
+        if len(D) > 1:
+            matrices = (np.diag(stiffness), D, np.eye(len(D)))
+            damped = np.stack([self.over_S(A, scheme).T for A in matrices])
+        return Divided(B=aligned(self.over_S(B, scheme)), damped=aligned(damped))
+
+    def constant_modes(self, scheme: Scheme) -> Array:
+        """The rows STIFFNESS, DAMPING, UNIT and INPUT of `State.modes`, (4, r')."""
+        stiffness, D, B = self.modes
+        modes = np.zeros((INPUT + 1, len(stiffness)))
+        if len(B):
+            modes[INPUT] = self.over_S(B[0], scheme)
+        if len(D) == 1:
+            modes[UNIT] = self.over_S(np.ones(len(stiffness)), scheme)
+            modes[STIFFNESS], modes[DAMPING] = modes[UNIT] * stiffness, modes[UNIT] * D[0]
+        return modes
+
+    def state(self, scheme: Scheme, contact: Contact | None, shares: int) -> State:
+        """At rest, before the rows are evaluated; `shares` as many as `State` says."""
+        m, (i, r) = len(self.system.contacts), self.modes.B.shape
+        modes = np.zeros((ROW + max(m, 1), r))
+        modes[: INPUT + 1] = self.constant_modes(scheme)
+        return State(
+            modes=aligned(modes),
+            multipliers=np.zeros(m),
+            position=np.full(1, np.nan),
+            interval=np.zeros(1, np.int64),
+            couplings=padded(np.zeros((m, m + i))),
+            factor=np.zeros((m, m)),
+            weighted=aligned(np.zeros((m, r))),
+            shares=np.zeros(shares),
+            contact=contact,
+        )
+
+
+def _beside(form: ModalForm) -> tuple[int, int]:
+    """Zeros before and behind the modes of a body."""
+    return 0, -form.body.size % LANES
+
+
+def starts(sizes: Sequence[int]) -> Indices:
+    """Where parts of these sizes begin that stand one after the other, and where the last one ends."""
+    return np.cumsum([0, *sizes], dtype=np.int64)

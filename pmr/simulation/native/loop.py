@@ -1,0 +1,120 @@
+r"""The one compiled loop of `march`: any bodies, whole steps or parts of them, states or outputs recorded.
+
+What a simulation lacks is None, and what would be done with it is left out when the loop is compiled: tables of a body
+on one path, or sides of contacts with places of their own; levels of steps that are made in parts; a balance of energy.
+So a body alone on its tables takes O(r m) a step and nothing else.
+
+`run` takes many steps; `step_on_tables` and `step_on_sides` of `pmr.simulation.native.part` take one, of a simulation
+that is advanced from outside (`pmr.simulation.native.stepper`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.simulation.native.arrays import Contact, Drive, Outputs, Record, Scheme, State, Tables, V, Z
+from pmr.simulation.native.compilation import compiled, inlined
+from pmr.simulation.native.contact import begin_impulses
+from pmr.simulation.native.outputs import observe, observe_sides
+from pmr.simulation.native.part import Loop, make_part
+from pmr.simulation.native.parts import step_in_parts
+from pmr.simulation.native.side_arrays import SideOutputs
+from pmr.simulation.native.step import FINISHED
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@compiled
+def run(loop: Loop, scheme: Scheme, outputs: Any, drive: Drive, record: Record, every: int) -> tuple[int, int]:
+    """Take `every` as many steps as `record` has room for; how many it were, and 0 or what stopped them.
+
+    The `scheme` is that of whole steps.  Recorded is each `every`-th step.
+    """
+    steps, row, until = every * len(record.multipliers), 0, every
+    for n in range(steps):
+        begin_impulses(loop.state.contact)
+        failed = _step(loop.levels, loop, scheme, drive, n, record.peaks, row)
+        if failed:
+            return n, failed
+        until -= 1
+        if until == 0:
+            _record(loop, record, row)
+            _observe(outputs, loop, drive, n, record.y, row)
+            row, until = row + 1, every
+    return steps, FINISHED
+
+
+@inlined
+def _step(levels: Any, loop: Loop, scheme: Scheme, drive: Drive, n: int, peaks: Any, row: int) -> int:
+    """Step number n, whole or in parts; as `advance` returns."""
+    if levels is None:  # decided when compiled
+        return make_part(loop, scheme, drive.s[n + 1], drive.f[n + 1])
+    finest = levels.parts[-1]
+    reach = slice(n * finest, (n + 1) * finest + 1)
+    return step_in_parts(loop, drive.given[n], drive.s[reach], drive.f[reach], peaks[row])
+
+
+@inlined
+def _record(loop: Loop, record: Record, row: int) -> None:
+    """All but peaks and outputs."""
+    _copy(record.z, row, loop.state.modes[Z])
+    _copy(record.v, row, loop.state.modes[V])
+    _copy(record.multipliers, row, loop.state.multipliers)
+    _record_parts(record.parts, loop, row)
+    _record_impulses(record.impulses, loop.state.contact, row)
+    _record_energy(record.energy, loop.sides, row)
+
+
+@inlined
+def _copy(rows: Any, row: int, values: Array) -> None:
+    if rows is not None:
+        for k in range(rows.shape[1]):
+            rows[row, k] = values[k]
+
+
+@inlined
+def _record_parts(rows: Any, loop: Loop, row: int) -> None:
+    if rows is not None:
+        rows[row] = loop.levels.parts[loop.control.active[0]]
+
+
+@inlined
+def _record_impulses(rows: Any, contact: Contact, row: int) -> None:
+    if rows is not None:
+        _copy(rows, row, contact.impulse)
+
+
+@inlined
+def _record_energy(rows: Any, sides: Any, row: int) -> None:
+    if rows is not None:
+        _copy(rows, row, sides.energy)
+
+
+@inlined
+def _observe(outputs: Any, loop: Loop, drive: Drive, n: int, y: Any, row: int) -> None:
+    if outputs is not None:
+        f = drive.f[(n + 1) * _finest(loop.levels)]
+        _observe_tables(loop.tables, outputs, loop.state, f, y[row])
+        _observe_sides(loop.sides, outputs, loop, f, y[row])
+
+
+@inlined
+def _observe_tables(tables: Tables | None, outputs: Outputs, state: State, f: Array, y: Array) -> None:
+    if tables is not None:
+        observe(tables, outputs, state, f, y)
+
+
+@inlined
+def _observe_sides(sides: Any, outputs: SideOutputs, loop: Loop, f: Array, y: Array) -> None:
+    if sides is not None:
+        observe_sides(outputs, loop.bodies, sides, loop.state, f, y)
+
+
+@inlined
+def _finest(levels: Any) -> int:
+    """Samples of path and loads to a step."""
+    return 1 if levels is None else levels.parts[-1]

@@ -1,0 +1,222 @@
+"""One simulation of a system: its start, the compiled steps, why they failed, and where its energy comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError, SimulationError
+from pmr.reduced.model import ReducedModel
+from pmr.results import Energy
+from pmr.simulation import balance, contact_step
+from pmr.simulation.blocks import Ended, in_blocks
+from pmr.simulation.excitation import Excitation, places, rates_of_places
+from pmr.simulation.native import loop as kernel
+from pmr.simulation.native import tables
+from pmr.simulation.native.arrays import ROW, Drive, Outputs, Record, V, Z
+from pmr.simulation.native.building import loop_of
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.scheme import GeneralizedAlpha
+from pmr.simulation.native.side_arrays import SideOutputs, side_outputs
+from pmr.simulation.native.start import Onset, begin, places_of, reason
+from pmr.simulation.start import InitialState
+from pmr.simulation.stepping import Progress
+from pmr.system.assembly import Assembly
+from pmr.system.body import Trajectory
+
+Array = NDArray[np.float64]
+#: Steps between two looks at the clock, the keyboard and the progress; fewer where steps in parts take long.
+BLOCK = 4096
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Some steps in a row; the first of them is the last of those before, or the start."""
+
+    first: int  # number of the first one
+    t: Array  # (T,) s
+    record: Record  # in modal coordinates; its arrays are valid until the next steps: what is kept is to be copied
+    s: Array  # (T, P) m
+    f: Array  # (T, i) N
+    stored: Array  # (T,) J
+    work: Array  # (T,) J: since the start
+    energy: Energy | None  # in more detail, of a body on its tables
+
+
+class March:
+    """One simulation; arguments and errors as for `pmr.simulation.SystemSimulator`."""
+
+    def __init__(self, form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState]) -> None:
+        system, stepping = form.system, excitation.stepping
+        for modal in form.forms.values():
+            refuse_kept_inertia(modal.body)
+        self.form, self.system, self.t, self.body = form, system, excitation.times, form.on_tables
+        if self.body is not None and excitation.paths:
+            excitation.along(self.body.domain)  # refused in its own words
+        self.x, self._paths = places(system, excitation), tuple(excitation.paths)
+        parts: tuple[int, ...] = (1,)
+        self.pushing, omega = ~np.isnan(system.clearance), 0.0
+        if self.pushing.any():
+            asked = bool(stepping.parts or stepping.schedule)
+            omega = 0.0 if asked else contact_step.contact_frequency(form.modal, excitation)
+            parts = contact_step.levels(omega, stepping)
+        given = np.searchsorted(parts, stepping.schedule) if stepping.schedule else np.full(stepping.steps, -1)
+        self.finest = parts[-1]
+        fine = excitation.with_stepping(stepping.divided(self.finest))
+        s = fine.s
+        if self.body is not None:  # a body that nothing moves has one place all the same
+            s = fine.along(self.body.domain)[:, None] if s.shape[1] else np.full((len(s), 1), self.body.domain[0])
+        f = fine.forces(system.input_names)
+        self._drive = Drive(np.ascontiguousarray(s), np.ascontiguousarray(f), None if parts == (1,) else given)
+        methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
+        self.scheme, self.loop = methods[0].scheme(), loop_of(form, methods, parts, omega, self._paths)
+        moving = {side.contact for side, x in zip(system.sides, self.x.T, strict=True) if np.any(x != x[0])}
+        travelling = [system.contact_names[k] for k in sorted(moving)]
+        x_rate = rates_of_places(system, excitation)
+        onset = Onset(self._paths, s[0], self.x[0], x_rate, f[0], travelling, initial)
+        rigid = begin(self.loop, form, methods[0], onset)
+        # rigid ones that travel, with nothing that damps their forces
+        self._growing = [system.contact_names[k] for k in sorted(moving) if rigid[k]]
+        self._account = None if self.body is None else balance.Account(self.body, stepping.steps)
+        self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
+
+    @property
+    def f(self) -> Array:
+        """Loads (T, i) in N at the steps."""
+        return self._drive.f[:: self.finest]
+
+    @property
+    def s(self) -> Array:
+        """Path coordinates (T, P) in m at the steps."""
+        return self._drive.s[:: self.finest]
+
+    @cached_property
+    def outputs(self) -> Outputs | SideOutputs:
+        """All outputs of the bodies, one body after the other, as the loop observes them."""
+        if self.body is not None:
+            return tables.outputs(self.body, range(len(self.body.outputs)))
+        return side_outputs(
+            self.form, {name: range(one.body.outputs.shape[0]) for name, one in self.form.forms.items()}
+        )
+
+    @property
+    def first_outputs(self) -> Array:
+        """Theirs (o,) before the first step: O q + W f - X lambda."""
+        assembly, state = Assembly(self.form.modal), self.loop.state
+        X = assembly.at(self.x[0]).X
+        moved = assembly.outputs @ state.modes[Z, self.form.used] + assembly.direct @ self.f[0]
+        return np.asarray(moved - X @ state.multipliers)
+
+    def run(self, take: Callable[[Steps], None], progress: Progress | None = None) -> Ended:
+        """Take all steps; `take` gets some of them at a time.
+
+        A GrowthError is raised where more than `balance.GROWN` of the largest energy comes from nowhere.
+        """
+        room = self._room(min(BLOCK, len(self.t) - 1) + 1)
+
+        def taken(first: int, last: int) -> None:
+            rows = some(room, slice(last - first + 1))
+            assert rows.z is not None
+            self._check_finite(rows.z, first - 1)
+            for forces in (rows.multipliers, rows.peaks):
+                if forces is not None:
+                    without_pull(forces, self.pushing)
+            take(self._steps(first - 1, last, rows))
+            for begun, ended in zip(some(room, slice(1)), some(rows, slice(-1, None)), strict=True):
+                if begun is not None:
+                    begun[:] = ended
+
+        def advance(first: int, last: int) -> None:
+            self._take(first, some(room, slice(1, last - first + 1)), None, 1)
+
+        seconds = in_blocks(len(self.t), BLOCK, self.finest, advance, taken, progress)
+        least = balance.round_off(self.form.modes.B @ self.form.modes.B.T, self.f, float(self.t[1]))
+        surplus = balance.surplus(self._stored, self._work, least, since_start=bool(self.pushing.any()))
+        balance.refuse_growth(surplus, "march", self._growing)
+        return Ended(seconds, surplus)
+
+    def observe(self, outputs: Outputs | SideOutputs, every: int, y: Array, multipliers: Array) -> float:
+        """Take all steps; outputs y (T // every, o) and multipliers (T // every, m) of each `every`-th, but the first.
+
+        The solver's seconds; energy is not checked.
+        """
+
+        def advance(first: int, last: int) -> None:  # of every so many steps
+            at = slice(first - 1, last - 1)
+            rows = Record(None, None, multipliers[at], self._peaks(last - first), y=y[at])
+            self._take((first - 1) * every + 1, rows, outputs, every)
+
+        most = max(1, BLOCK // every)
+        seconds = in_blocks(len(y) + 1, most, self.finest, advance, lambda first, last: None, None)
+        self._check_finite(y, 1, every)
+        without_pull(multipliers, self.pushing)
+        return seconds
+
+    def _take(self, first: int, rows: Record, outputs: Outputs | SideOutputs | None, every: int) -> None:
+        """Take steps from number `first` on, as many as there is room for."""
+        count, loop, s, f, given = every * len(rows.multipliers), self.loop, *self._drive
+        reach = slice((first - 1) * self.finest, (first - 1 + count) * self.finest + 1)
+        drive = Drive(s[reach], f[reach], None if given is None else given[first - 1 : first - 1 + count])
+        taken, failed = kernel.run(loop, self.scheme, outputs, drive, rows, every)
+        if failed:
+            why = reason(self.system, loop.state.modes[ROW:], failed)
+            raise SimulationError(f"march failed at {self._where(first + taken)}: {why}")
+
+    def _steps(self, first: int, last: int, rows: Record) -> Steps:
+        """Steps `first` to `last`, the latter excluded, with their energies."""
+        at = slice(first, last)
+        s, f, energy = self.s[at], self.f[at], None
+        if rows.energy is not None:
+            self._stored[at], self._work[at] = rows.energy.T
+        if self._account is not None:
+            assert rows.z is not None and rows.v is not None
+            energy = self._account.add(first, Trajectory(self.t[at], rows.z, rows.v, rows.multipliers, s[:, 0], 0.0), f)
+            self._stored[at], self._work[at] = self._account.stored[at], self._account.work[at]
+        return Steps(first, self.t[at], rows, s, f, self._stored[at], self._work[at], energy)
+
+    def _room(self, size: int) -> Record:
+        """Room for so many steps, the first of which is the start."""
+        m, r, state, loop = len(self.pushing), int(self.form.used[-1]) + 1, self.loop.state, self.loop
+        return Record(
+            z=np.tile(state.modes[Z, :r], (size, 1)),
+            v=np.tile(state.modes[V, :r], (size, 1)),
+            multipliers=np.tile(state.multipliers, (size, 1)),
+            peaks=self._peaks(size),
+            parts=None if loop.levels is None else np.ones(size, np.int64),
+            impulses=None if state.contact is None else np.zeros((size, m)),
+            energy=None if loop.sides is None else np.tile(loop.sides.energy, (size, 1)),
+        )
+
+    def _peaks(self, size: int) -> Array | None:
+        return None if self.loop.levels is None else np.tile(self.loop.state.multipliers, (size, 1))
+
+    def _check_finite(self, recorded: Array, first: int, every: int = 1) -> None:
+        """Raise SimulationError at the first row that is not finite; row 0 is step `first` times `every`."""
+        finite = np.isfinite(recorded).all(axis=1)
+        if not finite.all():
+            where = self._where((first + int(np.argmin(finite))) * every)
+            raise SimulationError(f"march failed at {where}: not finite")
+
+    def _where(self, step: int) -> str:
+        return f"step {step}, t = {self.t[step]:g} s{places_of(self._paths, self.s[step])}"
+
+
+def some(record: Record, rows: slice) -> Record:
+    """Some rows of a record."""
+    return Record._make(None if array is None else array[rows] for array in record)
+
+
+def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
+    """Rows that only push have round-off of the others' forces at most where they let go: none."""
+    multipliers[:, pushing] = np.maximum(multipliers[:, pushing], 0.0)
+
+
+def refuse_kept_inertia(body: ReducedModel) -> None:
+    """An InputError for a body whose residual part's inertia is kept, which has a loop of its own."""
+    if body.flexibility is not None and body.flexibility.keeps_inertia:
+        allowed = "false is allowed step by step, and where outputs alone are kept; march.simulate keeps it"
+        raise InputError("scene", "reduction.residual_inertia", True, allowed)

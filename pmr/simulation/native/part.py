@@ -1,0 +1,85 @@
+"""One part of a step of whatever is simulated: a body on its tables, or bodies on their contacts' sides; compiled.
+
+What a simulation lacks is None, and what would be done with it is left out when the loop is compiled.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.simulation.native.arrays import Divided, Modes, Outputs, Scheme, State, Tables
+from pmr.simulation.native.compilation import compiled_and_inlined, inlined
+from pmr.simulation.native.energy import account
+from pmr.simulation.native.outputs import observe, observe_sides
+from pmr.simulation.native.rows import move_rows
+from pmr.simulation.native.side_arrays import SideOutputs, Sides
+from pmr.simulation.native.sides import move_sides
+from pmr.simulation.native.step import advance
+
+Array = NDArray[np.float64]
+
+
+class Loop(NamedTuple):
+    """A simulation: what it is made of, and where it stands."""
+
+    modes: Modes
+    divided: Divided
+    tables: Any  # `Tables`, or None
+    bodies: Any  # `Bodies` and `Sides`, or None
+    sides: Any
+    state: State
+    levels: Any  # `Levels` and `Control`, or None
+    control: Any
+
+
+@inlined
+def make_part(loop: Loop, scheme: Scheme, s: Array, f: Array) -> int:
+    """One part of a step to s (P,) and f (i,) at its end; as `advance` returns."""
+    failed = move(loop.tables, loop.sides, loop, scheme, s)
+    if failed == 0:
+        failed = advance(loop.divided, scheme, loop.state, f)
+    if failed == 0:
+        _account(loop.sides, loop, f)
+    return failed
+
+
+@inlined
+def move(tables: Tables | None, sides: Sides | None, loop: Loop, scheme: Scheme, s: Array) -> int:
+    """Take the rows to s (P,); 0, or the number from 1 of one that depends on those before it."""
+    failed = 0
+    if tables is not None:
+        failed = move_rows(tables, loop.divided, loop.state, s[0])
+    if sides is not None:
+        failed = move_sides(loop.bodies, loop.divided, scheme, loop.state, sides, s)
+    return failed
+
+
+@inlined
+def _account(sides: Sides | None, loop: Loop, f: Array) -> None:
+    if sides is not None:
+        account(loop.modes, loop.bodies, loop.state, sides, f)
+
+
+@compiled_and_inlined
+def step_on_tables(
+    tables: Tables, divided: Divided, scheme: Scheme, outputs: Outputs, state: State, s: float, f: Array, y: Array
+) -> int:
+    """One step of a body on one path to s under f (i,), and its outputs y (o,); 0, or what `advance` returns."""
+    failed = move_rows(tables, divided, state, s)
+    if failed == 0:
+        failed = advance(divided, scheme, state, f)
+    if failed == 0:
+        observe(tables, outputs, state, f, y)
+    return failed
+
+
+@compiled_and_inlined
+def step_on_sides(loop: Loop, scheme: Scheme, outputs: SideOutputs, s: Array, f: Array, y: Array) -> int:
+    """One step of any bodies to s (P,) under f (i,), and their outputs y (o,), likewise."""
+    failed = make_part(loop, scheme, s, f)
+    if failed == 0:
+        observe_sides(outputs, loop.bodies, loop.sides, loop.state, f, y)
+    return failed

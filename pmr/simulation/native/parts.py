@@ -1,0 +1,122 @@
+"""A step that is made in parts, as many as the forces of contacts that only push ask for; compiled.
+
+`pmr.simulation.native.levels` has what decides.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.simulation.native.arrays import State
+from pmr.simulation.native.compilation import inlined
+from pmr.simulation.native.contact import begin_impulses
+from pmr.simulation.native.energy import keep
+from pmr.simulation.native.levels import (
+    Control,
+    contact_of,
+    divided_of,
+    mark,
+    missed,
+    note,
+    predict,
+    scheme_of,
+    tables_of,
+    take_back,
+    turn_to,
+)
+from pmr.simulation.native.part import Loop, make_part, move
+from pmr.simulation.native.side_arrays import Sides
+from pmr.simulation.native.step import FINISHED
+
+Array = NDArray[np.float64]
+
+#: Where a step misses less than this share of what it may, the next one is made in half as many parts.
+SPARE = 0.125
+
+
+@inlined
+def step_in_parts(loop: Loop, given: int, s: Array, f: Array, peaks: Array) -> int:
+    """One step, in as many parts as it takes to keep to the tolerance; as `advance` returns."""
+    contact, state, control = loop.state.contact, loop.state, loop.control
+    level, last = given if given >= 0 else control.level[0], len(loop.levels.parts) - 1
+    found = given < 0 and last > 0
+    if found:
+        mark(contact, state, control)
+        _mark_energy(loop.sides, control)
+    while True:
+        now = _on(loop, level)
+        if level != control.active[0]:
+            failed = _begin(now, level, s[0], f[0])
+            if failed:
+                return failed
+        failed, off = _parts(now, level, found, s, f, peaks)
+        if failed or not found or off <= 1.0 or level == last:
+            break
+        take_back(contact, state, control)
+        _take_back_energy(loop.sides, control)
+        begin_impulses(contact)
+        while off > 1.0 and level < last:  # half the length misses an eighth and may miss a half
+            level, off = level + 1, off / 4.0
+    control.level[0] = level - 1 if off < SPARE and level > 0 else level
+    return failed
+
+
+@inlined
+def _on(loop: Loop, level: int) -> Loop:
+    """With the constants of parts on a level."""
+    state, levels = loop.state, loop.levels
+    now = State(
+        state.modes, state.multipliers, state.position, state.interval, state.couplings, state.factor, state.weighted,
+        state.shares, contact_of(state.contact, levels, level),
+    )  # fmt: skip
+    tables = tables_of(loop.tables, levels, level)
+    return Loop(loop.modes, divided_of(levels, level), tables, loop.bodies, loop.sides, now, levels, loop.control)
+
+
+@inlined
+def _parts(loop: Loop, level: int, judged: bool, s: Array, f: Array, peaks: Array) -> tuple[int, float]:
+    """The parts of a step on a level; what failed, or 0, and what one of them misses over what it may."""
+    levels, state, control = loop.levels, loop.state, loop.control
+    scheme, stride, off = scheme_of(levels, level), levels.parts[-1] // levels.parts[level], 0.0
+    for at in range(stride, len(s), stride):
+        if judged:
+            note(state.contact, state, control)
+        failed = make_part(loop, scheme, s[at], f[at])
+        if failed:
+            return failed, off
+        for k in range(len(peaks)):
+            force = state.multipliers[k]
+            peaks[k] = force if at == stride else max(peaks[k], force)
+        if judged:
+            off = max(off, missed(loop.modes, state.contact, state, control, scheme, f[at]))
+    return FINISHED, off
+
+
+@inlined
+def _begin(loop: Loop, level: int, s: Array, f: Array) -> int:
+    """Begin anew on a level at s (P,) under f (i,), where the last step ended; as `move_sides` returns."""
+    turn_to(loop.levels, level, loop.state, loop.control)
+    failed = move(loop.tables, loop.sides, loop, scheme_of(loop.levels, level), s)
+    if failed == 0:
+        predict(loop.modes, loop.levels, level, loop.state.contact, loop.state, loop.control, f)
+        _keep(loop.sides, loop.state, f)
+    return failed
+
+
+@inlined
+def _keep(sides: Sides | None, state: State, f: Array) -> None:
+    if sides is not None:
+        keep(state, sides, f)
+
+
+@inlined
+def _mark_energy(sides: Sides | None, control: Control) -> None:
+    if sides is not None:
+        control.began_energy[0], control.began_energy[1] = sides.energy[0], sides.energy[1]
+
+
+@inlined
+def _take_back_energy(sides: Sides | None, control: Control) -> None:
+    if sides is not None:
+        sides.energy[0], sides.energy[1] = control.began_energy[0], control.began_energy[1]
