@@ -16,10 +16,10 @@ from pmr.export.fmi.blocks import Arrangement
 from pmr.export.fmi.variables import STARTS, Variable
 from pmr.scene.signals import Ramp
 from pmr.simulation import contact_step
-from pmr.simulation.excitation import Excitation
-from pmr.simulation.native import systems
-from pmr.simulation.native import simulator as march
 from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
 from pmr.simulation.recorded import Recorded
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import displacement

@@ -18,10 +18,9 @@ from pmr.export.fmi.blocks import arrangement
 from pmr.export.fmi.fmu import contents
 from pmr.pipeline import SectionReduction, reduce
 from pmr.scene import Scene, load_any
-from pmr.simulation.excitation import Excitation
+from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import systems
-from pmr.simulation.excitation import places
 from pmr.simulation.recorded import Recorded, of_boom, recorded_system
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
