@@ -14,7 +14,7 @@ from pmr.scene.joints import Linear
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation import contact_step
 from pmr.simulation.acceleration import Acceleration
-from pmr.simulation.native.multibody_march import contact_frequency
+from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.recorded import recorded_system
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
