@@ -15,7 +15,6 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
-from pmr.scene.members import STRAIGHT
 from pmr.scene.names import cylinder_of
 from pmr.simulation.columns import called
 from pmr.simulation.modal import inertia_share, unpressed
@@ -54,7 +53,7 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
 
 def _with_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:
     """With what reduced sections press on their rigid supports with."""
-    names, units, columns, first = list[str](), list[str](), list[Array](), 0
+    names, units, columns, of_bodies, first = list[str](), list[str](), list[Array](), list[str](), 0
     for name, body in system.bodies.items():
         loads = trajectory.loads[:, first : first + len(body.input_names)]
         first += len(body.input_names)
@@ -67,6 +66,7 @@ def _with_reactions(response: Response, system: System, trajectory: SystemTrajec
         for side, x, force in zip(own, motion.s.T, motion.multipliers.T, strict=True):
             forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
         names += [reaction_of(named(name, one)) for one in known.names]
+        of_bodies += [name] * len(known.names)
         units += known.units
         columns.append(forces)
     if not names:
@@ -77,6 +77,8 @@ def _with_reactions(response: Response, system: System, trajectory: SystemTrajec
         others=np.hstack([*others, *columns]),
         other_names=(*response.other_names, *names),
         other_units=(*response.other_units, *units),
+        kinds=(*response.kinds, *("reaction" for _ in names)),
+        bodies=(*response.bodies, *of_bodies),
     )
 
 
@@ -85,6 +87,8 @@ def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
     moved, springs, others = list[Array](), list[Array](), list[Array]()
     other_names, other_units = list[str](), list[str]()
     x, names, force_names = list[Array](), list[str](), list[str]()
+    kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # of displacements, forces and others
+    of_bodies: tuple[list[str], list[str], list[str]] = ([], [], [])
     for name, body in system.bodies.items():
         of, y = called(body, ()), said.outputs[name]
         moved.append(y[:, length_outputs(body)])
@@ -95,7 +99,12 @@ def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
         x.append(body.output_positions[length_outputs(body)])
         names += [named(name, one) for one in of.moved]
         force_names += [named(name, one) for one in of.forces]
-    borne = [k for k, contact in enumerate(system.contacts) if contact.inner.row not in STRAIGHT]
+        for columns, bodies, found in zip(kinds, of_bodies, of.kinds, strict=True):
+            columns += found
+            bodies += [name] * len(found)
+    borne = [k for k, contact in enumerate(system.contacts) if contact.kind != "straight"]
+    kinds[1].extend(system.contacts[k].kind for k in borne)
+    of_bodies[1].extend(system.contacts[k].inner.body for k in borne)
     not_known = np.full(len(t), np.nan)
     return Response(
         t=t,
@@ -113,6 +122,8 @@ def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
         others=np.hstack(others) if other_names else None,
         other_names=tuple(other_names),
         other_units=tuple(other_units),
+        kinds=tuple(kind for one in kinds for kind in one),
+        bodies=tuple(body for one in of_bodies for body in one),
     )
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pmr.compare.errors import force_round_off, refuse_infinite, round_off
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
+from pmr.scene.names import ALONE
 from pmr.simulation.balance import blocks, energy
 from pmr.simulation.blocks import Block, Ended
 from pmr.simulation.columns import called
@@ -104,6 +105,8 @@ class Evaluation:
             force_names=names.forces,
             other_names=names.others,
             other_units=names.other_units,
+            kinds=names.all_kinds,
+            bodies=(ALONE,) * len(names.all_kinds),
             **columns,
         )
 

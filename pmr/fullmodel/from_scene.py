@@ -62,9 +62,10 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         nodes = model.node_stations[:-1]  # the last one is the tip
         stations = nodes[:: -(-len(nodes) // MOST_OBSERVED)]
     line = [Action(f"{d} at {x:g} m", float(x), d) for d in across for x in stations]
-    tip = [Action(observe.tip_along(d), observe.tip, d) for d in across]
-    forces = [PadForce(pad.name) for pad in pads.fixed if np.isfinite(pad.stiffness) and not pad.unilateral]
-    forces += [PadForce(support.name) for support in supports if np.isfinite(support.stiffness)]
+    tip = [Action(observe.tip_along(d), observe.tip, d, measures="tip") for d in across]
+    giving = [pad for pad in pads.fixed if np.isfinite(pad.stiffness) and not pad.unilateral]
+    forces = [PadForce(pad.name) for pad in giving]
+    forces += [PadForce(support.name, "support") for support in supports if np.isfinite(support.stiffness)]
     turned = [Action(f"{observe.tip} ry", observe.tip, "ry")] if observe.rotation else []
     weight = [Weight(member.gravity.direction)] if member.gravity else []
     driven = [Weight((-1.0, 0.0, 0.0), DRIVEN)] if is_accelerated(member) else []

@@ -47,6 +47,7 @@ class FullModel(WithRows):
     reference_frequency: float  # rad/s: scale of the lowest frequencies, by which eigensolvers shift
     output_names: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
+    output_kinds: tuple[str, ...] = ()
     # in closed form; a model without can be simulated, but not be reduced to free modes
     rigid: RigidMotions | None = None
     node_stations: Array | None = None  # (N,) m: places of a beam's nodes along its axis
@@ -108,4 +109,5 @@ class FullModel(WithRows):
             self.output_units,
             self.output_names,
             self.rayleigh,
+            self.output_kinds,
         )

@@ -43,6 +43,11 @@ class Gauge:
     at: Array
     face: str = ""
 
+    @property
+    def kind(self) -> str:
+        """As outputs have it."""
+        return "probe"
+
 
 def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
     """What the probes of a body measure, one gauge for each component.

@@ -52,6 +52,12 @@ class Action:
     on: str | float
     direction: str
     size: float = 1.0
+    measures: str = "beam"  # as an output, a displacement of a place along the ``beam`` or of its ``tip``
+
+    @property
+    def kind(self) -> str:
+        """Kind and direction of what is measured, as outputs have them (`pmr.results.outputs`)."""
+        return f"{self.measures if self.direction in ('x', 'y', 'z') else 'probe'} {self.direction}"
 
     @property
     def unit(self) -> str:
@@ -61,9 +67,10 @@ class Action:
 
 @dataclass(frozen=True)
 class PadForce:
-    """The force in N of a pad that neither moves nor is rigid, as an output."""
+    """The force in N of a pad or support that neither moves nor is rigid, as an output."""
 
     pad: str
+    kind: str = "pad"  # or ``support``
 
     @property
     def name(self) -> str:
@@ -134,6 +141,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         output_positions=np.array([_position(output, structure) for output in structure.outputs]),
         output_names=tuple(output.name for output in structure.outputs),
         output_units=tuple(output.unit for output in structure.outputs),
+        output_kinds=tuple(output.kind for output in structure.outputs),
         reference_frequency=model.reference_frequency,
         rigid=_rigid_motions(coupling, restraints, operators.M),
         node_stations=model.node_stations,

@@ -71,8 +71,9 @@ class ReducedModel:
         C(s), exact between its breaks; s in m.
     input_names, row_names : tuples of str
     output_positions : (o,) array, m
-    output_names, output_units : tuples of str
-        What each output is, and its unit; empty: all are displacements.
+    output_names, output_units, output_kinds : tuples of str
+        What each output is, its unit, and its kind and direction, such as ``"tip z"`` (`pmr.results.outputs`).  Without
+        names and units all are displacements; models of earlier versions have no kinds (`pmr.system.body.kinds_of`).
     left_out : tuple of str
         Rows that the basis satisfies identically (its vectors vanish there): they would make the system singular.
     provenance : dict
@@ -122,6 +123,7 @@ class ReducedModel:
     reactions: Reactions | None = None
     section: SectionOf | None = None
     ports: Mapping[str, Array] = field(default_factory=dict)
+    output_kinds: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -296,9 +298,12 @@ class ReducedModel:
     def contradiction(self) -> str | None:
         """What is wrong with the arrays, in words; None where shapes agree, breaks increase and all is finite."""
         o, m = len(self.output_positions), len(self.row_names)
-        if not {len(self.output_names), len(self.output_units)} <= {0, o}:
-            return f"{len(self.output_names)} names and {len(self.output_units)} units are given for {o} outputs"
-        for names in ("output_names", "output_units", "left_out"):
+        if not {len(self.output_names), len(self.output_units), len(self.output_kinds)} <= {0, o}:
+            counts = (
+                f"{len(self.output_names)} names, {len(self.output_units)} units and {len(self.output_kinds)} kinds"
+            )
+            return f"{counts} are given for {o} outputs"
+        for names in ("output_names", "output_units", "output_kinds", "left_out"):
             if wrong := misnamed(names, tuple(name.replace("^", "") for name in getattr(self, names))):
                 return wrong
         if wrong := misfit(self, {}) or asymmetry({"M": self.M, "D": self.D, "K": self.K}):

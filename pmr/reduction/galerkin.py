@@ -75,6 +75,7 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
         output_positions=model.output_positions,
         output_names=model.output_names,
         output_units=model.output_units,
+        output_kinds=model.output_kinds,
         provenance=provenance,
         pads=pads if pads.any() else None,
         clearance=None if np.isnan(model.rows.clearance).all() else model.rows.clearance,

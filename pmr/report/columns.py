@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.report.numbers import quantity
-from pmr.report.subject import alone, long
+from pmr.report.subject import alone
 from pmr.results import Response, RunResult
-from pmr.results.outputs import SIDES, outputs_of
+from pmr.results.convention import outputs_of
 from pmr.results.tables import FORCE_OF
 from pmr.scene.built import PadRing
+from pmr.scene.members import as_pads
 
 Array = NDArray[np.float64]
 Quantity = Callable[[Response], Array]
@@ -153,24 +154,31 @@ def forces(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
 def rings(result: RunResult) -> Iterator[Ring]:
     """Pads above and below the bodies, all of a ring on one face together."""
     response = result.responses["reduced"]
-    first = response.displacement.shape[1]
-    outputs = outputs_of(result.scene, response)[first : first + response.slider_force.shape[1]]
     bodies, tails = list(result.scene.bodies.items()), _tails(result, len(response.t))
     for number, (body, of) in enumerate(bodies):
-        places = [(f"{FORCE_OF}{ring.name} ", _along(result, ring, tails[:, number])) for ring in of.pads]
-        if (joint := getattr(of, "joint", None)) is not None:
-            outer, (_, outside) = tails[:, number - 1], bodies[number - 1]
-            at_tail = [("tail", ring, tails[:, number] + ring.at) for ring in joint.tail]
-            at_mouth = [("mouth", ring, outer + long(outside) - ring.at) for ring in joint.mouth]
-            for end, ring, at in (*at_tail, *at_mouth):
-                places.append((FORCE_OF + " ".join(filter(None, (body, end, ring.name))) + " ", at))
-        for start, at in places:
-            for face in ("bottom", "top"):
-                on_face = [(k, one.name) for k, one in enumerate(outputs) if one.direction == face]
-                own = [(k, name.removeprefix(start)) for k, name in on_face if name.startswith(start)]
-                columns = [k for k, rest in own if rest.split()[0] in SIDES]
+        places = [(_by_face(ring), _along(result, ring, tails[:, number])) for ring in of.pads]
+        if (joint := of.joint) is not None:
+            mouth = tails[:, number - 1] + bodies[number - 1][1].length
+            at_ends = [("tail", ring, tails[:, number] + ring.at) for ring in joint.tail]
+            at_ends += [("mouth", ring, mouth - ring.at) for ring in joint.mouth]
+            for end, ring, at in at_ends:
+                called = " ".join(filter(None, (body, end, ring.name)))
+                places.append((_by_face(as_pads(ring, called)) if ring.faces else _points(called), at))
+        for faces, at in places:
+            for face, names in faces.items():
+                columns = [response.force_names.index(name) for name in names if name in response.force_names]
                 if columns:
                     yield Ring(body, at, face == "top", response.slider_force[:, columns].sum(axis=1))
+
+
+def _by_face(ring: PadRing) -> dict[str, list[str]]:
+    """What the forces of a ring's pads below and above a body are called, by face."""
+    return {side: [FORCE_OF + name for name, face, _ in ring.places if face == side] for side in ("bottom", "top")}
+
+
+def _points(called: str) -> dict[str, list[str]]:
+    """The same of points on the axis of a planar beam."""
+    return {"bottom": [f"{FORCE_OF}{called} below"], "top": [f"{FORCE_OF}{called} above"]}
 
 
 def _along(result: RunResult, ring: PadRing, tail: Array) -> Array:

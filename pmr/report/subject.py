@@ -16,7 +16,6 @@ from pmr.results import BodyResult, RunResult
 from pmr.scene.choice import choose
 from pmr.scene.members import member_at
 from pmr.scene.names import ALONE, input_of
-from pmr.scene.parts import OneBody
 from pmr.scene.signals import SignalBase
 
 Array = NDArray[np.float64]
@@ -135,16 +134,11 @@ def length(result: RunResult) -> float:
     return float(result.body.fields.points[:, 0].max()) if result.body.fields is not None else scene.observe.end or 0.0
 
 
-def long(of: OneBody) -> float:
-    """Length of a body, or of what is observed of it, in m."""
-    return of.body.length or (of.observe.stations or (0.0,))[-1]
-
-
 def loads(result: RunResult) -> list[Acting]:
     """Loads in the order of the model's inputs; the weight, which may follow them, is none of these."""
     found, names = list[Acting](), result.loads.names
     for body, of in result.scene.bodies.items():
-        end = length(result) if body == ALONE else long(of)
+        end = length(result) if body == ALONE else of.length
         for number, one in enumerate(of.loads):
             kind = {"x": "along", "y": "aside", "z": "up"}.get(one.direction, "turn")
             where = f"on {one.on}" if isinstance(one.on, str) else f"at {plain(one.on)}{SPACE}m"
@@ -168,7 +162,7 @@ def held(result: RunResult) -> list[str]:
 def fixtures(result: RunResult) -> list[Fixture]:
     """What holds the body, or a boom's base, across its axis without moving along it."""
     body, of = next(iter(result.scene.bodies.items()))
-    end = length(result) if body == ALONE else long(of)
+    end = length(result) if body == ALONE else of.length
     supports = [
         Fixture(end if support.on == "tip" else 0.0, support.shown)
         if isinstance(support.on, str)

@@ -1,23 +1,13 @@
-"""What the columns of a response are: each an output with a kind, a body, a place, a direction and a unit."""
+"""What a column of a response is: an output with a kind, a body, a place, a direction and a unit."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-
-from pmr.results.response import Response
-from pmr.scene import Scene
-from pmr.scene.built import force_of, reaction_of
-from pmr.scene.choice import model_of, transverse
-from pmr.scene.members import member_at
-from pmr.scene.names import ALONE, cylinder_of, named
-from pmr.scene.parts import OneBody
 
 #: Kinds of outputs: displacements of places along a body and of its tip, forces of pads (sliders are pads without
 #: faces), of cylinders and of supports that give way, what probes measure, reactions of rigid supports.
 KINDS = ("beam", "tip", "pad", "cylinder", "support", "probe", "reaction")
-#: Sides of a body on which a pad may press; planar ones say below and above.
-SIDES = {"bottom": "bottom", "top": "top", "left": "left", "right": "right", "below": "bottom", "above": "top"}
+FORCES = ("pad", "cylinder", "support")
 
 
 @dataclass(frozen=True)
@@ -28,78 +18,16 @@ class Output:
     kind: str  # one of `KINDS`
     body: str  # empty for a body alone
     place: float | None = None  # m along the body, of displacements
-    direction: str = ""  # of displacements x, y or z; of pads the face that they press on
+    direction: str = ""  # of displacements x, y or z
     unit: str = "m"
 
+    @property
+    def is_force(self) -> bool:
+        """Whether it is the force of a contact or spring."""
+        return self.kind in FORCES
 
-def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
-    """Of all columns of a response: displacements, then forces, then all others.
-
-    By what their names have meant since names were given; without names by the order of columns before that.
-    """
-    return (*_displacements(scene, response), *_forces(scene, response), *_others(scene, response))
-
-
-def _displacements(scene: Scene, response: Response) -> Iterator[Output]:
-    known = {named(body, of.observe.tip_along(d)): ("tip", body, d) for body, of in scene.bodies.items() for d in "xyz"}
-    beams = {named(body, f"{d} at "): ("beam", body, d) for body in scene.bodies for d in "xyz"}
-    names = response.output_names or _unnamed_displacements(scene, response)
-    for name, x in zip(names, response.x.tolist(), strict=True):
-        start = next((start for start in beams if name.startswith(start)), None)
-        kind, body, d = known.get(name) or (beams[start] if start is not None else ("beam", "", ""))
-        yield Output(name, kind, body, x, d)
-
-
-def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
-    """As a body alone had them before columns were named: places along each direction, then the tip along each."""
-    (body,) = scene.bodies.values()
-    across = transverse(member_at(scene))
-    each = len(response.x) // len(across) - 1
-    return (*(f"{d} at " for d in across for _ in range(each)), *(body.observe.tip_along(d) for d in across))
-
-
-def _forces(scene: Scene, response: Response) -> Iterator[Output]:
-    count = response.slider_force.shape[1]
-    known = {name: one for body, of in scene.bodies.items() for name, one in _of_body(body, of).items()}
-    for body in scene.bodies:
-        name = force_of(cylinder_of(body))
-        known[name] = Output(name, "cylinder", body, unit="N")
-    joints = {force_of(f"{body} {end}"): body for body in scene.bodies for end in ("tail", "mouth") if body}
-    for name in response.force_names or _unnamed_forces(scene) or ("",) * count:
-        joint = next((start for start in joints if name.startswith(start)), None)
-        if joint is not None:
-            face = next((SIDES[word] for word in name.removeprefix(joint).split() if word in SIDES), "")
-            yield Output(name, "pad", joints[joint], direction=face, unit="N")
-        else:
-            slider = Output(name, "pad" if ALONE in scene.bodies else "support", ALONE, unit="N")
-            yield known.get(name) or slider
-
-
-def _of_body(body: str, of: OneBody) -> dict[str, Output]:
-    """Forces of its pads on the ground, outputs or rows of contacts, and of its supports that give way."""
-    found = dict[str, Output]()
-    for ring in of.pads:
-        for pad, face, _ in ring.places:
-            for name in (named(body, force_of(pad)), force_of(f"{body} {pad}")):
-                found[name] = Output(name, "pad", body, direction=face, unit="N")
-    for support, unit in of.springs.items():
-        name = named(body, force_of(support))
-        found[name] = Output(name, "support", body, unit=unit)
-    return found
-
-
-def _unnamed_forces(scene: Scene) -> list[str]:
-    """Outputs before rows, those of rows that move last; nothing where points slide."""
-    (body,) = scene.bodies.values()
-    faces = ("bottom", "top") if model_of(member_at(scene)) == "beam2d" else ("bottom", "top", "left", "right")
-    staying = [ring for ring in body.pads if not ring.moving and ring.stiffness != "rigid"]
-    ordered = [*sorted(staying, key=lambda ring: ring.unilateral), *(ring for ring in body.pads if ring.moving)]
-    return [force_of(name) for ring in ordered for name, face, _ in ring.places if face in faces]
-
-
-def _others(scene: Scene, response: Response) -> Iterator[Output]:
-    for name, unit in zip(response.other_names, response.other_units, strict=True):
-        kind = "reaction" if name.startswith(reaction_of("")) else "probe"
-        said = name.removeprefix(reaction_of(""))
-        body = next((body for body in scene.bodies if body and said.startswith(named(body, ""))), "")
-        yield Output(name, kind, body, unit=unit)
+    @classmethod
+    def of(cls, name: str, kind: str, body: str, place: float | None, unit: str) -> Output:
+        """With a kind and a direction in one, such as ``"tip z"``."""
+        what, _, direction = kind.partition(" ")
+        return cls(name, what, body, place, direction, unit)

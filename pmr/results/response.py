@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.results.outputs import Output
+
 Array = NDArray[np.float64]
 
 
@@ -55,6 +57,9 @@ class Response:
         The same of a force (`pmr.compare.errors.force_round_off`).
     force_peaks : (T, m) array, N, or None
         `slider_force`, but of pads that only push the largest within the step that ends at t; None where a step is one.
+    kinds, bodies : tuples of str
+        Of all columns, those of displacements, of forces, then of others: kind and direction, such as ``"tip z"``
+        (`pmr.results.outputs`), and the body that has them.  Empty in earlier results.
     surplus : float
         Share of the largest energy that neither loads nor moving rows put in; NaN where a simulator can't tell, and in
         results of version 0.1.
@@ -78,6 +83,37 @@ class Response:
     others: Array | None = None
     other_names: tuple[str, ...] = ()
     other_units: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
+    bodies: tuple[str, ...] = ()
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """What each column is: displacements, then forces, then all others; empty in results that don't say it."""
+        names = (*self.output_names, *self.force_names, *self.other_names)
+        if not len(names) == len(self.kinds) == len(self.bodies):
+            return ()
+        forces = len(self.force_names)
+        units = ("m",) * len(self.output_names) + ("N",) * forces + self.other_units
+        places = (*self.x.tolist(), *[None] * (forces + len(self.other_names)))
+        return tuple(map(Output.of, names, self.kinds, self.bodies, places, units))
+
+    def of(self, kind: str, body: str | None = None, direction: str | None = None) -> Array:
+        """All columns of a kind (T, k), of one body or along one direction alone, where these are given."""
+        chosen = [
+            self.column(k)
+            for k, one in enumerate(self.outputs)
+            if one.kind == kind and body in (None, one.body) and direction in (None, one.direction)
+        ]
+        return np.stack(chosen, axis=1) if chosen else np.empty((len(self.t), 0))
+
+    def column(self, number: int) -> Array:
+        """History (T,) of one of the outputs, forces as `force` has them."""
+        forces = self.slider_force if self.force_peaks is None else self.force_peaks
+        for columns in (self.displacement, forces, self.others):
+            if columns is not None and number < columns.shape[1]:
+                return columns[:, number]
+            number -= 0 if columns is None else columns.shape[1]
+        raise IndexError(number)
 
     def other(self, name: str) -> Array:
         """One of the other outputs, (T,)."""
@@ -107,5 +143,6 @@ class Response:
 
     @property
     def tip(self) -> Array:
-        """Transverse displacement of the free end, (T,) m."""
-        return self.displacement[:, -1]
+        """Vertical displacement of the free end of the last body, (T,) m: the last column without kinds."""
+        found = self.of("tip")
+        return found[:, -1] if found.shape[1] else self.displacement[:, -1]

@@ -17,6 +17,7 @@ from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.reactions import Reactions
+from pmr.results.outputs import FORCES
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,8 @@ class Observed(Protocol):
     def output_names(self) -> tuple[str, ...]: ...
     @property
     def output_units(self) -> tuple[str, ...]: ...
+    @property
+    def output_kinds(self) -> tuple[str, ...]: ...
 
 
 class OnCarriers(Protocol):
@@ -59,14 +62,40 @@ class Body(Protocol):
     def carriers(self) -> OnCarriers | None: ...
 
 
+def kinds_of(body: Observed) -> tuple[str, ...]:
+    """Kind and direction of each output; of a model of an earlier version by its names and units.
+
+    Such a model has displacements in m, at places of the beam but for those of the tip, and forces of pads in N;
+    without units all are displacements, of which the last is the tip.
+    """
+    if body.output_kinds:
+        return body.output_kinds
+    count = len(body.output_positions)
+    if not body.output_units:
+        return ("beam z",) * (count - 1) + ("tip z",) * bool(count)
+    named = zip(body.output_names or ("",) * count, body.output_units, strict=True)
+    return tuple(_kind(name, unit) for name, unit in named)
+
+
+def _kind(name: str, unit: str) -> str:
+    if unit != "m":
+        return "pad" if unit == "N" else "probe"
+    start, at, _ = name.partition(" at ")
+    return f"beam {start}" if at else f"tip {name.rpartition(' ')[2]}".strip()
+
+
+def _are(body: Observed, *kinds: str) -> NDArray[np.bool_]:
+    return np.array([kind.split(" ")[0] in kinds for kind in kinds_of(body)], dtype=bool)
+
+
 def force_outputs(body: Observed) -> NDArray[np.bool_]:
-    """Which of the outputs (o,) are forces; without units none is."""
-    return np.array([unit == "N" for unit in body.output_units] or [False] * len(body.output_positions), dtype=bool)
+    """Which of the outputs (o,) are forces: of pads and supports that give way."""
+    return _are(body, *FORCES)
 
 
 def length_outputs(body: Observed) -> NDArray[np.bool_]:
-    """Which of the outputs (o,) are displacements; without units all are."""
-    return np.array([unit == "m" for unit in body.output_units] or [True] * len(body.output_positions), dtype=bool)
+    """Which of the outputs (o,) are displacements along the beam and of its tip."""
+    return _are(body, "beam", "tip")
 
 
 def other_outputs(body: Observed) -> NDArray[np.bool_]:
@@ -152,6 +181,7 @@ class FullBody(WithRows):
     output_units: tuple[str, ...] = ()
     output_names: tuple[str, ...] = ()
     rayleigh: Rayleigh | None = None
+    output_kinds: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:

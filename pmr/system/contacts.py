@@ -48,6 +48,7 @@ class Contact:
     clearance: float | None = None
     # Coulomb's coefficient along the path; nothing is simulated with it, but what drives a section has to overcome it
     friction: float = 0.0
+    kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.outputs`)
 
     def __post_init__(self) -> None:
         for place in (self.inner, *filter(None, (self.outer,))):

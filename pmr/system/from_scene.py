@@ -15,6 +15,7 @@ from pmr.scene import Scene
 from pmr.scene.joints import JointPads
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, as_pads, footprint
 from pmr.scene.names import ALONE, cylinder_of
+from pmr.scene.parts import Part
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
 from pmr.system.system import Body, System
@@ -30,7 +31,9 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
     contacts = [contact for number in range(1, len(scene.sections)) for contact in _between(scene, number, bodies)]
     places = [place for one in contacts for place in (one.inner, one.outer) if place is not None]
     joined = {(place.body, place.row) for place in places}
-    ground = [contact for name, body in bodies.items() for contact in _on_ground(name, body, joined)]
+    ground = [
+        contact for name, body in bodies.items() for contact in _on_ground(name, body, joined, scene.bodies[name])
+    ]
     return (*contacts, *ground)
 
 
@@ -52,13 +55,13 @@ def _between(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[
         within = Place(inner, "", scene.sections[number - 1].length - joint.first_at(joint.mouth), inner, -1.0)
         around = Place(outer, "", joint.first_at(joint.tail), inner)
         for place, names in ((within, WITHIN), (around, AROUND)):
-            yield from (Contact(f"{place.body} {name}", replace(place, row=name)) for name in names)
+            yield from (Contact(f"{place.body} {name}", replace(place, row=name), kind="straight") for name in names)
     if TAIL in bodies[inner].row_names:
         at = _somewhere(bodies[inner], TAIL)
         held = Place(outer, TAIL, _somewhere(bodies[outer], TAIL)) if TAIL in bodies[outer].row_names else None
         stiffness = joint.cylinder.stiffness
         compliance = 0.0 if stiffness == "rigid" else 1.0 / stiffness
-        yield Contact(cylinder_of(inner), Place(inner, TAIL, at), held, direction=-1.0, compliance=compliance)
+        yield Contact(cylinder_of(inner), Place(inner, TAIL, at), held, -1.0, compliance, kind="cylinder")
 
 
 def _pads(scene: Scene, ring: JointPads, called: str, rows: set[str]) -> Iterator[JointPad]:
@@ -77,15 +80,15 @@ def _pads(scene: Scene, ring: JointPads, called: str, rows: set[str]) -> Iterato
             yield JointPad(name, row, ring.at, 1.0, compliance, clearance, ring.friction)
 
 
-def _on_ground(name: str, body: Body, joined: set[tuple[str, str]]) -> Iterator[Contact]:
+def _on_ground(name: str, body: Body, joined: set[tuple[str, str]], part: Part) -> Iterator[Contact]:
     """Pads between a section and the ground, and supports that hold more than one coordinate of a full one."""
+    pads = {pad for ring in part.pads for pad, _, _ in ring.places}
     for number, row in enumerate(body.row_names):
         if (name, row) not in joined and number not in body.held and row not in (TAIL, POINT):
             compliance, clearance = float(body.row_compliance[number]), float(body.row_clearance[number])
-            place = Place(name, row, _somewhere(body, row))
-            yield Contact(
-                f"{name} {row}", place, compliance=compliance, clearance=None if np.isnan(clearance) else clearance
-            )
+            place, kind = Place(name, row, _somewhere(body, row)), "pad" if row in pads else "support"
+            gap = None if np.isnan(clearance) else clearance
+            yield Contact(f"{name} {row}", place, compliance=compliance, clearance=gap, kind=kind)
 
 
 def _somewhere(body: Body, row: str) -> float:

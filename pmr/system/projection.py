@@ -34,6 +34,7 @@ def projected(body: SlidingBody, V: Array) -> ReducedModel:
         output_positions=body.output_positions,
         output_names=body.output_names,
         output_units=body.output_units,
+        output_kinds=body.output_kinds,
         pads=body.row_compliance if body.row_compliance.any() else None,
         flexibility=body.flexibility,
         clearance=None if np.isnan(clearance).all() else clearance,

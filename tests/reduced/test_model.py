@@ -128,7 +128,7 @@ def test_a_model_that_contradicts_itself_is_refused(
         ({"K": np.triu(np.ones((4, 4)))}, "K is not symmetric"),
         ({"D": -np.eye(4)}, "D has a negative eigenvalue"),
         ({"output_positions": np.full(6, np.inf)}, "output_positions is not finite"),
-        ({"output_names": ("w",)}, "1 names and 0 units are given for 6 outputs"),
+        ({"output_names": ("w",)}, "1 names, 0 units and 0 kinds are given for 6 outputs"),
         ({"pads": np.array([np.inf, 0.0])}, "pads is not finite"),
     ],
 )

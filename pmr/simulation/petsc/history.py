@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pmr.fullmodel.model import FullModel
 from pmr.results import Energy, Response
+from pmr.scene.names import ALONE
 from pmr.simulation.columns import called
 from pmr.system.body import force_outputs, length_outputs
 
@@ -156,4 +157,6 @@ def respond(model: FullModel, history: History) -> Response:
         others=others if others.shape[1] else None,
         other_names=names.others,
         other_units=names.other_units,
+        kinds=names.all_kinds,
+        bodies=(ALONE,) * len(names.all_kinds),
     )

@@ -108,6 +108,8 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
             displacement=response.displacement[:, -1:],
             output_names=response.output_names[-1:],
             output_units=response.output_units[-1:],
+            kinds=(),
+            bodies=(),
         )
         arrays |= records.arrays(at_tip, f"{name}.")
     return TaskResult(record, arrays, {f"simulate.{name}": response.seconds for name, response in responses.items()})
