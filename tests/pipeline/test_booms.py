@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from pmr.reduction.sections import reduce_sections
 from pmr.report.document import write_report
 from pmr.results import RunResult
 from pmr.results import load as load_frames
+from pmr.results.convention import outputs_of
 from pmr.results.tables import tables
 from pmr.scene import Scene
 from pmr.simulation import Excitation
@@ -68,6 +70,15 @@ def test_summary_says_what_each_section_and_joint_does(outcome: Outcome) -> None
     force = outcome.result.responses["reduced"].force("force of fly mouth top", 0)
     told = next(pad for pad in summary["pads"] if pad["name"] == "fly mouth top")
     assert told["min"] == force.min() and told["max"] == force.max()
+
+
+def test_outputs_are_what_their_names_mean(outcome: BoomOutcome) -> None:
+    """Kinds and bodies that models and contacts carry are those that names of earlier results are read by."""
+    for name, response in outcome.result.responses.items():
+        known = outputs_of(outcome.result.scene, replace(response, kinds=(), bodies=()))
+        assert [one.kind for one in known] == [one.kind for one in response.outputs], name
+        assert all(one.body in (other.body, "") for one, other in zip(known, response.outputs, strict=True))
+    assert {one.kind for one in response.outputs} == {"beam", "tip", "pad", "cylinder", "probe", "reaction"}
 
 
 def test_exudyn_simulates_the_sections_beside_march() -> None:
