@@ -72,7 +72,7 @@ def test_summary_says_what_each_section_and_joint_does(outcome: Outcome) -> None
     assert told["min"] == force.min() and told["max"] == force.max()
 
 
-def test_outputs_are_what_their_names_mean(outcome: BoomOutcome) -> None:
+def test_outputs_are_what_their_names_mean(outcome: Outcome) -> None:
     """Kinds and bodies that models and contacts carry are those that names of earlier results are read by."""
     for name, response in outcome.result.responses.items():
         known = outputs_of(outcome.result.scene, replace(response, kinds=(), bodies=()))
