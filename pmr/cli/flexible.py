@@ -9,7 +9,7 @@ import typer
 
 from pmr.cli.console import Overrides, ensure_file, out, say, scene_file
 from pmr.errors import InputError, TooManyModesError
-from pmr.export.formats import BODY_FORMATS
+from pmr.export.formats import BODY_FORMATS, ONE_BODY
 
 
 def flexible(
@@ -44,7 +44,9 @@ def flexible(
     chosen = BODY_FORMATS[to]
     target = out_file or Path(chosen.file_name)
     file = scene_file(scene)
-    asked = scenes.load(file, overrides or ())
+    asked = scenes.load_any(file, overrides or ())
+    if len(asked.sections) > 1:
+        raise InputError(str(file), "sections", list(asked.names), ONE_BODY)
     ensure_file(target, file, *filter(None, (asked.mesh.file,)))
     try:
         body = (framed_body if chosen.by == "frame" else held_body)(asked, at, modes)

@@ -76,6 +76,11 @@ class BodyFormat:
     write: Callable[[Any, Path], Path]  #: Of body and target
 
 
+#: Why a boom of several sections is in none of these formats.
+ONE_BODY = (
+    "one body is allowed: such a file holds nodes, modes and springs of a single body, and sections slide in each "
+    "other; `pmr export` writes what a run leaves: an fmu or a script with the sliding in it, or a state space"
+)
 BODY_FORMATS = {
     "sid": BodyFormat("Standard Input Data, text", "body.SID_FEM", "node", _imported("sid", "write_sid")),
     "ffrf": BodyFormat("ObjectFFRFreducedOrder of Exudyn", "body.npz", "node", _imported("bodies", "write_ffrf")),

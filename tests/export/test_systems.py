@@ -15,7 +15,7 @@ from processes import called
 
 import pmr
 from pmr.errors import InputError, SimulationError
-from pmr.export.formats import FORMATS
+from pmr.export.formats import BODY_FORMATS, FORMATS
 from pmr.export.places import places
 from pmr.simulation.state_space import state_space
 from pmr.system.assembly import Assembly
@@ -120,6 +120,15 @@ def test_a_section_of_a_system_is_written_alone_where_it_is_named(saved: Path, m
     assert inputs and all(name.startswith("middle.") for name in inputs)
     done = called(monkeypatch, capsys, "export", str(saved), "--to", "matlab", "--section", "jib")
     assert done.returncode == 2 and "--section = 'jib': 'base', 'middle', 'fly' is allowed" in done.stderr
+
+
+@pytest.mark.parametrize("to", BODY_FORMATS)
+def test_a_flexible_body_is_none_of_several_sections(to: str, tmp_path: Path, monkeypatch, capsys) -> None:
+    """In one line that says why, and what takes them."""
+    target = tmp_path / "body"
+    done = called(monkeypatch, capsys, "flexible", "boom_three", "--at", "2", "--to", to, "--out", str(target))
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and not target.exists()
+    assert "sections = ['base', 'middle', 'fly']: one body is allowed: such a file holds nodes" in done.stderr
 
 
 def test_pads_that_only_push_leave_no_state_space(tmp_path: Path, monkeypatch, capsys) -> None:

@@ -87,19 +87,20 @@ class Subject:
         named = {"reduced": reduced} if isinstance(reduced, ReducedModel) else reduced
         return {name: model.save(self.folder / f"{name}.npz") for name, model in named.items()}
 
-    @property
-    def model_file(self) -> Path:
-        """The model, or that of the last section."""
-        return list(self.models.values())[-1]
-
     @cached_property
-    def model(self) -> ReducedModel:
-        return ReducedModel.load(self.model_file)
+    def system_file(self) -> Path:
+        """What `pmr run` leaves: reduced.npz, or system.npz of sections."""
+        return self.outcome.save(self.out("saved"))
 
     @cached_property
     def system(self) -> System:
         """What `pmr run` leaves, read again."""
-        return System.load(self.outcome.save(self.out("saved")))
+        return System.load(self.system_file)
+
+    @property
+    def at(self) -> dict[str, float]:
+        """Where its paths are held."""
+        return dict.fromkeys(self.system.paths, self.kind.at)
 
     def out(self, name: str) -> Path:
         """A place to write to."""

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import scipy.io
-import scipy.linalg
 from export.fmi.libraries import Instance, compiled
 from fuzz import toml
 from numpy.typing import NDArray
@@ -29,10 +28,13 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.native import multibody
 from pmr.simulation.native import simulator as march
 from pmr.simulation.recorded import recorded_system
 from pmr.studies.files import kind_names
+from pmr.system.assembly import Assembly
 from pmr.system.body import displacement, length_outputs
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Way = Callable[[Subject], None]
@@ -96,9 +98,9 @@ def two_ranks(subject: Subject) -> None:
 
 
 def info(subject: Subject) -> None:
-    """Of the model, then of the scene."""
-    said = " ".join(command("info", str(subject.model_file)).split())
-    assert f"{subject.model.size} coordinates" in said
+    """Of the model or the system, then of the scene."""
+    said = " ".join(command("info", str(subject.system_file)).split())
+    assert f"{sum(body.size for body in subject.system.reduced.values())} coordinates" in said
     assert subject.scene.title in command("info", str(subject.file))
 
 
@@ -114,84 +116,83 @@ def reduce(subject: Subject) -> None:
 
 
 def simulate_in_python(subject: Subject) -> None:
-    """Saved and read models, as a run has them."""
+    """The saved and read system and models, as a run has them."""
     models = {name: ReducedModel.load(file) for name, file in subject.models.items()}
-    with refusals():
-        found = pmr.simulate(subject.scene, models if subject.kind.has_sections else subject.model)
-    subject.assert_same(found.displacement, found.slider_force)
+    for one in (subject.system, models if subject.kind.has_sections else models["reduced"]):
+        with refusals():
+            found = pmr.simulate(subject.scene, one)
+        subject.assert_same(found.displacement, found.slider_force)
 
 
 def simulate(subject: Subject) -> None:
     """The same from the command line."""
     out = subject.out("simulated")
-    command("simulate", str(subject.model_file), "--scene", str(subject.file), "--out", str(out))
+    command("simulate", str(subject.system_file), "--scene", str(subject.file), "--out", str(out))
     subject.assert_same(*subject.stored(out))
 
 
 def stepper(subject: Subject) -> None:
     """As the compiled simulator with the same steps."""
-    model, scene = subject.model, subject.scene
-    if len(scene.sections) > 1:
-        with refusals():
-            pmr.Stepper(model, scene.time.step, model.domain[0])
-    assert isinstance(scene, Scene)
+    system, scene = subject.system, subject.scene
     rho = min(scene.time.rho_inf, 0.9)
     excitation = Excitation.of(scene).with_stepping(TimeStepping(scene.time.end, scene.time.step, rho, parts=1))
-    s, f = excitation.s[:, 0], excitation.forces(model.input_names)
+    s, f = excitation.s, excitation.forces(system.input_names)
+    y = simulated_outputs(system, excitation)
     with refusals():
-        one = pmr.Stepper(model, scene.time.step, s[0], f[0], rho)
-    found = np.array([one.step(s[k], f[k]).copy() for k in range(1, len(s))])
-    expected = march.simulate(model, excitation)
-    y = displacement(model, expected.q, expected.s, expected.multipliers, f)[1:]
-    moved = length_outputs(model)
-    np.testing.assert_allclose(found[:, moved], y[:, moved], rtol=0.0, atol=1e-9 * np.abs(y[:, moved]).max())
+        one = pmr.Stepper(system, scene.time.step, s[0] if len(s[0]) > 1 else s[0, 0], f[0], rho)
+    found = [one.step(at if len(at) > 1 else at[0], loads).copy() for at, loads in zip(s[1:], f[1:], strict=True)]
+    moved = np.concatenate([length_outputs(body) for body in system.bodies.values()])
+    size = np.abs(y[:, moved]).max()
+    np.testing.assert_allclose(np.array(found)[:, moved], y[1:, moved], rtol=0.0, atol=1e-9 * size)
 
 
-def held(subject: Subject) -> tuple[Array, Array]:
-    """Natural frequencies (r,) in rad/s of the model with its sliders at `Kind.at`, and M, of the equations themselves.
-
-    Rows that give way are springs: K + C^T F^-1 C with F = G + 1/k.
-    """
-    model, s = subject.model, subject.kind.at
-    F = np.diag(model.row_compliance)
-    if model.flexibility is not None:
-        F = F + model.flexibility.rows(s)
-    C = model.C(s)
-    K = model.K + C.T @ np.linalg.solve(F, C)
-    return np.sqrt(np.maximum(scipy.linalg.eigh(K, model.M, eigvals_only=True), 0.0)), K
+def simulated_outputs(system: System, excitation: Excitation) -> Array:
+    """Of the compiled simulator, (T, o): a body alone from rest, sections from equilibrium."""
+    if "" in system.bodies:
+        model = system.reduced[""]
+        found, f = march.simulate(model, excitation), excitation.forces(model.input_names)
+        return displacement(model, found.q, found.s, found.multipliers, f)
+    start = multibody.static_start(system, excitation)
+    return np.hstack(list(multibody.displacements(system, multibody.simulate(system, excitation, start)).values()))
 
 
-def static(subject: Subject) -> Array:
-    """Displacements (o, i) under unit loads, of the saddle point of coordinates and forces."""
-    model, s, r = subject.model, subject.kind.at, subject.model.size
-    C, table = model.C(s), model.flexibility
-    m, i, o = len(C), len(model.input_names), len(model.outputs)
-    G, H = (np.zeros((m, m)), np.zeros((m, i))) if table is None else (table.rows(s), table.inputs(s))
-    X, W = (np.zeros((o, m)), np.zeros((o, i))) if table is None else (table.outputs(s), table.direct)
-    A = np.block([[model.K, C.T], [C, -G - np.diag(model.row_compliance)]])
-    found = np.linalg.solve(A, np.vstack([model.B, -H]))
-    return np.asarray(model.outputs @ found[:r] + W - X @ found[r:])
+def held(subject: Subject) -> Array:
+    """Natural frequencies (r,) in rad/s of the system with its places at `Subject.at`, what is rigid held."""
+    assembly, x = Assembly(subject.system), subject.system.coordinates(subject.at)
+    found = 2.0 * np.pi * assembly.frequencies(x, assembly.size)
+    return np.asarray(found[np.isfinite(found)])
+
+
+def answers(subject: Subject, w: float) -> NDArray[np.complex128]:
+    """Outputs (o, i) under unit loads of circular frequency w, of the saddle point of coordinates and forces."""
+    assembly = Assembly(subject.system)
+    rows, B = assembly.at(subject.system.coordinates(subject.at)), assembly.B.toarray()
+    M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
+    A = np.block([[K + 1j * w * D - w**2 * M, rows.C.T], [rows.C, -rows.F]])
+    found = np.linalg.solve(A, np.vstack([B, -rows.H]))
+    y: NDArray[np.complex128] = assembly.outputs @ found[: len(K)] + assembly.direct - rows.X @ found[len(K) :]
+    return y
 
 
 def exported(to: str, subject: Subject, *more: str) -> Path:
     """What `pmr export` writes in a folder of its own."""
     if to in FORMATS and "at" in FORMATS[to].options:
-        more = (*more, "--at", str(subject.kind.at))
+        several = ",".join(f"{path}={at}" for path, at in subject.at.items())
+        more = (*more, "--at", several if len(subject.at) > 1 else str(subject.kind.at))
     target = subject.out(f"export-{to}") / FORMATS[to].file_name
-    command("export", str(subject.model_file), "--to", to, "--out", str(target), *more)
+    command("export", str(subject.system_file), "--to", to, "--out", str(target), *more)
     return target
 
 
 def as_state_space(A: Array, B: Array, C: Array, D: Array, subject: Subject) -> None:
     """Frequencies and static answers of the equations."""
-    omega, _ = held(subject)
-    r, o = subject.model.size, len(subject.model.outputs)
+    omega, r = held(subject), len(A) // 2
     np.testing.assert_allclose(
         np.sort(np.linalg.eigvals(-A[r:, :r]).real), omega**2, rtol=1e-6, atol=1e-9 * omega[-1] ** 2
     )
-    expected = static(subject)
+    expected = answers(subject, 0.0).real
     np.testing.assert_allclose(
-        (D - C @ np.linalg.solve(A, B))[:o], expected, rtol=0.0, atol=1e-6 * np.abs(expected).max()
+        (D - C @ np.linalg.solve(A, B))[: len(expected)], expected, rtol=0.0, atol=1e-6 * np.abs(expected).max()
     )
 
 
@@ -210,24 +211,18 @@ def frequency_response(subject: Subject) -> None:
     """The first row's gain is that of the equations in complex numbers."""
     with exported("frequency-response", subject).open(encoding="utf-8") as stream:
         head, first = list(csv.reader(stream))[:2]
-    model, s, w = subject.model, subject.kind.at, 2.0 * np.pi * float(first[1])
-    table = model.flexibility
-    assert table is not None
-    C = model.C(s)
-    dynamic = model.K - w**2 * model.M + 1j * w * model.D
-    A = np.block([[dynamic, C.T], [C, -table.rows(s) - np.diag(model.row_compliance)]])
-    found = np.linalg.solve(A, np.vstack([model.B, -table.inputs(s)]))
-    y = model.outputs @ found[: model.size] + table.direct - table.outputs(s) @ found[model.size :]
-    tip = int(np.flatnonzero(length_outputs(model))[-1])
-    assert len(head) == 2 + 2 * len(model.input_names)
-    gains = np.array([float(x) for x in first[2::2]])
+    places = max(1, len(subject.at))
+    y = answers(subject, 2.0 * np.pi * float(first[places]))
+    tip = int(np.flatnonzero(np.concatenate([length_outputs(one) for one in subject.system.bodies.values()]))[-1])
+    assert len(head) == places + 1 + 2 * len(subject.system.input_names)
+    gains = np.array([float(x) for x in first[places + 1 :: 2]])
     np.testing.assert_allclose(gains, np.abs(y[tip]), rtol=1e-6, atol=1e-8 * np.abs(y).max())
 
 
 def stiffness_of_deck(subject: Subject) -> None:
     """K1 + KL1 of the entries, in modal coordinates."""
-    r, found = subject.model.size, {}
-    name = ""
+    omega, found = held(subject), dict[str, Array]()
+    r, name = len(omega), ""
     for line in exported("dmig", subject).read_text().splitlines():
         fields = [line[:8].strip(), *(line[k : k + 16].strip() for k in range(8, len(line), 16))]
         if fields[0] == "DMIG*":
@@ -235,7 +230,6 @@ def stiffness_of_deck(subject: Subject) -> None:
         elif fields[0] == "*" and name in ("K1", "KL1"):
             matrix = found.setdefault(name, np.zeros((r, r)))
             matrix[int(fields[1]) - 1, column] = matrix[column, int(fields[1]) - 1] = float(fields[3].replace("D", "e"))
-    omega, _ = held(subject)
     np.testing.assert_allclose(np.linalg.eigvalsh(sum(found.values())), omega**2, rtol=1e-6, atol=1e-9 * omega[-1] ** 2)
 
 
@@ -251,15 +245,14 @@ def stiffness_of_output4(subject: Subject) -> None:
             A[first : first + count, column - 1] = [float(values[24 * k : 24 * k + 24]) for k in range(count)]
         next(lines)
         found[name] = A
-    omega, _ = held(subject)
+    omega = held(subject)
     np.testing.assert_allclose(np.linalg.eigvalsh(found["K1"]), omega**2, rtol=1e-6, atol=1e-9 * omega[-1] ** 2)
 
 
 def script(subject: Subject) -> None:
     """The script's own simulation of what `pmr run` leaves, without pmr."""
     target = subject.out("export-exudyn") / FORMATS["exudyn"].file_name
-    saved = subject.outcome.save(subject.out("saved"))
-    command("export", str(saved), "--to", "exudyn", "--out", str(target))
+    command("export", str(subject.system_file), "--to", "exudyn", "--out", str(target))
     read = runpy.run_path(str(target))
     model = read["read_model"](target.with_name(read["MODEL"]))
     wanted = [read[name] for name in ("PATHS", "LOADS", "END", "STEP", "RHO_INF", "START", "PARTS")]
@@ -304,7 +297,8 @@ def _table(text: str) -> dict[str, Array]:
 def flexible(to: str, subject: Subject) -> None:
     """Frequencies of the full model with its sliders there; those on frames leave out what lies within a frame."""
     target = subject.out(to) / BODY_FORMATS[to].file_name
-    asked = ["--at", str(subject.kind.at), "--to", to, "--modes", "4", "--set", "masses=[]"]
+    bare = [] if subject.kind.has_sections else ["--set", "masses=[]"]
+    asked = ["--at", str(subject.kind.at), "--to", to, "--modes", "4", *bare]
     said = command("flexible", str(subject.file), *asked, "--out", str(target))
     assert target.stat().st_size
     listed = re.search(r"modes, (.*) Hz", said)
