@@ -1,6 +1,6 @@
 /* Seconds of the processor that a communication step takes through the C interface of an FMU of FMI 2.0:
-   timing LIBRARY GUID STEPS STEP FIRST COUNT INPUTS takes so many steps, sets all inputs, of which the path coordinate
-   moves, before each, and reads COUNT variables from value reference FIRST on after it. */
+   timing LIBRARY GUID STEPS STEP FIRST COUNT INPUTS PATHS takes so many steps, sets all inputs, of which the path coordinates
+   move, before each, and reads COUNT variables from value reference FIRST on after it. */
 #define _POSIX_C_SOURCE 200809L
 #include <dlfcn.h>
 #include <stdio.h>
@@ -23,8 +23,8 @@ static double now(void)
 int main(int count, char **arguments)
 {
     static const struct { void *callbacks[5]; } none;
-    void *library = count == 8 ? dlopen(arguments[1], RTLD_NOW) : NULL, *c;
-    int steps = atoi(arguments[3]), first = atoi(arguments[5]), outputs = atoi(arguments[6]), inputs = atoi(arguments[7]), k, n;
+    void *library = count == 9 ? dlopen(arguments[1], RTLD_NOW) : NULL, *c;
+    int steps = atoi(arguments[3]), first = atoi(arguments[5]), outputs = atoi(arguments[6]), inputs = atoi(arguments[7]), paths = atoi(arguments[8]), k, n;
     double h = atof(arguments[4]), *values = calloc(outputs + inputs, sizeof *values), begun, sum = 0.0;
     unsigned *seen = calloc(outputs, sizeof *seen), *given = calloc(inputs, sizeof *given);
     if (!library) return 1;
@@ -36,15 +36,14 @@ int main(int count, char **arguments)
     {
         Access get = (Access)dlsym(library, "fmi2GetReal"), set = (Access)dlsym(library, "fmi2SetReal");
         Step step = (Step)dlsym(library, "fmi2DoStep");
-        double s, *u = values + outputs;
+        double *u = values + outputs;
         for (n = 0; n < outputs; n++) seen[n] = first + n;
         for (n = 0; n < inputs; n++) given[n] = 1 + n;
         get(c, given, inputs, u);
-        s = u[0];
         begun = now();
         for (k = 0; k < steps; k++) {
-            u[0] = s + 1e-6 * k; /* the rows move in every step */
-            for (n = 2; n < inputs; n++) u[n] = 1e-3 * k;
+            for (n = 0; n < paths; n++) u[n] += 1e-6; /* the rows move in every step */
+            for (n = 2 * paths; n < inputs; n++) u[n] = 1e-3 * k;
             if (set(c, given, inputs, u) || step(c, k * h, h, 1) || get(c, seen, outputs, values)) return 1;
             sum += values[0];
         }

@@ -13,35 +13,39 @@ import numpy as np
 
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
-from pmr.export.fmi.fmu import PLATFORMS, write_fmu
-from pmr.pipeline import reduce
-from pmr.reduced.model import ReducedModel
+from pmr.export.fmi.fmu import PLATFORMS, write
+from pmr.pipeline.booms import reduce_either
+from pmr.scene import load_any
+from pmr.simulation.recorded import recorded_system
 from pmr.system.body import force_outputs
+from pmr.system.system import System
 
-CASES = {"evolved case": "evolved_residual.toml", "shell boom": "boom_shell.toml"}
-STEP = 1e-3  # s
+CASES = {
+    "evolved case": "evolved_residual.toml",
+    "shell boom": "boom_shell.toml",
+    "three sections on pads that push": "boom_three.toml",
+}
 STEPS = 20_000
 
 
 def measure(repeats: int, steps: int = STEPS, cases: dict[str, str] = CASES) -> dict[str, Any]:
-    """Seconds of the processor of one step, all inputs set and all displacements read, of models by their names."""
+    """Seconds of the processor of one internal step, all inputs set and all displacements read, of scenes by name."""
     with tempfile.TemporaryDirectory() as made:
         ways = {}
-        for name, scene in cases.items():
-            model = reduce(beams.scene(scene)).reduced
+        for name, file in cases.items():
             (folder := Path(made, name)).mkdir()
-            npz = model.save(folder / "reduced.npz")
-            file = write_fmu(npz, folder / "body.fmu", "2", PLATFORMS[:1])
-            timed = Timed(model, file, folder)
-            ways[f"{name}, {model.size} coordinates"] = lambda timed=timed: timed.seconds(steps)
+            system = reduce_either(load_any(beams.WORKFLOWS / file)).system
+            written = write(system, recorded_system(system, file), folder / "body.fmu", "2", PLATFORMS[:1])
+            timed, size = Timed(system, written, folder), sum(body.size for body in system.reduced.values())
+            ways[f"{name}, {size} coordinates"] = lambda timed=timed: timed.seconds(steps)
         found: dict[str, Times] = side_by_side(ways, repeats)
-    return {"step": STEP, "steps": steps, "seconds": {name: times.summary() for name, times in found.items()}}
+    return {"steps": steps, "seconds": {name: times.summary() for name, times in found.items()}}
 
 
 class Timed:
     """The timing program and the library of an FMU of FMI 2.0, unpacked in a folder."""
 
-    def __init__(self, model: ReducedModel, file: Path, folder: Path) -> None:
+    def __init__(self, system: System, file: Path, folder: Path) -> None:
         self._program = folder / "timing"
         source = Path(__file__).with_suffix(".c")
         subprocess.run(["cc", "-O2", str(source), "-o", str(self._program), "-ldl"], check=True)
@@ -50,9 +54,13 @@ class Timed:
         said = (folder / "modelDescription.xml").read_text()
         outputs = [int(n) for n in re.findall(r'valueReference="(\d+)" description="[^"]*" causality="output"', said)]
         inputs, token = said.count('causality="input"'), re.findall(r'guid="([^"]*)"', said)[0]
-        shown = int(np.count_nonzero(~force_outputs(model)))
+        shown = sum(int(np.count_nonzero(~force_outputs(body))) for body in system.reduced.values())
+        (step,) = re.findall(r'name="internal_step".*?start="([^"]*)"', said, re.DOTALL)
         library = next((folder / "binaries" / PLATFORMS[0].folder_2).iterdir())
-        self._before, self._after = [str(library), token], [f"{STEP:g}", str(min(outputs)), str(shown), str(inputs)]
+        self._before, self._after = (
+            [str(library), token],
+            [step, *map(str, (min(outputs), shown, inputs, len(system.paths)))],
+        )
 
     def seconds(self, steps: int) -> float:
         """Seconds of the processor a step."""

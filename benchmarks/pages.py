@@ -133,14 +133,14 @@ def fmu(found: Mapping[str, Any], prefix: str) -> Chapter:
     """One communication step of FMUs."""
     rows = tuple((name, quantity(t["min"], "s"), quantity(t["median"], "s")) for name, t in found["seconds"].items())
     caption = (
-        f"Seconds of the processor, {plain(found['steps'])} steps of {quantity(found['step'], 's')} in a row: all "
-        "inputs set, one step done, all displacements read."
+        f"Seconds of the processor, {plain(found['steps'])} internal steps in a row: all inputs set, one step done, "
+        "all displacements read."
     )
     name, first = next(iter(found["seconds"].items()))
     return Chapter(
         anchor=prefix,
         title="",
-        headline=f"{quantity(first['median'], 's', 2)} a communication step of the {name}.",
+        headline=f"{quantity(first['median'], 's', 2)} an internal step of the {name}.",
         blocks=[Block("FMI 2.0, called from C", grids=(Grid(caption, ("model", "least", "median"), rows),))],
     )
 

@@ -35,7 +35,7 @@ def _all(sections: Mapping[str, Any]) -> Iterator[Requirement]:
     if "latency" in sections:
         yield from _latency(sections["latency"]["ns"])
     for name, seconds in sections.get("fmu", {"seconds": {}})["seconds"].items():
-        yield Requirement(f"FMU, {name}: one communication step of 1 ms", seconds["median"], 5e-6, False, "s")
+        yield Requirement(f"FMU, {name}: one internal step", seconds["median"], 5e-6, False, "s")
     if "limit" in sections:
         factor = max(size["factor"] for size in sections["limit"]["sizes"])
         yield Requirement("compiled loop over the least time that the core allows", factor, 3.0, False, "ratio")
