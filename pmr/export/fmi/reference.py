@@ -18,13 +18,9 @@ from pmr.scene.signals import Ramp
 from pmr.simulation import contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
 from pmr.simulation.recorded import Recorded
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.body import displacement
-from pmr.system.contacts import ALONE
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 #: Instants at which outputs are written, as far as the steps go.
@@ -61,11 +57,17 @@ def reference(rows: Arrangement, scene: Recorded) -> Reference:
     s = np.column_stack([np.empty((len(t), 0)), *(excitation.paths[path].value(t) for path in rows.paths)])
     lines = [Ramp(times=t.tolist(), values=values.tolist()) for values in np.hstack([s, f]).T]
     paths, loads = lines[: len(rows.paths)], lines[len(rows.paths) :]
-    stepping = _with_parts(system, excitation)
+    count = contact_step.parts(contact_frequency(system, excitation), excitation.stepping)
+    stepping = replace(excitation.stepping, parts=count)
     given = Excitation(
         dict(zip(rows.paths, paths, strict=True)), dict(zip(system.input_names, loads, strict=True)), stepping
     )
-    z, v, y, forces = _followed(rows, given, scene.static)
+    found = systems.simulate(system, given, systems.static_start(system, given) if scene.static else {})
+    y = np.hstack(list(systems.displacements(system, found).values()))
+    z, v = (
+        np.hstack([getattr(found.bodies[part.name], what) @ part.form.inverse.T for part in rows.parts])
+        for what in "qv"
+    )
     shown = np.unique(np.linspace(0, len(t) - 1, min(INSTANTS, len(t))).round().astype(int))
     largest = np.abs(np.hstack([z, v])).max(axis=0)
     smallest = 1e-9 * np.repeat(largest.reshape(2, -1).max(axis=1), z.shape[1])
@@ -76,38 +78,9 @@ def reference(rows: Arrangement, scene: Recorded) -> Reference:
         first_loads=scene.first_loads,
         static=scene.static,
         t=t[shown],
-        outputs=np.hstack([y, forces])[shown],
+        outputs=np.hstack([y, found.forces])[shown],
         nominal=np.where(nominal > 0.0, nominal, 1.0),
     )
-
-
-def _with_parts(system: System, excitation: Excitation) -> TimeStepping:
-    """The time grid with as many parts of a step as its contacts take."""
-    if ALONE in system.bodies:
-        return contact_step.with_parts(system.reduced[ALONE], excitation)
-    omega = contact_frequency(system, excitation)
-    return replace(excitation.stepping, parts=contact_step.parts(omega, excitation.stepping) if omega else 0)
-
-
-def _followed(rows: Arrangement, given: Excitation, static: bool) -> tuple[Array, Array, Array, Array]:
-    """Modes and their rates (T, r), displacements (T, o) and forces (T, m)."""
-    system, parts = rows.system, rows.parts
-    initial = systems.static_start(system, given) if static else {}
-    if ALONE in system.bodies:
-        form, domain = parts[0].form, parts[0].form.body.domain
-        found = march.simulate_modal(form, given, form.start(initial[ALONE]) if initial else None)
-        f = given.forces(system.input_names)
-        return (
-            found.q,
-            found.v,
-            displacement(form.body, found.q, given.along(domain), found.multipliers, f),
-            found.multipliers,
-        )
-    moved = systems.simulate(system, given, initial)
-    z, v = (
-        np.hstack([getattr(moved.bodies[part.name], what) @ part.form.inverse.T for part in parts]) for what in "qv"
-    )
-    return z, v, np.hstack(list(systems.displacements(system, moved).values())), moved.forces
 
 
 def inputs_csv(found: Reference, variables: Sequence[Variable]) -> str:

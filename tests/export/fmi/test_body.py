@@ -140,7 +140,7 @@ def test_co_simulation_is_march(made: Made) -> None:
 
 
 def test_parts_of_steps_follow_straight_lines_and_communicated_ones_the_signals(made: Made) -> None:
-    """Where pads push, a run makes steps in parts: an FMU is that run, to round-off, if it communicates at each part.
+    """Where pads push, an FMU that communicates at each part is the run with as many in every step, to round-off.
 
     From step to step its inputs are straight lines, as in the reference that it carries.
     """
@@ -150,7 +150,7 @@ def test_parts_of_steps_follow_straight_lines_and_communicated_ones_the_signals(
     carried = reference(arrangement(System.of(made.model)), scene)
     parts = carried.stepping.parts
     assert parts > 1
-    run = march.simulate(made.model, scene.excitation)
+    run = march.simulate(made.model, scene.excitation.with_stepping(carried.stepping))
     f = scene.excitation.forces(made.model.input_names)
     followed = np.hstack([displacement(made.model, run.q, run.s, run.multipliers, f), run.multipliers])
     shown = np.round(carried.t / STEP).astype(int)
