@@ -1,0 +1,56 @@
+"""Beams whose walls give way beside shells of the same boxes, pads and loads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pmr
+from pmr.compare.frequencies import reduced_frequencies
+
+pytest.importorskip("gmsh")
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+ALONE = ["compare.against=[]", "simulation.simulators=['march']"]
+
+
+def largest(scene, reduced) -> float:
+    return float(np.abs(pmr.simulate(scene, reduced).displacement).max())
+
+
+@pytest.mark.slow
+def test_the_reference_boom_has_the_shells_frequencies_and_deflections() -> None:
+    """Nothing is fitted: the first two frequencies along the path within 2 %, the largest displacement within 1 %."""
+    f, most = {}, {}
+    for name in ("boom_beam", "boom_beam_walls", "boom_shell"):
+        scene = pmr.load_scene(WORKFLOWS / f"{name}.toml", ALONE)
+        reduced = pmr.reduce(scene).reduced
+        f[name] = reduced_frequencies(reduced, np.linspace(1.5, 4.0, 6), 2)
+        most[name] = largest(scene, reduced)
+    assert f["boom_beam_walls"] == pytest.approx(f["boom_shell"], rel=0.02)
+    assert most["boom_beam_walls"] == pytest.approx(most["boom_shell"], rel=0.01)
+    assert np.all(f["boom_beam"] > 1.05 * f["boom_shell"]) and most["boom_beam"] < 0.75 * most["boom_shell"]
+
+
+@pytest.mark.slow
+def test_walls_of_both_sections_of_a_joint_give_way() -> None:
+    most = {}
+    for name, body in (("beam", "{model='beam3d'}"), ("gives", "{model='beam3d',walls='give'}"), ("shell", "{}")):
+        scene = pmr.load_scene(WORKFLOWS / "boom_three_shell.toml", [*ALONE, f"section.body={body}"])
+        most[name] = largest(scene, pmr.reduce(scene).reduced)
+    assert most["gives"] == pytest.approx(most["shell"], rel=0.01)
+    assert most["beam"] < 0.9 * most["shell"]
+
+
+def test_pads_that_only_push_dent_the_walls_too() -> None:
+    """Let go at rest the box comes down on those below its mouth and above its tail."""
+    rings = [f"pads.{ring}.unilateral=true" for ring in ("tail", "mouth")]
+    changes = [*ALONE, *rings, "time.end=0.15", "gravity.rise=0.0", "loads=[]"]
+    sag = {}
+    for walls in ("rigid", "give"):
+        scene = pmr.load_scene(WORKFLOWS / "boom_beam_walls.toml", [*changes, f"body.walls={walls}", "mesh={}"])
+        response = pmr.simulate(scene, pmr.reduce(scene).reduced)
+        assert np.all(response.slider_force >= 0.0) and response.slider_force.max() > 1e4
+        sag[walls] = float(np.abs(response.displacement).max())
+    assert sag["give"] > 1.3 * sag["rigid"]
