@@ -19,7 +19,11 @@ from pmr.reduced.flexibility import EnrichmentModes, Flexibility, Inertia
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulation import InitialState, TimeStepping
+from pmr.simulation.start import consistent_start
+from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody
+from pmr.system.contacts import ALONE, SLIDER
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -300,3 +304,11 @@ def nrms_error(signal: Array, reference: Array) -> float:
     counted = rms > 1e-10
     error = np.sqrt(np.mean((signal - reference) ** 2, axis=0))
     return min(float(np.mean(error[counted] / rms[counted])), 1.0)
+
+
+def started(body: SlidingBody, s: float, s_rate: float, initial: InitialState | None) -> InitialState:
+    """The consistent start of a body alone with its slider at s m, which moves by s_rate m/s."""
+    system = System.of(body)
+    x = system.coordinates({SLIDER: s})
+    x_rate = np.array([s_rate if side.place.path else 0.0 for side in system.sides])
+    return consistent_start(Assembly(system), x, x_rate, {} if initial is None else {ALONE: initial})[ALONE]

@@ -1,4 +1,4 @@
-r"""A consistent start of a sliding body.
+r"""A consistent start of bodies and what holds them.
 
 .. math::
     C(s_0)\, q_0 = 0, \qquad C(s_0)\, v_0 + \dot s_0\, C'(s_0)\, q_0 = 0
@@ -17,6 +17,7 @@ constraints, SIAM Journal on Numerical Analysis 30, 1993.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
+from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody, WithRows
 
 Array = NDArray[np.float64]
@@ -48,21 +50,50 @@ class InitialState:
         return cls(np.zeros(size), np.zeros(size))
 
 
-def consistent_start(body: SlidingBody, s: float, s_rate: float, initial: InitialState | None) -> InitialState:
-    """The start that `initial` (None: at rest) means with the slider at s m and its rate in m/s at t = 0.
+def consistent_start(
+    assembly: Assembly, x: Array, x_rate: Array, initial: Mapping[str, InitialState]
+) -> dict[str, InitialState]:
+    """The start of each body of a system that `initial` means; those that are missing are at rest and undeformed.
 
-    Its velocity is corrected where it violates the rows; an InputError is raised where a size is wrong or the position
-    violates a row.
+    The contacts' places are at x (sides,) m and move by x_rate (sides,) m/s at t = 0.  Velocities are corrected where
+    they violate rigid contacts or supports; an InputError is raised where a size is wrong or a position violates one.
     """
-    if initial is None:
-        return InitialState.at_rest(body.size)
-    start = checked(initial, body.size)
-    rigid = row_flexibility(body, s)[1]
-    names = tuple(name for name, stiff in zip(body.row_names, rigid, strict=True) if stiff)
-    C, C_s = dense(body.C(s))[rigid], dense(body.C(s, 1))[rigid]
-    check_position(C, start.q, names)
-    drift = row_drift(C, C_s, s_rate, start)
-    return start if drift is None else InitialState(start.q, start.v - _impulse(body, C, drift, names))
+    system, bodies = assembly.system, assembly.system.bodies
+    starts = {
+        name: checked(initial[name], body.size) if name in initial else InitialState.at_rest(body.size)
+        for name, body in bodies.items()
+    }
+    if not initial:
+        return starts
+    for name, body in bodies.items():
+        for row, held in body.held.items():
+            largest = np.abs(starts[name].q).max()
+            check_position(np.ones((1, 1)), starts[name].q[[held]], (body.row_names[row],), largest)
+        starts[name] = InitialState(starts[name].q, _let_go(body, starts[name].v))
+    rows = assembly.at(x)
+    rigid = np.all(rows.F == 0.0, axis=1)
+    C, names = rows.C[rigid], tuple(name for name, firm in zip(system.contact_names, rigid, strict=True) if firm)
+    q, v = (np.concatenate([getattr(starts[name], part)[assembly.free[name]] for name in bodies]) for part in "qv")
+    check_position(C, q, names)
+    drift = row_drift(C, assembly.rates(x, x_rate)[rigid], 1.0, InitialState(q, v))
+    if drift is None:
+        return starts
+    sparse = any(sp.issparse(body.M) for body in bodies.values())
+    v = v - _impulse(assembly.M if sparse else assembly.M.toarray(), C, drift, names)
+    for name, start in starts.items():
+        start.v[assembly.free[name]] = v[assembly.coordinates[name]]
+    return starts
+
+
+def _let_go(body: SlidingBody, v: Array) -> Array:
+    """Velocities (n,) without those that supports hold at zero, taken away with the least kinetic energy."""
+    held, v = np.array(list(body.held.values()), np.int64), v.copy()
+    if np.any(v[held]):
+        free = np.setdiff1d(np.arange(body.size), held)
+        M = sp.csc_matrix(body.M)
+        v[free] += spla.spsolve(M[np.ix_(free, free)], M[np.ix_(free, held)] @ v[held])
+        v[held] = 0.0
+    return v
 
 
 def checked(initial: InitialState, size: int) -> InitialState:
@@ -85,26 +116,29 @@ def row_flexibility(body: ReducedModel | WithRows, s: float) -> tuple[Array, NDA
     return G, np.all(G == 0.0, axis=1)
 
 
-def check_position(C: Array, q: Array, names: tuple[str, ...]) -> None:
-    """Refuse with an InputError a position that violates a row of C (m, n), by the first such row."""
-    for name, excess, scale in zip(names, np.abs(C @ q), _magnitude(C, q), strict=True):
+def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 0.0) -> None:
+    """Refuse with an InputError a position that violates a row of C (m, n), by the first such row.
+
+    `largest` may be a larger coordinate than those in q.
+    """
+    for name, excess, scale in zip(names, np.abs(C @ q), _magnitude(C, q, largest), strict=True):
         if excess > ROW_TOLERANCE * scale:
             allowed = f"row {name!r} is violated by {excess:.3g}; C(s(0)) q = 0 is allowed"
             raise InputError("initial state", "q", None, allowed)
 
 
-def _impulse(body: SlidingBody, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
+def _impulse(M: Any, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
     """Change of velocity (n,) of least kinetic energy whose row values are `drift` (m,)."""
-    right = np.concatenate([np.zeros(body.size), drift])
-    if sp.issparse(body.M):
+    right = np.concatenate([np.zeros(M.shape[0]), drift])
+    if sp.issparse(M):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", spla.MatrixRankWarning)
-            kkt = sp.bmat([[body.M, sp.csr_matrix(C.T)], [sp.csr_matrix(C), None]], "csc")
+            kkt = sp.bmat([[M, sp.csr_matrix(C.T)], [sp.csr_matrix(C), None]], "csc")
             solution = spla.spsolve(kkt, right)
     else:
-        kkt = np.block([[body.M, C.T], [C, np.zeros((len(C), len(C)))]])
+        kkt = np.block([[M, C.T], [C, np.zeros((len(C), len(C)))]])
         solution = np.linalg.lstsq(kkt, right, rcond=None)[0]
-    dv = solution[: body.size]
+    dv = solution[: M.shape[0]]
     check_impulse(C @ dv, drift, names)
     return np.asarray(dv)
 
@@ -115,9 +149,9 @@ def check_impulse(achieved: Array, drift: Array, names: tuple[str, ...]) -> None
         raise InputError("initial state", "v", None, f"the rows {', '.join(names)} depend on each other")
 
 
-def _magnitude(C: Array, q: Array) -> Array:
+def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:
     """Bound (m,) of C q."""
-    return np.asarray(np.abs(C).sum(axis=1) * np.abs(q).max())
+    return np.asarray(np.abs(C).sum(axis=1) * np.abs(q).max(initial=largest))
 
 
 def _vector(name: str, values: Any, size: int) -> Array:

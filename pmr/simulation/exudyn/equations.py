@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pmr.scene.simulators import Needs
 from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.needs import needs_of_contacts
-from pmr.simulation.start import InitialState, check_position, checked, consistent_start
+from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly, ContactRows
 from pmr.system.body import SlidingBody
 from pmr.system.compliant_rows import CompliantRows
@@ -75,23 +75,12 @@ class Equations:
     def start(
         self, s: Mapping[str, float], rates: Mapping[str, float], initial: Mapping[str, InitialState]
     ) -> dict[str, InitialState]:
-        """A consistent one of each body; an InputError is raised where a position violates a rigid contact.
-
-        Of a body alone a velocity that does so is corrected.
-        """
-        found = {}
-        for name, body in self.system.bodies.items():
-            start = checked(initial[name], body.size) if name in initial else InitialState.at_rest(body.size)
-            if self.alone is not None:
-                (place,), (rate,) = s.values(), rates.values()
-                start = consistent_start(body, float(np.clip(place, *body.domain)), rate, start)
-            free = self.assembly.free[name]
-            found[name] = InitialState(start.q[free], start.v[free])
-        rows = self.rows(self.at(s)).at(0)
-        rigid = ~np.any(rows.F, axis=1)
-        q = np.concatenate([one.q for one in found.values()])
-        check_position(rows.C[rigid], q, tuple(np.array(self.system.contact_names)[rigid].tolist()))
-        return found
+        """A consistent one of each body, on what supports leave free; errors as for `consistent_start`."""
+        x, places = self.at(s)[0], [side.place for side in self.system.sides]
+        x_rate = np.array([0.0 if place.path is None else place.rate * rates[place.path] for place in places])
+        free = self.assembly.free
+        found = consistent_start(self.assembly, x, x_rate, initial)
+        return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in found.items()}
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
         """What the system asks of a simulator where its places lead along x (T, sides) m."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy
+from pmr.scene.simulators import refuse
 from pmr.simulation import balance, contact_step
 from pmr.simulation.blocks import Ended, in_blocks
 from pmr.simulation.excitation import Excitation, places, rates_of_places
@@ -23,6 +24,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.side_arrays import SideOutputs, side_outputs
 from pmr.simulation.native.start import Onset, begin, places_of, reason
+from pmr.simulation.needs import needs_of_contacts
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.assembly import Assembly
@@ -74,13 +76,12 @@ class March:
         self._drive = Drive(np.ascontiguousarray(s), np.ascontiguousarray(f), None if parts == (1,) else given)
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
         self.scheme, self.loop = methods[0].scheme(), loop_of(form, methods, parts, omega, self._paths)
-        moving = {side.contact for side, x in zip(system.sides, self.x.T, strict=True) if np.any(x != x[0])}
-        travelling = [system.contact_names[k] for k in sorted(moving)]
+        rigid = np.all(Assembly(form.modal).at(self.x[0]).F == 0.0, axis=1)
+        needs = needs_of_contacts(system, rigid, self.x, stepping.rho_inf)
+        refuse("march", needs)
+        self._growing = list(needs.rigid_moving)  # nothing damps their forces
         x_rate = rates_of_places(system, excitation)
-        onset = Onset(self._paths, s[0], self.x[0], x_rate, f[0], travelling, initial)
-        rigid = begin(self.loop, form, methods[0], onset)
-        # rigid ones that travel, with nothing that damps their forces
-        self._growing = [system.contact_names[k] for k in sorted(moving) if rigid[k]]
+        begin(self.loop, form, methods[0], Onset(self._paths, s[0], self.x[0], x_rate, f[0], initial))
         self._account = None if self.body is None else balance.Account(self.body, stepping.steps)
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
 

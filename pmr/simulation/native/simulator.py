@@ -26,11 +26,11 @@ from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import Z
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March, Steps
-from pmr.simulation.native.start import modal_start
-from pmr.simulation.start import InitialState
+from pmr.simulation.start import InitialState, checked
 from pmr.simulation.stepping import Progress
 from pmr.system.body import SlidingBody, Trajectory, displacement
 from pmr.system.contacts import ALONE
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -57,10 +57,13 @@ def simulate(
     trajectories agree to round-off.  `seconds` is the time of the steps, in modal coordinates; compiling (once on a
     machine), diagonalising and the way back to q are not in it.
     """
-    form = modal_form(body)
-    start = None if initial is None else modal_start(body, form, initial)
-    modal = simulate_modal(form, excitation, start, progress)
-    return in_coordinates(body, form, modal, excitation.forces(body.input_names))
+    form, recorder = modal_form(body), Recorder(np.arange(excitation.stepping.steps + 1))
+    if _keeps_inertia(form):
+        start = None if initial is None else form.start(checked(initial, body.size))
+        ended = inertial.follow(form, excitation, recorder, start, progress)
+    else:
+        ended = _follow(SystemForm(System.of(body), {ALONE: form}), excitation, recorder, initial, progress)
+    return in_coordinates(body, form, recorder.trajectory(ended), excitation.forces(body.input_names))
 
 
 def simulate_modal(
@@ -87,9 +90,18 @@ def follow(
     only push, a step may be made in parts (`pmr.simulation.contact_step`), of which the last one is told.  Errors as
     for `pmr.simulation.Simulator`; that of a motion that grows comes at the end.
     """
-    if form.body.flexibility is not None and form.body.flexibility.keeps_inertia:
+    if _keeps_inertia(form):
         return inertial.follow(form, excitation, take, initial, progress)
+    return _follow(SystemForm.alone(form), excitation, take, initial, progress)
 
+
+def _keeps_inertia(form: ModalForm) -> bool:
+    return form.body.flexibility is not None and form.body.flexibility.keeps_inertia
+
+
+def _follow(
+    form: SystemForm, excitation: Excitation, take: Take, initial: InitialState | None, progress: Progress | None
+) -> Ended:
     def taken(steps: Steps) -> None:
         z, v, multipliers, peaks = steps.record[:4]
         assert z is not None and v is not None and steps.energy is not None
@@ -111,7 +123,7 @@ def observe(
     that `simulate` checks is not: rigid rows that move may grow unnoticed with rho_inf near 1
     (docs/time_integration.md).  Errors as for `pmr.simulation.Simulator`.
     """
-    march, body = _march(form, excitation, None), form.body
+    march, body = _march(SystemForm.alone(form), excitation, None), form.body
     state = march.loop.state
     chosen = range(len(body.outputs)) if outputs is None else outputs
     count = excitation.stepping.steps // every + 1
@@ -138,7 +150,6 @@ def in_coordinates(body: SlidingBody, form: ModalForm, modal: Trajectory, f: Arr
     return replace(modal, q=q, v=v, multipliers=multipliers, peaks=peaks)
 
 
-def _march(form: ModalForm, excitation: Excitation, initial: InitialState | None) -> March:
-    form.body.ensure_whole("model")
-    start = {} if initial is None else {ALONE: initial}
-    return March(SystemForm.alone(form), excitation.on_slider, start)
+def _march(form: SystemForm, excitation: Excitation, initial: InitialState | None) -> March:
+    form.forms[ALONE].body.ensure_whole("model")
+    return March(form, excitation.on_slider, {} if initial is None else {ALONE: initial})

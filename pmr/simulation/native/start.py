@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from pmr.constraints.dependence import of_rows
 from pmr.errors import SimulationError
-from pmr.scene.simulators import Needs, refuse
-from pmr.simulation.modal import ModalForm
 from pmr.simulation.native import contact as contact_rows
 from pmr.simulation.native import energy
 from pmr.simulation.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, V, Z
@@ -19,13 +17,11 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.part import Loop
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.sides import move_sides
-from pmr.simulation.start import ROW_TOLERANCE, InitialState, check_impulse, check_position, checked, row_drift
+from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly
-from pmr.system.body import SlidingBody
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -38,27 +34,29 @@ class Onset:
     x: Array
     x_rate: Array
     f: Array  # (i,) N
-    travelling: Sequence[str]  # contacts whose places move later on
     initial: Mapping[str, InitialState]  # of each body; those that are missing start at rest, undeformed
 
 
-def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) -> Mask:
-    """Bring a loop whose first step is one of `method` to t = 0; which contacts (m,) are rigid.
+def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) -> None:
+    """Bring a loop whose first step is one of `method` to t = 0.
 
     Where contacts give way, the multipliers follow from the position, and which of those that only push are closed;
     rigid ones hold the acceleration, their own motion left out as in Exudyn.  An initial velocity that violates these
     is corrected by the change of least kinetic energy (`pmr.simulation.start`).
 
-    An InputError is raised where the initial position violates a rigid contact or a size is wrong, and where a rigid
-    contact only pushes or travels with nothing to damp its force; a SimulationError where contacts that give way depend
-    on each other, and some of them only push.
+    An InputError is raised where the initial position violates a rigid contact or a size is wrong; a SimulationError
+    where contacts that give way depend on each other, and some of them only push.
     """
-    rows, state, stiffness = Assembly(form.modal).at(onset.x), loop.state, loop.modes.stiffness
+    assembly, state, stiffness = Assembly(form.modal), loop.state, loop.modes.stiffness
+    rows = assembly.at(onset.x)
     C = np.zeros((len(rows.C), len(stiffness)))
     C[:, form.used] = rows.C
-    rigid = np.all(rows.F == 0.0, axis=1)
-    _check_rigid(form.system, rigid, onset.travelling, method.rho_inf)
-    z, v = _consistent(form, onset, C[rigid], rigid)
+    z, v = np.zeros((2, len(stiffness)))
+    if onset.initial:
+        states = consistent_start(Assembly(form.system), onset.x, onset.x_rate, onset.initial)
+        for name, one in form.forms.items():
+            start = one.start(states[name])
+            z[form.columns[name]], v[form.columns[name]] = start.q, start.v
     D = loop.modes.damping
     free = loop.modes.B.T @ onset.f - (D[0] * v if len(D) == 1 else D @ v) - stiffness * z
     try:
@@ -82,43 +80,6 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
             raise SimulationError(f"march failed at t = 0 s{places_of(onset.paths, onset.s)}: {why}")
         energy.account(loop.modes, loop.bodies, state, loop.sides, onset.f)
         loop.sides.energy[1] = 0.0
-    return rigid
-
-
-def _check_rigid(system: System, rigid: Mask, travelling: Sequence[str], rho_inf: float) -> None:
-    contacts = list(zip(system.contacts, rigid, strict=True))
-    pushing = tuple(c.name for c, firm in contacts if firm and c.clearance is not None)
-    moving = tuple(c.name for c, firm in contacts if firm and c.name in travelling)
-    refuse("march", Needs(rigid_pushing=pushing, rigid_moving=moving, rho_inf=rho_inf))
-
-
-def _consistent(form: SystemForm, onset: Onset, C: Array, rigid: Mask) -> tuple[Array, Array]:
-    """Modal coordinates and velocities (r',) that fit the rigid rows C (m, r')."""
-    z, v = np.zeros((2, form.starts[-1]))
-    for name, initial in onset.initial.items():
-        start = modal_start(form.system.bodies[name], form.forms[name], initial)
-        z[form.columns[name]], v[form.columns[name]] = start.q, start.v
-    if not onset.initial or not rigid.any():
-        return z, v
-    names = tuple(name for name, firm in zip(form.system.contact_names, rigid, strict=True) if firm)
-    check_position(C, z, names)
-    C_t = np.zeros(C.shape)
-    C_t[:, form.used] = Assembly(form.modal).rates(onset.x, onset.x_rate)[rigid]
-    drift = row_drift(C, C_t, 1.0, InitialState(z, v))
-    if drift is None:
-        return z, v
-    change = np.linalg.lstsq(C, drift, rcond=None)[0]
-    check_impulse(C @ change, drift, names)
-    return z, v - change
-
-
-def modal_start(body: SlidingBody, form: ModalForm, initial: InitialState) -> InitialState:
-    """An initial state in modal coordinates; an InputError where a size is wrong or a support is violated."""
-    state, held = checked(initial, body.size), body.held
-    for row, coordinate in held.items():
-        if abs(state.q[coordinate]) > ROW_TOLERANCE * np.abs(state.q).max():
-            check_position(np.ones((1, 1)), state.q[[coordinate]], (body.row_names[row],))
-    return form.start(state)
 
 
 class NotSettledError(Exception):

@@ -100,7 +100,7 @@ class Stepper:
         loop, at = loop_of(form, [method], (1,), 0.0, (SLIDER,)), np.array([self._s])
         x = form.system.coordinates({SLIDER: at})[0]
         start = {} if initial is None else {ALONE: initial}
-        begin(loop, form, method, Onset((SLIDER,), at, x, np.zeros(len(x)), self._f, (), start))
+        begin(loop, form, method, Onset((SLIDER,), at, x, np.zeros(len(x)), self._f, start))
         self._state = loop.state
         # A single load is written through it in a third of the time that NumPy takes.
         self._single: Any = memoryview(self._f) if len(self._f) == 1 else None  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ import pytest
 from driving import driven, named
 from exudyn.itemInterface import SensorNode
 from numpy.typing import NDArray
-from oracle import flexible, full_body, generalized_alpha, project
+from oracle import flexible, full_body, generalized_alpha, project, started
 
 from pmr.constraints.rows import Rows
 from pmr.errors import InputError, SimulationError
@@ -21,7 +21,6 @@ from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, Simulator, TimeStepping
 from pmr.simulation.exudyn import Formulation, inputs, simulator
 from pmr.simulation.exudyn.solver import slider_at, stored
-from pmr.simulation.start import consistent_start
 from pmr.system.assembly import Assembly, ContactRows
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 
@@ -65,7 +64,7 @@ def test_same_as_an_integrator_written_for_the_test(body: SlidingBody, simulate:
     found = simulate(body, driven(PATH, LOADS, STEPPING), initial)
     t = STEPPING.times
     f = np.stack([load.value(t) for load in LOADS], axis=1)
-    start = consistent_start(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), initial)
+    start = started(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), initial)
     tolerance = TOLERANCES[simulate.keywords["formulation"]]
     assert_same(found, *generalized_alpha(body, PATH.value(t), f, STEPPING, start), tolerance)
     np.testing.assert_array_equal(found.t, t)

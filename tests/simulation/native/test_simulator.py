@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from driving import driven
 from numpy.typing import NDArray
-from oracle import CASES, Case, generalized_alpha, project
+from oracle import CASES, Case, generalized_alpha, project, started
 from scipy.interpolate import PPoly
 
 from pmr.constraints.rows import Rows, carrier, fixed_row
@@ -26,7 +26,6 @@ from pmr.simulation.native import simulator as march
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.tables import tables
-from pmr.simulation.start import consistent_start
 from pmr.system.body import FullBody, SlidingBody, Trajectory, displacement
 
 Array = NDArray[np.float64]
@@ -51,7 +50,7 @@ def some_state(body: SlidingBody) -> InitialState:
 
 def reference(body: SlidingBody, initial: InitialState | None = None) -> tuple[Array, Array, Array]:
     t = STEPPING.times
-    start = consistent_start(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), initial or some_state(body))
+    start = started(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), initial or some_state(body))
     return generalized_alpha(body, PATH.value(t), np.stack([f.value(t) for f in LOADS], axis=1), STEPPING, start)
 
 

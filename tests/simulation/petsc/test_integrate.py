@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from distributed import distributed
 from driving import driven, loads_at
 from numpy.typing import NDArray
-from oracle import CASES, full_body, generalized_alpha, rich_body
+from oracle import CASES, full_body, generalized_alpha, rich_body, started
 from processes import resident
 
 from pmr.compare.evaluation import respond as responded
@@ -22,7 +22,6 @@ from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.native import simulator as march
 from pmr.simulation.petsc import Recording, constraint, observe, respond
-from pmr.simulation.start import consistent_start
 from pmr.system.body import FullBody
 
 Array = NDArray[np.float64]
@@ -72,7 +71,7 @@ def test_same_as_an_integrator_written_for_the_test(
     body = with_pads(rich, *PADS[pads])
     found = observe(distributed(body), driven(PATH, LOADS, STEPPING), EVERYTHING, some_state(body))
     t = STEPPING.times
-    start = consistent_start(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), some_state(body))
+    start = started(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), some_state(body))
     q, _, multipliers = generalized_alpha(body, PATH.value(t), loads_at(LOADS, t), STEPPING, start)
     assert_close(found.y, q @ body.outputs.T, 1e-11)
     assert_close(found.multipliers, multipliers, 1e-10)
@@ -86,7 +85,7 @@ def test_any_damping(rich: FullBody, kind: str) -> None:
     damper = sp.csr_matrix(([300.0], ([rich.size - 2], [rich.size - 2])), shape=rich.M.shape)
     D = {"none": 0.0 * rich.M, "stiffness": 3e-4 * rich.K, "mass": 0.7 * rich.M, "damper": rich.D + damper}[kind]
     body, t = replace(rich, D=D.tocsr()), STEPPING.times
-    start = consistent_start(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), some_state(body))
+    start = started(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), some_state(body))
     found = observe(distributed(body), driven(PATH, LOADS, STEPPING), None, start)
     q, _, multipliers = generalized_alpha(body, PATH.value(t), loads_at(LOADS, t), STEPPING, start)
     assert_close(found.y, q @ body.outputs.T, 1e-11)
