@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ class Recorder:
 
     def __init__(self, steps: Indices) -> None:
         self._steps = steps
-        self._arrays: dict[str, Array] = {}
+        self._arrays: dict[str, Any] = {}
 
     def __call__(self, block: Block) -> None:
         size = len(block.part.t)
@@ -56,7 +57,7 @@ class Recorder:
         rows = slice(None) if high - low == size else self._steps[low:high] - block.first
         for name, array in block.part.arrays.items():
             if name not in self._arrays:
-                self._arrays[name] = np.empty((len(self._steps), *array.shape[1:]))
+                self._arrays[name] = np.empty((len(self._steps), *array.shape[1:]), array.dtype)
             self._arrays[name][low:high] = array[rows]
 
     def trajectory(self, ended: Ended) -> Trajectory:

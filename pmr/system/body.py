@@ -254,13 +254,15 @@ class Trajectory:
     # (T, m) N: largest multiplier within the step that ends at t, of rows that only push, where a step is made in
     # parts; of the others that at t
     peaks: Array | None = None
+    # (T,): of how many parts each step was made, where rows only push (`pmr.simulation.contact_step`)
+    parts: NDArray[np.int64] | None = None
     # share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`); NaN: unknown
     surplus: float = np.nan
 
     @property
     def arrays(self) -> dict[str, Array]:
         """All that it has of each step, by name."""
-        names = ("t", "q", "v", "multipliers", "s", "quasi_static", "peaks")
+        names = ("t", "q", "v", "multipliers", "s", "quasi_static", "peaks", "parts")
         return {name: array for name in names if (array := getattr(self, name)) is not None}
 
     def at(self, steps: NDArray[np.int64] | slice) -> Trajectory:

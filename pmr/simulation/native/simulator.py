@@ -103,9 +103,9 @@ def _follow(
     form: SystemForm, excitation: Excitation, take: Take, initial: InitialState | None, progress: Progress | None
 ) -> Ended:
     def taken(steps: Steps) -> None:
-        z, v, multipliers, peaks = steps.record[:4]
-        assert z is not None and v is not None and steps.energy is not None
-        part = Trajectory(steps.t, z, v, multipliers, steps.s[:, 0], seconds=0.0, peaks=peaks)
+        z, v, multipliers, peaks, parts = steps.record[:5]
+        assert steps.energy is not None
+        part = Trajectory(steps.t, z, v, multipliers, steps.s[:, 0], seconds=0.0, peaks=peaks, parts=parts)
         take(Block(steps.first, part, steps.f, steps.energy))
 
     return _march(form, excitation, initial).run(taken, progress)
