@@ -28,8 +28,8 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.simulators import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.native import multibody
 from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
 from pmr.simulation.recorded import recorded_system
 from pmr.studies.files import kind_names
 from pmr.system.assembly import Assembly
@@ -152,8 +152,8 @@ def simulated_outputs(system: System, excitation: Excitation) -> Array:
         model = system.reduced[""]
         found, f = march.simulate(model, excitation), excitation.forces(model.input_names)
         return displacement(model, found.q, found.s, found.multipliers, f)
-    start = multibody.static_start(system, excitation)
-    return np.hstack(list(multibody.displacements(system, multibody.simulate(system, excitation, start)).values()))
+    start = systems.static_start(system, excitation)
+    return np.hstack(list(systems.displacements(system, systems.simulate(system, excitation, start)).values()))
 
 
 def held(subject: Subject) -> Array:

@@ -16,13 +16,11 @@ from scipy.interpolate import PPoly
 
 from pmr.compare.evaluation import respond
 from pmr.errors import InputError, SimulationError
-from pmr.export.exudyn.script import exudyn_script
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.balance import energy
-from pmr.simulation.exudyn import simulator as exudyn
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import contact as contact_rows
 from pmr.simulation.native import march as marching
@@ -347,10 +345,6 @@ def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel)
 def test_what_does_not_fit_is_refused(few: ReducedModel) -> None:
     with pytest.raises(InputError, match=r"reduction\.flexibility = False: mouth top only push and are rigid"):
         march.simulate(replace(few, pads=np.array([1e-6, 1e-6, 1e-6, 0.0])), driven(PATH, LOADS, STEPPING))
-    with pytest.raises(InputError, match="march is allowed: exudyn knows no rows that only push .tail bottom"):
-        exudyn.simulate(few, driven(PATH, LOADS, STEPPING))
-    with pytest.raises(InputError, match=r"m\.npz: march is allowed: exudyn knows no rows that only push .tail bottom"):
-        exudyn_script(few, "m.npz")
     kept = replace(inertial(beam_on_pads(CLEARANCE), 6), clearance=few.row_clearance)
     with pytest.raises(InputError, match=r"reduction\.residual_inertia = True: false .* rows only push .tail bottom"):
         march.simulate(with_kept_inertia(kept), driven(PATH, LOADS, STEPPING))
