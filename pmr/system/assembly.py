@@ -138,6 +138,8 @@ class Assembly:
             if rigid.any():
                 Z = scipy.linalg.null_space(rows.C[k, rigid])
                 held, free = Z.T @ held @ Z, Z.T @ M @ Z
+            if not len(held):
+                continue  # the contacts hold all coordinates
             omega2 = scipy.linalg.eigh(held, free, eigvals_only=True)[:count]
             found[k, : len(omega2)] = np.sqrt(np.maximum(omega2, 0.0)) / (2.0 * np.pi)
         return found
