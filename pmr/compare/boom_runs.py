@@ -65,8 +65,7 @@ class SteppedBoom:
         self.given = replace(excitation.stepping, schedule=())
         self.reference_rho = reference_rho(system, self.given.rho_inf)
         self.round_off = 0.0
-        names = [named(name, one) for name, body in system.bodies.items() for one in called(body, ()).moved]
-        self.tips = tip_columns(boom, names)
+        self.tips = tip_columns(system)
 
     def displacements(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
         run = run_from_rest(self._system, on_grid(self._boom, self._system, stepping))
@@ -98,8 +97,8 @@ def outputs(boom: Scene, system: System, run: SystemTrajectory, seen: Seen) -> O
         force=np.where(away[:, None], response.slider_force, 0.0),
         probe=others[:, :probes],
         units=response.other_units[:probes],
-        tips=tuple(tip_columns(boom, response.output_names)),
-        forces=tuple(force_kinds(boom, response.force_names)),
+        tips=tuple(tip_columns(system)),
+        forces=tuple(force_kinds(response)),
     )
 
 

@@ -168,52 +168,38 @@ def quantities(boom: Scene, response: Response) -> Mapping[str, Quantity]:
     At a kink of an extension a force is as high as its step is short or its cylinder stiff: such steps are left out
     ``_between_kinks``, where there are any.
     """
-    tips, t = tip_columns(boom, response.output_names), response.t
+    last, t = boom.names[-1], response.t
     at = [kink for path in boom.paths.values() for kink in path.kinks(boom.time.end)]
     away = np.all([np.abs(t - kink) > BESIDE_KINK * boom.time.step for kink in at], axis=0)
     found: dict[str, Quantity] = {
-        "tip": lambda one: one.displacement[:, tips],
+        "tip": lambda one: one.of("tip", body=last),
         "beam": lambda one: one.displacement,
     }
-    for kind in dict.fromkeys(force_kinds(boom, response.force_names)):
-        found[kind] = partial(_forces, boom, kind, slice(None))
+    for kind in dict.fromkeys(force_kinds(response)):
+        found[kind] = partial(_forces, kind, slice(None))
         if at:
-            found[f"{kind}_between_kinks"] = partial(_forces, boom, kind, away)
+            found[f"{kind}_between_kinks"] = partial(_forces, kind, away)
     return found
 
 
-def _forces(boom: Scene, kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
+def _forces(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
     """Zero where a force is nothing beside the largest one of any kind, as that of a cylinder that holds still."""
-    which = np.array(force_kinds(boom, response.force_names)) == kind
+    which = np.array(force_kinds(response)) == kind
     size = np.abs(response.slider_force).max(axis=0)
     counts = size > RELATIVE_FLOOR * size.max()
     return np.where(counts, response.slider_force, 0.0)[steps][:, which]
 
 
-def force_kinds(boom: Scene, names: Sequence[str]) -> list[str]:
-    """Of each force by its name: ``pad_force``, ``cylinder_force`` or, of supports that give way, ``support_force``."""
-    cylinders = {force_of(cylinder_of(name)) for name in boom.names[1:]}
-    joints = tuple(force_of(f"{name} {end}") for name in boom.names[1:] for end in ("tail", "mouth"))
-    pads = {
-        called
-        for part in boom.sections
-        for ring in part.pads
-        for pad, _, _ in ring.places
-        for called in (f"{part.name}: {force_of(pad)}", force_of(f"{part.name} {pad}"))
-    }
-    return [
-        "cylinder_force"
-        if name in cylinders
-        else "pad_force"
-        if name in pads or name.startswith(joints)
-        else "support_force"
-        for name in names
-    ]
+def force_kinds(response: Response) -> list[str]:
+    """Of each force: ``pad_force``, ``cylinder_force`` or, of supports that give way, ``support_force``."""
+    return [f"{one.kind}_force" for one in response.outputs if one.is_force]
 
 
-def tip_columns(boom: Scene, names: Sequence[str]) -> list[int]:
-    """Which of the displacements are those of the last section's tip."""
-    return [k for k, name in enumerate(names) if name in tip_names(boom)]
+def tip_columns(system: Joined[Any]) -> list[int]:
+    """Which of the displacements are those of the last body's tip."""
+    last = list(system.bodies)[-1]
+    kinds = [(name, kind) for name, body in system.bodies.items() for kind in called(body, ()).kinds[0]]
+    return [k for k, (name, kind) in enumerate(kinds) if name == last and kind.split(" ")[0] == "tip"]
 
 
 def tip_names(boom: Scene) -> set[str]:
@@ -224,4 +210,4 @@ def tip_names(boom: Scene) -> set[str]:
 
 def columns_of(section: str, response: Response) -> list[int]:
     """Columns of the displacements of a section."""
-    return [k for k, name in enumerate(response.output_names) if name.startswith(f"{section}: ")]
+    return [k for k, one in enumerate(response.outputs) if one.body == section and one.kind in ("beam", "tip")]

@@ -161,13 +161,8 @@ def with_common_forces(one: Response, other: Response) -> tuple[Response, Respon
         return one, other
     common = [name for name in one.force_names if name in other.force_names]
 
-    def known(response: Response) -> Response:
-        columns = [response.force_names.index(name) for name in common]
-        peaks = None if response.force_peaks is None else response.force_peaks[:, columns]
-        forces = response.slider_force[:, columns]
-        return replace(response, slider_force=forces, force_peaks=peaks, force_names=tuple(common))
-
-    return known(one), known(other)
+    found = [response.with_forces([response.force_names.index(name) for name in common]) for response in (one, other)]
+    return found[0], found[1]
 
 
 def _without_round_off(one: Response, other: Response, least: float, force: float) -> tuple[Response, Response]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +106,19 @@ class Response:
             if one.kind == kind and body in (None, one.body) and direction in (None, one.direction)
         ]
         return np.stack(chosen, axis=1) if chosen else np.empty((len(self.t), 0))
+
+    def with_forces(self, numbers: Sequence[int]) -> Response:
+        """With none but these of its forces, in this order."""
+        chosen, first, end = list(numbers), len(self.output_names), len(self.output_names) + len(self.force_names)
+        kept = [*range(first), *(first + k for k in chosen), *range(end, len(self.kinds))] if self.kinds else []
+        return replace(
+            self,
+            slider_force=self.slider_force[:, chosen],
+            force_peaks=None if self.force_peaks is None else self.force_peaks[:, chosen],
+            force_names=tuple(self.force_names[k] for k in chosen),
+            kinds=tuple(self.kinds[k] for k in kept),
+            bodies=tuple(self.bodies[k] for k in kept),
+        )
 
     def column(self, number: int) -> Array:
         """History (T,) of one of the outputs, forces as `force` has them."""

@@ -18,7 +18,7 @@ from pmr.compare import boom_estimate
 from pmr.compare import errors as compare
 from pmr.compare.accuracy.boom_family import BoomFamily
 from pmr.compare.boom_runs import in_parts, on_grid, run_from_rest
-from pmr.compare.booms import respond, tip_columns
+from pmr.compare.booms import respond
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.attachment import with_cylinder_modes
 from pmr.reduced.model import ReducedModel
@@ -71,7 +71,7 @@ def task(
 def full_tip(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full boom's tip; array ``tip`` (T, d) in m."""
     case = Case.of(Scene.model_validate(arguments["boom"]))
-    y = case.response.displacement[:, tip_columns(case.boom, case.response.output_names)]
+    y = case.response.of("tip", body=case.boom.names[-1])
     size = sum(body.size for body in case.full.bodies.values())
     record: dict[str, Scalar] = {"coordinates": size, "e_abs": None, "e_nrms": None}
     if "finest" in needs:

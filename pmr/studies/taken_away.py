@@ -107,7 +107,6 @@ def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult])
     ``frequencies.s_min.<i>`` and ``.s_max.<i>`` (Hz).  Arrays: ``t`` (s), ``tip`` and ``reach`` (m),
     ``frequencies.<model>`` (Hz).
     """
-    from pmr.compare.booms import tip_columns
     from pmr.pipeline import run
 
     boom = Scene.model_validate(arguments["boom"])
@@ -125,7 +124,7 @@ def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult])
     response = result.responses["reduced"]
     arrays = {
         "t": response.t,
-        "tip": response.displacement[:, tip_columns(boom, response.output_names)[-1]],
+        "tip": response.tip,
         "reach": found.along,
     }
     arrays |= {f"frequencies.{model}": values for model, values in found.models.items()}

@@ -62,6 +62,13 @@ def test_columns_are_asked_for_by_kind_and_body(response: Response) -> None:
     assert np.array_equal(peaks.of("pad"), 2.0 * RISING[:, [3]])
 
 
+def test_what_is_left_of_the_forces_keeps_its_kinds(response: Response) -> None:
+    fewer = response.with_forces([2, 0])
+    assert fewer.force_names == ("force of base stay", "force of fly tail top")
+    assert np.array_equal(fewer.of("support"), RISING[:, [5]]) and np.array_equal(fewer.of("pad"), RISING[:, [3]])
+    assert fewer.of("cylinder").shape == (4, 0) and np.array_equal(fewer.of("probe"), RISING[:, [6]])
+
+
 def test_units_places_and_directions_stand_beside_kinds(response: Response) -> None:
     first, second, *_, force, probe = response.outputs
     assert (first.place, first.direction, first.unit) == (6.0, "z", "m") and second.kind == "beam"

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from pmr.compare import boom_runs
 from pmr.compare.accuracy.family import LESS, Member, Motions
 from pmr.compare.boom_estimate import BoomEstimate, estimate, loads_borne
-from pmr.compare.booms import force_kinds
 from pmr.compare.errors import RELATIVE_FLOOR
 from pmr.compare.outputs import Floors, Outputs
 from pmr.compare.step_error import StepError, step_error_of
@@ -27,7 +26,6 @@ from pmr.reduced.attachment import with_attachment_modes, with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated
 from pmr.scene import Scene
-from pmr.scene.built import force_of
 from pmr.simulation import Excitation, TimeStepping
 from pmr.system.body import other_outputs
 from pmr.system.from_scene import system_of
@@ -52,7 +50,7 @@ class BoomFamily(Motions):
         self._sizes = tuple(model.size for model in self._wholes.values())
         self._of_cylinders = sum(model.cylinder_modes for model in _driven(self._wholes).values())
         self._probes = sum(int(np.count_nonzero(other_outputs(model))) for model in models.values())
-        forces = force_kinds(boom, [force_of(name) for name in self._given_system.contact_names])
+        forces = [f"{one.kind}_force" for one in self._given_system.contacts if one.kind != "straight"]
         self.kinds = ("beam", "tip", "velocity", *dict.fromkeys(forces), *["probe"] * bool(self._probes))
         self.places, self.impulsive = boom_runs.places(self._given_system), False  # forces count between kinks
         self._systems, self._schedules = dict[Member, System](), dict[int, tuple[int, ...]]()
