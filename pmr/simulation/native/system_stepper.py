@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import BEYOND_ENDS, InputError, SimulationError
 from pmr.errors.text import hint
 from pmr.scene.built import force_of
-from pmr.scene.names import ALONE, named
+from pmr.scene.names import named
 from pmr.scene.signals import Constant, Ramp
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
@@ -28,12 +27,10 @@ from pmr.simulation.native.arrays import ROW, Drive, Record, V, Z
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March, refuse_kept_inertia
 from pmr.simulation.native.start import reason
-from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.native.systems import static_start
 from pmr.simulation.recorded import recorded_system
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.body import SlidingBody
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -69,7 +66,8 @@ class SystemStepper:
         What `step` returns: names or numbers of `output_names`, forces of contacts among them; by default all outputs
         of the bodies.
     initial : mapping of str to InitialState, optional
-        Of each body; those that are missing start at rest, undeformed.  By default all start in equilibrium with F.
+        Of each body; those that are missing start at rest, undeformed.  By default all start in equilibrium with F, or
+        as the scene says.
 
     Raises
     ------
@@ -102,13 +100,15 @@ class SystemStepper:
         self.output_names = (*output_names(system), *map(force_of, system.contact_names))
         self._s, self._f = np.full(len(self._ranges), np.nan), np.zeros(len(system.input_names))
         self._take_path(s)
-        if "scene" in system.provenance:
-            self._f[:] = recorded_system(system, "stepper").first_loads
+        known = recorded_system(system, "stepper") if "scene" in system.provenance else None
+        if known is not None:
+            self._f[:] = known.first_loads
         if F is not None:
             self._take_loads(F)
         excitation = self._excitation(system, step, rho_inf)
-        start = static_start(system, excitation) if initial is None else initial
-        self._march = March(SystemForm.of(system), excitation, start)
+        if initial is None:
+            initial = static_start(system, excitation) if known is None or known.static else {}
+        self._march = March(SystemForm.of(system), excitation, initial)
         self._seen, y = self._march.outputs, self._march.first_outputs
         self._drive = Drive(np.stack([self._s, self._s]), np.stack([self._f, self._f]), None)
         self._record = Record(None, None, self._march.loop.state.multipliers[None].copy(), y=y[None])
@@ -244,13 +244,3 @@ def _number(name: str | int, names: list[str], key: str) -> int:
     if name not in names:
         raise InputError("stepper", key, name, f"{hint(name, names)}{', '.join(names) or 'none'} are allowed")
     return names.index(str(name))
-
-
-def stepper(body: SlidingBody | System, *arguments: Any, **options: Any) -> Stepper | SystemStepper:
-    """`Stepper` of a body or of a system of one, `SystemStepper` of a system of several: `pmr.Stepper`.
-
-    Arguments and errors as for these.
-    """
-    if isinstance(body, System) and ALONE not in body.bodies:
-        return SystemStepper(body, *arguments, **options)
-    return Stepper(body.bodies[ALONE] if isinstance(body, System) else body, *arguments, **options)

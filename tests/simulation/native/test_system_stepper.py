@@ -78,6 +78,12 @@ def test_a_boom_that_knows_its_scene_starts_in_equilibrium_under_its_weight(syst
     np.testing.assert_allclose(stepper.outputs, start, rtol=0.0, atol=1e-8 * np.abs(start).max())
 
 
+def test_a_boom_that_starts_at_rest_does_so_step_by_step(boom: Scene, system: System) -> None:
+    at_rest = replace(system, provenance=boom.model_copy(update={"start": "rest"}).recorded)
+    stepper = SystemStepper(at_rest, STEP, [0.6, 2.0])
+    assert not any(q.any() for q in stepper.q.values())
+
+
 def test_a_start_of_ones_own_and_bodies_without_a_scene() -> None:
     """Nothing bears a load, and what moves goes on."""
     bare = reduced(Nested(2, elements=8), 2)
