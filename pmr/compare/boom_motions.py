@@ -87,7 +87,7 @@ class FullBoom:
         found, failed, states = None, "", dict[str, Array]()
         try:
             with clock.stage("full") as done:
-                start = static_start(self.whole, excitation)
+                start = static_start(self.whole, excitation) if excitation.start == "equilibrium" else {}
                 if self.simulator == "petsc":
                     recording = Recording(energies=True, states=(steps * boom.time.step).tolist())
                     history = observe_system(self.whole, excitation, recording, start, done, checkpoint)

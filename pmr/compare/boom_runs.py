@@ -27,8 +27,8 @@ BESIDE_KINK = 2.0
 
 
 def run_from_rest(system: System, excitation: Excitation) -> SystemTrajectory:
-    """From static equilibrium."""
-    return systems.simulate(system, excitation, systems.static_start(system, excitation))
+    """From static equilibrium, or undeformed, as the excitation says."""
+    return systems.simulate(system, excitation, systems.start_of(system, excitation))
 
 
 def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:

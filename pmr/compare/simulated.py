@@ -149,7 +149,7 @@ def _repeated(
     boom: Scene, system: System, excitation: Excitation, simulator: SystemSimulator, done: Progress
 ) -> SystemTrajectory:
     """A short simulation is repeated as the scene says, and the fastest counts."""
-    start = systems.static_start(system, excitation)
+    start = systems.start_of(system, excitation)
     found = [simulator(system, excitation, start, done)]
     while len(found) < boom.simulation.repeats and found[0].seconds < SHORT:
         found.append(simulator(system, excitation, start))

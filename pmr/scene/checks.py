@@ -70,6 +70,9 @@ def _reduction(scene: Scene) -> None:
     if choice.residual_inertia and not (choice.basis == "free_modes" and choice.flexibility):
         allowed = "free modes with flexibility = true are allowed to have the inertia of what they leave out"
         raise refusal("reduction.residual_inertia", True, allowed)
+    if choice.residual_inertia and scene.start == "equilibrium":
+        allowed = "false is allowed with start = 'equilibrium': how the residual part moves at t = 0 is not known"
+        raise refusal("reduction.residual_inertia", True, allowed)
     if choice.ports and (choice.basis != "free_modes" or not choice.flexibility or choice.residual_inertia):
         allowed = "free modes with flexibility and without residual_inertia are allowed to have ports"
         raise refusal("reduction.ports", list(choice.ports), allowed)
@@ -117,7 +120,8 @@ def _frequency_response(scene: Scene) -> None:
 def _comparison(scene: Scene) -> None:
     profile = scene.body.profile
     ancf_can = (
-        is_pinned_beam(member_at(scene))
+        scene.start == "rest"
+        and is_pinned_beam(member_at(scene))
         and profile is not None
         and profile.axial_stiffness is not None
         and scene.gravity is None
@@ -129,7 +133,7 @@ def _comparison(scene: Scene) -> None:
             "compare.against",
             list(scene.compare.against),
             "the ANCF reference needs body.profile with axial_stiffness, one slider without offset, no damping, one "
-            "pinned support at x = 0 and loads along z",
+            "pinned support at x = 0, loads along z and start = 'rest'",
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ class Excitation:
     stepping: TimeStepping
     # keys of a scene's section of that name, of which each simulator reads its own
     options: Simulation = field(default_factory=Simulation)
+    start: Literal["rest", "equilibrium"] = "rest"  # how motions begin, where no initial state is given
 
     @classmethod
     def of(cls, scene: Scene) -> Excitation:
@@ -50,7 +51,7 @@ class Excitation:
             if is_accelerated(member):
                 known[DRIVEN] = Acceleration(paths=paths[: member.number], step=stepping.step)
             loads |= {input_of(name, one): signal for one, signal in known.items()}
-        return cls(scene.paths, loads, stepping, scene.simulation)
+        return cls(scene.paths, loads, stepping, scene.simulation, scene.start)
 
     @property
     def path(self) -> SignalBase:

@@ -22,6 +22,7 @@ from pmr.simulation.exudyn.inputs import Driving, SignalInputs
 from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function
 from pmr.simulation.exudyn.run import Run
 from pmr.simulation.exudyn.sensors import SystemSensors, add_sensors
+from pmr.simulation.native.systems import start_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.body import SlidingBody, Trajectory, pushing_rows
@@ -140,7 +141,8 @@ def simulate(
 
     Arguments and errors as for `pmr.simulation.Simulator`.
     """
-    run = Run(System.of(body), excitation, {} if initial is None else {ALONE: initial}, formulation)
+    system, given = System.of(body), None if initial is None else {ALONE: initial}
+    run = Run(system, excitation, start_of(system, excitation.on_slider, given), formulation)
     found = run.trajectory(progress)
     alone, s = found.bodies[ALONE], excitation.along(body.domain)
     rows = [body.row_names.index(contact.name) for contact in run.system.contacts]

@@ -26,6 +26,7 @@ from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import Z
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March, Steps
+from pmr.simulation.native.systems import start_of
 from pmr.simulation.start import InitialState, checked
 from pmr.simulation.stepping import Progress
 from pmr.system.body import SlidingBody, Trajectory, displacement
@@ -152,4 +153,5 @@ def in_coordinates(body: SlidingBody, form: ModalForm, modal: Trajectory, f: Arr
 
 def _march(form: SystemForm, excitation: Excitation, initial: InitialState | None) -> March:
     form.forms[ALONE].body.ensure_whole("model")
-    return March(form, excitation.on_slider, {} if initial is None else {ALONE: initial})
+    given, excitation = None if initial is None else {ALONE: initial}, excitation.on_slider
+    return March(form, excitation, start_of(form.system, excitation, given))

@@ -70,6 +70,15 @@ def static_start(system: System, excitation: Excitation) -> dict[str, InitialSta
     return states
 
 
+def start_of(
+    system: System, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
+) -> Mapping[str, InitialState]:
+    """Of each body at t = 0: what is given, else at rest or in equilibrium, as the excitation says."""
+    if initial is not None or excitation.start == "rest":
+        return initial or {}
+    return static_start(system, excitation)
+
+
 def displacements(system: System, trajectory: SystemTrajectory) -> dict[str, Array]:
     """Outputs O q + W f - X lambda of every body, (T, o)."""
     found, first = {}, 0

@@ -13,7 +13,7 @@ from pmr.errors import SimulationError
 from pmr.fem.factor import factor_of
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
-from pmr.scene.names import ALONE, SLIDER
+from pmr.scene.names import ALONE
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.balance import refuse_growth
 from pmr.simulation.excitation import Excitation, places
@@ -26,7 +26,7 @@ from pmr.simulation.petsc.levels import PartedSteps, contact_frequency
 from pmr.simulation.petsc.pushing import Pushing
 from pmr.simulation.petsc.recorder import Recorder, Sampled
 from pmr.simulation.petsc.resume import Keeper, Reached, identity
-from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_state
+from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_state, static_start_alone
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 
@@ -70,8 +70,10 @@ def observe(
     """
     excitation.along(model.rows.domain if model.rows.rows else (-np.inf, np.inf))
     excitation.forces(model.input_names)
-    system, start = FullSystem.of(model), {} if initial is None else {ALONE: initial}
-    excitation = replace(excitation, paths={SLIDER: excitation.path})
+    system, excitation = FullSystem.of(model), excitation.on_slider
+    if initial is None and excitation.start == "equilibrium":
+        initial = static_start_alone(model, excitation)
+    start = {} if initial is None else {ALONE: initial}
     found = observe_system(system, excitation, recording, start, progress, checkpoint)
     states = found.states[ALONE]
     return History(
