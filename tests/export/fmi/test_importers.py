@@ -12,22 +12,28 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike, NDArray
 from processes import called
 
 from benchmarks.fmu import Timed
 from pmr import scene
 from pmr.export.fmi import fmu
+from pmr.export.fmi.blocks import arrangement
 from pmr.export.fmi.fmu import PLATFORMS
+from pmr.export.fmi.reference import reference
 from pmr.pipeline import reduce
-from pmr.pipeline.booms import reduce_either
 from pmr.reduced.model import ReducedModel
+from pmr.scene.signals import Ramp, SignalBase
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
 from pmr.simulation.recorded import recorded, recorded_system
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import force_outputs
 from pmr.system.system import System
 
+Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[3]
 HERE = Path(__file__).parent
 pytestmark = pytest.mark.slow
@@ -69,6 +75,20 @@ def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     return Exported(model, files)
 
 
+class Held(SignalBase):
+    """What a master sets at the beginning of each step, and leaves until its end."""
+
+    step: float
+    values: tuple[float, ...]
+
+    def value(self, t: ArrayLike) -> Array:
+        before = np.ceil(np.asarray(t, float) / self.step - 1e-6).astype(int) - 1
+        return np.array(self.values)[np.maximum(before, 0)]
+
+    def rate(self, t: ArrayLike) -> Array:
+        return np.zeros_like(np.asarray(t, float))
+
+
 def under(python: Path, *arguments: str) -> Any:
     command = [str(python), str(HERE / "under_fmpy.py"), *arguments]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -89,7 +109,7 @@ def test_fmpy_finds_nothing_and_steps_as_march_does(exported: Exported, fmpy: Pa
 @pytest.mark.parametrize(("sections", "version"), [("two", "2"), ("three", "2"), ("three", "3")])
 def test_a_boom_steps_under_fmpy_as_march_does(sections: str, version: str, fmpy: Path, tmp_path: Path) -> None:
     """From a saved system, its extensions as inputs; on pads that push, in the parts that these take."""
-    found = reduce_either(scene.load_any(ROOT / "workflows" / f"boom_{sections}.toml", ["time.end=1.0"]))
+    found = reduce(scene.load_any(ROOT / "workflows" / f"boom_{sections}.toml", ["time.end=1.0"]))
     file = fmu.write_fmu(found.system.save(tmp_path / "system.npz"), tmp_path / "boom.fmu", version, PLATFORMS[:1])
     assert under(fmpy, "validate", str(file)) == []
     seen = under(fmpy, "steps", str(file))
@@ -150,6 +170,29 @@ def test_the_self_check_of_the_manual_on_the_tutorials_boom(
     forces = {name for name in found if name.startswith("force_of")}
     assert 0.0 < max(found[name] for name in forces) < 1e-5
     assert 0.0 < max(value for name, value in found.items() if name not in forces) < 1e-12
+
+
+def test_the_boom_of_the_manual_is_driven_under_fmpy(fmpy: Path, tmp_path: Path) -> None:
+    """As it is written there; against `march` along the same straight lines, the weight and all else as they begin."""
+    page = (ROOT / "docs" / "fmu.md").read_text().split("## Drive a boom with FMPy")[1]
+    (drive,) = re.findall(r"^```python\n(.*?)^```$", page.split("\n## ")[0], flags=re.S | re.M)
+    system = reduce(scene.load_any(ROOT / "workflows" / "boom_three.toml", ["time.end=0.5"])).system
+    fmu.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "three.fmu", platforms=PLATFORMS[:1])
+    done = subprocess.run([str(fmpy), "-c", drive], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    known = recorded_system(system, "system")
+    t, h = known.excitation.times, known.excitation.stepping.step
+    s = 0.6 + 0.4 * np.sin(np.pi * t) ** 2
+    acceleration = np.diff(np.append(np.diff(s) / h, 0.0), prepend=0.0) / h
+    starting = zip(system.input_names, known.first_loads, strict=True)
+    loads: dict[str, SignalBase] = {name: Ramp(times=(0.0, 1.0), values=(at, at)) for name, at in starting}
+    loads["fly.extension"] = Held(step=h, values=tuple(acceleration.tolist()))
+    paths = {"middle": Ramp(times=(0.0, 1.0), values=(0.6, 0.6)), "fly": Ramp(times=t.tolist(), values=s.tolist())}
+    given = Excitation(paths, loads, reference(arrangement(system), known).stepping)
+    run = systems.simulate(system, given, systems.static_start(system, given))
+    tip = systems.displacements(system, run)["fly"][-1, -1]
+    force = run.forces[-1, system.contact_names.index("cylinder of fly")]
+    assert [float(number) for number in done.stdout.splitlines()[-1].split()] == pytest.approx([tip, force], rel=1e-6)
 
 
 def test_steps_through_the_c_interface_are_timed(exported: Exported, tmp_path: Path) -> None:
