@@ -19,15 +19,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare import coverage, errors
+from pmr.compare import errors
 from pmr.compare.attached import UnsettledError, borne, lifting, settled
 from pmr.compare.boom_runs import Seen, outputs, run_from_rest
-from pmr.compare.booms import columns_of, quantities, respond, with_friction
+from pmr.compare.booms import columns_of, quantities, respond, tip_columns, with_friction
 from pmr.compare.estimate import MARGIN
 from pmr.compare.outputs import Floors, differences
-from pmr.compare.summary import Part
-from pmr.errors import InputError, SimulationError
-from pmr.errors.environment import Clock
 from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended
@@ -48,6 +45,7 @@ class BoomEstimate:
     errors: Mapping[str, float]
     sections: Mapping[str, float]  # along each section
     largest: float  # m: largest error of any output at any time
+    error: Array  # (T, d) m: what is missing at the tip, as far as these runs know, without margin
     seconds: float
     unknown: Mapping[str, str] = field(default_factory=dict)  # none: what can't be told of one kind isn't of any
 
@@ -99,10 +97,12 @@ def estimate(
     rated, fully = (outputs(boom, *of, Seen(rates=True)) for of in ((system, run), (fuller, second)))
     nothing = Floors(0.0, 0.0, np.zeros(len(rated.units)))
     told |= differences(rated, fully, nothing, ["velocity", *["probe"] * bool(rated.units)])
+    missing = better.displacement - own.displacement
     return BoomEstimate(
         {kind: MARGIN * size for kind, size in told.items()},
         {name: MARGIN * _along(columns_of(name, own), own, better) for name in boom.names},
-        float(MARGIN * np.abs(better.displacement - own.displacement).max()),
+        float(MARGIN * np.abs(missing).max()),
+        missing[:, tip_columns(boom, own.output_names)],
         time.perf_counter() - begin,
     )
 
@@ -130,43 +130,3 @@ def _check_settled(own: Response, better: Response, other: Response, pushing: Se
 
 def _along(columns: Sequence[int], own: Response, better: Response) -> float:
     return errors.relative_error(own.displacement[:, columns], better.displacement[:, columns])
-
-
-@dataclass(frozen=True)
-class BoomError:
-    """``estimate`` of a summary, and that along each section, fractions; none: not known."""
-
-    part: Part
-    sections: Mapping[str, float] = field(default_factory=dict)
-
-
-def boom_error(
-    boom: Scene,
-    modal: Mapping[str, ReducedModel],
-    system: System,
-    excitation: Excitation,
-    run: SystemTrajectory,
-    clock: Clock,
-    found: BoomEstimate | None = None,
-) -> BoomError:
-    """Of the reduction of all sections, as their enrichment modes and inertia tell it, and what is not in it.
-
-    One that is `found` already is not computed again.
-    """
-    if not all(part.reduction.estimate for part in boom.sections):
-        return BoomError(Part())
-    why, said = no_estimate(modal), list[str]()
-    if why is None:
-        try:
-            with clock.stage("estimate"):
-                found = found or estimate(boom, modal, system, excitation, run)
-        except (SimulationError, InputError) as error:
-            why = str(error).removeprefix("estimate: ")  # the clock's stage
-            said = [error.warning] if isinstance(error, UnsettledError) else []
-    if why is not None or found is None:
-        nothing = dict.fromkeys(("tip", "beam", "pad_force", "cylinder_force", "largest", "seconds", "not_covered"))
-        return BoomError(Part({"estimate": nothing | {"reason": why}}, said))
-    damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())
-    left_out = [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped]
-    figures = {"largest": found.largest, "seconds": found.seconds, "not_covered": left_out}
-    return BoomError(Part({"estimate": {**found.errors, **figures}}), found.sections)

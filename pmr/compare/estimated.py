@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from pmr.compare import coverage, estimate, step_error
+from pmr.compare import boom_estimate, coverage, estimate, step_error
 from pmr.compare.attached import UnsettledError
+from pmr.compare.boom_estimate import BoomEstimate
 from pmr.compare.halved_steps import Stepped
 from pmr.compare.summary import Part
 from pmr.errors import InputError, SimulationError
@@ -23,8 +24,10 @@ from pmr.scene.choice import transverse
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
+from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
+Found = TypeVar("Found")
 
 #: Coordinates of the model that tells the error of another one.
 FEWEST = 6
@@ -37,10 +40,11 @@ _FIGURES = ("beam", "tip", "pad_force", "velocity", "probe", "probes", "kappa", 
 
 @dataclass(frozen=True)
 class ReductionError:
-    """``estimate`` of a summary, and how far off the tip may be over time, (T, d) in m; None: not known."""
+    """``estimate`` of a summary, and what else is known of it."""
 
     part: Part
-    band: Array | None
+    band: Array | None = None  # how far off the tip may be over time, (T, d) in m
+    sections: Mapping[str, float] = field(default_factory=dict)  # along each section of a boom, fractions
 
 
 def asks_for_other(scene: Scene, reduced: ReducedModel) -> bool:
@@ -66,26 +70,73 @@ def reduction_error(
 
     One that is `found` already is not computed again.
     """
-    excitation, failed, left_out = Excitation.of(scene), None, list[str]()
-    telling, tips, scattered = other or reduced, len(transverse(member_at(scene))), list[str]()
+    excitation, left_out = Excitation.of(scene), list[str]()
+    telling, tips, failed, scattered = other or reduced, len(transverse(member_at(scene))), "", list[str]()
+
+    def make() -> estimate.Estimate:
+        if other is not None:
+            return estimate.by_other(reduced, other, excitation, tips)
+        return found or estimate.estimate(reduced, excitation, tips)
+
     if scene.reduction.estimate and estimate.no_estimate(telling) is None:
-        with clock.stage("estimate"):
-            try:
-                if other is not None:
-                    found = estimate.by_other(reduced, other, excitation, tips)
-                found = found or estimate.estimate(reduced, excitation, tips)
-                left_out = coverage.not_covered(telling, excitation.signals, excitation.stepping)
-                left_out += found.unknown.values()
-                scattered = [found.scatter] if found.scatter else []
-            except (SimulationError, InputError) as error:  # other simulators may do what march refuses
-                failed = str(error).removeprefix("estimate: ")  # the clock's stage
-                scattered = [error.warning] if isinstance(error, UnsettledError) else []
+        found, failed, scattered = _made(clock, make)
+    if found is not None:
+        left_out = [*coverage.not_covered(telling, excitation.signals, excitation.stepping), *found.unknown.values()]
+        scattered = [found.scatter] if found.scatter else []
     figures: dict[str, Any] = {}
     if scene.reduction.estimate:
         figures = {"estimate": summary(reduced, found, left_out, failed)}
     said = warnings(reduced, excitation.stepping, found) + coverage.warnings(left_out) + scattered
     band = None if found is None else envelope(estimate.MARGIN * found.error[:, -tips:])
     return ReductionError(Part(figures, said), band)
+
+
+def sections_error(
+    boom: Scene,
+    modal: Mapping[str, ReducedModel],
+    run: SimulatedSystem,
+    clock: Clock,
+    found: BoomEstimate | None = None,
+) -> ReductionError:
+    """That of all sections of a boom, whose models on free modes are `modal`, from a run of them."""
+    if not all(part.reduction.estimate for part in boom.sections):
+        return ReductionError(Part())
+    failed, said = boom_estimate.no_estimate(modal) or "", list[str]()
+    if not failed:
+        found, failed, said = _made(clock, lambda: found or boom_estimate.estimate(boom, modal, *run))
+    if found is None:
+        nothing = dict.fromkeys(("tip", "beam", "pad_force", "cylinder_force", "largest", "seconds", "not_covered"))
+        return ReductionError(Part({"estimate": nothing | {"reason": failed}}, said))
+    damped = any(body.rayleigh is None and body.D.any() for body in run.system.reduced.values())
+    left_out = [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped]
+    figures = {"largest": found.largest, "seconds": found.seconds, "not_covered": left_out}
+    part = Part({"estimate": {**found.errors, **figures}}, _beyond(found.of("beam")))
+    return ReductionError(part, envelope(estimate.MARGIN * found.error), found.sections)
+
+
+class SimulatedSystem(NamedTuple):
+    """A system of reduced bodies, what drove it, and the motion."""
+
+    system: System
+    excitation: Excitation
+    run: SystemTrajectory
+
+
+def _made(clock: Clock, make: Callable[[], Found]) -> tuple[Found | None, str, list[str]]:
+    """An estimate; or None, with the reason, and what is said of forces that scatter."""
+    try:
+        with clock.stage("estimate"):
+            return make(), "", []
+    except (SimulationError, InputError) as error:  # other simulators may do what march refuses
+        said = [error.warning] if isinstance(error, UnsettledError) else []
+        return None, str(error).removeprefix("estimate: "), said  # the clock's stage
+
+
+def _beyond(beam: float) -> list[str]:
+    """A line where an error along the beam is larger than the motion."""
+    if beam <= 1.0:
+        return []
+    return [f"the estimated error is {rounded(beam)} times the motion: too few coordinates, or a motion that grows"]
 
 
 def summary(
@@ -104,12 +155,7 @@ def summary(
 
 def warnings(model: ReducedModel, stepping: TimeStepping, estimated: estimate.Estimate | None) -> list[str]:
     """What a user should know about a run, a line each."""
-    found = []
-    if estimated is not None and estimated.beam > 1.0:
-        found.append(
-            f"the estimated error is {rounded(estimated.beam)} times the motion: "
-            f"too few coordinates, or a motion that grows"
-        )
+    found = _beyond(0.0 if estimated is None else estimated.beam)
     if estimated is not None and estimated.beam > 0.0 and (estimated.chi or 0.0) > REACHED:
         found.append(
             f"load or slide reach the first truncated mode (chi = {estimated.chi:.2f}): more coordinates are worth most"

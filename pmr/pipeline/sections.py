@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from pmr.compare import boom_figures as figures
 from pmr.compare import pad_forces
-from pmr.compare.boom_estimate import boom_error
 from pmr.compare.boom_motions import FullBoom, FullRun
 from pmr.compare.boom_runs import SteppedBoom
 from pmr.compare.booms import quantities, with_friction
 from pmr.compare.errors import relative_error
-from pmr.compare.estimated import step_part
+from pmr.compare.estimated import SimulatedSystem, sections_error, step_part
 from pmr.compare.simulated import simulate_sections
 from pmr.compare.summary import Part, compared
 from pmr.errors import on_first
@@ -128,8 +127,8 @@ class Sections(Bodies):
         responses, modal = motions.responses, _modal(self.sections)
         reduced = responses["reduced"]
         estimate, step = (None, None) if choice is None else (choice.found.estimate, choice.found.step_error)
-        given = excitation.with_stepping(self._made)
-        error = boom_error(scene, modal, system, given, motions.states, self.clock, estimate)
+        moved = SimulatedSystem(system, excitation.with_stepping(self._made), motions.states)
+        error = sections_error(scene, modal, moved, self.clock, estimate)
         stepped = SteppedBoom(scene, system, excitation)
         sizes = {name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in self.reduced.items()}
         more = {
@@ -152,7 +151,7 @@ class Sections(Bodies):
             ),
         ]
         bodies = {name: BodyResult() for name in scene.names}
-        return Judged(parts, responses, figures.in_frequency(scene, system, excitation), None, bodies)
+        return Judged(parts, responses, figures.in_frequency(scene, system, excitation), error.band, bodies)
 
     def _on_finer(self, finer: Scene) -> Mapping[str, ReducedModel]:
         return _modal(reduce_sections(finer, self.build(finer)))

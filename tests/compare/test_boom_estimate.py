@@ -117,6 +117,18 @@ def test_where_there_is_none_the_reason_is_told(changes: tuple[str, ...], said: 
     assert found["tip"] is None and said in found["reason"]
 
 
+def test_the_band_around_the_tip_holds_what_the_full_model_says() -> None:
+    """As of one body, at nearly all times: one column a direction in which the tip moves."""
+    outcome = run_boom(load(*(f"section.joint.{end}.0.unilateral=false" for end in ("tail", "mouth"))))
+    assert outcome is not None
+    result = outcome.result
+    own, full = (result.responses[name] for name in ("reduced", "full"))
+    tip = own.output_names.index("fly: tip z")
+    apart, band = np.abs(full.displacement[:, tip] - own.displacement[:, tip]), result.tip_error
+    assert band is not None and band.shape == (len(own.t), 1) and apart.max() > 0.0
+    assert np.mean(apart <= band[:, 0]) > 0.95 and band.max() < 3.0 * apart.max()
+
+
 def test_richer_models_that_disagree_on_an_impact_are_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(attached, "SETTLED", 1e-9)
     outcome = run(load("compare.against=[]", "time.end=0.1"))
