@@ -102,7 +102,7 @@ def estimate(
         {kind: MARGIN * size for kind, size in told.items()},
         {name: MARGIN * _along(columns_of(name, own), own, better) for name in boom.names},
         float(MARGIN * np.abs(missing).max()),
-        missing[:, tip_columns(boom, own.output_names)],
+        missing[:, tip_columns(system)],
         time.perf_counter() - begin,
     )
 
