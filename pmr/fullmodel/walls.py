@@ -17,7 +17,9 @@ spread over it: a mass that follows its mean motion, a load, a support.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from pmr.constraints.rows import Row
+from pmr.scene.names import named
 
 Array = NDArray[np.float64]
 
@@ -110,6 +113,20 @@ class Walls:
     def _behind(self, values: list[float], size: int) -> sp.csr_matrix:
         numbers = np.arange(size - len(values), size)
         return sp.csr_matrix((np.asarray(values, float), (numbers, numbers)), (size, size))
+
+
+def summary(bodies: Mapping[str, Walls]) -> dict[str, list[dict[str, Any]]]:
+    """``walls`` of summary.json: by how much each gives way under its pad's own force alone, m/N, and its stiffness.
+
+    At an end that nothing keeps in shape, and away from the ends.
+    """
+    said = [
+        {"name": named(body, pad), "at_the_end": float(end), "away": float(away), "stiffness": 1.0 / float(away)}
+        for body, walls in bodies.items()
+        for ring in walls.rings
+        for pad, end, away in zip(ring.pads, *np.diagonal(ring.compliance[[0, -1]], axis1=1, axis2=2), strict=True)
+    ]
+    return {"walls": said} if said else {}
 
 
 def _dented(row: Row, at: float, ring: RingWall, first: int) -> Row:

@@ -18,6 +18,7 @@ from pmr.fem.compat import versions as fenicsx_versions
 from pmr.fullmodel.build import build_bodies, left_free, log_warnings
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.probes import places
+from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline import alone
 from pmr.pipeline.alone import Alone, Reduction, recovered, reduce_with
 from pmr.pipeline.bodies import Bodies
@@ -123,6 +124,7 @@ def _run(
         *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
         Part(warnings=free_motions),
         Part(places({name: one.structure.outputs for name, one in built.items()})),
+        Part(summary_of_walls({name: one.structure.pads.walls for name, one in built.items()})),
         trusted(motions.missing, responses),
         theory(scene, responses),
         frequency_part(judged.frequency_response),

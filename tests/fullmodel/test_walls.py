@@ -12,7 +12,7 @@ from gathering import gathered
 from pmr.fullmodel.pads import Pad, Pads, Support
 from pmr.fullmodel.structure import Action, Clamp, Structure, structural_model
 from pmr.fullmodel.wall_compliance import Plates, WallCompliance, wall_compliance
-from pmr.fullmodel.walls import EndWall, RingWall, Walls
+from pmr.fullmodel.walls import EndWall, RingWall, Walls, summary
 from pmr.models.beam3d import Beam3D
 from pmr.scene.structures import Beam3DBody, BoxProfile, Material, PointMass
 
@@ -138,6 +138,14 @@ def test_what_is_spread_over_a_free_end_moves_its_walls_too(on: str | float) -> 
     support = Support("hold", "tip", "y")
     row = structural_model(clamped(Pads(supports=(support,), walls=give))).rows.at(0.0).toarray()
     assert row[0, -2:] == pytest.approx([1.0, 0.0])
+
+
+def test_a_summary_says_how_far_each_wall_gives_way() -> None:
+    said = summary({"": Walls((ring(),)), "fly": Walls((ring(),))})["walls"]
+    assert [one["name"] for one in said] == ["top", "bottom", "left", "fly: top", "fly: bottom", "fly: left"]
+    for one, end, away in zip(said, np.diag(compliance()[0]), np.diag(compliance()[-1]), strict=False):
+        assert (one["at_the_end"], one["away"], one["stiffness"]) == pytest.approx((end, away, 1.0 / away))
+    assert summary({"": Walls()}) == {}
 
 
 def found(thickness: float) -> WallCompliance:
