@@ -235,8 +235,8 @@ def _or_inclination(schema: dict[str, Any]) -> None:
 class Gravity(Section):
     """The weight of everything; it comes up smoothly within the first `rise` seconds, 0: it is there from the start.
 
-    A single body begins at rest and without loads, so that by default its weight comes up within a second; sections of
-    a boom begin in equilibrium under theirs, which by default is there, with a table `gravity` or without one.
+    What begins at rest has its weight come up within a second by default; what begins in equilibrium (`start`) has it
+    from the start.
 
     Down is where `direction` points, whose length does not count, or what an `inclination` in degrees says of a boom
     that is raised, with x along it: one of the two.  It is stored as a unit vector.
@@ -251,7 +251,7 @@ class Gravity(Section):
         default=(0.0, 0.0, -1.0), description="Where down is"
     )
     rise: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e9)] = Field(
-        default=1.0, description="Time in which it comes up; of sections 0 by default"
+        default=1.0, description="Time in which it comes up; 0 by default where start is equilibrium"
     )
 
     @model_validator(mode="before")

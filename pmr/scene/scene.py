@@ -7,73 +7,26 @@ import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from pmr.errors import InputError
 from pmr.scene import asked
-from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
+from pmr.scene.built import Slider
 from pmr.scene.joints import Joint, Linear
+from pmr.scene.listed import Listed
 from pmr.scene.names import ALONE, SLIDER
 from pmr.scene.parts import OneBody, Part
 from pmr.scene.refusals import of_key
-from pmr.scene.section import Section, Text
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Array
-from pmr.scene.structures import PointMass, Probe
 from pmr.scene.tomlfiles import laid_over
+from pmr.scene.whole import Whole
 
 #: Keys of a body, which a scene of one body may have at its top.
 OF_A_BODY = frozenset(OneBody.model_fields)
-
-
-class Whole(Section):
-    """What is asked of all bodies together."""
-
-    title: Text = Field(description="For reports")
-    gravity: Gravity | None = Field(
-        default=None,
-        description="The weight of everything.  Without this table a body alone has no weight, and sections that slide "
-        "in one another have theirs, which presses them on their pads",
-    )
-    start: Literal["rest", "equilibrium"] = Field(
-        default="rest",
-        description="How motions begin: undeformed and at rest, or in equilibrium under the loads at t = 0.  Rest is "
-        "the default of a body alone, equilibrium that of sections that slide in one another: loose in their pads they "
-        "would begin with a fall",
-    )
-    damping: asked.Damping = Field(default=asked.Damping(), description="Of the material")
-    time: asked.TimeChoice = Field(description="Simulated time and its steps")
-    recovery: asked.Recovery | None = Field(default=None, description="Fields and stresses from reduced coordinates")
-    simulation: asked.Simulation = Field(default=asked.Simulation(), description="Who simulates")
-    compare: asked.Compare = Field(default=asked.Compare(), description="What the reduced model is compared with")
-    accuracy: asked.Accuracy | None = Field(
-        default=None, description="An allowed error, in place of coordinates and step"
-    )
-    budget: asked.Budget | None = Field(default=None, description="What a model may cost, in place of an allowed error")
-    published: asked.Published | None = Field(default=None, description="Figures from a publication")
-    free_motions: Literal["refused", "allowed"] = Field(
-        default="refused",
-        description="Motions of the whole or a section that no support, pad or cylinder resists somewhere on the way: "
-        "loads move it along them without limit; pads that only push count as holding",
-    )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _begun(cls, data: Any) -> Any:
-        """The start, and a weight that fits it: what begins in equilibrium has its weight from the start."""
-        if not isinstance(data, Mapping):
-            return data
-        sections = data.get("sections", ())
-        several = isinstance(sections, list | tuple) and len(sections) > 1
-        start = data.get("start", "equilibrium" if several else "rest")
-        gravity = data.get("gravity", {} if several else None)
-        if isinstance(gravity, dict) and start == "equilibrium":
-            gravity = {"rise": 0.0} | gravity
-        return {**data, "start": start, "gravity": gravity}
 
 
 class BodyFile(OneBody, Whole):
@@ -88,15 +41,13 @@ def _with_common(schema: dict[str, Any]) -> None:
     schema["properties"]["section"] = {"type": "object", "description": about, "default": {}}
 
 
-class Scene(Whole):
+class Scene(Listed):
     """Sections from the base out, each of which slides in the one before it; a body alone is one of them.
 
     What several have in common stands in the table `section`, which every one of `sections` extends.
     """
 
     model_config = ConfigDict(json_schema_extra=_with_common)
-
-    sections: Annotated[tuple[Part, ...], Field(min_length=1)] = Field(description="From the base out")
 
     @model_validator(mode="before")
     @classmethod
@@ -252,81 +203,6 @@ class Scene(Whole):
         )
         gravity = self.gravity.model_copy(update={"rise": 0.0}) if self.gravity else None
         return self.model_copy(update={"sections": tuple(parts), "gravity": gravity, "recovery": None})
-
-    # -- a body alone
-
-    @property
-    def alone(self) -> Part:
-        """The only body; an InputError is raised where there are several."""
-        if len(self.sections) > 1:
-            allowed = "a scene of one body is allowed here; pmr run takes booms of several sections"
-            raise InputError("scene", "sections", None, allowed)
-        return self.sections[0]
-
-    @property
-    def body(self) -> Body:
-        return self.alone.body
-
-    @property
-    def mesh(self) -> MeshChoice:
-        return self.alone.mesh
-
-    @property
-    def supports(self) -> tuple[Support, ...]:
-        return self.alone.supports
-
-    @property
-    def pads(self) -> tuple[PadRing, ...]:
-        return self.alone.pads
-
-    @property
-    def masses(self) -> tuple[PointMass, ...]:
-        return self.alone.masses
-
-    @property
-    def loads(self) -> tuple[Load, ...]:
-        return self.alone.loads
-
-    @property
-    def observe(self) -> asked.Observe:
-        return self.alone.observe
-
-    @property
-    def probes(self) -> tuple[Probe, ...]:
-        return self.alone.probes
-
-    @property
-    def reduction(self) -> asked.Reduction:
-        return self.alone.reduction
-
-    @property
-    def slider(self) -> Slider:
-        slider = self.alone.slider
-        assert slider is not None  # as the checks say
-        return slider
-
-    @property
-    def signals(self) -> dict[str, SignalBase]:
-        """What drives each input of the model, by its name."""
-        weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
-        return {load.name: load.signal for load in self.loads} | weight
-
-    @property
-    def path_bounds(self) -> tuple[float, float]:
-        """Smallest and largest s(t) in m over the simulated time."""
-        return self.slider.path.bounds(0.0, self.time.end)
-
-    @property
-    def travel(self) -> tuple[float, float]:
-        """Smallest and largest s in m that the model is made for."""
-        return self.slider.travel or self.path_bounds
-
-    @property
-    def points(self) -> tuple[float, ...]:
-        """Distances ahead of s, m, of the points that slide: none where pads do."""
-        if self.slider.offsets is not None:
-            return self.slider.offsets
-        return () if any(ring.moving for ring in self.pads) else (0.0,)
 
 
 def _at_the_top(content: dict[str, Any]) -> dict[str, Any]:
