@@ -192,7 +192,7 @@ def test_a_random_structure(number: int) -> None:
     if "full" not in scene.compare.against:
         return
     full = references(scene, found.model, Clock(), [], None)
-    responses = simulate(scene, found.reduced, full.responses, Clock()).responses
+    responses = {**simulate(scene, found.reduced, Clock()).responses, **full.responses}
     error = compare.errors(responses, quantities=quantities(scene))["reduced_vs_full"]["beam"]
     told = estimate.estimate(found.reduced, Excitation.of(scene), 1)
     print(number, one.model, found.model.size, "rigid", rigid, left, f"error {error:.2e} estimate {told.beam:.2e}")

@@ -23,6 +23,7 @@ from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.needs import needs_on
 from pmr.simulation.petsc import Checkpoint, Recording, observe, respond
+from pmr.simulation.stepping import TimeStepping
 
 Array = NDArray[np.float64]
 
@@ -42,16 +43,18 @@ def references(
     clock: Clock | None = None,
     steps: Sequence[int] = (),
     checkpoint: Checkpoint | None = None,
+    made: TimeStepping | None = None,
 ) -> References:
     """All that the scene asks for, and the full model's states at some of the `steps`; collective.
 
-    With a `checkpoint` a full-order simulation that was cut off goes on.
+    The full model's steps are `made` as the reduced model's were, where rows only push.  With a `checkpoint` a
+    full-order simulation that was cut off goes on.
     """
     found, missing, states = dict[str, Response](), dict[str, str](), None
     for name in [one for one in ("full", "ancf") if one in scene.compare.against]:
         try:
             if name == "full":
-                response, states = _full(scene, model, clock or Clock(), steps, checkpoint)
+                response, states = _full(scene, model, clock or Clock(), steps, checkpoint, made)
             else:
                 response = reference(name, scene, model, clock)
         except SimulationError as error:
@@ -68,15 +71,21 @@ def reference(name: str, scene: Scene, model: FullModel, clock: Clock | None = N
     fails or can't be trusted; that of ``"full"`` on every rank.
     """
     if name == "full":
-        return _full(scene, model, clock or Clock(), (), None)[0]
+        return _full(scene, model, clock or Clock(), (), None, None)[0]
     body = model.gather()
     return None if body is None else _trusted(simulate_reference(name, scene, body, clock).response)
 
 
 def _full(
-    scene: Scene, model: FullModel, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None
+    scene: Scene,
+    model: FullModel,
+    clock: Clock,
+    steps: Sequence[int],
+    checkpoint: Checkpoint | None,
+    made: TimeStepping | None,
 ) -> tuple[Response | None, Array | None]:
     excitation, simulator = Excitation.of(scene), full_simulator(scene, model.size)
+    excitation = excitation.with_stepping(made or excitation.stepping)
     refuse(simulator, needs_on(model, excitation), REFERENCE)
     if simulator == "petsc":
         recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
@@ -84,20 +93,22 @@ def _full(
             history = observe(model, excitation, recording, progress=done, checkpoint=checkpoint)
         return _trusted(respond(model, history)), history.states.q if len(steps) else None
     kept = steps if model.size <= MARCHED_UP_TO else ()
-    found = _gathered(scene, model, clock, kept)
+    found = _gathered(scene, model, clock, kept, made)
     response = None if found is None else found.response
     if not len(kept):
         return response, None
     return response, _spread(model, None if found is None or found.states is None else found.states.q)
 
 
-def _gathered(scene: Scene, model: FullModel, clock: Clock, steps: Sequence[int]) -> Simulated | None:
+def _gathered(
+    scene: Scene, model: FullModel, clock: Clock, steps: Sequence[int], made: TimeStepping | None
+) -> Simulated | None:
     """What the full model does, on rank 0; where it fails there, all ranks know."""
     body = model.gather()
 
     def make() -> Simulated:
         assert body is not None
-        found = simulate_reference("full", scene, body, clock, steps)
+        found = simulate_reference("full", scene, body, clock, steps, made)
         _trusted(found.response)
         return found
 

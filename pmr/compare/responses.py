@@ -23,11 +23,12 @@ from pmr.scene import Scene
 from pmr.scene.choice import transverse
 from pmr.scene.members import member_at
 from pmr.scene.simulators import SIMULATORS
-from pmr.simulation import Excitation, exudyn
+from pmr.simulation import Excitation, TimeStepping, contact_step, exudyn
 from pmr.simulation.blocks import Block, Recorder
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
 from pmr.system.body import FullBody, SlidingBody, Trajectory
+from pmr.system.system import System
 
 if TYPE_CHECKING:
     from pmr.simulation.exudyn import Formulation
@@ -36,8 +37,8 @@ Array = NDArray[np.float64]
 Done = Callable[[float], None]
 Indices = NDArray[np.int64]
 Simulate = Callable[["Done | None", Indices], "Simulated"]
-#: What every simulation of a scene and a body needs is made once.
-Prepare = Callable[[Scene, SlidingBody], Simulate]
+#: What every simulation of a body under an excitation needs is made once.
+Prepare = Callable[[Excitation, SlidingBody], Simulate]
 
 #: A full model of more coordinates than this goes through PETSc, for diagonalising costs more.  Exudyn factorises in
 #: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
@@ -54,41 +55,44 @@ class Simulated:
 
     response: Response
     states: Trajectory | None
+    parts: Indices | None = None  # (T,): of how many parts each step was made
 
 
 @dataclass(frozen=True)
 class Simulations:
     """What the simulators say."""
 
-    responses: Mapping[str, Response]  # ``reduced``, by the `first` simulator, and as asked ``full`` and ``ancf``
-    seconds: Mapping[str, float]  # of each simulator's solver, the least of its repeats; of ``full`` and ``ancf``
+    responses: Mapping[str, Response]  # ``reduced``, by the `first` simulator
+    seconds: Mapping[str, float]  # of each simulator's solver, the least of its repeats
     agreement: Mapping[str, float]  # of the simulators of the reduced model, m
     first: str  # that the scene names
+    made: TimeStepping  # the time grid, with the parts that it made each step in where rows only push
     states: Trajectory | None = None  # what it says at the steps whose states were asked for
 
 
 def simulate(
     scene: Scene,
     reduced: ReducedModel,
-    references: Mapping[str, Response],
     clock: Clock | None = None,
     steps: Sequence[int] = (),
 ) -> Simulations:
-    """Simulate the reduced model by every simulator that the scene names, beside the references it is compared with.
+    """Simulate the reduced model by every simulator that the scene names.
 
-    States of the first one are kept at the `steps`, ascending numbers.
+    Exudyn makes each step in the parts that the compiled simulator before it chose.  States of the first one are kept
+    at the `steps`, ascending numbers.
     """
-    clock = clock or Clock()
-    simulated = {}
+    clock, first = clock or Clock(), scene.simulation.simulators[0]
+    made, simulated = Excitation.of(scene).stepping, dict[str, Simulated]()
     for name in scene.simulation.simulators:
         label = "reduced" if len(scene.simulation.simulators) == 1 else f"reduced, {name}"
         with clock.stage(label), refused_growth(scene):
-            simulated[name] = _repeated(scene, reduced, name, steps=steps)
+            simulated[name] = _repeated(scene, reduced, name, steps=steps, made=made)
+        if (name, first) == ("march", "march"):
+            omega = contact_step.contact_frequency(System.of(reduced), Excitation.of(scene))
+            made = contact_step.as_made(made, simulated[name].parts, omega)
     found: dict[str, Response] = {name: one.response for name, one in simulated.items()}
-    first = scene.simulation.simulators[0]
-    responses = {"reduced": found[first], **references}
-    seconds = {name: response.seconds for name, response in (*found.items(), *references.items())}
-    return Simulations(responses, seconds, agreement(found), first, simulated[first].states)
+    seconds = {name: response.seconds for name, response in found.items()}
+    return Simulations({"reduced": found[first]}, seconds, agreement(found), first, made, simulated[first].states)
 
 
 def agreement(found: Mapping[str, Response]) -> dict[str, float]:
@@ -132,13 +136,18 @@ def simulate_with_states(scene: Scene, reduced: ReducedModel, steps: Sequence[in
 
 
 def simulate_reference(
-    name: str, scene: Scene, full: FullBody, clock: Clock | None = None, steps: Sequence[int] = ()
+    name: str,
+    scene: Scene,
+    full: FullBody,
+    clock: Clock | None = None,
+    steps: Sequence[int] = (),
+    made: TimeStepping | None = None,
 ) -> Simulated:
     """Response of ``"full"``, by a simulator that is not distributed, or of ``"ancf"``, which has no states."""
     with (clock or Clock()).stage(name) as done:
         if name == "ancf":
             return Simulated(cable.response(scene, full.output_positions, done), None)
-        return _repeated(scene, full, full_simulator(scene, full.size), done, SHORT, steps)
+        return _repeated(scene, full, full_simulator(scene, full.size), done, SHORT, steps, made)
 
 
 def check_installed(scene: Scene) -> None:
@@ -173,9 +182,12 @@ def _repeated(
     done: Done | None = None,
     longest: float = np.inf,
     steps: Sequence[int] = (),
+    made: TimeStepping | None = None,
 ) -> Simulated:
     """A response, of several simulations unless the first takes longer than `longest`; its seconds are the least."""
-    simulate, found, seconds = _PREPARED[simulator](scene, body), None, list[float]()
+    excitation = Excitation.of(scene)
+    excitation = excitation.with_stepping(made or excitation.stepping)
+    simulate, found, seconds = _PREPARED[simulator](excitation, body), None, list[float]()
     while found is None or (len(seconds) < scene.simulation.repeats and seconds[0] <= longest):
         found = None  # two of them at once would take twice the memory
         found = simulate(None if seconds else done, np.asarray(steps, np.int64))
@@ -184,36 +196,37 @@ def _repeated(
 
 
 def _in_exudyn(formulation: Formulation) -> Prepare:
-    def prepared(scene: Scene, body: SlidingBody) -> Simulate:
-        excitation = Excitation.of(scene)
+    def prepared(excitation: Excitation, body: SlidingBody) -> Simulate:
         f = excitation.forces(body.input_names)
 
         def simulate(done: Done | None, steps: Indices) -> Simulated:
             trajectory = exudyn.simulate(body, excitation, progress=done, formulation=formulation)
             found = respond(body, trajectory, excitation.path_rate, f)
-            return Simulated(found, trajectory.at(steps) if len(steps) else None)
+            return Simulated(found, trajectory.at(steps) if len(steps) else None, trajectory.parts)
 
         return simulate
 
     return prepared
 
 
-def _in_march(scene: Scene, body: SlidingBody) -> Simulate:
+def _in_march(excitation: Excitation, body: SlidingBody) -> Simulate:
     """In modal coordinates throughout, of which the steps alone are kept: a response does not depend on them."""
-    form, excitation = modal_form(body), Excitation.of(scene)
-    f = excitation.forces(body.input_names)
+    form, f = modal_form(body), excitation.forces(body.input_names)
 
     def simulate(done: Done | None, steps: Indices) -> Simulated:
         evaluation, recorder = Evaluation(form.body, excitation.times, excitation.path_rate, f), Recorder(steps)
+        parts = np.ones(len(excitation.times), np.int64)
 
         def take(block: Block) -> None:
             evaluation(block)
+            if block.part.parts is not None:
+                parts[block.first : block.first + len(block.part.t)] = block.part.parts
             if len(steps):
                 recorder(block)
 
         ended = march.follow(form, excitation, take, progress=done)
         states = march.in_coordinates(body, form, recorder.trajectory(ended), f[steps]) if len(steps) else None
-        return Simulated(evaluation.response(ended), states)
+        return Simulated(evaluation.response(ended), states, parts)
 
     return simulate
 

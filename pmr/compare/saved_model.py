@@ -105,7 +105,7 @@ def _alone(system: System, scene: Scene, excitation: Excitation) -> RunResult:
     """Of one body on one path."""
     reduced: Any = system.bodies[ALONE]
     clock = Clock()
-    simulations = simulate(scene, reduced, {}, clock)
+    simulations = simulate(scene, reduced, clock)
     response = simulations.responses["reduced"]
     s = np.unique(np.linspace(excitation.s.min(), excitation.s.max(), POSITIONS))
     found = reduced_frequencies(reduced, s, min(FREQUENCIES, reduced.size))

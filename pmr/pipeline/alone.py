@@ -94,13 +94,16 @@ class Alone(Bodies):
 
     def simulate(self, checkpoint: Checkpoint | None) -> Motions:
         scene, steps = self.scene, recovered_steps(self.scene).tolist()
-        found = references(scene, self.reduction.model, self.clock, steps, checkpoint)
-        made = on_first(self.comm, lambda: simulate(scene, self.reduced, found.responses, self.clock, steps))
+        made = on_first(self.comm, lambda: simulate(scene, self.reduced, self.clock, steps))
+        stepping = self.comm.bcast(None if made is None else made.made)
+        found = references(scene, self.reduction.model, self.clock, steps, checkpoint, stepping)
         full = {} if found.states is None else {ALONE: found.states}
         if made is None:
             return Motions({}, {}, {}, {}, found.missing, None, full)
         simulators = {"reduced": made.first, "full": full_simulator(scene, self.size)}
-        return Motions(made.responses, made.seconds, made.agreement, simulators, found.missing, made.states, full)
+        responses = {**made.responses, **found.responses}
+        seconds = {**made.seconds, **{name: one.seconds for name, one in found.responses.items()}}
+        return Motions(responses, seconds, made.agreement, simulators, found.missing, made.states, full)
 
     def recover(self, motions: Motions) -> Mapping[str, Recovered]:
         full = motions.full.get(ALONE)

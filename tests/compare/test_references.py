@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+from ways.kinds import KINDS
 
+import pmr
+from pmr.compare import references as references_
+from pmr.compare import responses
 from pmr.compare.references import reference, references
 from pmr.compare.responses import MARCHED_UP_TO, full_simulator
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
+from pmr.fullmodel.model import FullModel
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.petsc import History
+from pmr.system.body import SlidingBody, Trajectory
 
 SHORT = ("time.end=0.04", "mesh.elements=20", "slider.path={kind='ramp',times=[0.01,0.03],values=[1.25,1.3]}")
+SIMULATORS = ("march", "exudyn")
 
 
 @pytest.mark.mpi
@@ -76,3 +88,26 @@ def test_a_rotation_is_observed_by_all_that_simulate_it(load_scene) -> None:
     turned = one.other("tip ry")
     assert np.abs(turned).max() > 0.0 and one.displacement.shape[1] == 9
     assert np.abs(turned - other.other("tip ry")).max() < 1e-8 * np.abs(turned).max()
+
+
+def test_pads_that_push_are_followed_in_the_parts_that_the_reduced_model_chose(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In full order by PETSc, and of the reduced model by Exudyn."""
+    scene = pmr.load_scene(KINDS["J"].written(tmp_path), ["simulation.full=petsc", "time.end=0.02"])
+    scene = scene.model_copy(update={"simulation": scene.simulation.model_copy(update={"simulators": SIMULATORS})})
+    asked, observed, in_exudyn = dict[str, TimeStepping](), references_.observe, responses.exudyn.simulate
+
+    def observe(model: FullModel, excitation: Excitation, *more: Any, **named: Any) -> History:
+        asked["petsc"] = excitation.stepping
+        return observed(model, excitation, *more, **named)
+
+    def simulated(body: SlidingBody, excitation: Excitation, **named: Any) -> Trajectory:
+        asked["exudyn"] = excitation.stepping
+        return in_exudyn(body, excitation, **named)
+
+    monkeypatch.setattr(references_, "observe", observe)
+    monkeypatch.setattr(responses.exudyn, "simulate", simulated, raising=False)
+    pmr.run(scene)
+    assert len(asked["petsc"].schedule) == 20  # one number a step, instead of the most for all of them
+    assert asked["exudyn"].schedule == asked["petsc"].schedule

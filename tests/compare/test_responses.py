@@ -19,10 +19,10 @@ SMALL = ("mesh.elements=12", "time.end=0.2", "reduction.coordinates=6", "slider.
 def test_states_are_those_of_the_simulation_that_made_the_response(simulator: str, bound: float) -> None:
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*SMALL, f"simulation.simulators=['{simulator}']"])
     model, steps = reduce(scene).reduced, np.array([0, 50, 200])
-    found = simulate(scene, model, {}, steps=steps.tolist()).states
+    found = simulate(scene, model, steps=steps.tolist()).states
     expected = march.simulate(model, Excitation.of(scene)).at(steps)
     assert found is not None
     for name in ("t", "s", "q", "v", "multipliers"):
         here, there = getattr(found, name), getattr(expected, name)
         assert here.shape == there.shape and np.abs(here - there).max() <= bound * np.abs(there).max(), name
-    assert simulate(scene, model, {}).states is None
+    assert simulate(scene, model).states is None

@@ -154,4 +154,4 @@ def simulate(
     if pushing_rows(body):
         peaks = multipliers.copy()
         peaks[:, rows] = found.peaks
-    return replace(alone, multipliers=multipliers, s=s, peaks=peaks)
+    return replace(alone, multipliers=multipliers, s=s, peaks=peaks, parts=found.parts)
