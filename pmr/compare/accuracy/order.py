@@ -62,8 +62,11 @@ class Choice:
 
 
 def prepared(scene: Scene) -> Scene:
-    """The scene whose reduction holds all models among which is chosen; as it is where it orders none."""
-    if scene.ordered is None:
+    """The scene whose reduction holds all models among which is chosen; as it is where it orders none.
+
+    Sections have the coordinates that they ask for, and more enrichment modes (`pmr.reduction.sections.SEARCHED`).
+    """
+    if scene.ordered is None or len(scene.bodies) > 1:
         return scene
     reduction = scene.reduction.model_copy(update={"coordinates": COORDINATES, "residual_inertia": False})
     return scene.model_copy(update={"reduction": reduction})
