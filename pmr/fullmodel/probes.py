@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fields.stress import StressRows
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
+from pmr.scene.names import named
 from pmr.scene.parts import OneBody
 from pmr.scene.structures import Material, Probe
 
@@ -78,7 +79,7 @@ def places(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, 
     Names begin with that of the body, unless this is empty.
     """
     said = [
-        {"name": f"{body}: {one.name}" if body else one.name, "unit": one.unit, "at": one.at.tolist(), "face": one.face}
+        {"name": named(body, one.name), "unit": one.unit, "at": one.at.tolist(), "face": one.face}
         for body, gauges in outputs.items()
         for one in gauges
         if isinstance(one, Gauge)
