@@ -89,7 +89,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     found = reduced(scene, *changes)
     system = System.load(found.system.save(tmp_path_factory.mktemp("system") / "system.npz"))
     texts = contents(system, recorded_system(system, "system.npz"), "boom", version)
-    return Made(found.boom, system, compiled(texts, tmp_path_factory.mktemp("fmu"), version))
+    return Made(found.scene, system, compiled(texts, tmp_path_factory.mktemp("fmu"), version))
 
 
 def outputs_of(system: System, found: SystemTrajectory) -> Array:
@@ -274,8 +274,8 @@ def test_pads_with_a_clearance_find_where_they_lie(tmp_path: Path) -> None:
     """All of them closed would pull, and all of them open hold nothing."""
     wide = tuple(f"section.joint.{ring}.0.clearance=2e-3" for ring in ("tail", "mouth"))
     found = reduced("boom_two", *wide, "time.end=0.01")
-    scene, assembly = of_boom(found.boom, found.system), Assembly(found.system)
-    made = Made(found.boom, found.system, compiled(contents(found.system, scene, "boom", "3"), tmp_path, "3"))
+    scene, assembly = of_boom(found.scene, found.system), Assembly(found.system)
+    made = Made(found.scene, found.system, compiled(contents(found.system, scene, "boom", "3"), tmp_path, "3"))
     expected = equilibrium(assembly, places(found.system, made.excitation)[0], scene.first_loads)
     instance = Instance(made.library)
     instance.initialise()
@@ -324,7 +324,7 @@ def renamed(system: System, scene: Recorded, bodies: tuple[str, ...], path: str)
 @pytest.mark.parametrize("version", ["2", "3"])
 def test_any_name_leaves_a_description_that_can_be_read(two: SectionReduction, version: str) -> None:
     for one, other in zip(HOSTILE, reversed(HOSTILE), strict=True):
-        system, scene = renamed(two.system, of_boom(two.boom, two.system), (one, other), one)
+        system, scene = renamed(two.system, of_boom(two.scene, two.system), (one, other), one)
         texts = contents(system, scene, "boom", version).texts
         root = ET.fromstring(texts["modelDescription.xml"].encode())
         names = [v.attrib["name"] for v in root.find("ModelVariables") or ()]
@@ -336,7 +336,7 @@ def test_any_name_leaves_a_description_that_can_be_read(two: SectionReduction, v
 
 
 def test_inputs_of_sections_have_their_units(two: SectionReduction) -> None:
-    texts = contents(two.system, of_boom(two.boom, two.system), "boom", "3").texts
+    texts = contents(two.system, of_boom(two.scene, two.system), "boom", "3").texts
     root = ET.fromstring(texts["modelDescription.xml"])
     given = {v.attrib["name"]: v.attrib for v in root.iter("Float64") if v.attrib["causality"] == "input"}
     units = {name: has["unit"] for name, has in given.items() if not name.endswith("_rate")}
@@ -352,7 +352,7 @@ def test_a_body_without_contacts_or_paths_is_a_system_too(two: SectionReduction,
     """A clamped section by itself, under its weight."""
     base = two.reduced["base"].without_joints()
     system, stepping = System({"base": base}, ()), TimeStepping(0.02, STEP, 0.8)
-    weight = of_boom(two.boom, two.system).excitation.loads["base.gravity"]
+    weight = of_boom(two.scene, two.system).excitation.loads["base.gravity"]
     scene = Recorded("base", Excitation({}, {"base.gravity": weight}, stepping), np.array([9.81]), static=True)
     instance = Instance(compiled(contents(system, scene, "base", "3"), tmp_path, "3"))
     (moved,) = [[name for name in instance.library.named("output") if name.endswith("tip_z")]]
