@@ -97,13 +97,12 @@ def run(
     from pmr.fem.compat import MPI
     from pmr.pipeline import run as run_scene
     from pmr.report.document import REPORT_FILES, write_report
-    from pmr.simulation.petsc import Checkpoint
 
     first = MPI.COMM_WORLD.rank == 0
     outcomes = []
     for name, file, scene in loaded:
         where = folder if len(loaded) == 1 else folder / name
-        checkpoint = Checkpoint(where / f"full-{scene.hash}.checkpoint")
+        checkpoint = where / f"full-{scene.hash}.checkpoint"
         with _progress(name, shown=first) as progress:
             try:
                 outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), checkpoint, cache)
@@ -116,7 +115,7 @@ def run(
             if where != folder:
                 removed(folder, REPORT_FILES)  # the one of all scenes, which no longer belongs to what is there
             _save(outcome, where)
-            checkpoint.file.unlink(missing_ok=True)
+            checkpoint.unlink(missing_ok=True)
             outcomes.append(outcome)
     if outcomes:
         for outcome in outcomes:

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from pmr.constraints.straight import Straight
 from pmr.errors import InputError, on_first
 from pmr.fem.compat import MPI, check_fenicsx
-from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
 from pmr.fullmodel.structure import Action, Clamp, PadForce, Structure, Weight
 from pmr.fullmodel.walls_from_scene import walls_of
-from pmr.mesh.beam import beam_nodes
+from pmr.mesh.beam import graded_nodes, read_nodes
 from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.mesh.drawing import NotDrawnError
 from pmr.mesh.named import NamedMesh, read_mesh
@@ -141,7 +140,9 @@ def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
     from pmr.models.beam2d import Beam2D
 
     profile = member.part.body.profile or _planar_profile(_box(member), member.part.body.material)
-    return Beam2D(profile, beam_nodes(profile.length, member.part.mesh))
+    mesh, length = member.part.mesh, profile.length
+    drawn = graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
+    return Beam2D(profile, drawn)
 
 
 def _planar_profile(box: Box, material: Material) -> Profile:
@@ -194,7 +195,7 @@ def _meshed(member: Member, comm: MPI.Comm) -> StructuralModel:
 def _matrices(member: Member, comm: MPI.Comm) -> StructuralModel:
     """Read by every rank: they are its own."""
     assert member.part.mesh.file is not None  # the scene's check
-    return Matrices(GivenMatrices.load(member.part.mesh.file))
+    return Matrices.load(member.part.mesh.file)
 
 
 _MODELS: dict[str, Callable[[Member, MPI.Comm], StructuralModel]] = {

@@ -10,18 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.scene import MeshChoice
 
 Array = NDArray[np.float64]
-
-
-def beam_nodes(length: float, mesh: MeshChoice) -> Array:
-    """Nodes (N,) m of a beam, in increasing order, the same on every rank.
-
-    Raises an `InputError` if a mesh file holds anything but a chain of line cells on the x axis from 0 to the beam's
-    length.
-    """
-    return graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
 
 
 def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:

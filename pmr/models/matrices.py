@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
@@ -50,6 +51,11 @@ class Matrices(Traced):
         if missing:
             allowed = f"coordinates that move and turn in space are allowed: these know no rigid motion along {missing}"
             raise InputError(self.given.source, "direction", None, allowed)
+
+    @classmethod
+    def load(cls, file: Path) -> Matrices:
+        """From a file; errors as for `GivenMatrices.load`."""
+        return cls(GivenMatrices.load(file))
 
     @property
     def size(self) -> int:

@@ -64,13 +64,13 @@ def run(
     scene: Scene,
     comm: MPI.Comm = MPI.COMM_WORLD,
     clock: Clock | None = None,
-    checkpoint: Checkpoint | None = None,
+    checkpoint: Path | None = None,
     cache: Path | None = None,
 ) -> Outcome | None:
     """Run a scene on `comm`; what is not distributed runs on rank 0, the other ranks get None.
 
-    With a `checkpoint` a full-order simulation that was cut off goes on.  In a `cache`, a folder, reductions and
-    frequencies of full models are cached and found.
+    With a `checkpoint`, a file, a full-order simulation that was cut off goes on.  In a `cache`, a folder, reductions
+    and frequencies of full models are cached and found.
 
     Raises
     ------
@@ -80,7 +80,8 @@ def run(
         If a solver fails.
     """
     try:
-        return _run(scene, comm, clock or Clock(), checkpoint, cache)
+        kept = None if checkpoint is None else Checkpoint(checkpoint)
+        return _run(scene, comm, clock or Clock(), kept, cache)
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None
 
