@@ -19,7 +19,6 @@ in which a multiplier that changes its sign with every step, the way in which ri
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -83,15 +82,6 @@ class Account:
         rigid = row_flexibility(body, s)[1]
         refuse_growth(found, simulator, [body.row_names[k] for k in body.moving if rigid[k]])
         return found
-
-
-def checked(body: SlidingBody, trajectory: Trajectory, loads: Array, simulator: str) -> Trajectory:
-    """The trajectory with its `surplus`, under loads (T, i) in N; a GrowthError as for `Account.surplus`."""
-    account = Account(body, len(trajectory.t) - 1)
-    for steps in blocks(len(trajectory.t)):
-        account.add(steps.start, trajectory.at(steps), loads[steps])
-    step, s = float(trajectory.t[1] - trajectory.t[0]), float(trajectory.s[0])
-    return replace(trajectory, surplus=account.surplus(loads, step, s, simulator))
 
 
 def surplus(stored: Array, work: Array, least: float = 0.0, since_start: bool = False) -> float:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from pmr.simulation.native.arrays import Divided, Modes, Outputs, Scheme, State, Tables
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
 from pmr.simulation.native.energy import account
-from pmr.simulation.native.outputs import observe, observe_sides
+from pmr.simulation.native.outputs import observe
 from pmr.simulation.native.rows import move_rows
-from pmr.simulation.native.side_arrays import SideOutputs, Sides
+from pmr.simulation.native.side_arrays import Sides
 from pmr.simulation.native.sides import move_sides
 from pmr.simulation.native.step import advance
 
@@ -73,13 +73,4 @@ def step_on_tables(
         failed = advance(divided, scheme, state, f)
     if failed == 0:
         observe(tables, outputs, state, f, y)
-    return failed
-
-
-@compiled_and_inlined
-def step_on_sides(loop: Loop, scheme: Scheme, outputs: SideOutputs, s: Array, f: Array, y: Array) -> int:
-    """One step of any bodies to s (P,) under f (i,), and their outputs y (o,), likewise."""
-    failed = make_part(loop, scheme, s, f)
-    if failed == 0:
-        observe_sides(outputs, loop.bodies, loop.sides, loop.state, f, y)
     return failed

@@ -19,10 +19,12 @@ from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
 from pmr.reduced.damping import Rayleigh
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
-from pmr.simulation import InitialState, TimeStepping
+from pmr.simulation import InitialState, TimeStepping, contact_step
+from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.native import simulator as march
 from pmr.simulation.petsc import Recording, constraint, observe, respond
 from pmr.system.body import FullBody
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 PATH = Sine(amplitude=0.7, frequency=4.0, offset=2.0)
@@ -150,6 +152,19 @@ def test_ranks_agree_with_one(rich: FullBody, memory: int, monkeypatch: pytest.M
 
 
 @pytest.mark.mpi
+def test_steps_of_a_body_alone_in_the_parts_that_march_took(rich: FullBody) -> None:
+    rows = tuple(replace(row, compliance=1e-6, clearance=1e-4) if row.held is None else row for row in rich.rows.rows)
+    body = replace(rich, rows=Rows(rows, rich.size))
+    excitation = driven(PATH, LOADS, replace(STEPPING, end=0.15))
+    expected = march.simulate(body, excitation)
+    assert expected.parts is not None and len(set(expected.parts[1:])) > 2
+    stepping = replace(excitation.stepping, schedule=tuple(expected.parts[1:].tolist()))
+    found = observe(distributed(body), excitation.with_stepping(stepping), EVERYTHING)
+    assert_close(found.y, expected.q @ body.outputs.T, 1e-7)
+    assert_close(found.multipliers[:, 2:], expected.multipliers[:, 2:], 1e-6)
+
+
+@pytest.mark.mpi
 @pytest.mark.parametrize("parts", [0, 1])
 def test_rows_that_only_push_as_march_has_them(rich: FullBody, parts: int) -> None:
     """They lift off and land; a step in one part, and in as many as the contact takes."""
@@ -158,7 +173,10 @@ def test_rows_that_only_push_as_march_has_them(rich: FullBody, parts: int) -> No
         replace(rich, rows=Rows(rows, rich.size)),
         driven(PATH, LOADS, replace(STEPPING, end=0.15, parts=parts)),
     )
-    found, expected = observe(distributed(body), excitation, EVERYTHING), march.simulate(body, excitation)
+    omega = contact_frequency(System.of(body), excitation)
+    same = replace(excitation.stepping, parts=contact_step.parts(omega, excitation.stepping))
+    found = observe(distributed(body), excitation, EVERYTHING)
+    expected = march.simulate(body, excitation.with_stepping(same))
     assert_close(found.y, expected.q @ body.outputs.T, 1e-9)
     forces = expected.multipliers[:, 2:]
     assert_close(found.multipliers[:, 2:], forces, 1e-8)
