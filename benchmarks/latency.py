@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks import beams
-from pmr.simulation.native.step import step_and_observe
+from pmr.simulation.native.part import step_on_tables
 from pmr.simulation.native.stepper import Stepper
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def _march(arguments: Any, s: Array, f: Array, y: Array, stamps: Stamps) -> int:
         stamps[n] = now[0] * 1_000_000_000 + now[1]
         if n + 1 < len(stamps):
             k = n % len(s)
-            failed = step_and_observe(*arguments, s[k], f[k], y)
+            failed = step_on_tables(*arguments, s[k], f[k], y)
             if failed:
                 return failed
     return 0

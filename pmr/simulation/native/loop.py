@@ -5,8 +5,8 @@ on one path, or sides of contacts with places of their own; levels of steps that
 So a body alone on its tables takes O(r m) a step and nothing else.
 
 `run` is the entry point, for many steps or for one of a system that is advanced from outside
-(`pmr.simulation.native.system_stepper`); a body alone has `step_on_tables` of `pmr.simulation.native.part`, which takes a
-third of a microsecond from Python (`pmr.simulation.native.bound_step`).
+(`pmr.simulation.native.system_stepper`); a body alone has `step_on_tables` of `pmr.simulation.native.part`, which takes
+a third of a microsecond from Python (`pmr.simulation.native.bound_step`).
 """
 
 from __future__ import annotations
