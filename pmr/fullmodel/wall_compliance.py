@@ -30,6 +30,7 @@ from pmr.fullmodel.pads import Pad, Pads, restrain
 from pmr.fullmodel.structure import Clamp, Structure, couple, structural_model
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.mesh.named import read_mesh
+from pmr.mesh.strip import FACES
 from pmr.models import DIRECTIONS, StructuralModel
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
@@ -38,13 +39,14 @@ from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Plate, ShellB
 Array = NDArray[np.float64]
 
 #: Of the larger of width and height: the shell's length, and how far from the free end that plays a role.
-SEGMENT, REACH = 5.0, 2.5
+#: Sections that are pushed out of their rectangle keep that shape far along a thin box.
+SEGMENT, REACH = 10.0, 5.0
 #: Places at the free end, and over one layer of cells away from it.
-AT_THE_END, OVER_A_LAYER = 8, 4
+AT_THE_END, OVER_A_LAYER = 12, 4
 #: Elements of the beam that is taken off.
 ELEMENTS = 40
-#: What an end's walls answer to, spread over it.
-AT_AN_END = ("y", "z", "rx")
+#: What an end's walls answer to, spread over it, and what tells how the clamp turns.
+AT_AN_END, TURNS = ("y", "z", "rx"), ("rz", "ry")
 
 
 @dataclass(frozen=True)
@@ -81,13 +83,14 @@ def wall_compliance(plates: Plates, rings: tuple[tuple[Pad, ...], ...]) -> WallC
     places = np.concatenate([at_the_end, far + plates.along * np.arange(OVER_A_LAYER) / OVER_A_LAYER])
     body = Beam3DBody(length=length, profile=plates.profile, material=plates.material, shear=True, elements=ELEMENTS)
     shell, beam = (_Pressed(model) for model in (_shell(plates, length), Beam3D(body)))
+    along_y, along_z, about_x, *turns = shell.at_the_end() - beam.at_the_end()
     found = dict[tuple[Pad, ...], Array]()
     for ring in dict.fromkeys(rings):
         C = shell.under(ring, places) - beam.under(ring, places)
-        C = (C + C.transpose(0, 2, 1)) / 2.0
+        C = (C + C.transpose(0, 2, 1)) / 2.0 - _by_the_clamp(ring, turns, length - places)
         mean = C[AT_THE_END:].mean(axis=0)  # between two nodes of a coarse mesh a pad dents it deeper than on one
         found[ring] = np.concatenate([C[:AT_THE_END], mean[None]])
-    end = shell.at_the_end() - beam.at_the_end()
+    end = np.array([along_y - turns[0] * length**2, along_z - turns[1] * length**2, about_x])
     for one in (shell, beam):
         one.destroy()
     return WallCompliance(np.append(at_the_end, far), tuple(found[ring] for ring in rings), np.maximum(end, 0.0))
@@ -111,8 +114,8 @@ class _Pressed:
         return np.stack([G[j : j + k, j : j + k] for j in range(0, len(G), k)])
 
     def at_the_end(self) -> Array:
-        """Motion of the free end along `AT_AN_END`, each under its own unit force or torque, (3,)."""
-        which = [DIRECTIONS.index(direction) for direction in AT_AN_END]
+        """Motion of the free end along `AT_AN_END` and `TURNS`, each under its own unit force or moment, (5,)."""
+        which = [DIRECTIONS.index(direction) for direction in (*AT_AN_END, *TURNS)]
         return np.diag(self._answers(sp.csr_matrix(self._model.motion("tail")[which] @ self._T)))
 
     def _answers(self, U: sp.csr_matrix) -> Array:
@@ -122,6 +125,19 @@ class _Pressed:
         """Give the memory of its matrices back."""
         self._factor.destroy()
         freed(self._full.K, self._full.M, self._full.inputs, self._full.outputs)
+
+
+def _by_the_clamp(ring: Sequence[Pad], turns: Sequence[float], arms: Array) -> Array:
+    """What pads measure of each other, `arms` (p,) m from a clamp that turns by so much about z and y, rad/(N m).
+
+    A clamp keeps the section's shape, too, which makes the box beside it a little stiffer than the beam.
+    """
+    normals = np.zeros((2, len(ring)))
+    for i, pad in enumerate(ring):
+        component, sign = FACES[pad.on]
+        normals[component - 1, i] = sign
+    turned = np.einsum("d,di,dj->ij", np.asarray(turns), normals, normals)
+    return np.asarray(turned * arms[:, None, None] ** 2)
 
 
 def _shell(plates: Plates, length: float) -> Shell:
