@@ -26,7 +26,7 @@ from pmr.recover.from_scene import Recovered, recover_sections, recovered_steps,
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.cache import Cache
 from pmr.reduction.sections import ReducedSection, reduce_sections
-from pmr.results import BodyResult, Frequencies
+from pmr.results import BodyResult, Frequencies, FrequencyMap
 from pmr.scene import Scene
 from pmr.simulation import Excitation, contact_step
 from pmr.simulation.contact_step import contact_frequency
@@ -88,10 +88,9 @@ class Sections(Bodies):
         count = figures.FEWER_PLACES if large else figures.PLACES
         steps = figures.on_the_way(scene, self.excitation.times, count)
         curves = {} if self.full is None else {"full": self._full_frequencies(self.full, steps)}
-        on_first_rank = self.comm.rank == 0
-        if on_first_rank:
-            curves["reduced"] = Assembly(self.system).frequencies(self._x[steps], figures.CURVES)
-        over_joints = figures.frequency_map(scene, self.system) if on_first_rank else None
+        found = on_first(self.comm, lambda: self._reduced_frequencies(steps))
+        curves |= {} if found is None else {"reduced": found[0]}
+        over_joints = None if found is None else found[1]
         reach = scene.reach(self.excitation.times[steps])
         return Frequencies(reach, self.excitation.s[steps], curves, over_joints)
 
@@ -155,6 +154,11 @@ class Sections(Bodies):
 
     def _on_finer(self, finer: Scene) -> Mapping[str, ReducedModel]:
         return _modal(reduce_sections(finer, self.build(finer)))
+
+    def _reduced_frequencies(self, steps: NDArray[np.int64]) -> tuple[Array, FrequencyMap | None]:
+        """At some steps, and over two joints."""
+        at_steps = Assembly(self.system).frequencies(self._x[steps], figures.CURVES)
+        return at_steps, figures.frequency_map(self.scene, self.system)
 
     def _full_frequencies(self, full: FullBoom, steps: NDArray[np.int64]) -> Array:
         """At some steps."""
