@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -196,7 +196,9 @@ def _by_series(model: ReducedModel, own: _Simulated, excitation: Excitation, flo
 
 
 def _pushed(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Told:
-    """By the enrichment modes, and attachment modes for what the model bore."""
+    """By the enrichment modes, and attachment modes for what the model bore, in the parts of a step that it took."""
+    if own.run.parts is not None:
+        excitation = excitation.with_stepping(replace(excitation.stepping, schedule=tuple(own.run.parts[1:].tolist())))
     loads, tips = excitation.forces(model.input_names), len(own.outputs.tips)
     better = _Simulated.of(with_loads_answered(extended(model), own.run, loads), excitation, tips)
     missing = {"attachment": better.outputs.minus(own.outputs)}
