@@ -37,10 +37,10 @@ def with_loads_answered(model: ReducedModel, run: Trajectory, loads: Array) -> R
     """
     assert model.carriers is not None
     rows = [model.carriers.row(k, name) for k, name in enumerate(model.row_names)]
-    return with_attachment_modes(model, borne(model.carriers, rows, run, loads))
+    return with_attachment_modes(model, pressing(model.carriers, rows, run, loads))
 
 
-def borne(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> Array:
+def pressing(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> Array:
     """What rows press with on their carriers in a run, and its loads (T, i): (S, K + i) in N, at up to `STEPS` steps.
 
     The path coordinates of the run are those of all rows (T,) m, or of each (T, m).
@@ -65,8 +65,13 @@ def settled(told: float, apart: float) -> bool:
 
 
 def scatter(peaks: Sequence[float]) -> str:
-    """What is said of the largest forces, in N, that nearly equal models have of pads that land and lift off."""
+    """What is said of the largest forces, in N, that nearly equal models have of pads that land and lift off.
+
+    Empty where they have the same to three digits.
+    """
     least, most = (f"{1e-3 * find(peaks):.3g} kN" for find in (min, max))
+    if least == most:
+        return ""
     return (
         f"pads land and lift off again and again, and their peak forces scatter: {least} to {most} with models that "
         "are nearly alike, and as much with another time step; they are a range, not a figure"

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare import errors
-from pmr.compare.attached import UnsettledError, borne, lifting, settled
+from pmr.compare.attached import UnsettledError, lifting, pressing, settled
 from pmr.compare.boom_runs import Seen, outputs, run_from_rest
 from pmr.compare.booms import columns_of, quantities, respond, tip_columns, with_friction
 from pmr.compare.estimate import MARGIN
@@ -114,7 +114,7 @@ def loads_borne(system: System, run: SystemTrajectory) -> dict[str, Array]:
         rows = [system.row(side.place) for side in system.sides if side.place.body == name]
         last = first + len(body.input_names)
         assert body.carriers is not None
-        found[name] = borne(body.carriers, rows, run.bodies[name], run.loads[:, first:last])
+        found[name] = pressing(body.carriers, rows, run.bodies[name], run.loads[:, first:last])
         first = last
     return found
 

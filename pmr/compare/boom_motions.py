@@ -15,7 +15,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from pmr.compare.boom_figures import CURVES
-from pmr.compare.booms import Said, respond, response_of
+from pmr.compare.booms import Motion, respond, response_of
 from pmr.compare.responses import full_simulator
 from pmr.compare.simulated import simulator_of
 from pmr.compare.trust import distrust
@@ -92,8 +92,8 @@ class FullBoom:
                     recording = Recording(energies=True, states=(steps * boom.time.step).tolist())
                     history = observe_system(self.whole, excitation, recording, start, done, checkpoint)
                     assert history.energy is not None
-                    said = Said(history.y, history.forces, history.peaks, history.energy)
-                    found = response_of(self.whole, history.t, said)
+                    motion = Motion(history.y, history.forces, history.peaks, history.energy)
+                    found = response_of(self.whole, history.t, motion)
                     found = replace(found, seconds=history.seconds, surplus=history.surplus)
                     states = {name: one.q for name, one in history.states.items()}
                 elif self.system is not None:

@@ -30,7 +30,7 @@ BESIDE_KINK = 2.0
 
 
 @dataclass(frozen=True)
-class Said:
+class Motion:
     """What a simulator says: outputs (T, o) of every body, forces and peaks (T, m) in N of contacts, energies."""
 
     outputs: Mapping[str, Array]
@@ -47,7 +47,7 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
         kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
     energy = Energy(kinetic, trajectory.energy - kinetic, -trajectory.work)
     outputs = systems.displacements(system, trajectory)
-    found = response_of(system, trajectory.t, Said(outputs, trajectory.forces, trajectory.peaks, energy))
+    found = response_of(system, trajectory.t, Motion(outputs, trajectory.forces, trajectory.peaks, energy))
     return _with_reactions(replace(found, seconds=trajectory.seconds, surplus=trajectory.surplus), system, trajectory)
 
 
@@ -82,7 +82,7 @@ def _with_reactions(response: Response, system: System, trajectory: SystemTrajec
     )
 
 
-def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
+def response_of(system: Joined[Any], t: Array, motion: Motion) -> Response:
     """The same of what any simulator says at the times t (T,) s."""
     moved, springs, others = list[Array](), list[Array](), list[Array]()
     other_names, other_units = list[str](), list[str]()
@@ -90,7 +90,7 @@ def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
     kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # of displacements, forces and others
     of_bodies: tuple[list[str], list[str], list[str]] = ([], [], [])
     for name, body in system.bodies.items():
-        of, y = called(body, ()), said.outputs[name]
+        of, y = called(body, ()), motion.outputs[name]
         moved.append(y[:, length_outputs(body)])
         springs.append(y[:, force_outputs(body)])
         others.append(y[:, ~(length_outputs(body) | force_outputs(body))])
@@ -102,23 +102,23 @@ def response_of(system: Joined[Any], t: Array, said: Said) -> Response:
         for columns, bodies, found in zip(kinds, of_bodies, of.kinds, strict=True):
             columns += found
             bodies += [name] * len(found)
-    borne = [k for k, contact in enumerate(system.contacts) if contact.kind != "straight"]
-    kinds[1].extend(system.contacts[k].kind for k in borne)
-    of_bodies[1].extend(system.contacts[k].inner.body for k in borne)
+    bearing = [k for k, contact in enumerate(system.contacts) if contact.kind != "straight"]
+    kinds[1].extend(system.contacts[k].kind for k in bearing)
+    of_bodies[1].extend(system.contacts[k].inner.body for k in bearing)
     not_known = np.full(len(t), np.nan)
     return Response(
         t=t,
         x=np.concatenate(x),
         displacement=np.hstack(moved),
-        energy=said.energy,
-        slider_force=np.hstack([*springs, said.forces[:, borne]]),
+        energy=motion.energy,
+        slider_force=np.hstack([*springs, motion.forces[:, bearing]]),
         residual_position=not_known,
         residual_velocity=not_known,
         seconds=np.nan,
         output_names=tuple(names),
         output_units=("m",) * len(names),
-        force_names=(*force_names, *(force_of(system.contact_names[k]) for k in borne)),
-        force_peaks=np.hstack([*springs, said.peaks[:, borne]]),
+        force_names=(*force_names, *(force_of(system.contact_names[k]) for k in bearing)),
+        force_peaks=np.hstack([*springs, motion.peaks[:, bearing]]),
         others=np.hstack(others) if other_names else None,
         other_names=tuple(other_names),
         other_units=tuple(other_units),

@@ -62,8 +62,8 @@ class Estimate:
     """Estimated errors of a reduced model's outputs, with margin.
 
     Fractions are e_NRMS relative to the second run's motion, not capped: above 1 the error is larger than the motion.
-    `by` says what told: ``inertia`` (d), ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d), ``attachment``
-    (of rows that only push) or ``other model``.
+    `by` says which difference: ``inertia`` (d), ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d),
+    ``attachment`` (of rows that only push) or ``other model``.
     """
 
     beam: float  # over all displacements
@@ -128,7 +128,7 @@ class _Simulated:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _Difference:
     """What richer models have beyond a model, by what they have in addition; one of them; kinds they disagree on."""
 
     missing: Mapping[str, Outputs]
@@ -149,13 +149,13 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
     if why := no_estimate(model):
         raise ValueError(f"no estimate: {why}")
     run, floors = _Simulated.of(model, excitation, tips), Floors.of(model, excitation)
-    own, told = run.outputs, (_pushed if pushing_rows(model) else _by_series)(model, run, excitation, floors)
-    missing = told.missing
+    own, difference = run.outputs, (_pushed if pushing_rows(model) else _by_series)(model, run, excitation, floors)
+    missing = difference.missing
     found = {name: differences(own, own.plus(what), floors) for name, what in missing.items()}
     by = max(found, key=lambda name: found[name]["beam"])
     largest = {kind: MARGIN * max(one[kind] for one in found.values()) for kind in KINDS}
     of_probes = np.max([probe_differences(own, own.plus(what), floors) for what in missing.values()], axis=0)
-    unknown = {kind: coverage.UNSETTLED[kind] for kind in told.unsettled}
+    unknown = {kind: coverage.UNSETTLED[kind] for kind in difference.unsettled}
     if impulsive(model, excitation):
         unknown.setdefault("pad_force", coverage.BLOWS)
     elif model.moving and coverage.jumps_damped(model, excitation.signals, excitation.stepping.end):
@@ -168,17 +168,17 @@ def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Esti
         pad_force=None if "pad_force" in unknown else largest["pad_force"],
         velocity=None if "velocity" in unknown else largest["velocity"],
         probes={} if "probe" in unknown else _named(model, MARGIN * of_probes),
-        kappa=told.kappa,
+        kappa=difference.kappa,
         by=by,
-        chi=chi(told.better.form, told.better.run, excitation.forces(model.input_names), model.size),
+        chi=chi(difference.better.form, difference.better.run, excitation.forces(model.input_names), model.size),
         error=missing[by].displacement,
         seconds=time.perf_counter() - begin,
         unknown=unknown,
-        scatter=told.scatter,
+        scatter=difference.scatter,
     )
 
 
-def _by_series(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Told:
+def _by_series(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
     """By the enrichment modes, and the next term of the series."""
     assert model.flexibility is not None
     tips = len(own.outputs.tips)
@@ -192,10 +192,10 @@ def _by_series(model: ReducedModel, own: _Simulated, excitation: Excitation, flo
     else:
         complete = _with_lag(_Simulated.of(with_kept_inertia(extended(model)), excitation, tips), excitation)
         missing = {"inertia": complete.minus(own.outputs), "enrichment": beyond}
-    return _Told(missing, better, share)
+    return _Difference(missing, better, share)
 
 
-def _pushed(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Told:
+def _pushed(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
     """By the enrichment modes, and attachment modes for what the model bore, in the parts of a step that it took."""
     if own.run.parts is not None:
         excitation = excitation.with_stepping(replace(excitation.stepping, schedule=tuple(own.run.parts[1:].tolist())))
@@ -203,15 +203,15 @@ def _pushed(model: ReducedModel, own: _Simulated, excitation: Excitation, floors
     better = _Simulated.of(with_loads_answered(extended(model), own.run, loads), excitation, tips)
     missing = {"attachment": better.outputs.minus(own.outputs)}
     if not lifting(own.run.multipliers[:, pushing_rows(own.form.body)]):
-        return _Told(missing, better)
+        return _Difference(missing, better)
     other = _Simulated.of(with_loads_answered(model, own.run, loads), excitation, tips)
-    told, apart = (differences(one.outputs, better.outputs, floors) for one in (own, other))
-    unknown = [kind for kind in KINDS if not settled(told[kind], apart[kind])]
+    difference, apart = (differences(one.outputs, better.outputs, floors) for one in (own, other))
+    unknown = [kind for kind in KINDS if not settled(difference[kind], apart[kind])]
     peaks = [float(one.outputs.force.max()) for one in (own, better, other)]
     for kind in unknown:
         if kind in ("beam", "tip"):
-            raise UnsettledError(told[kind], apart[kind], peaks)
-    return _Told(missing, better, unsettled=unknown, scatter=scatter(peaks) if "pad_force" in unknown else "")
+            raise UnsettledError(difference[kind], apart[kind], peaks)
+    return _Difference(missing, better, unsettled=unknown, scatter=scatter(peaks) if "pad_force" in unknown else "")
 
 
 def _with_lag(one: _Simulated, excitation: Excitation) -> Outputs:

@@ -128,7 +128,7 @@ def _made(clock: Clock, make: Callable[[], Found]) -> tuple[Found | None, str, l
         with clock.stage("estimate"):
             return make(), "", []
     except (SimulationError, InputError) as error:  # other simulators may do what march refuses
-        said = [error.warning] if isinstance(error, UnsettledError) else []
+        said = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
         return None, str(error).removeprefix("estimate: "), said  # the clock's stage
 
 

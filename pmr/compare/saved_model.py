@@ -15,7 +15,7 @@ from pmr.compare.frequencies import frequency_part, reduced_frequencies
 from pmr.compare.halved_steps import SteppedBody
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.simulated import driven_by, simulate_sections
-from pmr.compare.summary import Part, contact, driven, gathered, made_with, pads, simulated, theory, trusted
+from pmr.compare.summary import Part, combined, contact, origin, pads, reliability, sampling, simulated, theory
 from pmr.errors.environment import Clock
 from pmr.results import BodyResult, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Scene
@@ -73,7 +73,7 @@ def _sections(system: System, boom: Scene, excitation: Excitation) -> RunResult:
     in_frequency = figures.in_frequency(boom, system, excitation)
     responses, sizes = {"reduced": response}, {name: {"reduced": one.size} for name, one in system.bodies.items()}
     parts = [
-        made_with(boom),
+        origin(boom),
         _figures(system, response, boom.simulation.simulators[0]),
         simulated(found.seconds, found.agreement, {}),
         figures.sections(boom, responses, sizes, {}),
@@ -83,14 +83,14 @@ def _sections(system: System, boom: Scene, excitation: Excitation) -> RunResult:
         Part(pad_forces.reactions(boom, response, reach), pad_forces.missing(boom)),
         figures.beside_published(boom, frequencies),
         frequency_part(in_frequency),
-        driven(excitation),
+        sampling(excitation),
         Part(contact_step.summary_of(omega, made), contact_step.warnings_of(omega, excitation.stepping)),
-        trusted({}, responses),
+        reliability({}, responses),
         theory(boom, responses),
     ]
     return RunResult(
         boom,
-        gathered(parts),
+        combined(parts),
         responses,
         Paths(tuple(excitation.paths), excitation.s, excitation.rates),
         Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
@@ -112,20 +112,20 @@ def _alone(system: System, scene: Scene, excitation: Excitation) -> RunResult:
     stepped = SteppedBody(modal_form(reduced), excitation, len(transverse(member_at(scene))))
     estimated = reduction_error(scene, reduced, clock)
     parts = [
-        made_with(scene),
+        origin(scene),
         _figures(system, response, simulations.first),
         simulated(simulations.seconds, simulations.agreement, {}),
-        driven(excitation),
+        sampling(excitation),
         estimated.part,
         step_part(stepped, found, clock, scene.accuracy is not None),
         pads(scene, response),
         contact(reduced, excitation),
-        trusted({}, simulations.responses),
+        reliability({}, simulations.responses),
     ]
     shapes = Shapes(np.zeros(0), reduced.output_positions, reduced.outputs)
     return RunResult(
         scene,
-        gathered(parts),
+        combined(parts),
         simulations.responses,
         Paths(tuple(excitation.paths), excitation.s, excitation.rates),
         Loads(reduced.input_names, reduced.input_units, excitation.forces(reduced.input_names)),

@@ -1,4 +1,4 @@
-"""What a run says in summary.json: each part adds its figures and what a user should know, here they are gathered."""
+"""What a run says in summary.json: each part adds its figures and what a user should know, here they are combined."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Part:
     warnings: Sequence[str] = ()
 
 
-def gathered(parts: Iterable[Part]) -> dict[str, Any]:
+def combined(parts: Iterable[Part]) -> dict[str, Any]:
     """All figures, and all warnings in the order of the parts under ``warnings``.
 
     Raises ValueError if two parts have figures of the same key.
@@ -41,7 +41,7 @@ def gathered(parts: Iterable[Part]) -> dict[str, Any]:
     return summary | {"warnings": warnings + jsonfile.remarks(summary)}
 
 
-def made_with(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
+def origin(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:
     """What the result is of, and what it was made with: `libraries` are those beside pmr's own."""
     return Part(
         {
@@ -94,7 +94,7 @@ def compared(
     )
 
 
-def struck(reduced: ReducedModel, excitation: Excitation, responses: Mapping[str, Response]) -> Part:
+def impacts(reduced: ReducedModel, excitation: Excitation, responses: Mapping[str, Response]) -> Part:
     """``blows``, where rigid sliders strike at kinks of the path: the forces' error ``pad_force`` below ``band`` in Hz.
 
     Above it lies 1 % of the full model's motion at the tip, and the most of what a blow leaves in the forces.
@@ -109,7 +109,7 @@ def struck(reduced: ReducedModel, excitation: Excitation, responses: Mapping[str
     )
 
 
-def driven(excitation: Excitation) -> Part:
+def sampling(excitation: Excitation) -> Part:
     """What of path and loads the simulation does not see, or sees otherwise than they were given."""
     signals, stepping = excitation.signals, excitation.stepping
     return Part(warnings=resolution.unseen(signals, stepping) + resolution.overshooting(signals, stepping))
@@ -126,8 +126,8 @@ def contact(reduced: ReducedModel, excitation: Excitation) -> Part:
     return Part(contact_step.summary(reduced, excitation), contact_step.warnings(reduced, excitation))
 
 
-def trusted(missing: Mapping[str, str], responses: Mapping[str, Response]) -> Part:
-    """References that are `missing`, and whether the reduced motion is to be trusted."""
+def reliability(missing: Mapping[str, str], responses: Mapping[str, Response]) -> Part:
+    """References that are `missing`, and whether the reduced motion can be relied on."""
     return Part({"no_reference": dict(missing)}, trust.warnings(missing, responses["reduced"]))
 
 

@@ -10,7 +10,7 @@ from pmr.compare import memory
 from pmr.compare.accuracy import order
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.responses import check_installed
-from pmr.compare.summary import Part, driven, gathered, made_with, simulated, theory, trusted
+from pmr.compare.summary import Part, combined, origin, reliability, sampling, simulated, theory
 from pmr.errors import InputError, environment
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
@@ -115,18 +115,18 @@ def _run(
     stages = {name: clock.seconds[name] for name in bodies.STAGES if name in clock.seconds}
     reduced = sum(body.size for body in system.bodies.values())
     parts = [
-        made_with(scene, fenicsx_versions()),
+        origin(scene, fenicsx_versions()),
         Part({"coordinates": {"full": size, "reduced": reduced}}),
         simulated(motions.seconds, motions.agreement, stages),
         *judged.parts,
-        driven(excitation),
+        sampling(excitation),
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
         *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
         Part(warnings=free_motions),
         Part(places({name: one.structure.outputs for name, one in built.items()})),
         Part(summary_of_walls({name: one.structure.pads.walls for name, one in built.items()})),
-        trusted(motions.missing, responses),
+        reliability(motions.missing, responses),
         theory(scene, responses),
         frequency_part(judged.frequency_response),
     ]
@@ -135,7 +135,7 @@ def _run(
         found[name] = replace(found[name], fields=one.reduced.fields, peak_stress=one.histories())
     result = RunResult(
         scene,
-        gathered(parts),
+        combined(parts),
         responses,
         Paths(tuple(excitation.paths), excitation.s, excitation.rates),
         Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),

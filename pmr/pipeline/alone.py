@@ -14,7 +14,7 @@ from pmr.compare.frequencies import CURVES, frequency_curves, of_body, visited_p
 from pmr.compare.halved_steps import SteppedBody
 from pmr.compare.references import references
 from pmr.compare.responses import full_simulator, quantities, simulate
-from pmr.compare.summary import Part, compared, contact, pads, struck
+from pmr.compare.summary import Part, compared, contact, impacts, pads
 from pmr.errors import ConvergenceError, InputError, on_first
 from pmr.errors.environment import Clock
 from pmr.fem.distributed import free_dropped
@@ -118,7 +118,7 @@ class Alone(Bodies):
         parts = [
             Part(describe_basis(scene, reduction.model, reduction.snapshots, reduction.basis, reduced)),
             compared(motions.responses, quantities(scene), motions.simulators),
-            struck(reduced, self.excitation, motions.responses),
+            impacts(reduced, self.excitation, motions.responses),
             estimated.part,
             step_part(stepped, frequencies.models["reduced"], self.clock, scene.accuracy is not None, step),
             pads(scene, motions.responses["reduced"]),

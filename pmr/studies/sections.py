@@ -26,7 +26,7 @@ from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.studies.engine.task import Scalar, Task, TaskFunction, TaskResult, key_of
-from pmr.studies.taken_away import boom_arguments
+from pmr.studies.figures import boom_arguments
 from pmr.system.from_scene import contacts_of, system_of
 from pmr.system.system import System, SystemTrajectory
 

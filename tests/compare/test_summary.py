@@ -3,26 +3,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.compare.summary import Part, gathered, made_with
+from pmr.compare.summary import Part, combined, origin
 from pmr.fullmodel.build import build, warnings
 from pmr.pipeline import run
 
 
 def test_figures_and_warnings_of_all_parts_are_gathered_in_order() -> None:
     parts = [Part({"a": 1.0}, ["first"]), Part(), Part(warnings=["second"]), Part({"b": {"c": np.nan}}, ("third",))]
-    found = gathered(parts)
+    found = combined(parts)
     assert list(found) == ["a", "b", "warnings"] and found["a"] == 1.0
     assert found["warnings"] == ["first", "second", "third", "b.c is not finite; in summary.json it is null"]
 
 
 def test_no_part_overwrites_what_another_one_says() -> None:
     with pytest.raises(ValueError, match="two parts of a summary have a, b"):
-        gathered([Part({"a": 1, "b": 2}), Part({"b": 3, "a": 4})])
+        combined([Part({"a": 1, "b": 2}), Part({"b": 3, "a": 4})])
 
 
 def test_libraries_stand_beside_the_versions(load_scene) -> None:
     scene = load_scene("paper_simple", [])
-    figures = made_with(scene, {"dolfinx": "0"}).figures
+    figures = origin(scene, {"dolfinx": "0"}).figures
     assert figures["versions"]["dolfinx"] == "0" and "numpy" in figures["versions"]
     assert (figures["title"], figures["scene_hash"]) == (scene.title, scene.hash)
 

@@ -21,7 +21,7 @@ from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
 from pmr.simulation import Excitation
-from pmr.studies import marching, shared, subjects, taken_away
+from pmr.studies import figures, marching, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Statement, StudyBase
@@ -89,7 +89,7 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     responses = {"reduced": simulate_reduced(scene, reduction.reduced), "full": full}
     responses["ancf"] = shared.response_from(needs["ancf"])
     beside = {"dropped": simulate_reduced(dropping, dropped.reduced), "full": responses["full"]}
-    record = taken_away.compared(summary.compared(responses, compare.AT_NODES, {}).figures, "errors", "absolute_errors")
+    record = figures.compared(summary.compared(responses, compare.AT_NODES, {}).figures, "errors", "absolute_errors")
     record |= {
         f"dropped.{place}": value
         for place, value in compare.errors(beside, order=("dropped", "full"))["dropped_vs_full"].items()

@@ -16,8 +16,8 @@ from pmr.scene import Scene
 from pmr.scene.tomlfiles import Change
 from pmr.studies import grid, shared
 from pmr.studies.engine.task import KEY, Plan, Scalar, Task, TaskResult, key_of
+from pmr.studies.figures import boom_arguments, compared, figures_of, run_boom_case, stresses
 from pmr.studies.study import StudyBase
-from pmr.studies.taken_away import boom_arguments, compared, run_boom_case, stresses, taken_away
 
 COMPARED_FREQUENCIES = 3
 
@@ -94,7 +94,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
 
     Figures: ``errors.<a>_vs_<b>.<place>`` (e_NRMS), ``max_displacement`` and ``max_error`` (m), ``coordinates.full``
     and ``.reduced``, ``basis.kappa``, and ``frequency_error.<i>``, the largest relative error of the i-th frequency
-    over the path; then what `pmr.studies.taken_away` says, with stresses where the scene recovers them.  Arrays: ``t``
+    over the path; then what `pmr.studies.figures` says, with stresses where the scene recovers them.  Arrays: ``t``
     (s), ``tip`` (m), ``singular_values``, ``frequencies.s`` (m), ``.full``, ``.reduced`` (rad/s).
     """
     from pmr.compare import summary
@@ -120,7 +120,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
         off = np.abs(reduced[:, i] / full[:, i] - 1.0).max()
         record[f"frequency_error.{i + 1}"] = float(off) if np.isfinite(off) else None  # fewer coordinates are free
     response = responses["reduced"]
-    record |= taken_away(scene, response, s, reduced)
+    record |= figures_of(scene, response, s, reduced)
     if stressed:
         record |= stresses(recovered(scene, built, reduction, simulated.states).summary())
     arrays = {"t": response.t, "tip": response.tip, "singular_values": reduction.basis.sigma}

@@ -30,7 +30,7 @@ typedef struct {
 } Instance;
 
 /* The status of a call that failed or not, with the reason for the master's log. */
-static fmi2Status told(Instance *instance, int failed)
+static fmi2Status status_of(Instance *instance, int failed)
 {
     if (failed && instance->callbacks.logger)
         instance->callbacks.logger(instance->callbacks.environment, instance->name, fmi2Error, "logStatusError",
@@ -41,7 +41,7 @@ static fmi2Status told(Instance *instance, int failed)
 static fmi2Status refused(Instance *instance, const char *why)
 {
     strncpy(instance->body.message, why, sizeof instance->body.message - 1);
-    return told(instance, 1);
+    return status_of(instance, 1);
 }
 
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
@@ -49,7 +49,7 @@ EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
 EXPORT fmi2Status fmi2SetDebugLogging(void *c, int on, size_t count, const char *const categories[])
 {
-    (void)c, (void)on, (void)count, (void)categories; /* errors are told, and there is nothing else to tell */
+    (void)c, (void)on, (void)count, (void)categories; /* errors are logged, and there is nothing else to log */
     return fmi2OK;
 }
 
@@ -91,7 +91,7 @@ EXPORT fmi2Status fmi2SetupExperiment(void *c, int tolerance_defined, double tol
                                       double stop)
 {
     (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop;
-    return told(c, set_time(&((Instance *)c)->body, start));
+    return status_of(c, set_time(&((Instance *)c)->body, start));
 }
 
 EXPORT fmi2Status fmi2EnterInitializationMode(void *c)
@@ -103,7 +103,7 @@ EXPORT fmi2Status fmi2EnterInitializationMode(void *c)
 EXPORT fmi2Status fmi2ExitInitializationMode(void *c)
 {
     Instance *instance = c;
-    return told(instance, finish_initialisation(&instance->body));
+    return status_of(instance, finish_initialisation(&instance->body));
 }
 
 EXPORT fmi2Status fmi2Terminate(void *c)
@@ -120,12 +120,12 @@ EXPORT fmi2Status fmi2Reset(void *c)
 
 EXPORT fmi2Status fmi2GetReal(void *c, const Reference *references, size_t count, double *values)
 {
-    return told(c, get_variables(&((Instance *)c)->body, references, count, values));
+    return status_of(c, get_variables(&((Instance *)c)->body, references, count, values));
 }
 
 EXPORT fmi2Status fmi2SetReal(void *c, const Reference *references, size_t count, const double *values)
 {
-    return told(c, set_variables(&((Instance *)c)->body, references, count, values));
+    return status_of(c, set_variables(&((Instance *)c)->body, references, count, values));
 }
 
 EXPORT fmi2Status fmi2GetInteger(void *c, const Reference *references, size_t count, int *values)
@@ -147,7 +147,7 @@ EXPORT fmi2Status fmi2SetInteger(void *c, const Reference *references, size_t co
         double value = values[n];
         if (references[n] != START || values[n] < 0 || values[n] > 2)
             return refused(instance, "the only integer is the kind of start: 0 at rest, 1 static, 2 as given");
-        if (set_variables(&instance->body, references + n, 1, &value)) return told(instance, 1);
+        if (set_variables(&instance->body, references + n, 1, &value)) return status_of(instance, 1);
     }
     return fmi2OK;
 }
@@ -203,20 +203,20 @@ EXPORT fmi2Status fmi2SerializedFMUstateSize(void *c, void *state, size_t *size)
 
 EXPORT fmi2Status fmi2SerializeFMUstate(void *c, void *state, char *bytes, size_t size)
 {
-    return told(c, serialize(&((Instance *)c)->body, state, bytes, size));
+    return status_of(c, serialize(&((Instance *)c)->body, state, bytes, size));
 }
 
 EXPORT fmi2Status fmi2DeSerializeFMUstate(void *c, const char *bytes, size_t size, void **state)
 {
     *state = deserialized(&((Instance *)c)->body, bytes, size);
-    return told(c, !*state);
+    return status_of(c, !*state);
 }
 
 EXPORT fmi2Status fmi2GetDirectionalDerivative(void *c, const Reference *unknowns, size_t unknown_count,
                                                const Reference *knowns, size_t known_count, const double *seed,
                                                double *answer)
 {
-    return told(c, differentiate(&((Instance *)c)->body, unknowns, unknown_count, knowns, known_count, seed, answer));
+    return status_of(c, differentiate(&((Instance *)c)->body, unknowns, unknown_count, knowns, known_count, seed, answer));
 }
 
 /* Model Exchange: continuous throughout, no event is ever indicated. */
@@ -247,16 +247,16 @@ EXPORT fmi2Status fmi2CompletedIntegratorStep(void *c, int no_return, int *enter
     return fmi2OK;
 }
 
-EXPORT fmi2Status fmi2SetTime(void *c, double time) { return told(c, set_time(&((Instance *)c)->body, time)); }
+EXPORT fmi2Status fmi2SetTime(void *c, double time) { return status_of(c, set_time(&((Instance *)c)->body, time)); }
 
 EXPORT fmi2Status fmi2SetContinuousStates(void *c, const double *states, size_t count)
 {
-    return told(c, set_states(&((Instance *)c)->body, states, count));
+    return status_of(c, set_states(&((Instance *)c)->body, states, count));
 }
 
 EXPORT fmi2Status fmi2GetDerivatives(void *c, double *derivatives, size_t count)
 {
-    return told(c, get_derivatives(&((Instance *)c)->body, derivatives, count));
+    return status_of(c, get_derivatives(&((Instance *)c)->body, derivatives, count));
 }
 
 EXPORT fmi2Status fmi2GetEventIndicators(void *c, double *indicators, size_t count)
@@ -267,7 +267,7 @@ EXPORT fmi2Status fmi2GetEventIndicators(void *c, double *indicators, size_t cou
 
 EXPORT fmi2Status fmi2GetContinuousStates(void *c, double *states, size_t count)
 {
-    return told(c, get_states(&((Instance *)c)->body, states, count));
+    return status_of(c, get_states(&((Instance *)c)->body, states, count));
 }
 
 EXPORT fmi2Status fmi2GetNominalsOfContinuousStates(void *c, double *nominals, size_t count)
@@ -290,7 +290,7 @@ EXPORT fmi2Status fmi2SetRealInputDerivatives(void *c, const Reference *referenc
         Reference rate = references[n] + (is_path ? PATHS : INPUTS);
         if (orders[n] != 1 || !(is_path || is_load))
             return refused(instance, "first derivatives of the path coordinate and of loads are allowed");
-        if (set_variables(&instance->body, &rate, 1, values + n)) return told(instance, 1);
+        if (set_variables(&instance->body, &rate, 1, values + n)) return status_of(instance, 1);
     }
     return fmi2OK;
 }
@@ -304,7 +304,7 @@ EXPORT fmi2Status fmi2GetRealOutputDerivatives(void *c, const Reference *referen
         Reference rate = references[n] + OUTPUTS;
         if (orders[n] != 1 || references[n] < DISPLACEMENTS || references[n] >= VELOCITIES)
             return refused(instance, "first derivatives of displacements are known");
-        if (get_variables(&instance->body, &rate, 1, values + n)) return told(instance, 1);
+        if (get_variables(&instance->body, &rate, 1, values + n)) return status_of(instance, 1);
     }
     return fmi2OK;
 }
@@ -315,7 +315,7 @@ EXPORT fmi2Status fmi2DoStep(void *c, double time, double step, int no_return)
     (void)no_return;
     if (!instance->body.memory.started) return refused(instance, "a step comes after the initialisation");
     set_time(&instance->body, time);
-    return told(instance, body_advance(&instance->body, step));
+    return status_of(instance, body_advance(&instance->body, step));
 }
 
 EXPORT fmi2Status fmi2CancelStep(void *c) { return refused(c, "no step is ever pending"); }

@@ -16,7 +16,7 @@ typedef struct {
     Logger logger;
 } Instance;
 
-static fmi3Status told(Instance *instance, int failed)
+static fmi3Status status_of(Instance *instance, int failed)
 {
     if (failed && instance->logger)
         instance->logger(instance->environment, fmi3Error, "logStatusError", instance->body.message);
@@ -26,7 +26,7 @@ static fmi3Status told(Instance *instance, int failed)
 static fmi3Status refused(Instance *instance, const char *why)
 {
     strncpy(instance->body.message, why, sizeof instance->body.message - 1);
-    return told(instance, 1);
+    return status_of(instance, 1);
 }
 
 static Instance *instance_of(const char *token, void *environment, Logger logger)
@@ -47,7 +47,7 @@ EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
 EXPORT fmi3Status fmi3SetDebugLogging(void *c, bool on, size_t count, const char *const categories[])
 {
-    (void)c, (void)on, (void)count, (void)categories; /* errors are told, and there is nothing else to tell */
+    (void)c, (void)on, (void)count, (void)categories; /* errors are logged, and there is nothing else to log */
     return fmi3OK;
 }
 
@@ -91,12 +91,12 @@ EXPORT fmi3Status fmi3EnterInitializationMode(void *c, bool tolerance_defined, d
     Instance *instance = c;
     (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop;
     if (instance->body.memory.started) return refused(instance, "initialisation is over: fmi3Reset first");
-    return told(instance, set_time(&instance->body, start));
+    return status_of(instance, set_time(&instance->body, start));
 }
 
 EXPORT fmi3Status fmi3ExitInitializationMode(void *c)
 {
-    return told(c, finish_initialisation(&((Instance *)c)->body));
+    return status_of(c, finish_initialisation(&((Instance *)c)->body));
 }
 
 /* Modes between which nothing happens: all is continuous, and no event is ever indicated. */
@@ -123,13 +123,13 @@ EXPORT fmi3Status fmi3Reset(void *c)
 EXPORT fmi3Status fmi3GetFloat64(void *c, const Reference *references, size_t count, double *values, size_t size)
 {
     if (size != count) return refused(c, "all variables are scalars");
-    return told(c, get_variables(&((Instance *)c)->body, references, count, values));
+    return status_of(c, get_variables(&((Instance *)c)->body, references, count, values));
 }
 
 EXPORT fmi3Status fmi3SetFloat64(void *c, const Reference *references, size_t count, const double *values, size_t size)
 {
     if (size != count) return refused(c, "all variables are scalars");
-    return told(c, set_variables(&((Instance *)c)->body, references, count, values));
+    return status_of(c, set_variables(&((Instance *)c)->body, references, count, values));
 }
 
 EXPORT fmi3Status fmi3GetInt64(void *c, const Reference *references, size_t count, int64_t *values, size_t size)
@@ -151,7 +151,7 @@ EXPORT fmi3Status fmi3SetInt64(void *c, const Reference *references, size_t coun
         double value = (double)values[n];
         if (references[n] != START || size != count || values[n] < 0 || values[n] > 2)
             return refused(instance, "the only integer is the kind of start: 0 at rest, 1 static, 2 as given");
-        if (set_variables(&instance->body, references + n, 1, &value)) return told(instance, 1);
+        if (set_variables(&instance->body, references + n, 1, &value)) return status_of(instance, 1);
     }
     return fmi3OK;
 }
@@ -254,13 +254,13 @@ EXPORT fmi3Status fmi3SerializedFMUStateSize(void *c, void *state, size_t *size)
 
 EXPORT fmi3Status fmi3SerializeFMUState(void *c, void *state, uint8_t *bytes, size_t size)
 {
-    return told(c, serialize(&((Instance *)c)->body, state, bytes, size));
+    return status_of(c, serialize(&((Instance *)c)->body, state, bytes, size));
 }
 
 EXPORT fmi3Status fmi3DeserializeFMUState(void *c, const uint8_t *bytes, size_t size, void **state)
 {
     *state = deserialized(&((Instance *)c)->body, bytes, size);
-    return told(c, !*state);
+    return status_of(c, !*state);
 }
 
 EXPORT fmi3Status fmi3GetDirectionalDerivative(void *c, const Reference *unknowns, size_t unknown_count,
@@ -268,7 +268,7 @@ EXPORT fmi3Status fmi3GetDirectionalDerivative(void *c, const Reference *unknown
                                                size_t seed_size, double *answer, size_t answer_size)
 {
     if (seed_size != known_count || answer_size != unknown_count) return refused(c, "all variables are scalars");
-    return told(c, differentiate(&((Instance *)c)->body, unknowns, unknown_count, knowns, known_count, seed, answer));
+    return status_of(c, differentiate(&((Instance *)c)->body, unknowns, unknown_count, knowns, known_count, seed, answer));
 }
 
 EXPORT fmi3Status fmi3GetAdjointDerivative(void *c, const Reference *unknowns, size_t unknown_count,
@@ -326,16 +326,16 @@ EXPORT fmi3Status fmi3CompletedIntegratorStep(void *c, bool no_return, bool *ent
     return fmi3OK;
 }
 
-EXPORT fmi3Status fmi3SetTime(void *c, double time) { return told(c, set_time(&((Instance *)c)->body, time)); }
+EXPORT fmi3Status fmi3SetTime(void *c, double time) { return status_of(c, set_time(&((Instance *)c)->body, time)); }
 
 EXPORT fmi3Status fmi3SetContinuousStates(void *c, const double *states, size_t count)
 {
-    return told(c, set_states(&((Instance *)c)->body, states, count));
+    return status_of(c, set_states(&((Instance *)c)->body, states, count));
 }
 
 EXPORT fmi3Status fmi3GetContinuousStateDerivatives(void *c, double *derivatives, size_t count)
 {
-    return told(c, get_derivatives(&((Instance *)c)->body, derivatives, count));
+    return status_of(c, get_derivatives(&((Instance *)c)->body, derivatives, count));
 }
 
 EXPORT fmi3Status fmi3GetEventIndicators(void *c, double *indicators, size_t count)
@@ -346,7 +346,7 @@ EXPORT fmi3Status fmi3GetEventIndicators(void *c, double *indicators, size_t cou
 
 EXPORT fmi3Status fmi3GetContinuousStates(void *c, double *states, size_t count)
 {
-    return told(c, get_states(&((Instance *)c)->body, states, count));
+    return status_of(c, get_states(&((Instance *)c)->body, states, count));
 }
 
 EXPORT fmi3Status fmi3GetNominalsOfContinuousStates(void *c, double *nominals, size_t count)
@@ -381,7 +381,7 @@ EXPORT fmi3Status fmi3GetOutputDerivatives(void *c, const Reference *references,
         Reference rate = references[n] + OUTPUTS;
         if (orders[n] != 1 || references[n] < DISPLACEMENTS || references[n] >= VELOCITIES || size != count)
             return refused(instance, "first derivatives of displacements are known");
-        if (get_variables(&instance->body, &rate, 1, values + n)) return told(instance, 1);
+        if (get_variables(&instance->body, &rate, 1, values + n)) return status_of(instance, 1);
     }
     return fmi3OK;
 }
@@ -394,7 +394,7 @@ EXPORT fmi3Status fmi3DoStep(void *c, double time, double step, bool no_return, 
     (void)no_return;
     if (!instance->body.memory.started) return refused(instance, "a step comes after the initialisation");
     set_time(&instance->body, time);
-    status = told(instance, body_advance(&instance->body, step));
+    status = status_of(instance, body_advance(&instance->body, step));
     *event_needed = *terminate = *early_return = false;
     *last_time = instance->body.memory.variables[TIME];
     return status;

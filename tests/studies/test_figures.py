@@ -7,7 +7,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.results import Energy, Response
-from pmr.studies.taken_away import taken_away
+from pmr.studies.figures import figures_of
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 
@@ -22,7 +22,7 @@ def test_rows_hold_forces_frequencies_and_probes_with_times_and_places() -> None
         other_names=("weld stress along",), other_units=("Pa",),
     )  # fmt: skip
     s, omega = np.array([1.5, 2.0, 2.5]), 2.0 * np.pi * np.array([[1.0, 4.0], [2.0, 5.0], [3.0, np.nan]])
-    found = taken_away(scene, response, s, omega)
+    found = figures_of(scene, response, s, omega)
     assert found["largest_force"] == pytest.approx(100.0)
     top = {key: found[f"forces.mouth top.{key}"] for key in ("min", "t_min", "s_min", "max", "t_max", "s_max")}
     assert top == pytest.approx(

@@ -37,7 +37,7 @@ def compared(summary: Mapping[str, Any], *kinds: str) -> dict[str, Scalar]:
     return record | {key: summary[key] for key in ("max_displacement", "max_error") if summary[key] is not None}
 
 
-def taken_away(scene: Scene, response: Response, s: Array, omega: Array) -> dict[str, Scalar]:
+def figures_of(scene: Scene, response: Response, s: Array, omega: Array) -> dict[str, Scalar]:
     """Figures of a simulated model with frequencies omega (S, f) in rad/s at path coordinates s (S,) in m, ascending.
 
     ``largest_force`` of all in N but for rigid supports; ``forces.<of>.{min,t_min,s_min,max,t_max,s_max}`` in N, s
