@@ -50,13 +50,13 @@ def pushing_pads(found: Found) -> None:
 
 @figures_of
 def crane(found: Found) -> None:
-    lowest = [curve.full[:, 0].min() for curve in found["curves"].values()]
+    lowest = [curve.models["full"][:, 0].min() for curve in found["curves"].values()]
     assert lowest == sorted(lowest, reverse=True) and max(found["sway"].values()) < 1e-3
     steel = 7850.0 * 12.0 * 2.0 * (0.45 + 0.6) * 0.007  # kg; the weight comes up in a second, which rings
     held = (steel + 1600.0) * 9.80665 * np.sin(np.pi / 3.0) + 17.32e3  # the load that is hoisted, along the boom
     assert -found["cylinder"]["min"] == pytest.approx(held, rel=0.1)
     for curve in found["curves"].values():
-        np.testing.assert_allclose(curve.reduced[:, 0], curve.full[:, 0], rtol=1e-4)
+        np.testing.assert_allclose(curve.models["reduced"][:, 0], curve.models["full"][:, 0], rtol=1e-4)
     assert "<canvas" in found["report"]
 
 

@@ -144,7 +144,7 @@ BAD = [
     (["run", SIMPLE, "--out", "pyproject.toml"], "a folder that can be written to"),
     (["run", SIMPLE, SIMPLE], "names must differ"),
     (["export", "nowhere.npz"], "nowhere.npz: no such file"),
-    (["export", SIMPLE], "not a reduced model"),
+    (["export", SIMPLE], "not a system written by pmr"),
     (["export", "reduced.npz", "--to", "abaqus"], "exudyn, fmu, matlab, "),
     (["info", "nowhere.npz"], "no such file"),
     (["simulate", "reduced.npz"], "'--scene': whose path, loads and time stepping are taken; "),

@@ -115,6 +115,8 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
     ],
 )
 def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch, name, told, error) -> None:
+    reason = str(error)  # to which the stage adds its name
+
     def fails(*_: object) -> None:
         raise error
 
@@ -122,8 +124,8 @@ def test_an_estimate_that_fails_leaves_the_run_standing(load_scene, monkeypatch,
     outcome = run(load_scene(name, [*SHORT, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     found = outcome.result.summary["estimate"]
-    assert found["beam"] is None and found["reason"] == str(error) and outcome.result.tip_error is None
-    assert str(error) in sentences.estimate(outcome.result)
+    assert found["beam"] is None and found["reason"] == reason and outcome.result.tip_error is None
+    assert reason in sentences.estimate(outcome.result)
 
 
 def test_without_tones_and_steps_there_is_no_share() -> None:

@@ -24,6 +24,8 @@ from pmr.export.fmi.fmu import contents
 from pmr.export.formats import Options, write
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Sine, SmoothRamp
+from pmr.simulation.recorded import recorded
+from pmr.system.system import System
 
 MODELS = 200 if os.environ.get("PMR_SWEEP") == "full" else 4
 CARDS = r"\$ .*|SPOINT  .{8}THRU    .{8}|DMIG[ *]   ?.*|\*       [ \d.DE+-]*|"
@@ -75,12 +77,12 @@ def test_names_are_names_to_whoever_reads_a_file(plain: ReducedModel, number: in
     control = runpy.run_path(str(written("python-control", "space.py")))
     assert control["system"](0).input_labels == [name.replace(".", "_") for name in inputs]
 
-    script = exudyn_script(found, "model.npz")
+    script = exudyn_script(System.of(found), "model.npz")
     compile(script, "script.py", "exec")
     read = {line.partition(" = ")[0]: line.partition(" = ")[2] for line in script.splitlines() if " = " in line}
     assert "import os" not in script and read["MODEL"] == "'model.npz'"
     for version in "23":
-        fmu = contents(found, "model.npz", "model", version)
+        fmu = contents(System.of(found), recorded(found, "model.npz"), "model", version)
         root = ElementTree.fromstring(fmu.texts["modelDescription.xml"])
         shown = {element.get("name") for element in root.iter()} | {
             element.get("description") for element in root.iter()

@@ -21,6 +21,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated, with_kept_inertia
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.blocks import Recorder
+from pmr.simulation.columns import called
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native import simulator as march
 from pmr.system.body import Trajectory, length_outputs, other_outputs, pushing_rows
@@ -186,7 +187,7 @@ class Family(Motions):
         self.kinds = KINDS if np.any(other_outputs(model)) else KINDS[:-1]
         self.pushing, self.impulsive = bool(pushing_rows(model)), impulsive(model, excitation)
         moved = length_outputs(model)
-        self.places = list(zip(np.array(model.output_names)[moved], model.output_positions[moved], strict=True))
+        self.places = list(zip(called(model, ()).moved, model.output_positions[moved], strict=True))
         # Damping that couples modes has no tables, nor have rows that push.
         self.keeps_inertia = self._form.classically_damped and not self.pushing
         self.best = Member(self.size, self.keeps_inertia or self.pushing)
