@@ -24,18 +24,21 @@ from pmr.scene import Scene
 from pmr.scene.choice import transverse
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation
+from pmr.simulation.contact_step import as_made, contact_frequency
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
-from pmr.system.body import SlidingBody
+from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.system import System
 
 SEEDS, PUSHING = (range(60), range(40)) if os.environ.get("PMR_SWEEP") == "full" else (range(12), range(8))
 #: Errors below this share of the motion are round-off of the full model's stiffness too.
 SMALLEST = 1e-6
 
 
-def simulated(scene: Scene, body: SlidingBody, tips: int) -> Outputs:
-    form, excitation = modal_form(body), Excitation.of(scene)
-    return outputs(form.body, march.simulate_modal(form, excitation), excitation, tips)
+def simulated(body: SlidingBody, excitation: Excitation, tips: int) -> tuple[Outputs, Trajectory]:
+    form = modal_form(body)
+    run = march.simulate_modal(form, excitation)
+    return outputs(form.body, run, excitation, tips), run
 
 
 def ratios(scene: Scene) -> Iterator[tuple[str, float, float]]:
@@ -43,11 +46,15 @@ def ratios(scene: Scene) -> Iterator[tuple[str, float, float]]:
     model = build(scene, MPI.COMM_SELF).model
     reduced = reduce_with(scene, model, take_snapshots(scene, model)).reduced
     tips = len(transverse(member_at(scene)))
-    own, full = (simulated(scene, body, tips) for body in (reduced, model.gather()))
+    excitation = Excitation.of(scene)
+    own, run = simulated(reduced, excitation, tips)
+    omega = contact_frequency(System.of(reduced), excitation)  # the full model follows its parts of a step
+    followed = excitation.with_stepping(as_made(excitation.stepping, run.parts, omega))
+    full, _ = simulated(model.gather(), followed, tips)
     known = own.force.shape[1]
     full = replace(full, force=full.force[:, -known:])  # rigid holds are rows of it alone
-    found = estimate(reduced, Excitation.of(scene), tips)
-    true = differences(own, full, Floors.of(reduced, Excitation.of(scene)))
+    found = estimate(reduced, excitation, tips)
+    true = differences(own, full, Floors.of(reduced, excitation))
     for kind in KINDS:
         said = getattr(found, kind)
         if said is not None and true[kind] > SMALLEST:
