@@ -329,8 +329,8 @@ BOOMS = [(2, 3, 8, 3.0, 1e-4), (3, 2, 10, 3.0, 2e-4), (4, 2, 14, 2.0, 2e-4)]
 def test_booms_against_full_order(count: int, elastic: int, coordinates: int, top: float, bound: float) -> None:
     """Out and in within 7 s under weight and a chirp; errors in NRMS of tip, lines and pad forces."""
     boom, found = Nested(count), []
-    systems = (full(boom), reduced(boom, elastic), plain(boom, elastic))
-    for system in systems:
+    cases = (full(boom), reduced(boom, elastic), plain(boom, elastic))
+    for system in cases:
         given = excitation(
             system,
             lambda k: sequence(k, count) if count == 4 else SmoothRamp(times=(0.0, 3.5, 7.0), values=OUT_AND_IN),
@@ -340,7 +340,7 @@ def test_booms_against_full_order(count: int, elastic: int, coordinates: int, to
         trajectory = from_statics(system, given)
         assert trajectory.surplus < 1e-3
         found.append((systems.displacements(system, trajectory), trajectory.forces))
-    assert sum(body.size for body in systems[1].bodies.values()) == coordinates
+    assert sum(body.size for body in cases[1].bodies.values()) == coordinates
     small, without = (errors(one, found[0]) for one in found[1:])
     assert small.max() < bound
     assert np.all(without > 100.0 * small)
