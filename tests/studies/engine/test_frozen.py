@@ -43,7 +43,7 @@ def test_code_edited_while_a_study_begins_gives_no_result_of_the_one_under_the_n
 ) -> None:
     code = tmp_path / "code"
     shutil.copytree(Path(pmr.__file__).parent, code / "pmr", ignore=shutil.ignore_patterns("__pycache__"))
-    edited, text = code / "pmr" / "environment.py", (code / "pmr" / "environment.py").read_text()
+    edited, text = code / "pmr" / "errors" / "environment.py", (code / "pmr" / "errors" / "environment.py").read_text()
 
     def edit(figure: int) -> None:
         """Of the same length, and perhaps within the same second: Python's own cache would take it for the old one."""
@@ -72,4 +72,4 @@ def test_a_module_has_the_source_that_was_read() -> None:
     kept = sources()
     assert kept.of("pmr.studies.engine.frozen") == (Path(kept.root) / "studies" / "engine" / "frozen.py").read_text()
     assert kept.of("numpy") is None
-    assert Sources(kept.root, {**kept.files, "environment.py": ""}).digest != kept.digest
+    assert Sources(kept.root, {**kept.files, "errors/environment.py": ""}).digest != kept.digest
