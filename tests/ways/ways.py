@@ -27,7 +27,7 @@ from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.simulators import SIMULATORS
-from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation import Excitation, TimeStepping, contact_step
 from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
 from pmr.simulation.recorded import recorded_system
@@ -83,7 +83,13 @@ def simulator(name: str, subject: Subject) -> None:
     """As the compiled one."""
     out = subject.out(name)
     command("run", str(subject.file), "--out", str(out), "--simulators", name, *ALONE)
-    subject.assert_same(*subject.stored(out), *(ROUND_OFF if name == "march" else NEWTON))
+    subject.assert_same(*subject.stored(out), *(ROUND_OFF if name == "march" else newton(subject)))
+
+
+def newton(subject: Subject) -> tuple[float, float]:
+    """What Exudyn may differ by: where pads only push it takes other parts of a step, each within their tolerance."""
+    pushing = not np.isnan(subject.system.clearance).all()
+    return (contact_step.TOLERANCE, NEWTON[1]) if pushing else NEWTON
 
 
 def two_ranks(subject: Subject) -> None:
@@ -259,7 +265,7 @@ def script(subject: Subject) -> None:
     _, found = read["simulate"](model, *wanted)
     of_length = np.concatenate([length_outputs(body) for body in subject.system.bodies.values()])
     moved, expected = found[:, of_length], subject.response.displacement
-    np.testing.assert_allclose(moved, expected, rtol=0.0, atol=NEWTON[0] * np.abs(expected).max())
+    np.testing.assert_allclose(moved, expected, rtol=0.0, atol=newton(subject)[0] * np.abs(expected).max())
 
 
 def fmu(subject: Subject) -> None:
