@@ -63,6 +63,7 @@ class SteppedBoom:
         self._boom, self._system, self.excitation = boom, system, excitation
         self.pushing = not np.isnan(system.clearance).all()
         self.given = replace(excitation.stepping, schedule=())
+        self.parts = self.given.parts
         self.reference_rho = reference_rho(system, self.given.rho_inf)
         self.round_off = 0.0
         self.tips = tip_columns(system)

@@ -67,8 +67,12 @@ class Stepped(Protocol):
         """The time grid that the error is asked for of."""
 
     @property
+    def parts(self) -> int:
+        """Of how many parts the steps are made in the runs that the given one is compared with; 0: as it takes."""
+
+    @property
     def reference_rho(self) -> float:
-        """`rho_inf` of the runs that the given one is compared with."""
+        """`rho_inf` of these runs."""
 
     @property
     def round_off(self) -> float:
@@ -90,8 +94,10 @@ class SteppedBody:
         self._moved = np.flatnonzero(length_outputs(form.body))
         self.tips = list(range(len(self._moved) - tips, len(self._moved)))
         self.pushing = bool(pushing_rows(form.body))
-        # As many parts a step in every run: were they fewer in a shorter step, impacts would be the same in all.
-        self.given = contact_step.with_parts(form.body, excitation)
+        # The given run chooses its parts as any run does.  What it is compared with has as many in every step, and as
+        # many in a shorter one: were they fewer there, impacts would be the same in all.
+        self.given = excitation.stepping
+        self.parts = contact_step.with_parts(form.body, excitation).parts
         self.reference_rho = reference_rho(form.body, excitation.stepping.rho_inf)
         self.round_off = round_off(form.body, excitation.forces(form.body.input_names), excitation.stepping.end)
 
@@ -120,12 +126,12 @@ class Runs:
     def stepping(self) -> TimeStepping:
         """Of the last run."""
         given = self._stepped.given
-        return TimeStepping(given.end, given.step / 2**self.halved, self._stepped.reference_rho, given.parts)
+        return TimeStepping(given.end, given.step / 2**self.halved, self._stepped.reference_rho, self._stepped.parts)
 
     @property
     def _work(self) -> int:
         """Steps of the last run, those that are parts of one included."""
-        return self.stepping.steps * max(1, self._stepped.given.parts)
+        return self.stepping.steps * max(1, self._stepped.parts)
 
     @property
     def resolved(self) -> bool:
@@ -141,7 +147,7 @@ class Runs:
     def given(self, first: Array) -> Array:
         """Displacements (T, o) in m with the given step and rho_inf, beside the `first` run; raises as `next`."""
         given = self._stepped.given
-        if self._stepped.reference_rho == given.rho_inf:
+        if (self._stepped.reference_rho, self._stepped.parts) == (given.rho_inf, given.parts):
             return first
         self.taken += self._work
         return self._moving(given, self._stride)
