@@ -36,6 +36,8 @@ class Excitation:
     # keys of a scene's section of that name, of which each simulator reads its own
     options: Simulation = field(default_factory=Simulation)
     start: Literal["rest", "equilibrium"] = "rest"  # how motions begin, where no initial state is given
+    # c_k(t) by the names of the terms that they scale (`pmr.system.terms`)
+    terms: Mapping[str, SignalBase] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scene: Scene) -> Excitation:
@@ -103,11 +105,19 @@ class Excitation:
         chosen = in_order(self.loads, names)
         return self.f if tuple(names) == tuple(self.loads) else self._columns([one.value(self.times) for one in chosen])
 
+    def amplitudes(self, names: Sequence[str]) -> Array:
+        """Amplitudes c (T, k) of terms at the steps, one column a term, by a system's `names`.
+
+        An InputError is raised where a term has no signal, or a signal no term.
+        """
+        return self._columns([one.value(self.times) for one in in_order(self.terms, names, "term")])
+
     @property
     def signals(self) -> list[tuple[str, SignalBase]]:
-        """Paths and loads, each as it is called in messages."""
+        """Paths, loads and terms, each as it is called in messages."""
         paths = [("the slider's path" if len(self.paths) == 1 else f"path {n}", path) for n, path in self.paths.items()]
-        return [*paths, *((f"load {name}", load) for name, load in self.loads.items())]
+        loads = ((f"load {name}", load) for name, load in self.loads.items())
+        return [*paths, *loads, *((f"term {name}", term) for name, term in self.terms.items())]
 
     def with_stepping(self, stepping: TimeStepping) -> Excitation:
         """The same on another time grid."""
@@ -117,12 +127,14 @@ class Excitation:
         return np.column_stack([np.empty((self.stepping.steps + 1, 0)), *values])
 
 
-def in_order(loads: Mapping[str, Load], names: Sequence[str]) -> tuple[Load, ...]:
-    """The loads of a body whose inputs have these names; an InputError if one has no load, or a load no input."""
-    if set(loads) != set(names):
-        allowed = f"{', '.join(loads) or 'none'} given, one for each input is allowed: {', '.join(names)}"
-        raise InputError("scene", "loads", None, allowed)
-    return tuple(loads[name] for name in names)
+def in_order(
+    given: Mapping[str, Load], names: Sequence[str], of: Literal["input", "term"] = "input"
+) -> tuple[Load, ...]:
+    """Signals of inputs or terms with these names; an InputError if one has no signal, or a signal none of them."""
+    if set(given) != set(names):
+        allowed = f"{', '.join(given) or 'none'} given, one for each {of} is allowed: {', '.join(names) or 'none'}"
+        raise InputError("scene", "loads" if of == "input" else "terms", None, allowed)
+    return tuple(given[name] for name in names)
 
 
 def on_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array) -> Array:

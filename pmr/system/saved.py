@@ -1,7 +1,8 @@
 """One file of a system: its reduced bodies, the contacts between them, and the scene that it was made from.
 
-An npz file whose header in JSON has format, version, names of the bodies, contacts and provenance; the arrays of body k
-stand behind ``bodies.k.``, as `pmr.files.records` names them.  Nothing in it is pickled.
+An npz file whose header in JSON has format, version, names of the bodies, contacts, terms and provenance; the arrays of
+body k stand behind ``bodies.k.``, as `pmr.files.records` names them, and the matrices of term k are
+``terms.k.stiffness`` and ``terms.k.damping``.  Nothing in it is pickled.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from os.path import isfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
@@ -21,9 +23,10 @@ from pmr.reduced.model import FORMAT as ONE_BODY
 from pmr.reduced.model import READING, ReducedModel
 from pmr.reduced.soundness import misnamed
 from pmr.system.contacts import ALONE, Contact
+from pmr.system.terms import Term
 
 FORMAT = "pmr-system"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -32,30 +35,53 @@ class Saved:
 
     bodies: dict[str, ReducedModel]
     contacts: tuple[Contact, ...]
+    terms: tuple[Term, ...]
     provenance: dict[str, Any]
 
 
 @dataclass(frozen=True)
+class _TermHeader:
+    """A term without its matrices."""
+
+    name: str
+    bodies: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class _Header:
-    """Of version 1."""
+    """Of version 2; version 1 has no terms."""
 
     bodies: tuple[str, ...]
     contacts: tuple[Contact, ...]
     provenance: dict[str, Any]
+    terms: tuple[_TermHeader, ...] = ()
 
 
 _HEADER = TypeAdapter(_Header)
 
 
-def write(path: Path, bodies: Mapping[str, Any], contacts: tuple[Contact, ...], provenance: Mapping[str, Any]) -> None:
+def write(
+    path: Path,
+    bodies: Mapping[str, Any],
+    contacts: tuple[Contact, ...],
+    terms: tuple[Term, ...],
+    provenance: Mapping[str, Any],
+) -> None:
     """Write a system, all of it or nothing; an InputError is raised where a body is not reduced."""
     arrays = dict[str, NDArray[Any]]()
     for number, (name, body) in enumerate(bodies.items()):
         if not isinstance(body, ReducedModel):
             raise InputError("system", f"bodies.{name}", type(body).__name__, "a ReducedModel is allowed in a file")
         arrays |= records.arrays(body, f"bodies.{number}.")
+    for number, term in enumerate(terms):
+        arrays |= {f"terms.{number}.{key}": np.asarray(matrix) for key, matrix in term.matrices.items()}
     header = {"format": FORMAT, "version": FORMAT_VERSION, "units": "SI", "bodies": list(bodies)}
-    npz.write(path, arrays, {**header, "contacts": [asdict(one) for one in contacts], "provenance": dict(provenance)})
+    parts = {
+        "contacts": [asdict(one) for one in contacts],
+        "terms": [{"name": term.name, "bodies": term.bodies} for term in terms],
+        "provenance": dict(provenance),
+    }
+    npz.write(path, arrays, {**header, **parts})
 
 
 def read(path: Path) -> Saved | ReducedModel:
@@ -73,9 +99,12 @@ def read(path: Path) -> Saved | ReducedModel:
             raise InputError(str(path), "format", header["format"], f"{FORMAT!r} or {ONE_BODY!r} is allowed")
         if int(header["version"]) > FORMAT_VERSION:
             raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
-        known = _HEADER.validate_python({field.name: header[field.name] for field in fields(_Header)})
+        known = _HEADER.validate_python(
+            {field.name: header[field.name] for field in fields(_Header) if field.name in header}
+        )
         data = npz.read(path)
         models = [records.record(ReducedModel, data, f"bodies.{number}.") for number in range(len(known.bodies))]
+        terms = tuple(_term(one, data, f"terms.{number}.") for number, one in enumerate(known.terms))
         wrong = _contradiction(known, models)
     except InputError:
         raise
@@ -87,13 +116,19 @@ def read(path: Path) -> Saved | ReducedModel:
         raise InputError(str(path), "", None, f"not a system written by pmr ({error})") from None
     if wrong:
         raise InputError(str(path), "", None, f"not a sound system: {wrong}")
-    return Saved(dict(zip(known.bodies, models, strict=True)), known.contacts, known.provenance)
+    return Saved(dict(zip(known.bodies, models, strict=True)), known.contacts, terms, known.provenance)
+
+
+def _term(known: _TermHeader, data: Mapping[str, NDArray[Any]], prefix: str) -> Term:
+    found = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
+    return Term(known.name, known.bodies, **found)
 
 
 def _contradiction(known: _Header, models: list[ReducedModel]) -> str | None:
     """What is wrong with it, in words; None where names are names and every body is sound."""
     places = [place for one in known.contacts for place in (one.inner, one.outer) if place is not None]
     named = {"bodies": known.bodies, "contacts": tuple(one.name for one in known.contacts)}
+    named |= {"terms": tuple(one.name for one in known.terms)}
     named |= {"paths": tuple(place.path for place in places if place.path is not None)}
     if not models or len(set(known.bodies)) < len(models) or (ALONE in known.bodies and len(models) > 1):
         return f"{len(models)} bodies, one or more with names that differ are allowed"

@@ -24,6 +24,8 @@ from pmr.reduced.model import ReducedModel
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, Trajectory
 from pmr.system.contacts import ALONE, SLIDER, Contact, Place, input_of, refused
+from pmr.system.terms import Term
+from pmr.system.terms import refused as refused_term
 
 Array = NDArray[np.float64]
 
@@ -44,15 +46,22 @@ AnyBody = TypeVar("AnyBody", bound=Body, covariant=True)
 class Joined(Generic[AnyBody]):
     """Bodies of one kind, and what joins them.
 
-    An InputError is raised where a contact names a body or row that there is none of, two contacts have the same name,
-    or a support that holds more than one coordinate of a full body is no contact.
+    An InputError is raised where a contact or term names a body or row that there is none of, two of them have the same
+    name, or a support that holds more than one coordinate of a full body is no contact.
     """
 
     # with their rows on carriers; a body alone, whose tables in one path say the same, may be without
     bodies: Mapping[str, AnyBody]
     contacts: tuple[Contact, ...]
+    terms: tuple[Term, ...] = field(default=(), kw_only=True)  # of the equations of motion, which vary in time
 
     def __post_init__(self) -> None:
+        for term in self.terms:
+            if [other.name for other in self.terms].count(term.name) > 1:
+                raise refused_term(term.name, "name", term.name, "names that differ are allowed")
+            for name in term.bodies:
+                if name not in self.bodies:
+                    raise refused_term(term.name, "bodies", name, f"{', '.join(self.bodies)} are allowed")
         names = self.contact_names
         for contact in self.contacts:
             if names.count(contact.name) > 1:
@@ -120,6 +129,10 @@ class Joined(Generic[AnyBody]):
         return tuple(input_of(name, one) for name, body in self.bodies.items() for one in body.input_names)
 
     @property
+    def term_names(self) -> tuple[str, ...]:
+        return tuple(term.name for term in self.terms)
+
+    @property
     def compliance(self) -> Array:
         """1/k of the contacts, (m,) in m/N."""
         return np.array([contact.compliance for contact in self.contacts])
@@ -183,6 +196,11 @@ class System(Joined[SlidingBody]):
 
     provenance: dict[str, Any] = field(default_factory=dict)  # how it came about: the scene, its hash, versions
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for term in self.terms:
+            term.check(sum(self.bodies[name].size for name in term.bodies))
+
     @property
     def input_units(self) -> tuple[str, ...]:
         """Of each of `input_names`, as far as reduced bodies know them."""
@@ -199,11 +217,11 @@ class System(Joined[SlidingBody]):
         return found
 
     def save(self, path: str | Path) -> Path:
-        """Write reduced bodies, contacts and provenance as one npz file, not compressed; nothing in it is pickled.
+        """Write reduced bodies, contacts, terms and provenance as one npz file, not compressed; nothing is pickled.
 
         An InputError is raised where a body is not reduced.
         """
-        saved.write(Path(path), self.bodies, self.contacts, self.provenance)
+        saved.write(Path(path), self.bodies, self.contacts, self.terms, self.provenance)
         return Path(path)
 
     @classmethod
@@ -220,7 +238,7 @@ class System(Joined[SlidingBody]):
         try:
             if isinstance(found, ReducedModel):
                 return cls.of(found)
-            return cls(found.bodies, found.contacts, found.provenance)
+            return cls(found.bodies, found.contacts, found.provenance, terms=found.terms)
         except InputError as error:
             raise InputError(str(path), error.key, error.value, error.allowed) from None
 

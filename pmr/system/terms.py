@@ -1,0 +1,81 @@
+r"""Terms of the equations of motion that vary in time: constant matrices times scalar signals.
+
+.. math::
+    M \ddot q + D \dot q + K q + \sum_k c_k(t) \, (V_k \dot q + G_k q) + C^T \lambda = B f
+
+The geometric stiffness of an axial force N(t) is one, with G of a unit force and c = N; so are the gyroscopic forces
+of a frame that turns, with an antisymmetric V of a unit angular velocity.  The signals c_k stand in an excitation
+(`pmr.simulation.excitation.Excitation.terms`), by the terms' names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Term:
+    """Forces -c(t) (V q' + G q) on one body or on two, on whose stacked coordinates q (n,) the matrices act.
+
+    An InputError is raised where it has no matrix, or not one or two bodies.
+    """
+
+    name: str
+    bodies: tuple[str, ...]  # names of one body, or of two that differ
+    # G (n, n) in N/m and V (n, n) in N s/m, of c = 1: dense of reduced bodies, SciPy's sparse ones of full bodies,
+    # PETSc's of a distributed body
+    stiffness: Any = None
+    damping: Any = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(set(self.bodies)) == len(self.bodies) <= 2:
+            raise refused(self.name, "bodies", ", ".join(self.bodies), "one body or two that differ are allowed")
+        if not self.matrices:
+            raise refused(self.name, "stiffness", None, "a stiffness, a damping or both are allowed")
+
+    @property
+    def matrices(self) -> dict[str, Any]:
+        """Those that it has, by the names of their fields."""
+        given = {"stiffness": self.stiffness, "damping": self.damping}
+        return {key: matrix for key, matrix in given.items() if matrix is not None}
+
+    def check(self, size: int) -> None:
+        """Raise an InputError unless its matrices are finite and of bodies with so many coordinates in all."""
+        for key, matrix in self.matrices.items():
+            if matrix.shape != (size, size):
+                raise refused(self.name, key, matrix.shape, f"{(size, size)} is allowed")
+            if not np.isfinite(matrix.data if sp.issparse(matrix) else matrix).all():
+                raise refused(self.name, key, None, "finite numbers are allowed")
+
+    def on(self, motions: Mapping[str, Array]) -> Term:
+        """On other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense."""
+        V = sp.block_diag([motions[name] for name in self.bodies], format="csr")
+        found: dict[str, Any] = {key: (V.T @ (A @ V)).toarray() for key, A in self._sparse.items()}
+        return replace(self, **found)
+
+    def among(self, numbers: Mapping[str, Sequence[int] | NDArray[np.int64]], size: int) -> Term:
+        """Among `size` coordinates, where those of a body with number 0 or more stand; others are left out; sparse."""
+        at = np.concatenate([np.asarray(numbers[name], np.int64) for name in self.bodies])
+        kept = np.flatnonzero(at >= 0)
+        P = sp.csr_matrix((np.ones(len(kept)), (at[kept], kept)), shape=(size, len(at)))
+        found: dict[str, Any] = {key: sp.csr_matrix(P @ A @ P.T) for key, A in self._sparse.items()}
+        return replace(self, **found)
+
+    @property
+    def _sparse(self) -> dict[str, sp.csr_matrix]:
+        return {key: sp.csr_matrix(A) for key, A in self.matrices.items()}
+
+
+def refused(term: str, key: str, value: object, allowed: str) -> InputError:
+    """What is wrong with a term, by its name."""
+    return InputError("system", f"terms.{term}.{key}", value, allowed)
