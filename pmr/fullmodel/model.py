@@ -55,6 +55,9 @@ class FullModel(WithRows):
     mirrors: tuple[sp.csr_matrix, ...] = ()
     # rows (1, n) by place and direction, the same on every rank: what moves where something may be attached
     ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
+    # (n, n) as M, by the names of `pmr.reduced.moving`: what a moving frame and axial forces add; those that vanish are
+    # left out
+    matrices: Mapping[str, PETSc.Mat] = field(default_factory=dict)
 
     @property
     def rayleigh(self) -> Rayleigh | None:
@@ -93,6 +96,7 @@ class FullModel(WithRows):
     def gather(self) -> FullBody | None:
         """The model as SciPy matrices on rank 0; None elsewhere.  Collective."""
         parts = [gather(A) for A in (self.M, self.D, self.K, self.inputs, self.outputs)]
+        matrices = {name: gather(A) for name, A in self.matrices.items()}
         if self.comm.rank != 0:
             return None
         M, D, K, inputs, outputs = parts
@@ -110,4 +114,5 @@ class FullModel(WithRows):
             self.output_names,
             self.rayleigh,
             self.output_kinds,
+            {name: A for name, A in matrices.items() if A is not None},
         )

@@ -106,6 +106,9 @@ class Structure:
     damping: Damping = Damping()
     pads: Pads = Pads()
     ports: tuple[Action, ...] = ()
+    # names of the matrices and inputs of a moving frame and of second order (`pmr.reduced.moving`)
+    matrices: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
 
 
 def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:

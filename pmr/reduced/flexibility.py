@@ -13,8 +13,8 @@ With R the flexibility that a basis leaves out and q = V p + R (B f - C^T lambda
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -126,6 +126,8 @@ class EnrichmentModes:
     B: Array  # (c, i)
     outputs: Array  # (o, c)
     rows: PPoly  # C(s) phi (m, c)
+    # (r + c, r + c): what a model with them among its coordinates has as `matrices`
+    matrices: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def count(self) -> int:

@@ -30,8 +30,9 @@ from pmr.files import jsonfile, npz, records
 from pmr.reduced.carriers import CarriedRows
 from pmr.reduced.damping import Rayleigh
 from pmr.reduced.flexibility import EnrichmentModes, Flexibility
+from pmr.reduced.moving import CONSTANT, LINEAR
 from pmr.reduced.reactions import Reactions
-from pmr.reduced.soundness import asymmetry, misfit, misnamed
+from pmr.reduced.soundness import asymmetry, misfit, misnamed, misshapen
 
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
@@ -96,6 +97,9 @@ class ReducedModel:
         Of which boom this is a section.
     ports : mapping of str to (r,) array
         How coordinates move a place where something may be attached: m along ``"tip z"``, rad about ``"tip ry"``.
+    matrices : mapping of str to (r, r) array
+        V^T A V of what a moving frame and axial forces add, by the names of `pmr.reduced.moving`; those that vanish are
+        left out.
     """
 
     AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
@@ -124,6 +128,7 @@ class ReducedModel:
     section: SectionOf | None = None
     ports: Mapping[str, Array] = field(default_factory=dict)
     output_kinds: tuple[str, ...] = ()
+    matrices: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -163,13 +168,14 @@ class ReducedModel:
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Of each input, by the scene that the model was made from: N, N m of a moment, m/s^2 of gravity."""
+        """Of each input, by the scene that the model was made from: N, N m of a moment, m/s^2 of gravity and frames."""
         scene = self.provenance.get("scene")
         loads = scene.get("loads") if isinstance(scene, Mapping) else None
         listed = [load for load in loads if isinstance(load, Mapping)] if isinstance(loads, list | tuple) else []
         directions = {str(load.get("name")): str(load.get("direction")) for load in listed}
         given = {name: "N m" if direction.startswith("r") else "N" for name, direction in directions.items()}
-        return tuple(given.get(name, "m/s^2" if name in ("gravity", "extension") else "N") for name in self.input_names)
+        given |= dict.fromkeys(("gravity", "extension", *CONSTANT), "m/s^2") | dict.fromkeys(LINEAR, "1/s^2")
+        return tuple(given.get(name, "N") for name in self.input_names)
 
     def ensure_whole(self, source: str) -> None:
         """Raise an InputError of `source` if this is but a section of a boom, whose joints are not in it."""
@@ -250,6 +256,7 @@ class ReducedModel:
             B=self.B[:r],
             outputs=np.ascontiguousarray(self.outputs[:, :r]),
             ports={name: row[:r] for name, row in self.ports.items()},
+            matrices={name: np.ascontiguousarray(A[:r, :r]) for name, A in self.matrices.items()},
             rows=columns(self.rows, slice(r)),
             carriers=None if self.carriers is None else self.carriers.on(np.eye(self.size, r)),
         )
@@ -316,8 +323,13 @@ class ReducedModel:
         for name, row in self.ports.items():
             if row.shape != (self.size,) or not np.isfinite(row).all():
                 return f"ports.{name} has shape {row.shape} or is not finite, {(self.size,)} is allowed"
-        if self.enrichment is not None and not np.all(self.enrichment.stiffness > 0.0):
-            return "enrichment.stiffness is not positive"
+        if wrong := misshapen("matrices", self.matrices, self.size):
+            return wrong
+        if self.enrichment is not None:
+            if not np.all(self.enrichment.stiffness > 0.0):
+                return "enrichment.stiffness is not positive"
+            if wrong := misshapen("enrichment.matrices", self.enrichment.matrices, self.size + self.enrichment.count):
+                return wrong
         if self.reactions is not None and self.reactions.inertia.shape[1] < self.size:
             return f"reactions.inertia has {self.reactions.inertia.shape[1]} columns, {self.size} or more are allowed"
         return None if self.carriers is None else self.carriers.contradiction(m)

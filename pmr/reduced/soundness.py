@@ -47,6 +47,14 @@ def misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
     return next((wrong for wrong in within if wrong), None)
 
 
+def misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], size: int) -> str | None:
+    """What is wrong with matrices by name, in words, where one is not (size, size) or not finite."""
+    for name, A in matrices.items():
+        if A.shape != (size, size) or not np.isfinite(A).all():
+            return f"{field}.{name} has shape {A.shape} or is not finite, {(size, size)} is allowed"
+    return None
+
+
 def misnamed(field: str, found: Any) -> str | None:
     """What is wrong with a field's names, in words, where one is none (`pmr.errors.text.is_name`)."""
     wrong = [name for name in found if not is_name(name, LONGEST)] if isinstance(found, tuple) else []

@@ -46,6 +46,7 @@ def truncated(model: ReducedModel, r: int) -> ReducedModel:
         B=model.B[r:],
         outputs=model.outputs[:, r:],
         rows=columns(model.rows, slice(r, None)),
+        matrices=model.matrices,
     )
     return replace(
         replace(model, flexibility=None, carriers=None).leading(r),
@@ -73,6 +74,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
         B=np.concatenate([model.B, back.B]),
         outputs=np.hstack([model.outputs, back.outputs]),
         rows=side_by_side(model.rows, back.rows),
+        matrices={name: _with(A, back.matrices.get(name), count) for name, A in model.matrices.items()},
         flexibility=_joined(model.flexibility, back, -1.0),
         enrichment=_part(model.enrichment, slice(count, None)) if count < found else None,
         carriers=None if model.carriers is None else model.carriers.extended(back),
@@ -139,6 +141,12 @@ def _joined_inertia(tables: Inertia, modes: EnrichmentModes, sign: float) -> Ine
     )
 
 
+def _with(A: Array, of_all: Array | None, count: int) -> Array:
+    """A (r, r) on `count` modes more, by what is known of all modes; zero where nothing is."""
+    r = len(A) + count
+    return np.pad(A, (0, count)) if of_all is None else np.ascontiguousarray(of_all[:r, :r])
+
+
 def _block(A: Array, diagonal: Array) -> Array:
     result = np.diag(np.concatenate([np.zeros(len(A)), diagonal]))
     result[: len(A), : len(A)] = A
@@ -152,9 +160,16 @@ def _chained(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentModes
         B=np.concatenate([first.B, second.B]),
         outputs=np.hstack([first.outputs, second.outputs]),
         rows=side_by_side(first.rows, second.rows),
+        matrices=second.matrices,
     )
 
 
 def _part(modes: EnrichmentModes, which: slice) -> EnrichmentModes:
-    rows = columns(modes.rows, which)
-    return EnrichmentModes(modes.stiffness[which], modes.damping[which], modes.B[which], modes.outputs[:, which], rows)
+    return replace(
+        modes,
+        stiffness=modes.stiffness[which],
+        damping=modes.damping[which],
+        B=modes.B[which],
+        outputs=modes.outputs[:, which],
+        rows=columns(modes.rows, which),
+    )

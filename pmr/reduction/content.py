@@ -21,7 +21,7 @@ ASKED = ("title", "start", "time", "recovery", "simulation", "compare", "accurac
 def content_of(model: FullModel) -> str:
     """Digest of all that a full model is made of, and of the code; collective.  It depends on the number of ranks."""
     digest = hashlib.blake2b(digest_size=16)
-    matrices = [model.M, model.K, model.inputs, model.outputs]
+    matrices = [model.M, model.K, model.inputs, model.outputs, *model.matrices.values()]
     for A in matrices if model.rayleigh is not None else [*matrices, model.D]:
         for part in A.getValuesCSR():
             digest.update(part.tobytes())
@@ -35,7 +35,14 @@ def content_of(model: FullModel) -> str:
     if model.rigid is not None:
         for part in (model.rigid.coordinates, model.rigid.held, model.output_positions):
             digest.update(part.tobytes())
-    names = (model.input_names, model.output_names, model.output_units, model.rayleigh, model.reference_frequency)
+    names = (
+        tuple(model.matrices),
+        model.input_names,
+        model.output_names,
+        model.output_units,
+        model.rayleigh,
+        model.reference_frequency,
+    )
     digest.update(repr((names, _code())).encode())
     return hashlib.blake2b(repr(model.comm.allgather(digest.hexdigest())).encode(), digest_size=16).hexdigest()
 

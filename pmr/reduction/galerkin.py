@@ -40,7 +40,7 @@ INDEPENDENT, NEARLY_DEPENDENT = 1e-9, 1e-4
 
 
 def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
-    """V^T M V, V^T D V, V^T K V, V^T B, O V and C(s) V; the same on every rank.
+    """V^T A V of M, D, K and the `matrices`, V^T B, O V and C(s) V; the same on every rank.
 
     Rows that every basis vector satisfies (the supports, for eigenmodes) are left out and named in the result.
 
@@ -80,6 +80,7 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, Any]) -> Redu
         pads=pads if pads.any() else None,
         clearance=None if np.isnan(model.rows.clearance).all() else model.rows.clearance,
         rayleigh=model.rayleigh,
+        matrices={name: inner(V, times(A, V), comm) for name, A in model.matrices.items()},
         ports={name: np.asarray(comm.allreduce(row[:, model.share] @ V))[0] for name, row in model.ports.items()},
     )
 

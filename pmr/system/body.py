@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol, TypeAlias
 
@@ -182,6 +183,8 @@ class FullBody(WithRows):
     output_names: tuple[str, ...] = ()
     rayleigh: Rayleigh | None = None
     output_kinds: tuple[str, ...] = ()
+    # (n, n), as `pmr.fullmodel.model.FullModel` has them
+    matrices: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
 
     @property
     def size(self) -> int:

@@ -56,6 +56,19 @@ def test_clearances_survive_the_file_and_old_files_have_none(model: ReducedModel
     assert pushing_rows(ReducedModel.load(tmp_path / "old.npz")) == []
 
 
+def test_matrices_of_a_moving_frame_survive_the_file_and_are_cut_with_the_coordinates(
+    model: ReducedModel, tmp_path: Path
+) -> None:
+    turning = replace(model, matrices={"rotating x": RNG.standard_normal((4, 4))})
+    loaded = ReducedModel.load(turning.save(tmp_path / "m.npz"))
+    assert np.array_equal(loaded.matrices["rotating x"], turning.matrices["rotating x"])
+    assert np.array_equal(loaded.leading(2).matrices["rotating x"], turning.matrices["rotating x"][:2, :2])
+    assert dict(ReducedModel.load(model.save(tmp_path / "without.npz")).matrices) == {}
+    wrong = replace(model, matrices={"rotating x": np.zeros((3, 4))})
+    with pytest.raises(InputError, match=r"matrices\.rotating x has shape \(3, 4\)"):
+        ReducedModel.load(wrong.save(tmp_path / "wrong.npz"))
+
+
 def test_nothing_in_the_file_is_pickled(model: ReducedModel, tmp_path: Path) -> None:
     with zipfile.ZipFile(model.save(tmp_path / "m.npz")) as archive:
         for name in archive.namelist():

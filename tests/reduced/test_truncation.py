@@ -47,6 +47,16 @@ def test_a_large_model_holds_the_smaller_one_and_back() -> None:
     assert extended(cut).enrichment is None
 
 
+def test_matrices_of_a_moving_frame_go_and_come_back_with_the_modes() -> None:
+    A = np.random.default_rng(3).standard_normal((9, 9))
+    large = replace(inertial(FULL, 9), matrices={"axial tip": A})
+    cut = truncated(truncated(large, 7), 5)
+    assert np.array_equal(cut.matrices["axial tip"], A[:5, :5])
+    assert np.array_equal(extended(cut, 2).matrices["axial tip"], A[:7, :7])
+    assert np.array_equal(extended(extended(cut, 1)).matrices["axial tip"], A)
+    assert cut.contradiction() is None
+
+
 def test_step_by_step_is_at_once() -> None:
     large = inertial(FULL, 9)
     twice, once = truncated(truncated(large, 7), 5), truncated(large, 5)

@@ -1,0 +1,15 @@
+"""What of a moving frame and of second order the full models of a scene are built with."""
+
+from __future__ import annotations
+
+from pmr.scene import Scene
+
+
+def wanted_matrices(scene: Scene) -> tuple[str, ...]:
+    """Names among `ROTATING`, `CARRIED` and `AXIAL` of `pmr.reduced.moving`; none costs anything unless it is named."""
+    return ()
+
+
+def wanted_inputs(scene: Scene) -> tuple[str, ...]:
+    """Names among `CONSTANT` and `LINEAR` of `pmr.reduced.moving`."""
+    return ()
