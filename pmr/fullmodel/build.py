@@ -81,12 +81,12 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
     Raises an `InputError` if a mesh can't be had or does not fit what stands on it, or something is free to move.
     """
     made, found = dict[tuple[str, str], Built](), dict[str, Built]()
-    wanted = {"matrices": wanted_matrices(scene), "inputs": wanted_inputs(scene)}
+    matrices, inputs = wanted_matrices(scene), wanted_inputs(scene)
     for name, member in zip(scene.names, members(scene), strict=True):
         key = member.content, model_of(member)
         if key not in made:
             try:
-                structure = replace(structure_of(member, comm), **wanted)
+                structure = replace(structure_of(member, comm), matrices=matrices, inputs=inputs)
                 made[key] = Built(structural_model(structure, comm), structure)
             except InputError as error:
                 raise error.called(scene.key_of(member.number, error.key)) from None

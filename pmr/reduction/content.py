@@ -35,15 +35,8 @@ def content_of(model: FullModel) -> str:
     if model.rigid is not None:
         for part in (model.rigid.coordinates, model.rigid.held, model.output_positions):
             digest.update(part.tobytes())
-    names = (
-        tuple(model.matrices),
-        model.input_names,
-        model.output_names,
-        model.output_units,
-        model.rayleigh,
-        model.reference_frequency,
-    )
-    digest.update(repr((names, _code())).encode())
+    names = (model.input_names, model.output_names, model.output_units, tuple(model.matrices))
+    digest.update(repr((names, model.rayleigh, model.reference_frequency, _code())).encode())
     return hashlib.blake2b(repr(model.comm.allgather(digest.hexdigest())).encode(), digest_size=16).hexdigest()
 
 
