@@ -20,6 +20,7 @@ from pmr.fem.compat import MPI
 from pmr.fem.matrices import columns
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.model import FullModel, RigidMotions
+from pmr.fullmodel.sliders import slider_row
 from pmr.models.beam2d import Beam2D
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import modal_basis
@@ -159,7 +160,7 @@ def section(box: Box) -> FullModel:
         operators.K,
         inputs=columns(M, sp.vstack([carrier(*load, beam.size) for load in loads.values()])),
         outputs=columns(M, sp.vstack([carrier(*beam.point(x, "z"), beam.size) for x in observed])),
-        rows=Rows((*held, beam.slider(0.0, "w")), beam.size),
+        rows=Rows((*held, slider_row(beam, 0.0, "w")), beam.size),
         input_names=tuple(loads),
         output_positions=observed,
         reference_frequency=beam.reference_frequency,

@@ -129,3 +129,9 @@ def ranks() -> int:
     """Ranks of this run, without starting MPI for commands that do without it."""
     mpi = sys.modules.get("mpi4py.MPI")
     return mpi.COMM_WORLD.size if mpi else 1
+
+
+def rank() -> int:
+    """This one's number among them."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    return mpi.COMM_WORLD.rank if mpi else 0

@@ -37,11 +37,11 @@ def info(
     if file is None:
         rows = environment.versions()
         try:
-            from pmr.fem.compat import versions
+            from pmr.pipeline import fenicsx_versions
         except ImportError as error:
             rows["FEniCSx"] = f"not found ({error}); reduced models simulate without it"
         else:
-            rows |= versions()
+            rows |= fenicsx_versions()
         rows |= environment.machine()
     elif file.suffix != ".npz":
         from pmr import scene as scenes

@@ -13,7 +13,7 @@ import typer
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from pmr.cli.console import Folder, Overrides, ensure_writable, err, leave, no_report, out, say, scene_file
+from pmr.cli.console import Folder, Overrides, ensure_writable, err, leave, no_report, out, rank, say, scene_file
 from pmr.errors import InputError, environment
 from pmr.errors.text import visible
 from pmr.files.swap import fresh, removed
@@ -94,18 +94,17 @@ def run(
     import numpy as np
 
     from pmr.errors.environment import Clock
-    from pmr.fem.compat import MPI
     from pmr.pipeline import run as run_scene
     from pmr.report.document import REPORT_FILES, write_report
 
-    first = MPI.COMM_WORLD.rank == 0
+    first = rank() == 0
     outcomes = []
     for name, file, scene in loaded:
         where = folder if len(loaded) == 1 else folder / name
         checkpoint = where / f"full-{scene.hash}.checkpoint"
         with _progress(name, shown=first) as progress:
             try:
-                outcome = run_scene(scene, MPI.COMM_WORLD, Clock(progress), checkpoint, cache)
+                outcome = run_scene(scene, clock=Clock(progress), checkpoint=checkpoint, cache=cache)
             except InputError as error:
                 raise error.found_in(str(file)) from None
             except (np.linalg.LinAlgError, ArithmeticError) as error:

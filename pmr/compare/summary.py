@@ -12,7 +12,7 @@ from pmr.compare import errors, pad_forces, ringing, trust
 from pmr.compare.outputs import impulsive
 from pmr.compare.spectrum import band_of, error_below
 from pmr.errors import environment
-from pmr.files import jsonfile
+from pmr.errors.text import remarks
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
@@ -38,7 +38,7 @@ def combined(parts: Iterable[Part]) -> dict[str, Any]:
             raise ValueError(f"two parts of a summary have {', '.join(sorted(twice))}")
         summary |= part.figures
         warnings += part.warnings
-    return summary | {"warnings": warnings + jsonfile.remarks(summary)}
+    return summary | {"warnings": warnings + remarks(summary)}
 
 
 def origin(scene: Scene, libraries: Mapping[str, str] | None = None) -> Part:

@@ -1,11 +1,12 @@
-"""Text that somebody else wrote, made fit for a terminal, a page and a figure; numbers in sentences."""
+"""Text that somebody else wrote, made fit for a terminal, a page and a figure; numbers in sentences and in JSON."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
-from math import floor, log10
+from math import floor, isfinite, log10
+from typing import Any
 
 #: Characters that steer what shows them instead of being shown: control codes, line ends, marks that turn the direction
 #: of writing or are of no width, halves of surrogate pairs, and those that XML and Unicode exclude.
@@ -53,3 +54,20 @@ def rounded_down(value: float) -> str:
     """A positive `value` with two significant digits and not above it: for what is said to be small enough."""
     place = floor(log10(value)) - 1
     return f"{float(f'{floor(value / 10.0**place * (1.0 + 1e-12))}e{place}'):g}"
+
+
+def not_finite(data: Any, name: str = "") -> Iterator[str]:
+    """Dotted names of all numbers in `data` that are not finite, such as ``errors.reduced_vs_full.tip``."""
+    if isinstance(data, float) and not isfinite(data):
+        yield name
+    elif isinstance(data, Mapping):
+        for key, value in data.items():
+            yield from not_finite(value, f"{name}.{key}" if name else str(key))
+    elif isinstance(data, list | tuple):
+        for number, value in enumerate(data):
+            yield from not_finite(value, f"{name}[{number}]")
+
+
+def remarks(data: Any) -> list[str]:
+    """A line for each number that is not finite."""
+    return [f"{name} is not finite; in summary.json it is null" for name in not_finite(data)]

@@ -36,6 +36,7 @@ from pmr.constraints.polynomials import bump, rebased, value_or_zero
 from pmr.constraints.rows import Row, fixed_row
 from pmr.constraints.straight import Straight
 from pmr.errors import InputError
+from pmr.fullmodel.sliders import slider_row
 from pmr.fullmodel.walls import Walls
 from pmr.mesh.strip import Extent, Window
 from pmr.models import StructuralModel
@@ -234,7 +235,7 @@ def _point(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
 
     if not isinstance(model, Beam2D):
         raise InputError("scene", "slider", slider.name, "a point slides on beam2d only; pads slide on any body")
-    row = model.slider(slider.offset, slider.name)
+    row = slider_row(model, slider.offset, slider.name)
     return replace(row, carriers=sp.csr_matrix(row.carriers @ T))
 
 

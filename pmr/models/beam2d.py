@@ -21,7 +21,6 @@ import scipy.sparse as sp
 import ufl
 from numpy.typing import NDArray
 
-from pmr.constraints.rows import Row, row_on_coordinates
 from pmr.errors import InputError
 from pmr.fem.compat import constant, hermite_space
 from pmr.mesh.strip import Extent, Strip, Window, line_points
@@ -102,7 +101,7 @@ class Beam2D(Beam):
         if direction == "x":
             dofs, values = [self._dof(e, "x"), self._dof(e + 1, "x")], np.array([1.0 - xi, xi])
         else:
-            dofs = self._bending_dofs(e)
+            dofs = self.bending_dofs(e)
             slope = direction == "ry"
             values = (SLOPES if slope else HERMITE) @ xi ** np.arange(2.0 if slope else 3.0, -1.0, -1.0)
             values[[1, 3]] *= h
@@ -142,17 +141,21 @@ class Beam2D(Beam):
     def stresses(self) -> None:
         """None: of the section no more than its stiffness is known."""
 
-    def slider(self, offset: float = 0.0, name: str = "slider") -> Row:
-        """The row w(s + offset) = 0 as an exact piecewise cubic in s; its multiplier is a force in N."""
+    @property
+    def deflection(self) -> Array:
+        """W on each element as an exact cubic of the distance from its first node: coefficients (4, elements, 4).
+
+        The highest power is first; the last axis counts the coordinates, which `bending_dofs` numbers.
+        """
         h = np.diff(self.nodes)
-        powers = h ** -np.arange(3.0, -1.0, -1.0)[:, None]  # (s / h)^p, highest power first
-        c = HERMITE.T[:, None, :] * powers[:, :, None]
+        powers = h ** -np.arange(3.0, -1.0, -1.0)[:, None]  # (x / h)^p
+        c = np.asarray(HERMITE.T[:, None, :] * powers[:, :, None])
         c[:, :, [1, 3]] *= h[:, None]
-        dofs = np.array([self._bending_dofs(e) for e in range(len(h))], np.int64)
-        return row_on_coordinates(name, self.nodes - offset, dofs, c, self.size)
+        return c
 
     def _dof(self, node: int, direction: str) -> int:
         return len(self.directions) * node + self.directions.index(direction)
 
-    def _bending_dofs(self, e: int) -> list[int]:
+    def bending_dofs(self, e: int) -> list[int]:
+        """Numbers of w and w' at both nodes of an element."""
         return [self._dof(n, d) for n in (e, e + 1) for d in ("z", "ry")]

@@ -23,10 +23,10 @@ from pmr.pipeline import alone
 from pmr.pipeline.alone import Alone, Reduction, recovered, reduce_with
 from pmr.pipeline.bodies import Bodies
 from pmr.pipeline.sections import SectionReduction, Sections
-from pmr.recover.framed import framed_body
-from pmr.recover.from_scene import Recovered, recovered_steps
-from pmr.recover.nodal import held_body
 from pmr.reduction.cache import cache_in
+from pmr.reduction.recover.framed import framed_body
+from pmr.reduction.recover.from_scene import Recovered, recovered_steps
+from pmr.reduction.recover.nodal import held_body
 from pmr.reduction.sections import reduce_sections
 from pmr.results import Loads, Paths, RunResult
 from pmr.scene import Scene
@@ -35,8 +35,8 @@ from pmr.simulation.petsc import Checkpoint
 from pmr.system.system import System
 
 __all__ = [
-    "Outcome", "Reduction", "SectionReduction", "framed_body", "held_body", "recovered", "recovered_steps", "reduce",
-    "reduce_with", "run",
+    "Outcome", "Reduction", "SectionReduction", "fenicsx_versions", "framed_body", "held_body", "recovered",
+    "recovered_steps", "reduce", "reduce_with", "run",
 ]  # fmt: skip
 
 

@@ -23,8 +23,6 @@ from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel
 from pmr.pipeline.bodies import Bodies, Judged, Motions
 from pmr.pipeline.search import chosen
-from pmr.recover.coordinates import Recovery, chosen_states
-from pmr.recover.from_scene import Recovered, recover, recovered_steps
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import Basis
 from pmr.reduction.cache import Cache, Reduced, with_provenance
@@ -32,6 +30,8 @@ from pmr.reduction.from_scene import build_basis, project, provenance, take_snap
 from pmr.reduction.from_scene import summary as describe_basis
 from pmr.reduction.ports import with_ports
 from pmr.reduction.reactions import support_motions, with_reactions
+from pmr.reduction.recover.coordinates import Recovery, chosen_states
+from pmr.reduction.recover.from_scene import Recovered, recover, recovered_steps
 from pmr.reduction.snapshots import Snapshots
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.results import BodyResult, Frequencies, Shapes

@@ -14,8 +14,8 @@ from pmr.compare.accuracy import order
 from pmr.compare.summary import Part
 from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built, build_bodies
-from pmr.recover.from_scene import Recovered
 from pmr.reduction.cache import Cache
+from pmr.reduction.recover.from_scene import Recovered
 from pmr.results import BodyResult, Frequencies, FrequencyResponse, Response
 from pmr.scene import Scene
 from pmr.simulation import Excitation

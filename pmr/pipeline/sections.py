@@ -22,9 +22,9 @@ from pmr.errors.environment import Clock
 from pmr.fullmodel.build import Built
 from pmr.pipeline.bodies import Bodies, Judged, Motions
 from pmr.pipeline.search import chosen
-from pmr.recover.from_scene import Recovered, recover_sections, recovered_steps, states_of
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.cache import Cache
+from pmr.reduction.recover.from_scene import Recovered, recover_sections, recovered_steps, states_of
 from pmr.reduction.sections import ReducedSection, reduce_sections
 from pmr.results import BodyResult, Frequencies, FrequencyMap
 from pmr.scene import Scene

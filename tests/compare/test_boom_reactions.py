@@ -15,8 +15,8 @@ from pmr import scene as scenes
 from pmr.compare.booms import respond
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built, build_bodies
-from pmr.recover.coordinates import Recovery
 from pmr.reduced.model import ReducedModel
+from pmr.reduction.recover.coordinates import Recovery
 from pmr.reduction.sections import ReducedSection, reduce_sections
 from pmr.results import Response
 from pmr.scene import Scene

@@ -13,8 +13,8 @@ from pmr import scene as scenes
 from pmr.compare.estimate import MARGIN
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline import run
-from pmr.recover.coordinates import Recovery
-from pmr.recover.from_scene import states_of
+from pmr.reduction.recover.coordinates import Recovery
+from pmr.reduction.recover.from_scene import states_of
 from pmr.reduction.sections import reduce_sections
 from pmr.results import RunResult
 from pmr.simulation import Excitation

@@ -16,7 +16,7 @@ from pmr.export.bodies import write_ffrf
 from pmr.export.sid import INERTIA, inertia_integrals, write_sid
 from pmr.fields.held import NodalBody
 from pmr.fullmodel.build import build
-from pmr.recover.nodal import held_body, nodes_of
+from pmr.reduction.recover.nodal import held_body, nodes_of
 
 S, MODES = 0.85, 5
 

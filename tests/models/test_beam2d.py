@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from textbook import EI, RHO_A, beam_matrices
 
+from pmr.fullmodel.sliders import slider_row
 from pmr.models.beam2d import Beam2D
 from pmr.scene.structures import Profile
 
@@ -48,7 +49,7 @@ def test_axial_displacement_is_interpolated_linearly() -> None:
 @pytest.mark.parametrize("offset", [0.0, 0.25])
 def test_the_slider_row_is_the_point_row_at_every_s(offset: float) -> None:
     model = beam()
-    row = model.slider(offset)
+    row = slider_row(model, offset)
     assert row.breaks == pytest.approx(NODES - offset)
     for s in np.linspace(-offset, NODES[-1] - offset, 57):
         expected = np.zeros(model.size)
@@ -59,7 +60,7 @@ def test_the_slider_row_is_the_point_row_at_every_s(offset: float) -> None:
 
 def test_the_slider_row_has_a_continuous_slope_across_nodes() -> None:
     model = beam()
-    row, rng = model.slider(), np.random.default_rng(0)
+    row, rng = slider_row(model), np.random.default_rng(0)
     q = rng.standard_normal(model.size)
     for node in NODES[1:-1]:
         left, right = (row.apply(np.array([node + side]), q[None], derivative=1)[0] for side in (-1e-9, 1e-9))

@@ -15,7 +15,7 @@ from pmr.fullmodel.pads import Pads, Support, restrain
 from pmr.fullmodel.structure import Structure, structural_model
 from pmr.mesh.strip import Window
 from pmr.models.matrices import Matrices
-from pmr.recover.fields import View
+from pmr.reduction.recover.fields import View
 from pmr.scene import Damping
 
 

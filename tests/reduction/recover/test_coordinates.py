@@ -16,11 +16,11 @@ from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import structural_model
 from pmr.models.shell import Shell
-from pmr.recover.coordinates import Recovery, ReducedStates, chosen_states
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.reduction.basis import Basis, modal_basis
 from pmr.reduction.galerkin import reduced_model
+from pmr.reduction.recover.coordinates import Recovery, ReducedStates, chosen_states
 from pmr.reduction.residual.model import flexible_model, modal_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pmr.fullmodel.build import Built
 from pmr.fullmodel.structure import Structure
-from pmr.recover.coordinates import Recovery, ReducedStates, chosen_states
-from pmr.recover.fields import Seen, View, in_blocks, look
+from pmr.reduction.recover.coordinates import Recovery, ReducedStates, chosen_states
+from pmr.reduction.recover.fields import Seen, View, in_blocks, look
 from pmr.reduction.sections import ReducedSection
 from pmr.scene import Scene
 from pmr.scene.asked import Recovery as FieldsAsked

@@ -33,7 +33,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.statics import static_solver
 from pmr.fullmodel.structure import couple
 from pmr.models import DIRECTIONS, StructuralModel
-from pmr.recover.nodal import built_at
+from pmr.reduction.recover.nodal import built_at
 from pmr.scene import Scene
 from pmr.system.projection import symmetric
 

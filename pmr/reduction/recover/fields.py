@@ -16,7 +16,7 @@ from pmr.fields.stress import StressHistory, StressPeak, peaks_by_region, stress
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.structure import Structure, couple
 from pmr.models import FiniteElementModel, is_assembled
-from pmr.recover.coordinates import BLOCK
+from pmr.reduction.recover.coordinates import BLOCK
 
 Array = NDArray[np.float64]
 
@@ -104,7 +104,7 @@ def look(view: View, t: Array, blocks: Iterable[Array], pictures: Sequence[int] 
     t : (S,) array, s
         Times of the states.
     blocks : iterable of (k, n_local) arrays
-        This rank's rows of the states, in order: `pmr.recover.coordinates.Recovery.blocks`, or `in_blocks`.
+        This rank's rows of the states, in order: `pmr.reduction.recover.coordinates.Recovery.blocks`, or `in_blocks`.
     pictures : sequence of int
         Numbers of the states whose fields are stored.
     components : bool

@@ -11,9 +11,9 @@ from pmr.fullmodel.structure import Clamp, Structure, couple, structural_model
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
-from pmr.recover.coordinates import Recovery, chosen_states
-from pmr.recover.fields import View, in_blocks, look
 from pmr.reduction.basis import modal_basis
+from pmr.reduction.recover.coordinates import Recovery, chosen_states
+from pmr.reduction.recover.fields import View, in_blocks, look
 from pmr.reduction.residual.model import flexible_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
