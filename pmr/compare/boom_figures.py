@@ -17,6 +17,7 @@ from pmr.results import Frequencies, FrequencyMap, FrequencyResponse, Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Scene
 from pmr.scene.built import force_of
+from pmr.scene.frame import INERTIA
 from pmr.scene.members import DRIVEN
 from pmr.scene.names import cylinder_of
 from pmr.simulation import Excitation
@@ -172,9 +173,10 @@ def impulses(boom: Scene, system: System) -> dict[str, list[dict[str, float]]]:
 
 def _moved(body: SlidingBody) -> float:
     """Mass in kg that an extension accelerates; 0 where there is none."""
-    if DRIVEN not in body.input_names:
+    along = [k for k, name in enumerate(body.input_names) if name in (DRIVEN, INERTIA + "x")]
+    if not along:
         return 0.0
-    B = np.asarray(body.B)[:, body.input_names.index(DRIVEN)]
+    B = np.asarray(body.B)[:, along[0]]
     return float(B @ np.linalg.solve(np.asarray(body.M), B))
 
 

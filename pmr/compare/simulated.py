@@ -19,6 +19,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.built import WEIGHT
+from pmr.scene.frame import INERTIA
 from pmr.scene.members import DRIVEN
 from pmr.simulation import Excitation, Progress, SystemSimulator, contact_step, exudyn
 from pmr.simulation.contact_step import contact_frequency
@@ -115,9 +116,14 @@ def check_fits(scene: Any, system: System) -> None:
             allowed = "a scene of one body is allowed: the model is that of a body alone"
         raise InputError("scene", "sections", [name for name in parts if name != ALONE], allowed)
     for name, body in system.bodies.items():
-        known = [one for one in body.input_names if one not in (WEIGHT, DRIVEN)]
+        moved = [one for one in body.input_names if one.startswith(INERTIA)]
+        if (scene.frame is None) == bool(moved):
+            allowed = "a scene with a frame is allowed: the model moves in one" if moved else "the model has no frame"
+            raise InputError("scene", "frame", None, allowed)
+        known = [one for one in body.input_names if one not in (WEIGHT, DRIVEN, *moved)]
         loads = [load.name for load in parts[name].loads]
-        if set(loads) != set(known) or (name == ALONE and (scene.gravity is None) == (WEIGHT in body.input_names)):
+        weighs = scene.gravity is not None and scene.frame is None
+        if set(loads) != set(known) or (name == ALONE and weighs != (WEIGHT in body.input_names)):
             key = "loads" if name == ALONE else f"sections.{name}.loads"
             allowed = f"the inputs of its model are allowed: {', '.join(body.input_names)}"
             raise InputError("scene", key, sorted(loads), allowed)

@@ -16,7 +16,7 @@ from pmr.errors import InputError, on_first
 from pmr.fem.compat import MPI, check_fenicsx
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
-from pmr.fullmodel.structure import Action, Clamp, PadForce, Structure, Weight
+from pmr.fullmodel.structure import Action, Clamp, Inertia, PadForce, Structure, Weight
 from pmr.fullmodel.walls_from_scene import walls_of
 from pmr.mesh.beam import graded_nodes, read_nodes
 from pmr.mesh.box import DIMENSIONS, BoxBoom, write_shell, write_solid
@@ -26,7 +26,15 @@ from pmr.models import StructuralModel
 from pmr.models.box_section import box_section
 from pmr.models.matrices import Matrices
 from pmr.scene.built import Box, PadRing
-from pmr.scene.choice import directions, has_giving_walls, has_tail, is_accelerated, model_of, transverse
+from pmr.scene.choice import (
+    directions,
+    has_giving_walls,
+    has_tail,
+    inertia_fields,
+    is_accelerated,
+    model_of,
+    transverse,
+)
 from pmr.scene.members import DRIVEN, TAIL, Member
 from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Profile
 
@@ -66,13 +74,14 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     forces = [PadForce(pad.name) for pad in giving]
     forces += [PadForce(support.name, "support") for support in supports if np.isfinite(support.stiffness)]
     turned = [Action(f"{observe.tip} ry", observe.tip, "ry")] if observe.rotation else []
-    weight = [Weight(member.gravity.direction)] if member.gravity else []
+    weight = [Weight(member.gravity.direction)] if member.gravity and member.frame is None else []
     driven = [Weight((-1.0, 0.0, 0.0), DRIVEN)] if is_accelerated(member) else []
+    inertia = [Inertia(field) for field in inertia_fields(member)]
     return Structure(
         model,
         clamps=tuple(Clamp(str(one.on), one.held) for one in member.part.supports if one.points == "all"),
         masses=member.part.masses,
-        loads=(*(Action(load.name, load.on, load.direction) for load in member.part.loads), *weight, *driven),
+        loads=(*(Action(load.name, load.on, load.direction) for load in member.part.loads), *weight, *driven, *inertia),
         outputs=(*line, *tip, *forces, *turned, *gauges(member.part, model)),
         damping=member.damping,
         pads=replace(pads, supports=supports),

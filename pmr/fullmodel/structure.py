@@ -27,9 +27,11 @@ from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.symmetry import mirror_images
 from pmr.fullmodel.walls import Walls
-from pmr.models import StructuralModel
+from pmr.models import StructuralModel, field_at
+from pmr.models.beam import Beam
 from pmr.scene import Damping
 from pmr.scene.built import WEIGHT, force_of
+from pmr.scene.frame import INERTIA
 from pmr.scene.structures import PointMass, unit_vector
 
 Array = NDArray[np.float64]
@@ -95,13 +97,28 @@ class Weight:
 
 
 @dataclass(frozen=True)
+class Inertia:
+    r"""A load that accelerates everything by a constant field, :math:`e_j` or :math:`r_k e_j`; `field` is j or jk.
+
+    Its input is the field's amplitude with the sign of a force: minus an acceleration, in m/s^2 or 1/s^2.
+    """
+
+    field: str
+
+    @property
+    def name(self) -> str:
+        """As the input is called."""
+        return INERTIA + self.field
+
+
+@dataclass(frozen=True)
 class Structure:
     """A structural model and what is attached to it."""
 
     model: StructuralModel
     clamps: tuple[Clamp, ...] = ()
     masses: tuple[PointMass, ...] = ()
-    loads: tuple[Action | Weight, ...] = ()
+    loads: tuple[Action | Weight | Inertia, ...] = ()
     outputs: tuple[Action | PadForce | Gauge, ...] = ()
     damping: Damping = Damping()
     pads: Pads = Pads()
@@ -168,6 +185,7 @@ class Coupling:
     T: sp.csr_matrix
     motions: tuple[sp.csr_matrix, ...]  # (k, n') each: of the attached masses, along k directions of the model
     inertias: tuple[Array, ...]  # (k,) each: mass in kg and inertia in kg m^2 along those directions
+    centres: tuple[Array, ...]  # (3,) m each: where the attached masses are
     rigid: Array  # (n', k): z under each of the model's rigid motions
     clamped: Array  # (c, k): what the clamped coordinates would do under each of them
     walls: Walls
@@ -214,19 +232,25 @@ class Coupling:
         of_direction = slice(*motion.indptr[i : i + 2])
         return motion.indices[of_direction], motion.data[of_direction]
 
-    def load(self, load: Action | Weight, M: PETSc.Mat) -> sp.csr_matrix:
+    def load(self, load: Action | Weight | Inertia, M: PETSc.Mat) -> sp.csr_matrix:
         """A load's column as a row (1, n'); collective."""
         if isinstance(load, Action):
             return self.rows([load])
-        along = dict(zip("xyz", unit_vector(load.direction), strict=True))
-        acceleration = np.array([along.get(direction, 0.0) for direction in self.model.directions])
+        if isinstance(load, Weight):
+            along = dict(zip("xyz", unit_vector(load.direction), strict=True))
+            uniform = np.array([along.get(direction, 0.0) for direction in self.model.directions])
+            motion, of_masses = self.model.rigid_motions() @ uniform, [uniform] * len(self.motions)
+        else:
+            assert isinstance(self.model, Beam)  # the scene's check
+            motion = self.model.field(load.field)
+            of_masses = [field_at(load.field, centre, self.model.directions) for centre in self.centres]
         x, f = M.createVecRight(), M.createVecLeft()
         first, last = M.getOwnershipRange()
-        x.getArray()[:] = (self.model.rigid_motions() @ acceleration)[first:last]
+        x.getArray()[:] = motion[first:last]
         M.mult(x, f)
         freed(x)
         column = self.T.T @ np.concatenate(M.comm.tompi4py().allgather(f.getArray()))
-        for G, inertia in zip(self.motions, self.inertias, strict=True):
+        for G, inertia, acceleration in zip(self.motions, self.inertias, of_masses, strict=True):
             column += G.T @ (inertia * acceleration)
         return sp.csr_matrix(column)
 
@@ -266,7 +290,8 @@ def couple(structure: Structure) -> Coupling:
             motions.append(walls.moved(motion, mass.on, model.directions))
     inertias = tuple(_inertia(mass, model.directions) for mass in structure.masses)
     rigid_motions = np.vstack([R[free], *carried, np.zeros((walls.count, R.shape[1]))])
-    return Coupling(model, T, tuple(motions), inertias, rigid_motions, R[clamped], walls)
+    at = tuple(model.centroid(mass.on) if mass.at is None else np.array(mass.at) for mass in structure.masses)
+    return Coupling(model, T, tuple(motions), inertias, at, rigid_motions, R[clamped], walls)
 
 
 def _centre(mass: PointMass) -> Array | None:

@@ -127,6 +127,21 @@ def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:
     return hasattr(model, "forms")
 
 
+def field_at(name: str, at: Array, directions: Sequence[str]) -> Array:
+    r"""Displacement and rotation (k,) of a point (3,) m in a field :math:`e_j`, ``j``, or :math:`r_k e_j`, ``jk``.
+
+    A field over x turns cross-sections as the axis; yz and zy turn them half each.
+    """
+    along, over = name[0], name[1:]
+    found = np.zeros(6)
+    found["xyz".index(along)] = at["xyz".index(over)] if over else 1.0
+    turn = {"zx": (4, -1.0), "yx": (5, 1.0), "zy": (3, 0.5), "yz": (3, -0.5)}
+    if name in turn:
+        number, by = turn[name]
+        found[number] = by
+    return found[[DIRECTIONS.index(direction) for direction in directions]]
+
+
 def rigid_motions(at: Array, component: Indices) -> Array:
     """Coordinates (n, 6) of unit translations along and rotations about x, y, z through the origin.
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, create_mesh
 from pmr.fields.series import Grid
-from pmr.models import DIRECTIONS, rigid_motions
+from pmr.models import DIRECTIONS, field_at, rigid_motions
 from pmr.scene.structures import Beam3DBody, Profile
 
 Array = NDArray[np.float64]
@@ -80,6 +80,10 @@ class Beam(ABC):
         own = [DIRECTIONS.index(direction) for direction in self.directions]
         nodes = self.grid.points
         return rigid_motions(np.repeat(nodes, len(own), axis=0), np.tile(own, len(nodes)))[:, own]
+
+    def field(self, name: str) -> Array:
+        """Coordinates (n,) of a displacement by one along ``x``, or by z along x, ``xz``."""
+        return np.concatenate([field_at(name, at, self.directions) for at in self.grid.points])
 
     @property
     def grid(self) -> Grid:

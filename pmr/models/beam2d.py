@@ -138,6 +138,11 @@ class Beam2D(Beam):
         motions[self.directions.index("ry") :: len(self.directions)] *= -1.0
         return motions
 
+    def field(self, name: str) -> Array:
+        motion = super().field(name)
+        motion[self.directions.index("ry") :: len(self.directions)] *= -1.0
+        return motion
+
     def stresses(self) -> None:
         """None: of the section no more than its stiffness is known."""
 

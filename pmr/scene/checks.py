@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from pmr.scene.asked import Damping
 from pmr.scene.choice import fewest_rows, is_pinned_beam
+from pmr.scene.frame_checks import check_frame
 from pmr.scene.joint_checks import check_joints
 from pmr.scene.magnitudes import check_loads, check_proportions, jump_of
 from pmr.scene.members import member_at
@@ -26,6 +27,7 @@ def check(scene: Scene) -> None:
         check_joints(scene)
     else:
         _check_alone(scene)
+    check_frame(scene)
 
 
 def _check_alone(scene: Scene) -> None:

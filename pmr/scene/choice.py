@@ -82,8 +82,18 @@ def has_tail(member: Member) -> bool:
 
 
 def is_accelerated(member: Member) -> bool:
-    """Whether extensions accelerate a body along the boom."""
-    return member.number > 0 and has_tail(member)
+    """Whether extensions alone accelerate a body along the boom."""
+    return member.number > 0 and has_tail(member) and member.frame is None
+
+
+def inertia_fields(member: Member) -> tuple[str, ...]:
+    """Fields in which the frame accelerates a body: along ``x``; along x, growing with z, ``xz``; none that vanish."""
+    if member.frame is None:
+        return ()
+    along = [d for d in directions(member) if d in ("xyz" if member.frame.slewing is not None else "xz")]
+    over = "x" if model_of(member) in ("beam2d", "beam3d") else "xyz"
+    turning = ("yz", "zy") if model_of(member) == "beam3d" and "y" in along else ()
+    return (*along, *(a + b for a in along for b in over), *turning)
 
 
 def is_planar(member: Member) -> bool:
@@ -153,4 +163,6 @@ def _lateral(member: Member) -> list[str]:
     ]
     if member.gravity is not None and member.gravity.direction[1] != 0.0:
         found.append("the weight has a lateral part")
+    if member.frame is not None and (member.frame.slewing is not None or member.frame.place[1] != 0.0):
+        found.append("the boom slews")
     return found

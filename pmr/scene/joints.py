@@ -104,6 +104,9 @@ class Linear(SignalBase):
     def rate(self, t: ArrayLike) -> Array:
         return self.ratio * self.signal.rate(t)
 
+    def second_rate(self, t: ArrayLike) -> Array:
+        return self.ratio * self.signal.second_rate(t)
+
     @property
     def breaks(self) -> Floats:
         return self.signal.breaks

@@ -9,6 +9,7 @@ import numpy as np
 
 from pmr.scene.asked import Damping, Recovery
 from pmr.scene.built import WEIGHT, Gravity, PadRing
+from pmr.scene.frame import Frame
 from pmr.scene.joints import JointPads
 from pmr.scene.parts import Part
 from pmr.scene.scene import Scene
@@ -58,6 +59,7 @@ class Member:
     bounds: tuple[float, float]  # m: least and largest s
     travel: tuple[float, float]  # m: stretch of s on which rows are defined
     gravity: Gravity | None
+    frame: Frame | None
     damping: Damping
     recovery: Recovery | None
     jointed: bool = False  # whether it slides in another body or another one in it
@@ -68,8 +70,8 @@ class Member:
 
     @property
     def signals(self) -> dict[str, SignalBase]:
-        """What drives each input, by its name; extensions drive a section besides."""
-        weight = {WEIGHT: self.gravity.signal} if self.gravity else {}
+        """What drives each input, by its name; extensions and a frame that moves drive a section besides."""
+        weight = {WEIGHT: self.gravity.signal} if self.gravity and self.frame is None else {}
         return {load.name: load.signal for load in self.part.loads} | weight
 
     @property
@@ -78,7 +80,8 @@ class Member:
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
         extended = self.jointed and self.number > 0  # which accelerates it
         rows = self.pads, self.points, self.bounds, self.travel, sorted(self.stretches.items()), self.straight
-        return repr((part, extended, self.jointed, rows, self.gravity and self.gravity.direction, self.damping))
+        moved = self.frame and self.frame.slewing is not None
+        return repr((part, extended, self.jointed, rows, self.gravity and self.gravity.direction, moved, self.damping))
 
     @property
     def joint_rows(self) -> frozenset[str]:
@@ -98,7 +101,7 @@ def members(scene: Scene) -> tuple[Member, ...]:
 
 
 def _alone(scene: Scene) -> Member:
-    points, about = scene.points, (scene.gravity, scene.damping, scene.recovery)
+    points, about = scene.points, (scene.gravity, scene.frame, scene.damping, scene.recovery)
     names = tuple(_slider_name(points, at) for at in points)
     return Member(scene.alone, 0, scene.pads, points, names, scene.path_bounds, scene.travel, *about)
 
@@ -138,6 +141,7 @@ def _section(scene: Scene, number: int) -> Member:
         bounds=reach,
         travel=reach,
         gravity=scene.gravity,
+        frame=scene.frame,
         damping=scene.damping,
         recovery=scene.recovery,
         jointed=True,

@@ -8,7 +8,8 @@ from typing import Any
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.built import WEIGHT, Box, Face, PadRing
-from pmr.scene.choice import directions, model_of
+from pmr.scene.choice import directions, inertia_fields, model_of
+from pmr.scene.frame import INERTIA
 from pmr.scene.members import Member
 
 BEAMS = ("beam2d", "beam3d")
@@ -25,7 +26,8 @@ def check_structure(member: Member) -> None:
     check_names("pads", (name for ring in member.pads for name, _, _ in ring.places))
     for key in ("loads", "masses", "probes"):
         check_names(key, (part.name for part in getattr(member.part, key)))
-    check_reserved("loads", (load.name for load in member.part.loads), (WEIGHT,))
+    fields = (INERTIA + field for field in inertia_fields(member))
+    check_reserved("loads", (load.name for load in member.part.loads), (WEIGHT, *fields))
     check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held))
     for i, ring in enumerate(member.pads):
         if ring.clearance and not ring.unilateral:
@@ -34,7 +36,7 @@ def check_structure(member: Member) -> None:
     _pads(member)
     _places(member)
     _points(member)
-    if not member.signals:
+    if not (member.signals or member.frame):
         raise refusal("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
 
 

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from pmr.scene import asked
 from pmr.scene.built import Gravity
+from pmr.scene.frame import Frame
 from pmr.scene.section import Section, Text
 
 
@@ -20,6 +21,9 @@ class Whole(Section):
         default=None,
         description="The weight of everything.  Without this table a body alone has no weight, and sections that slide "
         "in one another have theirs, which presses them on their pads",
+    )
+    frame: Frame | None = Field(
+        default=None, description="A frame that luffs and slews, in which all bodies move and gravity turns"
     )
     start: Literal["rest", "equilibrium"] = Field(
         default="rest",

@@ -19,6 +19,7 @@ from pmr.scene.names import SLIDER as SLIDER
 from pmr.scene.names import input_of
 from pmr.scene.signals import SignalBase
 from pmr.simulation.acceleration import Acceleration
+from pmr.simulation.frame import inertia_loads
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, Joined
 
@@ -44,12 +45,13 @@ class Excitation:
         r"""Paths, loads and time grid of a scene.
 
         Along the boom the frame of a section moves with its tail, :math:`X_i = s_1 + \dots + s_i`, so that a load
-        :math:`-M_i e_x X_i''` acts on it: the input `DRIVEN` of sections that move so.
+        :math:`-M_i e_x X_i''` acts on it: the input `DRIVEN` of sections that move so.  Where the scene has a frame,
+        `pmr.simulation.frame` has that load with all others of the frame.
         """
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
         loads, paths = dict[str, SignalBase](), tuple(scene.paths.values())
         for name, member in zip(scene.names, members(scene), strict=True):
-            known = member.signals
+            known = member.signals | inertia_loads(scene, member)
             if is_accelerated(member):
                 known[DRIVEN] = Acceleration(paths=paths[: member.number], step=stepping.step)
             loads |= {input_of(name, one): signal for one, signal in known.items()}

@@ -13,7 +13,7 @@ from pmr.errors import InputError
 from pmr.errors.text import visible
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
-from pmr.scene.built import WEIGHT, Gravity
+from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
 from pmr.scene.section import RECORDED
 from pmr.scene.signals import Signal, SignalBase
@@ -94,10 +94,9 @@ def recorded_system(system: System, source: str) -> Recorded:
 def of_boom(boom: Scene, system: System) -> Recorded:
     """What a boom of several sections starts with: equilibrium under its weight in full, unless it says otherwise."""
     excitation = Excitation.of(boom)
-    first_loads = excitation.forces(system.input_names)[0].copy()
-    inputs = [name for body in system.bodies.values() for name in body.input_names]
-    if boom.gravity is not None:
-        first_loads[[name == WEIGHT for name in inputs]] = boom.gravity.acceleration
+    gravity = boom.gravity and boom.gravity.model_copy(update={"rise": 0.0})
+    in_full = Excitation.of(boom.model_copy(update={"gravity": gravity}))
+    first_loads = in_full.forces(system.input_names)[0].copy()
     return Recorded(boom.title, excitation, first_loads, static=boom.start == "equilibrium")
 
 

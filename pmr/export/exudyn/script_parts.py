@@ -17,11 +17,14 @@ def ramp(t, times, values):
     return np.interp(t, times, values)
 
 
-def smooth_ramp(t, times, values):
-    """Quintic transitions between the knots: rate and acceleration vanish at each of them."""
+def smooth_ramp(t, times, values, degree):
+    """Smooth transitions between the knots: rate and acceleration vanish at each of them."""
     k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
     x = np.clip((t - times[k]) / (times[k + 1] - times[k]), 0.0, 1.0)
-    return values[k] + (values[k + 1] - values[k]) * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    smooth = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    if degree == 9:
+        smooth = x**5 * (126.0 - 420.0 * x + 540.0 * x**2 - 315.0 * x**3 + 70.0 * x**4)
+    return values[k] + (values[k + 1] - values[k]) * smooth
 
 
 @lru_cache

@@ -40,6 +40,9 @@ class Sum(SignalBase):
     def rate(self, t: ArrayLike) -> Array:
         return np.sum([term.rate(t) for term in self.terms], axis=0)
 
+    def second_rate(self, t: ArrayLike) -> Array:
+        return np.sum([term.second_rate(t) for term in self.terms], axis=0)
+
     @property
     def breaks(self) -> Floats:
         return tuple(sorted({b for term in self.terms for b in term.breaks}))

@@ -33,6 +33,10 @@ class SignalBase(BaseModel):
     def rate(self, t: ArrayLike) -> Array:
         """Time derivative at the times ``t``; at a kink the one of the interval that begins there."""
 
+    def second_rate(self, t: ArrayLike) -> Array:
+        """Second time derivative at the times ``t``; at a break the one of the interval that begins there."""
+        raise NotImplementedError(f"nobody needs the second rate of {type(self).__name__}")
+
     @property
     def breaks(self) -> Floats:
         """Times in s at which the value or its rate may jump."""
@@ -79,6 +83,9 @@ class Constant(SignalBase):
     def rate(self, t: ArrayLike) -> Array:
         return np.zeros(np.shape(t))
 
+    def second_rate(self, t: ArrayLike) -> Array:
+        return np.zeros(np.shape(t))
+
 
 class Step(SignalBase):
     """``before`` until ``time`` (exclusive), ``after`` from then on."""
@@ -92,6 +99,9 @@ class Step(SignalBase):
         return np.where(np.asarray(t, dtype=float) < self.time, self.before, self.after)
 
     def rate(self, t: ArrayLike) -> Array:
+        return np.zeros(np.shape(t))
+
+    def second_rate(self, t: ArrayLike) -> Array:
         return np.zeros(np.shape(t))
 
     @property
@@ -116,6 +126,9 @@ class Sine(SignalBase):
 
     def rate(self, t: ArrayLike) -> Array:
         return 2.0 * np.pi * self.frequency * self.amplitude * np.cos(self._angle(t))
+
+    def second_rate(self, t: ArrayLike) -> Array:
+        return -((2.0 * np.pi * self.frequency) ** 2) * self.amplitude * np.sin(self._angle(t))
 
     def highest_frequency(self, start: float, end: float) -> float:
         return self.frequency if self.amplitude else 0.0
@@ -166,6 +179,13 @@ class Chirp(SignalBase):
 
     def rate(self, t: ArrayLike) -> Array:
         return self.amplitude * np.cos(self._angle(t)) * 2.0 * np.pi * self.frequency(t)
+
+    def second_rate(self, t: ArrayLike) -> Array:
+        angle, omega = self._angle(t), 2.0 * np.pi * self.frequency(t)
+        knots = np.array(self.times)
+        i = np.searchsorted(knots, np.asarray(t, dtype=float), side="right") - 1
+        slopes = np.concatenate([[0.0], np.diff(self.frequencies) / np.diff(knots), [0.0]])[i + 1]
+        return self.amplitude * (2.0 * np.pi * slopes * np.cos(angle) - omega**2 * np.sin(angle))
 
     def highest_frequency(self, start: float, end: float) -> float:
         turns = [start, end, *(t for t in self.times if start <= t <= end)]

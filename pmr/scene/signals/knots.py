@@ -80,6 +80,9 @@ class _Knots(SignalBase):
         _, _, duration, rise, inside = self._interval(t)
         return np.where(inside, rise / duration, 0.0)
 
+    def second_rate(self, t: ArrayLike) -> Array:
+        return np.zeros(np.shape(t))
+
 
 class Ramp(_Knots):
     """Straight lines between the knots."""
@@ -87,18 +90,36 @@ class Ramp(_Knots):
     kind: Literal["ramp"] = Field(default="ramp", description="Straight lines between values")
 
 
-class SmoothRamp(_Knots):
-    """Quintic transitions 10 x^3 - 15 x^4 + 6 x^5 between the knots: rate and acceleration vanish at each knot."""
+#: Of transitions from 0 to 1 by their degree: coefficients, highest power first.
+TRANSITIONS = {
+    5: (6.0, -15.0, 10.0, 0.0, 0.0, 0.0),
+    9: (70.0, -315.0, 540.0, -420.0, 126.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+}
 
-    kind: Literal["smooth_ramp"] = Field(default="smooth_ramp", description="Quintic transitions between values")
+
+class SmoothRamp(_Knots):
+    """Smooth transitions between the knots, 10 x^3 - 15 x^4 + 6 x^5: rate and acceleration vanish at each knot.
+
+    Of degree 9, 126 x^5 - 420 x^6 + 540 x^7 - 315 x^8 + 70 x^9, so do the next two rates.
+    """
+
+    kind: Literal["smooth_ramp"] = Field(default="smooth_ramp", description="Smooth transitions between values")
+    degree: Literal[5, 9] = Field(default=5, description="Of the polynomials; 9 is smoother, and faster in between")
+
+    def _transition(self, t: ArrayLike, derivative: int) -> Array:
+        """Of the transition at t, per s to the power of the `derivative`; 0 outside the knots but for the value."""
+        x, i, duration, rise, inside = self._interval(t)
+        found = rise / duration**derivative * np.polyval(np.polyder(TRANSITIONS[self.degree], derivative), x)
+        return np.asarray(np.array(self.values)[i] + found if derivative == 0 else np.where(inside, found, 0.0))
 
     def value(self, t: ArrayLike) -> Array:
-        x, i, _, rise, _ = self._interval(t)
-        return np.array(self.values)[i] + rise * x**3 * (10.0 + x * (-15.0 + 6.0 * x))
+        return self._transition(t, 0)
 
     def rate(self, t: ArrayLike) -> Array:
-        x, _, duration, rise, inside = self._interval(t)
-        return np.where(inside, rise / duration * 30.0 * (x * (1.0 - x)) ** 2, 0.0)
+        return self._transition(t, 1)
+
+    def second_rate(self, t: ArrayLike) -> Array:
+        return self._transition(t, 2)
 
 
 def _or_file(schema: dict[str, Any]) -> None:
@@ -169,6 +190,11 @@ class Table(_Knots):
         if self._is_straight:
             return super().rate(t)
         return np.where(self._interval(t)[-1], self._cached.akima_rate(self._held(t)), 0.0)
+
+    def second_rate(self, t: ArrayLike) -> Array:
+        if self._is_straight:
+            return super().second_rate(t)
+        return np.where(self._interval(t)[-1], self._cached.akima_rate(self._held(t), 1), 0.0)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
         low, high = super().bounds(start, end)

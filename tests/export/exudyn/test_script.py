@@ -28,6 +28,7 @@ SIGNALS: dict[str, SignalBase] = {
     "constant": Constant(amount=-50.0),
     "ramp": Ramp(**KNOTS),
     "smooth_ramp": SmoothRamp(**KNOTS),
+    "smoother_ramp": SmoothRamp(**KNOTS, degree=9),
     "table": Table(**KNOTS),
     "linear_table": Table(**KNOTS, interpolation="linear"),
     "two_knots": Table(times=(0.3, 0.9), values=(1.0, 3.0)),

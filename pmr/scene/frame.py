@@ -1,0 +1,59 @@
+r"""A frame that moves: a boom that is raised (luffing) and turned about the vertical (slewing).
+
+With x along the boom, z up where it lies level, and the angles :math:`\varphi` of luffing and :math:`\psi` of slewing,
+
+.. math::
+    \omega = (\dot\psi \sin\varphi,\; -\dot\varphi,\; \dot\psi \cos\varphi)
+
+is the frame's angular velocity in its own axes; the vertical is :math:`(\sin\varphi, 0, \cos\varphi)` there.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from pmr.scene.joints import Linear
+from pmr.scene.refusals import of_key
+from pmr.scene.section import Point, Section
+from pmr.scene.signals import Constant, Signal, SignalBase
+
+#: What inputs are called that accelerate a body with the frame, before the field: ``inertia x``, ``inertia zx``.
+INERTIA = "inertia "
+
+
+class Frame(Section):
+    """A frame that turns about a pivot: every body moves in it, and gravity turns with it."""
+
+    pivot: Point | None = Field(
+        default=None, description="Where the tail of the base is from the pivot, along the axes of the boom"
+    )
+    luffing: Signal | None = Field(default=None, description="Angle over time by which the boom is raised")
+    slewing: Signal | None = Field(default=None, description="Angle over time by which it is turned, upwards axis")
+    unit: Literal["rad", "degrees"] = Field(default="rad", description="Of both angles")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.luffing is None and self.slewing is None:
+            raise ValueError("an angle is needed: luffing, slewing or both")
+        if self.pivot is None:
+            raise of_key("pivot", None, "a place is needed, [0.0, 0.0, 0.0] for a base whose tail is at the pivot")
+        return self
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """Of the base's tail, from the pivot, m."""
+        assert self.pivot is not None  # as the validator says
+        return self.pivot
+
+    @property
+    def angles(self) -> tuple[SignalBase, SignalBase]:
+        """Luffing and slewing in rad."""
+        return self._in_rad(self.luffing), self._in_rad(self.slewing)
+
+    def _in_rad(self, angle: SignalBase | None) -> SignalBase:
+        if angle is None:
+            return Constant(amount=0.0)
+        return angle if self.unit == "rad" else Linear(signal=angle, ratio=float(np.pi) / 180.0, offset=0.0)

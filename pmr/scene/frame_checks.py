@@ -1,0 +1,48 @@
+"""What a frame that moves asks of the rest of a scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pmr.scene.built import Gravity
+from pmr.scene.choice import model_of
+from pmr.scene.members import members
+from pmr.scene.scene import Scene
+from pmr.scene.signals import SignalBase
+from pmr.scene.structure_checks import refusal
+
+#: Models whose loads by a frame are known.
+IN_FRAMES = ("beam2d", "beam3d")
+#: Share of an angle's range that it may jump by, which round-off does.
+JUMP = 1e-9
+
+
+def check_frame(scene: Scene) -> None:
+    """Refuse angles that jump or have kinks, gravity that is given twice, and models or references without a frame."""
+    frame = scene.frame
+    if frame is None:
+        return
+    for key, angle in zip(("luffing", "slewing"), frame.angles, strict=True):
+        kinks = angle.kinks(scene.time.end)
+        jumps = [t for t in angle.breaks if 0.0 < t <= scene.time.end and _jumps(angle, t)]
+        if jumps or kinks:
+            at, what = (jumps[0], "a jump") if jumps else (min(kinks), "a kink")
+            allowed = f"an angle with a rate that does not jump is allowed, here is {what} at {at:g} s: a smooth_ramp"
+            raise refusal(f"frame.{key}", None, allowed)
+    if scene.gravity is not None and scene.gravity.direction != Gravity().direction:
+        allowed = "leave out direction and inclination: frame.luffing says where down is"
+        raise refusal("gravity.direction", [round(one, 6) for one in scene.gravity.direction], allowed)
+    for member in members(scene):
+        if model_of(member) not in IN_FRAMES:
+            raise refusal(f"sections[{member.number}].body.model", model_of(member), "beams are allowed in a frame")
+        if model_of(member) == "beam2d" and (frame.slewing is not None or frame.place[1] != 0.0):
+            key = "slewing" if frame.slewing is not None else "pivot"
+            raise refusal(f"frame.{key}", None, "models in space are allowed with it: beam2d knows no lateral motion")
+    if "ancf" in scene.compare.against:
+        raise refusal("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
+
+
+def _jumps(angle: SignalBase, t: float) -> bool:
+    low, high = angle.bounds(0.0, t)
+    before, after = angle.value(np.array([np.nextafter(t, -np.inf), t]))
+    return bool(abs(after - before) > JUMP * (high - low))

@@ -1,0 +1,74 @@
+"""A frame that luffs and slews in a scene: what is refused, in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pmr import scene as scenes
+from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.scene.choice import inertia_fields, model_of
+from pmr.scene.members import member_at, members
+
+THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
+LUFFING = "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[10.0, 60.0]}"
+SLEWING = "frame.slewing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.0, 90.0]}"
+PIVOT = "frame.pivot=[0.0, 0.0, 0.0]"
+
+
+def load(*changes: str) -> Scene:
+    found: Scene = scenes.load_any(THREE, changes)
+    return found
+
+
+REFUSED = [
+    ((LUFFING,), r"frame.pivot: a place is needed"),
+    ((PIVOT,), r"frame: an angle is needed"),
+    ((PIVOT, LUFFING, "gravity.inclination=20.0"), r"gravity.direction = .*: leave out direction and inclination"),
+    (
+        (PIVOT, "frame.luffing={kind='ramp', times=[1.0, 5.0], values=[0.0, 1.0]}"),
+        r"frame.luffing: an angle with a rate that does not jump is allowed, here is a kink at 1 s",
+    ),
+    ((PIVOT, "frame.luffing={kind='step', time=2.0, after=1.0}"), r"frame.luffing: .* here is a jump at 2 s"),
+    ((PIVOT, SLEWING), r"frame.slewing: models in space are allowed with it"),
+    ((PIVOT, LUFFING, "sections.fly.loads.0.name=inertia x"), r"loads\[0\].name = 'inertia x': another name"),
+    ((PIVOT, LUFFING, "frame.unit=turns"), r"frame.unit = 'turns'"),
+]
+
+
+@pytest.mark.parametrize(("changes", "said"), REFUSED, ids=[said[:24] for _, said in REFUSED])
+def test_what_does_not_fit_a_frame_is_refused_in_one_line(changes: tuple[str, ...], said: str) -> None:
+    with pytest.raises(InputError, match=said) as refused:
+        load(*changes)
+    assert "\n" not in str(refused.value)
+
+
+def test_fields_that_vanish_are_left_out() -> None:
+    luffing = load(PIVOT, LUFFING)
+    assert [inertia_fields(one) for one in members(luffing)] == [("x", "z", "xx", "zx")] * 3
+    assert inertia_fields(member_at(load())) == ()
+    both = load(PIVOT, LUFFING, SLEWING, "section.body.model=auto", *SPREAD)
+    assert {model_of(one) for one in members(both)} == {"beam3d"}
+    assert set(inertia_fields(member_at(both))) == {*"xyz", *("xx", "yx", "zx", "yz", "zy")}
+
+
+SPREAD = (
+    "sections.base.body.model=beam3d",
+    "sections.middle.body.model=beam3d",
+    "sections.fly.body.model=beam3d",
+    "section.joint.tail.0.faces={bottom=[-0.05, 0.05], top=[-0.05, 0.05], left=[0.0], right=[0.0]}",
+    "section.joint.mouth.0.faces={bottom=[-0.05, 0.05], top=[-0.05, 0.05], left=[0.0], right=[0.0]}",
+)
+
+
+def test_angles_are_in_radians_or_degrees() -> None:
+    frame = load(PIVOT, LUFFING, "frame.unit=degrees").frame
+    assert frame is not None
+    luffing, slewing = frame.angles
+    t = np.array([0.0, 3.0, 8.0])
+    assert luffing.value(t) == pytest.approx(np.deg2rad([10.0, 35.0, 60.0]))
+    assert luffing.rate(t)[1] == pytest.approx(np.deg2rad(50.0 / 4.0 * 1.875))
+    assert not slewing.value(t).any()

@@ -1,0 +1,71 @@
+"""Amplitudes of the loads of a frame that moves, beside positions in space differentiated twice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pmr import scene as scenes
+from pmr.scene import Scene
+from pmr.simulation import Excitation
+from pmr.simulation.frame import motion_of
+
+Array = NDArray[np.float64]
+THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
+TURNING = (
+    "frame.pivot=[0.3, -0.2, 0.5]",
+    "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.2, 1.1]}",
+    "frame.slewing={kind='sine', amplitude=0.8, frequency=0.1}",
+    "section.body.model=beam3d",
+    "sections.fly.joint.extension={kind='smooth_ramp', times=[0.0, 6.0], values=[0.6, 4.0]}",
+    "section.joint.tail.0.faces={bottom=[-0.05, 0.05], top=[-0.05, 0.05], left=[0.0], right=[0.0]}",
+    "section.joint.mouth.0.faces={bottom=[-0.05, 0.05], top=[-0.05, 0.05], left=[0.0], right=[0.0]}",
+)
+
+
+def in_space(scene: Scene, number: int, r: Array, t: float) -> tuple[Array, Array]:
+    """Where a point r of a section is, and the axes of the boom as columns, at the time t."""
+    assert scene.frame is not None
+    phi, psi = (float(angle.value(t)) for angle in scene.frame.angles)
+    level = np.array([[np.cos(phi), 0.0, -np.sin(phi)], [0.0, 1.0, 0.0], [np.sin(phi), 0.0, np.cos(phi)]])
+    turned = np.array([[np.cos(psi), -np.sin(psi), 0.0], [np.sin(psi), np.cos(psi), 0.0], [0.0, 0.0, 1.0]])
+    axes = turned @ level
+    X = sum(float(scene.extension(k).value(t)) for k in range(1, number + 1))
+    return axes @ (np.array(scene.frame.place) + r + [X, 0.0, 0.0]), axes
+
+
+@pytest.mark.parametrize("t", [0.7, 2.3, 3.9])
+def test_the_field_is_the_acceleration_in_space_with_gravity(t: float) -> None:
+    scene, r, h = scenes.load_any(THREE, TURNING), np.array([2.0, 0.3, -0.4]), 1e-3
+    assert scene.gravity is not None
+    for number in range(3):
+        before, at, after = (in_space(scene, number, r, t + shift)[0] for shift in (-h, 0.0, h))
+        axes = in_space(scene, number, r, t)[1]
+        expected = axes.T @ ((before - 2.0 * at + after) / h**2 + [0.0, 0.0, scene.gravity.acceleration])
+        a = np.array([motion_of(scene, number, j).value(t) for j in "xyz"])
+        A = np.array([[motion_of(scene, number, j + k).value(t) for k in "xyz"] for j in "xyz"])
+        # differences of positions of 10 m: 16 u |r| / h^2 = 4e-8 m/s^2, their error h^2 r'''' / 12 of about 1e-6
+        assert a + A @ r == pytest.approx(expected, abs=2e-6)
+
+
+def test_a_body_in_a_frame_has_no_weight_beside_its_inertia() -> None:
+    scene = scenes.load_any(THREE, TURNING)
+    loads = Excitation.of(scene).loads
+    assert not {"base.gravity", "middle.extension"} & set(loads)
+    assert {f"fly.inertia {jk}" for jk in ("x", "y", "z", "xx", "yx", "zx", "yz", "zy")} <= set(loads)
+
+
+def test_gravity_of_a_frame_at_rest_is_gravity_along_that_direction() -> None:
+    at_rest = Excitation.of(scenes.load_any(THREE, ["frame.pivot=[0.0, 0.0, 0.0]", f"frame.luffing={np.pi / 2.0}"]))
+    given = Excitation.of(scenes.load_any(THREE, ["gravity.inclination=90.0"]))
+    t = np.linspace(0.0, 8.0, 33)
+    for name in ("base", "middle", "fly"):
+        turned = {field: at_rest.loads[f"{name}.inertia {field}"].value(t) for field in ("x", "z", "xx", "zx")}
+        weight = -given.loads[f"{name}.gravity"].value(t)
+        driven = given.loads[f"{name}.extension"].value(t) if name != "base" else 0.0
+        expected = {"x": weight - driven, "z": np.zeros(33), "xx": np.zeros(33), "zx": np.zeros(33)}
+        for field, values in turned.items():
+            assert values == pytest.approx(expected[field], abs=1e-12)
