@@ -13,6 +13,7 @@ from pmr.compare.booms import with_friction
 from pmr.compare.estimated import reduction_error, step_part
 from pmr.compare.frequencies import frequency_part, reduced_frequencies
 from pmr.compare.halved_steps import SteppedBody
+from pmr.compare.pivot import at_pivot
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.simulated import driven_by, simulate_sections
 from pmr.compare.summary import Part, combined, contact, origin, pads, reliability, sampling, simulated, theory
@@ -66,7 +67,7 @@ def _sections(system: System, boom: Scene, excitation: Excitation) -> RunResult:
     clock, x, omega = Clock(), places(system, excitation), contact_frequency(system, excitation)
     found = simulate_sections(boom, system, excitation, clock)
     made = contact_step.as_made(excitation.stepping, found.first.parts, omega)
-    response = with_friction(boom, system.contacts, found.response)
+    response = at_pivot(boom, with_friction(boom, system.contacts, found.response))
     steps, reach = figures.on_the_way(boom, excitation.times, figures.PLACES), boom.reach(excitation.times)
     curves = {"reduced": Assembly(system).frequencies(x[steps], figures.CURVES)}
     frequencies = Frequencies(reach[steps], excitation.s[steps], curves, figures.frequency_map(boom, system))

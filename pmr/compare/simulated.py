@@ -12,6 +12,7 @@ import numpy as np
 from pmr.compare import responses
 from pmr.compare.booms import respond, with_friction
 from pmr.compare.made_for import check_made_for
+from pmr.compare.pivot import at_pivot
 from pmr.compare.responses import agreement
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
@@ -84,9 +85,9 @@ def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedMo
     excitation = driven_by(scene, system)
     if ALONE in system.bodies:
         model: Any = system.bodies[ALONE]
-        return responses.simulate_with_states(scene, model, ()).response
+        return at_pivot(scene, responses.simulate_with_states(scene, model, ()).response)
     found = simulate_sections(scene, system, excitation, Clock()).response
-    return with_friction(scene, system.contacts, found)
+    return at_pivot(scene, with_friction(scene, system.contacts, found))
 
 
 def driven_by(scene: Any, system: System) -> Excitation:

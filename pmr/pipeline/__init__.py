@@ -9,6 +9,7 @@ from typing import Any
 from pmr.compare import memory
 from pmr.compare.accuracy import order
 from pmr.compare.frequencies import frequency_part
+from pmr.compare.pivot import at_pivot
 from pmr.compare.responses import check_installed
 from pmr.compare.summary import Part, combined, origin, reliability, sampling, simulated, theory
 from pmr.errors import InputError, environment
@@ -110,6 +111,7 @@ def _run(
             seen |= bodies.recover(motions)
     if comm.rank > 0:
         return None
+    motions = replace(motions, responses={name: at_pivot(scene, one) for name, one in motions.responses.items()})
     judged, system, excitation = bodies.judge(motions, frequencies, seen), bodies.system, bodies.excitation
     choice, responses = bodies.choice, judged.responses
     stages = {name: clock.seconds[name] for name in bodies.STAGES if name in clock.seconds}
