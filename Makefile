@@ -51,9 +51,14 @@ endef
 
 # $(call kernel,VENV,KERNEL,MPIRUN): the numerical part under one kernel, on one rank and on two.
 define kernel
+$(call numerical,$1,$2)
+$(call ranks,$1,$2,$3,numerical and mpi)
+endef
+
+# $(call numerical,VENV,KERNEL): the same on one rank.
+define numerical
 @echo "numerical part, $1, BLAS kernel $2"
 $(call pytest,$1,$2,-q -m numerical)
-$(call ranks,$1,$2,$3,numerical and mpi)
 endef
 
 .PHONY: help
@@ -126,14 +131,16 @@ log=$$(mktemp); $(MAKE) --no-print-directory $2 >"$$log" 2>&1 </dev/null & \
 $(MAKE) --no-print-directory $1; status=$$?; wait $$! || status=1; cat "$$log"; rm -f "$$log"; exit $$status
 endef
 
-# Either the other stack stands beside the whole of this one, or one half of this one beside the other.
-WHEEL = test-wheel-suite test-wheel-mpi $(OTHERS:%=test-wheel-kernel-%)
+# Beside the suite on Debian's stack CI runs what of it needs the other stack, and each other kernel on one stack. Left
+# out there, as it runs on Debian's: slow tests of rooms without FEniCSx, slow ones on two ranks, kernels on two ranks.
+OTHER_STACK = test-wheel-part test-mpi test-wheel-part-mpi $(addprefix test-numerical-,$(firstword $(OTHERS))) \
+    $(addprefix test-wheel-numerical-,$(wordlist 2,9,$(OTHERS)))
 ALONE = echo "wheel stack not tested: make test-wheel does it, with Python 3.12 or newer"; \
     $(call beside,lint test-suite,test-mpi test-kernels)
 
 .PHONY: test
 test: setup ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel stack too, beside it
-	@$(if $(filter true,$(CI)),$(if $(PYTHON312),$(call beside,lint test-suite test-mpi test-kernels,$(WHEEL)),$(ALONE)),$(ALONE))
+	@$(if $(filter true,$(CI)),$(if $(PYTHON312),$(call beside,lint test-suite,$(OTHER_STACK)),$(ALONE)),$(ALONE))
 
 .PHONY: test-suite
 test-suite: setup .venv-snakemake/.ready .venv-fmi/.ready
@@ -144,6 +151,9 @@ test-kernels: $(OTHERS:%=test-kernel-%) ## the numerical part under the other BL
 
 test-kernel-%: setup
 	$(call kernel,.venv,$*,/usr/bin/mpirun)
+
+test-numerical-%: setup
+	$(call numerical,.venv,$*)
 
 # Only the tests of workflows/Snakefile want it.
 .venv-snakemake/.ready: requirements/snakemake.txt
@@ -202,7 +212,7 @@ python312:
 
 .PHONY: test-wheel
 test-wheel: .venv-wheel/.ready ## all of it on the wheel stack (Python 3.12 or newer)
-	@$(call beside,$(firstword $(WHEEL)),$(wordlist 2,9,$(WHEEL)))
+	@$(call beside,test-wheel-suite,test-wheel-mpi $(OTHERS:%=test-wheel-kernel-%))
 
 .PHONY: test-wheel-suite
 test-wheel-suite: .venv-wheel/.ready
@@ -214,6 +224,17 @@ test-wheel-mpi: .venv-wheel/.ready
 
 test-wheel-kernel-%: .venv-wheel/.ready
 	$(call kernel,.venv-wheel,$*,mpirun)
+
+.PHONY: test-wheel-part
+test-wheel-part: .venv-wheel/.ready
+	$(call pytest,.venv-wheel,$(KERNEL),-m stack)
+
+.PHONY: test-wheel-part-mpi
+test-wheel-part-mpi: .venv-wheel/.ready
+	$(call ranks,.venv-wheel,$(KERNEL),mpirun,mpi and not slow)
+
+test-wheel-numerical-%: .venv-wheel/.ready
+	$(call numerical,.venv-wheel,$*)
 
 .PHONY: schemas
 schemas: setup ## write what editors complete and check workflows from

@@ -16,6 +16,7 @@ from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
 from pmr import scene
 from pmr.reduced.model import ReducedModel
+from pmr.report.blocks import Drawing, drawing
 from pmr.scene import Scene
 from pmr.system.body import FullBody
 
@@ -24,8 +25,13 @@ WORKFLOWS = TESTS.parent / "workflows"
 #: Where BLAS and LAPACK have a hand in what is compared: run under several kernels of OpenBLAS, but of slow tests only
 #: those that are marked so.
 NUMERICAL = (
-    *("compare", "constraints", "convergence", "fem", "fullmodel", "models", "recover", "reduction", "reduced"),
+    *("compare", "constraints", "convergence", "fem", "fullmodel", "models", "reduction", "reduced"),
     *("simulation", "studies/kinds", "system", "errors/test_environment.py", "test_run.py", "test_workflows.py"),
+)
+#: Rooms that compute with FEniCSx, PETSc and SLEPc: of the others CI runs slow tests on one stack alone.
+FENICSX = (
+    *("convergence", "fem", "fullmodel", "mesh", "models", "reduction", "simulation/petsc"),
+    "test_random_structures.py",
 )
 
 
@@ -50,9 +56,11 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        there = item.path.relative_to(TESTS).as_posix().startswith(NUMERICAL)
-        if there and item.get_closest_marker("slow") is None:
+        file, slow = item.path.relative_to(TESTS).as_posix(), item.get_closest_marker("slow") is not None
+        if file.startswith(NUMERICAL) and not slow:
             item.add_marker(pytest.mark.numerical)
+        if file.startswith(FENICSX) or not slow:
+            item.add_marker(pytest.mark.stack)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -65,7 +73,11 @@ def _what_is_loaded_stays() -> None:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Drawings stay empty, which take most of a page's time: for tests of what stands beside them."""
-    monkeypatch.setattr("pmr.report.figures.vector.svg", lambda figure, name, description: "<svg></svg>")
+
+    def empty(name: str, draw: object, caption: str, *arguments: object) -> Drawing:
+        return Drawing(name, "<svg></svg>", caption)
+
+    monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
 
 
 @pytest.fixture(scope="session")

@@ -42,12 +42,14 @@ def test_the_whole_way_without(missing: tuple[str, ...], scene_file: Path, tmp_p
             np.testing.assert_allclose(found[f"{name}.displacement"], expected, rtol=0.0, atol=atol)
 
 
+@pytest.mark.slow
 def test_a_model_of_forms_is_refused_in_one_line() -> None:
     done = without(FENICSX, "run", "paper_simple")
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert "FEniCSx makes models from forms, all but matrices" in done.stderr
 
 
+@pytest.mark.slow
 def test_several_processes_are_refused_without_mpi(scene_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PMI_SIZE", "2")
     done = without((*FENICSX, *PETSC), "run", str(scene_file))

@@ -23,6 +23,7 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
         _ = pmr.loadscene
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", ["", "import pmr.simulation.native.step; "])
 def test_a_room_is_called_and_stays_a_package(before: str) -> None:
     """In a process of its own, once without and once after the package was imported by itself."""

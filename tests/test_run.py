@@ -136,6 +136,8 @@ ODD = {
 }
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("odd", ODD)
 def test_odd_scenes_give_finite_results(load_scene, odd: str) -> None:
     outcome = run(load_scene("paper_simple", [*SHORT, "time.end=0.05", "compare.against=['full']", *ODD[odd]]))

@@ -168,6 +168,8 @@ def test_a_load_beyond_what_the_model_was_made_for_is_said(saved: Path) -> None:
     assert "beyond the highest enrichment mode" in said[300.0] and "enrichment" not in said[8.0]
 
 
-def test_the_folder_of_the_model_is_left_alone(saved: Path) -> None:
-    done = without(ABSENT, "simulate", str(saved), "--scene", "evolved_residual", "--out", str(saved.parent))
+def test_the_folder_of_the_model_is_left_alone(saved: Path, monkeypatch, capsys) -> None:
+    done = called(
+        monkeypatch, capsys, "simulate", str(saved), "--scene", "evolved_residual", "--out", str(saved.parent)
+    )
     assert done.returncode == 2 and "other than the model's" in done.stderr

@@ -45,6 +45,7 @@ def sets(overrides: list[str]) -> list[str]:
     return [part for one in overrides for part in ("--set", one)]
 
 
+@pytest.mark.slow
 def test_it_finds_what_the_run_found(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     asked = ["--scene", "boom_two", "--out", str(out), *sets(SHORT)]
@@ -60,6 +61,7 @@ def test_it_finds_what_the_run_found(folder: Path, tmp_path: Path) -> None:
     assert one["estimate"]["reason"] and one["model"]["scene_hash"] == other["scene_hash"]
 
 
+@pytest.mark.slow
 def test_under_another_scene_it_is_the_run_of_that_scene(system: System) -> None:
     """The run makes sections of its own, on another stretch."""
     scene = pmr.load_scene("boom_two", [*SHORT, *OTHER])

@@ -115,6 +115,7 @@ def test_the_cranes_load_pulls_straight_down() -> None:
     assert force / np.linalg.norm(force) == pytest.approx(crane.gravity.direction, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_supports_of_the_telescope_carry_its_weight_along_and_across() -> None:
     """Raised by 30 degrees, at rest: what they bear across the boom is cot 30 of what they bear along it."""
     scene = scenes.load_any(Path(str(TEMPLATES / "telescope.toml")), ["time.end=0.01", "compare.against=[]"])

@@ -34,6 +34,8 @@ def load(*changes: str) -> Scene:
     return found
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("pads", ["both ways", "that push and lift"])
 def test_the_estimate_is_the_true_error_and_its_margin(pads: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """To two per cent, friction included: the second model is nearly the full one.
@@ -67,6 +69,7 @@ def fly() -> ReducedModel:
     return replace(found, carriers=replace(found.carriers, answers=None))
 
 
+@pytest.mark.slow
 def test_attachment_modes_are_orthogonal_answers_that_leave_no_less_than_nothing(fly: ReducedModel) -> None:
     """Statics stay: what is added to the coordinates is taken from the flexibility, which stays positive."""
     assert fly.carriers is not None and fly.carriers.flexibility is not None
@@ -103,6 +106,7 @@ def _rows(model: ReducedModel, s: float) -> np.ndarray:
     return np.vstack(weights) @ model.carriers.values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -129,6 +133,7 @@ def test_the_band_around_the_tip_holds_what_the_full_model_says() -> None:
     assert np.mean(apart <= band[:, 0]) > 0.95 and band.max() < 3.0 * apart.max()
 
 
+@pytest.mark.slow
 def test_richer_models_that_disagree_on_an_impact_are_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(attached, "SETTLED", 1e-9)
     outcome = run(load("compare.against=[]", "time.end=0.1"))
@@ -136,6 +141,7 @@ def test_richer_models_that_disagree_on_an_impact_are_no_estimate(monkeypatch: p
     assert "changes all that follows" in outcome.result.summary["estimate"]["reason"]
 
 
+@pytest.mark.slow
 def test_none_is_made_where_none_is_asked_for() -> None:
     outcome = run(load("compare.against=[]", "time.end=0.02", "section.reduction.estimate=false"))
     assert outcome is not None and "estimate" not in outcome.result.summary
@@ -147,6 +153,7 @@ def test_peaks_of_pads_that_rattle_are_a_range_if_they_differ() -> None:
     assert scatter([12500.0, 12501.0]) == ""
 
 
+@pytest.mark.slow
 def test_what_no_richer_model_tells_and_an_odd_material_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """Peaks agree here; the material of which section is named by its key."""
     monkeypatch.setattr(boom_estimate, "settled", lambda told, apart: False)
@@ -159,6 +166,7 @@ def test_what_no_richer_model_tells_and_an_odd_material_are_said(monkeypatch: py
     assert [line.split(" = ")[0] for line in odd] == [f"sections.{k}.body.material.density" for k in ("base", "fly")]
 
 
+@pytest.mark.slow
 def test_the_full_model_goes_through_the_simulator_that_is_named() -> None:
     found = {}
     for name in ("march", "petsc"):

@@ -151,6 +151,7 @@ def balance(found: Run) -> dict[str, Array]:
     return parts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_what_the_ground_holds_with_is_in_balance_with_all_else(case: str) -> None:
     """To 1e-9 of the largest of weight and inertia, forces and moments by themselves."""
@@ -160,6 +161,7 @@ def test_what_the_ground_holds_with_is_in_balance_with_all_else(case: str) -> No
         assert np.abs(left[:, kind]).max() <= 1e-9 * np.abs(parts["loads"][:, kind]).max()
 
 
+@pytest.mark.slow
 def test_exudyn_tells_the_same_reactions() -> None:
     parts = balance(run(CASES["pivot"], exudyn.simulate_system))
     left, loads = np.sum(list(parts.values()), axis=0), parts["loads"]
@@ -205,6 +207,7 @@ def test_what_beams_without_axial_coordinates_do_not_know_is_said() -> None:
     assert any(line.startswith(said) for line in outcome.result.summary["warnings"])
 
 
+@pytest.mark.slow
 def test_what_a_clamp_of_all_points_bears_is_said_to_be_missing() -> None:
     clamp = "sections.base.supports=[{kind='clamped',points='all'}]"
     outcome = pipeline.run(scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, clamp]))

@@ -106,6 +106,7 @@ def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> Non
     assert all(clause in text for clause in left_out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "told", "error"),
     [

@@ -41,6 +41,8 @@ def result(workflow: str, *changes: str) -> RunResult:
     return outcome.result
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("stiffness", ["'rigid'", "5e7"])
 def test_at_a_constant_rate_a_cylinder_pushes_as_the_full_model_says(stiffness: str) -> None:
     """Both ring alike behind a kink; the second model of the estimate has one mode of each cylinder more."""
@@ -56,6 +58,7 @@ def test_at_a_constant_rate_a_cylinder_pushes_as_the_full_model_says(stiffness: 
     assert np.abs(reduced - full)[:, settled].max() < 1e-3 * np.abs(full).max()
 
 
+@pytest.mark.slow
 def test_impulses_at_kinks_are_what_forces_add_up_to() -> None:
     """By the trapezoidal rule with which steps change momentum, until the ringing is damped away."""
     found = result("boom_three.toml", "section.joint.cylinder.stiffness='rigid'", "damping.ratio=0.04")
@@ -79,6 +82,7 @@ def test_impulses_at_kinks_are_what_forces_add_up_to() -> None:
     assert f"{expected['middle']:.4g} N s: cylinder of middle" in line
 
 
+@pytest.mark.slow
 def test_smooth_extensions_have_no_kinks() -> None:
     smooth = "section.joint.extension={kind='smooth_ramp',times=[0.1,0.45],values=[1.0,1.5]}"
     found = result("boom_two.toml", smooth).summary
@@ -86,6 +90,7 @@ def test_smooth_extensions_have_no_kinks() -> None:
     assert "kinks" not in found["cylinders"][0] and found["errors"]["reduced_vs_full"]["cylinder_force"] < 1e-3
 
 
+@pytest.mark.slow
 def test_a_base_that_gives_way_along_the_boom_passes_impulses_on_to_its_support() -> None:
     """Held 1.5 m ahead of the tail that the cylinder leans on."""
     pivot = "[{name='pivot',kind='pinned',on=1.5},{name='foot',directions=['z'],on='tail',stiffness=5e7}]"
@@ -106,6 +111,7 @@ def test_an_extension_that_moves_from_the_start_on_has_no_kink_there() -> None:
     assert np.abs(force).max() < 1e-6 * np.abs(found.responses["reduced"].slider_force).max()
 
 
+@pytest.mark.slow
 def test_simulators_agree_behind_a_kink() -> None:
     """To Newton's tolerance, at the tip along the boom's own axis and across."""
     both = "simulation.simulators=['march','exudyn']"

@@ -203,6 +203,7 @@ def test_an_error_larger_than_the_motion_is_not_capped() -> None:
     assert "times the motion: too few coordinates" in warnings(model, STEPPING, found)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("r", [12, 18])
 def test_of_any_basis_a_model_of_free_modes_tells_the_error(r: int) -> None:
     """At least the true one, and more by what that model is off by itself."""

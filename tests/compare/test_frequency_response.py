@@ -91,6 +91,8 @@ def test_what_has_no_linear_response_is_refused(other: str) -> None:
         scenes.load(BOOM, ["observe.frequency_response=true", other])
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_a_boom_answers_as_its_equations_with_multipliers_say() -> None:
     """Of two sections, at places from its shortest reach to its longest; cylinders are rigid, and so are such rows."""
     changes = [

@@ -70,6 +70,7 @@ def _a_step(load_scene, run: Callable[[object], object]) -> float:
     return (peaks[1] - peaks[0]) / (steps[1] - steps[0])
 
 
+@pytest.mark.slow
 def test_a_response_is_made_without_the_states_of_all_steps(load_scene, full: FullBody) -> None:
     """Both runs are longer than what is evaluated at once, so the room for that is in none of the difference."""
     found = _a_step(load_scene, lambda scene: simulate_reference("full", scene, full))

@@ -90,6 +90,7 @@ def test_a_rotation_is_observed_by_all_that_simulate_it(load_scene) -> None:
     assert np.abs(turned - other.other("tip ry")).max() < 1e-8 * np.abs(turned).max()
 
 
+@pytest.mark.slow
 def test_pads_that_push_are_followed_in_the_parts_that_the_reduced_model_chose(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -50,6 +50,7 @@ def test_only_the_reference_is_said_to_ring_where_it_does() -> None:
     assert not rings(0.5 * SMOOTH, shaken)  # off by more than what rings
 
 
+@pytest.mark.slow
 def test_a_reference_that_rings_is_not_booked_on_the_reduced_model(load_scene) -> None:
     found = {}
     for rho_inf in (0.8, 0.97):
@@ -67,6 +68,7 @@ def test_a_reference_that_rings_is_not_booked_on_the_reduced_model(load_scene) -
     assert "slider force is" not in " ".join(point.text for point in sentences.points(found[0.97]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("path", "rung"), [("smooth_ramp", False), ("ramp", True)])
 def test_a_reduced_model_that_rings_is_said_to(load_scene, path: str, rung: bool) -> None:
     """The paper's basis keeps its slider rigid."""

@@ -33,6 +33,7 @@ def test_too_many_elements_are_said(load_scene, elements: int, count: int) -> No
     assert [line.startswith("round-off in the stiffness of so short elements") for line in said] == [True] * count
 
 
+@pytest.mark.slow
 def test_where_a_slider_strikes_the_forces_are_judged_without_the_blows(load_scene) -> None:
     short = [
         "time.end=1.0",

@@ -33,6 +33,8 @@ def test_frequencies_converge_with_the_declared_order(load_scene, s: float, grad
     assert np.all(orders < DECLARED_ORDER + 0.4), orders
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("elements", [400, 1600])
 def test_round_off_is_as_declared(load_scene, elements: int) -> None:
     """Beyond some hundred elements refinement makes it worse, by the fourth power; within a factor of ten."""

@@ -40,6 +40,7 @@ def test_every_blas_computes_by_the_kernel_that_was_asked_for() -> None:
     assert not asked or {library.kernel for library in blas.loaded()} == {asked}
 
 
+@pytest.mark.slow
 def test_where_temporary_files_can_not_be_written_one_line_says_so(tmp_path: Path) -> None:
     """Before MPI starts, whose own way to say it takes pages."""
     start = "import os, sys; os.environ['TMPDIR'] = sys.argv.pop(); from pmr.cli import main; main()"
@@ -51,6 +52,7 @@ def test_where_temporary_files_can_not_be_written_one_line_says_so(tmp_path: Pat
         assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
 def test_letters_that_a_terminal_lacks_are_spelled_out(encoding: str, tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text('extends = "paper_simple"\ntitle = "▲ 漢"\n', encoding="utf-8")

@@ -85,6 +85,7 @@ def test_matlab_and_python_control_read_the_same(saved: Path, model: ReducedMode
         assert k == int(np.argmin(np.abs(script["S"] - s)))
 
 
+@pytest.mark.slow
 def test_a_table_and_a_picture(saved: Path, model: ReducedModel, monkeypatch, capsys) -> None:
     done = called(monkeypatch, capsys, "export", str(saved), "--to", "frequency-response", "--at", "1.7,2.3")
     assert done.returncode == 0, done.stderr

@@ -59,6 +59,7 @@ def read_sid(file: Path) -> dict[str, dict[str, np.ndarray]]:
     return found
 
 
+@pytest.mark.slow
 def test_a_sid_file_read_back_has_all_digits(body: NodalBody, tmp_path: Path) -> None:
     found = read_sid(write_sid(body, tmp_path / "bar.SID_FEM"))
     expected = inertia_integrals(body)
@@ -154,6 +155,7 @@ def test_exudyn_reads_its_file_and_finds_the_frequencies(body: NodalBody, tmp_pa
     np.testing.assert_allclose(np.sqrt(values[-MODES:]), body.omega, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_command_writes_either(scene_file: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     for to in ("sid", "ffrf"):
         target = tmp_path / f"{to}.file"

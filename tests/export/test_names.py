@@ -52,6 +52,7 @@ def plain() -> ReducedModel:
     return flexible(rich_body(), 6)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Glyph")
 @pytest.mark.parametrize("number", range(MODELS))
 def test_names_are_names_to_whoever_reads_a_file(plain: ReducedModel, number: int, tmp_path: Path) -> None:

@@ -72,6 +72,7 @@ def test_a_shorter_series_leaves_nothing_of_a_longer_one(tmp_path: Path) -> None
     assert sorted(file.name for file in (tmp_path / "boom").iterdir()) == ["00000.vtu", "00001.vtu"]
 
 
+@pytest.mark.slow
 def test_vtk_opens_a_series(tmp_path: Path) -> None:
     pyvista = pytest.importorskip("pyvista")
     written = fields("triangle")

@@ -98,6 +98,7 @@ def test_a_whole_body_is_no_section(tmp_path: Path, monkeypatch, capsys) -> None
         pmr.simulate(pmr.load_scene("boom_two", SHORT), ReducedModel.load(model))
 
 
+@pytest.mark.slow
 def test_a_boom_is_reduced_and_simulated_in_python(
     models: dict[str, ReducedModel], boom: Scene, tmp_path: Path
 ) -> None:

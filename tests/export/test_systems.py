@@ -62,6 +62,7 @@ def at(k: int) -> dict[str, float]:
     return {path: float(values[k]) for path, values in S.items()}
 
 
+@pytest.mark.slow
 def test_the_response_is_that_of_the_equations(system: System) -> None:
     """Of every output and every contact's force, those of the rigid cylinders too."""
     omega, space = np.array([0.0, 3.0, 40.0, 700.0]), state_space(system, S, "system.npz")
@@ -79,6 +80,7 @@ def test_natural_frequencies_are_those_of_the_system(system: System) -> None:
     np.testing.assert_allclose(space.natural[:, :5] / (2.0 * np.pi), expected, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_files_say_the_same(saved: Path, system: System, monkeypatch, capsys) -> None:
     """Places on each path by its name; the table of a response, and stiffnesses of Nastran at each place."""
     space = state_space(system, S, "system.npz")

@@ -45,6 +45,7 @@ def test_products_leave_nothing_behind() -> None:
     assert resident() - before < 0.2 * 10 * 2 * X.nbytes / 2**20
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_a_factor_solves_without_its_matrix_and_goes_when_told() -> None:
     K = sp.csr_matrix(sp.kronsum(chain(100), chain(100)))

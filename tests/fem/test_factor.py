@@ -26,6 +26,7 @@ def laplacian() -> PETSc.Mat:
     return sparse(sp.csr_matrix(sp.kronsum(chain, chain))[first:last], like, columns=int(last - first))
 
 
+@pytest.mark.slow
 def test_a_factor_that_does_not_fit_is_kept_in_files_and_solves_as_well(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path, capfd
 ) -> None:
@@ -54,6 +55,7 @@ def test_a_factor_that_does_not_even_fit_with_files_is_refused(monkeypatch: pyte
         Factor(laplacian(), "K")
 
 
+@pytest.mark.slow
 def test_files_that_can_not_be_written_are_said_to_be(monkeypatch: pytest.MonkeyPatch, capfd) -> None:
     A = laplacian()
     within = Factor(A, "K")

@@ -74,6 +74,7 @@ def test_an_error_leaves_the_old_files(tmp_path: Path) -> None:
     assert content(tmp_path) == OLD | FOREIGN and not list(tmp_path.glob(".pmr*"))
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_all_files_are_the_old_or_all_are_the_new_ones(tmp_path: Path) -> None:
     seen, ended = [], False
     for k in range(40):

@@ -49,7 +49,7 @@ ONE = "bottom=[0.0],left=[0.0]"
 AT = " with s at 1.5 m"
 
 
-@pytest.mark.parametrize("model", ["beam3d", "shell"])
+@pytest.mark.parametrize("model", ["beam3d", pytest.param("shell", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("changes", "free", "where"),
     [
@@ -200,6 +200,7 @@ def turn(axis: str, x: float) -> str:
     return f"turn about {axis} through ({x:.4g}, 0, 0) m"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SWEEP)
 def test_a_machine_without_one_of_its_supports_is_refused_before_it_is_reduced(
     seed: int, monkeypatch: pytest.MonkeyPatch
@@ -216,6 +217,7 @@ def test_a_machine_without_one_of_its_supports_is_refused_before_it_is_reduced(
     assert said.count("move along") + said.count("turn about") == len(machine.free)
 
 
+@pytest.mark.slow
 def test_a_boom_on_a_pivot_and_a_cylinder_is_held_where_its_pin_is() -> None:
     """In space a point and a cylinder leave it free to turn about two axes; in the plane they hold it."""
     space = ("section.body.model=beam3d", *(f"section.joint.{end}=[{ring(SIDES)}]" for end in ("tail", "mouth")))
@@ -250,6 +252,7 @@ def test_what_given_matrices_hold_by_themselves_is_not_free(tmp_path: Path) -> N
     assert refused(scenes.load(file, bare)) == []
 
 
+@pytest.mark.slow
 def test_supports_close_to_each_other_and_short_overlaps_hold() -> None:
     """Pins 10 mm apart, 0.35 m of overlap in every joint of a boom of five sections; one pin of them is too few."""
     pins = [f"{{name='{d} {x}',on={x},directions=['{d}']}}" for d, x in (("x", 0.0), ("z", 0.0), ("z", 0.01))]

@@ -177,6 +177,7 @@ def test_a_boom_on_pads_that_only_push_rests_as_statics_says() -> None:
         assert force == pytest.approx(carries, rel=1e-3), name
 
 
+@pytest.mark.slow
 def test_side_pads_touch_within_their_clearance_only() -> None:
     """A gust carries the boom across; the pads it hasn't reached have no force at all."""
     scene = boom(beam(), span=3.0, overrides=[PUSHING, "compare.against=[]"])

@@ -94,6 +94,8 @@ def test_rows_hold_the_supports_and_the_sliders(load_scene) -> None:
     assert np.flatnonzero(C.toarray()[4]).tolist() == [40]
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_a_mesh_too_fine_for_its_digits_is_said(load_scene, caplog) -> None:
     with caplog.at_level(logging.WARNING):
         full_model(load_scene("paper_simple", ["mesh.elements=600"]))

@@ -155,6 +155,8 @@ def found(thickness: float) -> WallCompliance:
     return wall_compliance(Plates(profile, Material(), 5.0 / 6.0, 0.15, 0.15), (PRESSED,))
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_the_shells_compliance_is_symmetric_definite_and_a_mirror_image_of_itself() -> None:
     C = found(0.008).rings[0]
     assert C == pytest.approx(C.transpose(0, 2, 1), rel=1e-9)
@@ -171,6 +173,8 @@ def test_it_falls_from_the_end_to_the_middle_and_then_stays() -> None:
     assert middle[-3] == pytest.approx(middle[-1], rel=0.05)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_a_wall_half_as_thick_gives_way_as_a_plate_does() -> None:
     """By the cube in bending, by its first power as a membrane; the middle of a face is in between, near the cube."""
     thick, thin = (found(t).rings[0][-1, 3, 3] for t in (0.008, 0.004))

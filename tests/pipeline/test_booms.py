@@ -81,6 +81,7 @@ def test_outputs_are_what_their_names_mean(outcome: Outcome) -> None:
     assert {one.kind for one in response.outputs} == {"beam", "tip", "pad", "cylinder", "probe", "reaction"}
 
 
+@pytest.mark.slow
 def test_exudyn_simulates_the_sections_beside_march() -> None:
     """By a cylinder, pads and an acceleration along the boom; to Newton's tolerance."""
     found = run(load(*QUICK, "compare.against=[]", "simulation.simulators=['march','exudyn']", "time.end=0.1"))
@@ -90,8 +91,9 @@ def test_exudyn_simulates_the_sections_beside_march() -> None:
     assert summary["simulators"]["reduced"] == "march" and set(summary["seconds"]["simulate"]) == {"march", "exudyn"}
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
-@pytest.mark.parametrize("pads", ["both ways", pytest.param("pushing", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("pads", ["both ways", "pushing"])
 def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Motion, forces and frequencies of few coordinates, diagonalised and not."""
     quick = [
@@ -188,6 +190,7 @@ def test_pads_that_hold_both_ways_and_pull_are_told_with_what_to_set(outcome: Ou
     assert any(name in line for name in pulled for line in said)
 
 
+@pytest.mark.slow
 def test_a_section_whose_name_begins_as_pads_of_another_one_do_has_pads_of_its_own() -> None:
     found = run(load(*QUICK, "compare.against=[]", "time.end=0.02", "sections.middle.name='fly tail'"))
     assert found is not None
@@ -218,6 +221,7 @@ def test_the_first_frequency_over_two_joints(outcome: Outcome) -> None:
     assert frequency_map(together, system) is None
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_result_is_read_as_it_was_saved_and_reported(outcome: Outcome, tmp_path: Path) -> None:
     outcome.result.save(tmp_path)
@@ -329,6 +333,7 @@ def test_equal_sections_are_built_and_reduced_once_and_points_hold_beams(tmp_pat
     assert outcome is not None and max(outcome.result.summary["errors"]["reduced_vs_full"].values()) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_boom_and_friction() -> None:
     """m (a + g sin phi), of sections so stiff that they follow at once; the second cylinder carries the fly alone.
 
@@ -401,6 +406,7 @@ def test_four_sections_that_extend_one_after_the_other() -> None:
     assert errors["tip"] < 2e-4 and errors["beam"] < 2e-4 and errors["pad_force"] < 1e-2
 
 
+@pytest.mark.slow
 def test_the_published_boom_lift_on_two_rigid_pads_an_overlap() -> None:
     """Overlaps of 5 to 35 % of the last section: figures of a planar prototype, to 0.1 %."""
     outcome = run(load("time.end=7.0", "time.step=1e-2", file="boom_lift"))
@@ -412,6 +418,7 @@ def test_the_published_boom_lift_on_two_rigid_pads_an_overlap() -> None:
     assert overlap == pytest.approx(4.478 * np.arange(0.05, 0.36, 0.05), abs=0.02)
 
 
+@pytest.mark.slow
 def test_the_published_boom_lift_with_rigid_overlaps() -> None:
     """Seven published frequencies to 2 %: nothing bends within an overlap, in full order and reduced."""
     outcome = run(load("time.end=7.0", "time.step=2e-2", file="boom_lift_rigid"))

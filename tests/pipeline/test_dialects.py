@@ -17,6 +17,7 @@ from tests.scene.test_dialects import WHOLE, written
 QUICK = WHOLE + "gravity = {rise = 0.1}\nsimulation = {repeats = 1}\n"
 
 
+@pytest.mark.slow
 def test_figures_and_report_do_not_depend_on_the_dialect(tmp_path: Path, undrawn: None) -> None:
     """Seconds aside, which the report of one is told of the other."""
     files = [written(tmp_path, listed, QUICK) for listed in (True, False)]

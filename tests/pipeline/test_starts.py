@@ -35,6 +35,7 @@ def test_a_body_alone_in_equilibrium_stays_where_it_is(tmp_path: Path, full: str
     assert found.responses["reduced"].tip[0] == pytest.approx(found.responses["full"].tip[0], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_at_rest_it_begins_undeformed_and_swings_about_that_equilibrium(tmp_path: Path) -> None:
     changes = STILL, "compare.against=[]", "gravity={rise=0.0}"
     still = result(tmp_path, "start=equilibrium", *changes).responses["reduced"].tip[0]
@@ -43,6 +44,7 @@ def test_at_rest_it_begins_undeformed_and_swings_about_that_equilibrium(tmp_path
     assert np.abs(swinging[0]) < 0.01 * np.abs(still) and np.abs(swinging).max() > 1.5 * np.abs(still)
 
 
+@pytest.mark.slow
 def test_sections_begin_at_rest_where_that_is_asked_for() -> None:
     hold = [f"section.joint.{end}.0.unilateral=false" for end in ("tail", "mouth")]
     quick = ["section.mesh.elements=12", "time.end=0.02", "simulation.repeats=1", *hold]

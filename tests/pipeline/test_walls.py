@@ -43,6 +43,7 @@ def test_walls_of_both_sections_of_a_joint_give_way() -> None:
     assert most["beam"] < 0.9 * most["shell"]
 
 
+@pytest.mark.slow
 def test_pads_that_only_push_dent_the_walls_too() -> None:
     """Let go at rest the box comes down on those below its mouth and above its tail."""
     rings = [f"pads.{ring}.unilateral=true" for ring in ("tail", "mouth")]

@@ -57,6 +57,8 @@ def test_under_a_cylinder_nothing_gives_way_that_has_no_mass_and_no_damping() ->
     assert (values / omega2) @ (values.T @ load) == pytest.approx(before.flexibility.rows @ load, abs=1e-9 * size)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("side", ["bottom=[0.0]", "left=[0.0]"])
 def test_smaller_and_larger_models_have_the_modes_of_their_own_residual_part(side: str) -> None:
     """Those that fewer modes leave more of, with the enrichment modes added, are those of the larger reduction."""

@@ -206,6 +206,7 @@ def test_a_damaged_file_is_refused(model: ReducedModel, tmp_path: Path) -> None:
             ReducedModel.load(tmp_path / "m.npz")
 
 
+@pytest.mark.slow
 def test_the_right_world_lives_without_fenicsx() -> None:
     """Nothing that a reduced model needs imports dolfinx, PETSc, SLEPc or MPI."""
     code = (

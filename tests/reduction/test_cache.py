@@ -40,6 +40,7 @@ def loads(signal: str) -> str:
     return f"loads=[{{on=5.0,signal={signal}}}]"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("basis", ["free_modes", "eigenmodes"])
 def test_another_signal_computes_nothing_again(load_scene, tmp_path: Path, computed: list[str], basis: str) -> None:
     choice = [] if basis == "free_modes" else ["reduction.basis=eigenmodes", "reduction.flexibility=false"]
@@ -59,6 +60,7 @@ def test_another_signal_computes_nothing_again(load_scene, tmp_path: Path, compu
     assert other.reduced.provenance["scene_hash"] == other.result.scene.hash != first.result.scene.hash
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     ["reduction.coordinates=7", "mesh.elements=21", loads("-50.0").replace("5.0,", "4.0,"), "damping.mass=1.0"],
@@ -93,6 +95,7 @@ def test_a_folder_that_cannot_be_is_refused(load_scene, tmp_path: Path) -> None:
         cache_in(tmp_path / "file" / "folder", model(load_scene))
 
 
+@pytest.mark.slow
 def test_the_finer_mesh_is_reduced_once_for_any_tolerance(load_scene, tmp_path: Path, computed: list[str]) -> None:
     load = "{{kind='smooth_ramp',times=[0.0,0.2],values=[0.0,{}]}}"
     ordered = [*SHORT, "time.end=0.3", "mesh.elements=20", "simulation.simulators=['march']"]

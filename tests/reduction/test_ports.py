@@ -28,6 +28,7 @@ from pmr.system.compliant_rows import CompliantRows
 Array = NDArray[np.float64]
 Load = Callable[..., Scene]
 COARSE = ["compare.against=[]", "mesh.elements=20", "reduction.coordinates=6", "time.end=0.5"]
+SHELL = ["compare.against=[]", "mesh.size=0.2", "mesh.along=0.5", "reduction.coordinates=8"]
 MASS, WEIGHT = 250.0, 250.0 * 9.81
 
 
@@ -55,7 +56,7 @@ def of_coordinates(model: ReducedModel, rows: Array, s: float) -> Array:
     [
         ("boom_beam", COARSE, "tip"),
         ("boom_beam", COARSE, 3.1),
-        ("boom_shell", ["compare.against=[]", "mesh.size=0.2", "mesh.along=0.5", "reduction.coordinates=8"], "tip"),
+        pytest.param("boom_shell", SHELL, "tip", marks=[pytest.mark.slow, pytest.mark.numerical]),
         ("evolved_residual", [], 2.5),
     ],
 )
@@ -101,6 +102,8 @@ def hung(scene: Scene, model: ReducedModel, row: Array) -> Array:
     return np.asarray(mbs.GetSensorStoredData(sensor)[:, 1])
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_a_mass_that_hangs_on_a_port_in_exudyn_moves_as_on_the_full_boom(load_scene: Load) -> None:
     scene = load_scene("boom_beam", COARSE)
     without, with_port = reduce(scene), reduce(load_scene("boom_beam", [*COARSE, 'reduction.ports=["tip"]'])).reduced

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from boom_results import boom, make_fields, make_space  # noqa: F401 fixtures
 
-from pmr.report.document import ReportFiles, write_report
+from pmr.report.document import ReportFiles, page, write
+from pmr.report.sections import chapter
 from pmr.results import BodyResult, Energy, Frequencies, Loads, Paths, Response, RunResult, Shapes
 from pmr.scene import Scene
 
@@ -154,11 +155,9 @@ def bare(make_result: MakeResult) -> RunResult:
 
 @dataclass(frozen=True)
 class Written:
-    """A report of both cases, and what was logged while it was written."""
+    """A report of both cases as HTML."""
 
-    files: ReportFiles
     html: str
-    warnings: list[str]
 
     def svg(self, case: str, name: str) -> str:
         """One of its figures."""
@@ -185,13 +184,27 @@ class Written:
 @pytest.fixture(scope="session")
 def written(tmp_path_factory: pytest.TempPathFactory, whole: RunResult, bare: RunResult) -> Written:
     """The report of the whole case, saved and loaded before, and of the bare one."""
-    folder = tmp_path_factory.mktemp("report")
-    whole.save(folder / "saved")
+    folder = tmp_path_factory.mktemp("results")
+    whole.save(folder)
+    results = [RunResult.load(folder), bare]
+    return Written(page([chapter(one, f"case-{number}") for number, one in enumerate(results, start=1)]))
+
+
+@dataclass(frozen=True)
+class Printed:
+    """Both files of a report, and what was logged while they were written."""
+
+    files: ReportFiles
+    warnings: list[str]
+
+
+@pytest.fixture(scope="session")
+def printed(tmp_path_factory: pytest.TempPathFactory, written: Written) -> Printed:
+    """The page as files: to set the PDF takes longer than all figures."""
     records: list[logging.LogRecord] = []
     handler = logging.Handler(logging.WARNING)
     handler.emit = records.append  # type: ignore[method-assign]
     logging.getLogger().addHandler(handler)
-    files = write_report([RunResult.load(folder / "saved"), bare], folder / "new" / "folder")
+    files = write(written.html, tmp_path_factory.mktemp("report") / "new" / "folder")
     logging.getLogger().removeHandler(handler)
-    warnings = [record.getMessage() for record in records]
-    return Written(files, files.html.read_text(encoding="utf-8"), warnings)
+    return Printed(files, [record.getMessage() for record in records])

@@ -36,6 +36,7 @@ def test_every_figure_is_there_once(page: str) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_motion_that_may_be_round_off_alone_is_said_and_not_drawn(boom: RunResult) -> None:
     def page(round_off: float) -> str:
         responses = {name: replace(one, round_off=round_off) for name, one in boom.responses.items()}
@@ -75,6 +76,7 @@ def test_the_error_table_has_pad_forces_in_newtons_and_stresses(boom: RunResult)
     assert table["largest von Mises stress", "reduced to full"] == ("−2.0\u00a0%", None)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_what_a_run_lacks_is_left_out(make_space) -> None:
     alone = make_space(responses=("reduced",), summary={}, stress=())
@@ -82,6 +84,7 @@ def test_what_a_run_lacks_is_left_out(make_space) -> None:
     assert "stress" not in figures(page) and "von Mises" not in page and "Errors" not in page
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_without_a_reference_the_largest_values_stand_alone(make_space) -> None:
     alone = make_space(responses=("reduced",), summary={"errors": {}, "max_displacement": 0.008}, stress=())
@@ -91,6 +94,7 @@ def test_without_a_reference_the_largest_values_stand_alone(make_space) -> None:
     assert case(kept, "case-1").blocks[0].heading == "Errors"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_planar_model_moves_up_and_down_only(boom: RunResult, make_space) -> None:
     planar = make_space(body={"model": "beam2d", "box": boom.scene.body.box})

@@ -62,8 +62,8 @@ def page(html: str) -> Page:
 
 
 @pytest.fixture(scope="session")
-def pdf(written) -> bytes:
-    return written.files.pdf.read_bytes()
+def pdf(printed) -> bytes:
+    return printed.files.pdf.read_bytes()
 
 
 @pytest.fixture(scope="session")
@@ -79,8 +79,9 @@ def pdf_objects(pdf: bytes) -> bytes:
 
 
 @pytest.mark.slow
-def test_files_are_html_and_pdf(written, html: str, pdf: bytes) -> None:
-    assert (written.files.html.name, written.files.pdf.name) == ("report.html", "report.pdf")
+def test_files_are_html_and_pdf(printed, html: str, pdf: bytes) -> None:
+    assert (printed.files.html.name, printed.files.pdf.name) == ("report.html", "report.pdf")
+    assert printed.files.html.read_text(encoding="utf-8") == html
     assert html.startswith("<!doctype html>") and html.rstrip().endswith("</html>")
     assert pdf.startswith(b"%PDF-") and pdf.rstrip().endswith(b"%%EOF")
 
@@ -97,8 +98,8 @@ def test_pdf_is_set_in_the_embedded_font(pdf_objects: bytes) -> None:
 
 
 @pytest.mark.slow
-def test_nothing_in_the_page_is_unknown_to_the_pdf_writer(written) -> None:
-    assert written.warnings == []
+def test_nothing_in_the_page_is_unknown_to_the_pdf_writer(printed) -> None:
+    assert printed.warnings == []
 
 
 def test_page_asks_for_nothing_from_outside(html: str, page: Page) -> None:
@@ -200,6 +201,7 @@ def test_published_figures_are_absent_where_there_are_none(html: str) -> None:
     assert "published" not in bare and "within 5" not in bare and "Errors" not in bare
 
 
+@pytest.mark.slow
 def test_saved_results_give_the_same_page_as_fresh_ones(html: str, whole: RunResult) -> None:
     fresh = case(whole, "case-1")
     assert section(render([fresh, fresh]), "case-1") == section(html, "case-1")

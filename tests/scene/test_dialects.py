@@ -88,6 +88,7 @@ def test_weight_is_there_from_the_start_where_motions_begin_in_equilibrium(tmp_p
 REST = {"start": "rest"}
 
 
+@pytest.mark.slow
 def test_no_code_outside_the_room_asks_of_which_class_a_scene_or_result_is() -> None:
     """Whether there are several bodies is a number."""
     classes, found = {"Scene", "BodyFile", "Boom", "RunResult", "BoomResult", "Outcome"}, []

@@ -55,12 +55,14 @@ def test_a_rigid_rows_multiplier_has_a_triple_root_at_minus_rho(rho: float) -> N
         assert np.linalg.matrix_rank(step + rho * np.eye(3), tol=1e-9) == 2
 
 
+@pytest.mark.slow
 def test_growth_is_an_error_in_every_simulator(beam: FullBody, simulator: Simulator) -> None:
     """Exudyn's Newton method may give up before the end is reached."""
     with pytest.raises(SimulationError, match=r"(grows without bound.*rigid row slider.* moves|not converge).*rho_inf"):
         simulator(beam, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.999)))
 
 
+@pytest.mark.slow
 def test_what_is_right_passes_in_every_simulator(beam: FullBody, simulator: Simulator) -> None:
     found = simulator(beam, driven(SLOWER, LOAD, TimeStepping(2.0, 1e-3, 0.9)))
     assert 0.0 <= found.surplus < 0.1 * balance.NOTABLE

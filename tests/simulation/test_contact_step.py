@@ -94,6 +94,8 @@ def test_stiff_pads_and_steps_of_a_millisecond_give_the_forces_of_a_fine_step(ki
     assert np.array_equal(coarse.t, np.arange(201) * 1e-3) and coarse.s.shape == (201,)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("rho_inf", [0.0, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("stiffness", [1e6, 3e8, 1e10])
 @pytest.mark.parametrize("kind", BODIES)

@@ -97,6 +97,7 @@ def test_a_saved_model_tells_them_too(outcome: Outcome, tmp_path: Path) -> None:
         assert one.most == pytest.approx(told[of].most, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("full", ["petsc", "exudyn"])
 def test_every_simulator_of_full_models_tells_the_same(outcome: Outcome, full: str) -> None:
     scene = scenes.load(WORKFLOWS / "paper_evolved.toml", (*CLAMPED, f"simulation.full={full}"))
@@ -107,6 +108,7 @@ def test_every_simulator_of_full_models_tells_the_same(outcome: Outcome, full: s
         assert np.abs(one - other).max() <= 1e-7 * np.abs(other).max()
 
 
+@pytest.mark.slow
 def test_a_rigid_support_bears_what_a_stiff_one_does() -> None:
     asked = [*CLAMPED, "supports=[{on=0.0,kind='pinned'},{on=5.0,directions=['z'],name='end'}]", "compare.against=[]"]
     stiff = [*asked, "supports=[{on=0.0,kind='pinned'},{on=5.0,directions=['z'],name='end',stiffness=1e9}]"]
@@ -116,6 +118,7 @@ def test_a_rigid_support_bears_what_a_stiff_one_does() -> None:
     assert np.abs(rigid.other("reaction of end") - force).max() <= 0.01 * np.abs(force).max()
 
 
+@pytest.mark.slow
 def test_the_clamp_of_a_boom_of_sections_bears_all_of_them() -> None:
     still = ("section.joint.extension=2.0", "damping={mass=40.0}", "sections.fly.loads=[]", "time.end=2.5")
     both_ways = ("section.joint.tail.0.unilateral=false", "section.joint.mouth.0.unilateral=false")

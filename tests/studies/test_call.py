@@ -94,6 +94,7 @@ def test_the_summary_holds_one_record_a_run(done: Path) -> None:
     assert StudyResults.load(done).arrays("x=2")["powers"].tolist() == [1.0, 2.0, 4.0, 8.0]
 
 
+@pytest.mark.slow
 def test_one_worker_makes_the_same_table_as_two(done: Path, tmp_path: Path) -> None:
     run(tmp_path, Squares(log=tmp_path / "calls"), jobs=1)
     assert tables(tmp_path) == tables(done)
@@ -147,6 +148,7 @@ def copied(done: Path, folder: Path) -> Squares:
     return Squares(log=done / "calls", seconds=SLEPT)
 
 
+@pytest.mark.slow
 def test_only_what_a_missing_run_needs_is_computed_again(done: Path, tmp_path: Path) -> None:
     study, file = copied(done, tmp_path), stored(tmp_path)
     file["x=5"].unlink()  # nobody asks for its row
@@ -155,6 +157,7 @@ def test_only_what_a_missing_run_needs_is_computed_again(done: Path, tmp_path: P
     assert run(tmp_path, study, jobs=1).computed == 2
 
 
+@pytest.mark.slow
 def test_a_damaged_result_is_computed_again(done: Path, tmp_path: Path) -> None:
     """Cut off, with flipped bits, emptied, and that of another task."""
     study, file = copied(done, tmp_path), stored(tmp_path)
@@ -167,6 +170,7 @@ def test_a_damaged_result_is_computed_again(done: Path, tmp_path: Path) -> None:
     assert tables(tmp_path) == tables(done)
 
 
+@pytest.mark.slow
 def test_a_failing_run_is_recorded_and_the_others_go_on(tmp_path: Path) -> None:
     square, add, fail = study_tasks.square, study_tasks.add, study_tasks.fail
     plan = Plan(
@@ -191,6 +195,7 @@ def test_a_failing_run_is_recorded_and_the_others_go_on(tmp_path: Path) -> None:
     assert "study_tasks.py" in bad["detail"] and "Traceback" in bad["detail"]
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_fails_its_own_task_only(tmp_path: Path) -> None:
     squares = [Task(f"x={x}", study_tasks.square, {"x": x}) for x in range(6)]
     reasons = {"exit": "exit code 3", "kill": "SIGKILL, no memory left?"}
@@ -203,6 +208,7 @@ def test_a_worker_that_dies_fails_its_own_task_only(tmp_path: Path) -> None:
     assert {record.status for record in records.values()} == {"done"}
 
 
+@pytest.mark.slow
 def test_studies_of_one_call_share_what_is_equal(tmp_path: Path) -> None:
     log = tmp_path / "calls"
     outcome = run(tmp_path, Squares(log=log), Squares(log=log, title="Again"), jobs=1)

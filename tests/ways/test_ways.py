@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import pytest
 import typer.main
@@ -36,6 +36,8 @@ NO_WAY = {
 }
 #: Kinds whose runs are short, from which the sample takes, and ways that are left to the whole sweep.
 SHORT, LONG = "ACEN", re.compile("mpirun|tolerance|study`, (?!scenes)")
+#: Ways that run the whole scene, or compile.
+SLOW = re.compile("pmr run|pmr study|fmu")
 
 
 def rows(head: str) -> Iterator[list[str]]:
@@ -103,7 +105,7 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Subject
     return of
 
 
-def chosen() -> Iterator[tuple[str, str]]:
+def chosen() -> Iterator[Any]:
     """All, or of every short way one kind that goes with it, and what residual inertia doesn't go with."""
     table = cells()
     if os.environ.get("PMR_SWEEP") == "full":
@@ -112,7 +114,7 @@ def chosen() -> Iterator[tuple[str, str]]:
     for number, way in enumerate(WAYS):
         right = [kind for kind in SHORT if table[way, kind] == RIGHT]
         if right and not LONG.search(way):
-            yield way, right[number % len(right)]
+            yield pytest.param(way, right[number % len(right)], marks=[pytest.mark.slow] * bool(SLOW.search(way)))
         if table[way, "E"] != RIGHT:
             yield way, "E"
 

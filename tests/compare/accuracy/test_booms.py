@@ -36,6 +36,7 @@ def summary(*changes: str) -> dict[str, Any]:
     return outcome.result.summary
 
 
+@pytest.mark.slow
 def test_the_fewest_that_hold_a_tolerance() -> None:
     """Beside the full model; with one coordinate less, wherever it is taken from, the tolerance isn't held."""
     found = summary("accuracy.tolerance=1e-3", "accuracy.outputs=['pad_force','beam']")
@@ -61,6 +62,7 @@ def test_random_booms_hold_what_they_are_asked_for() -> None:
             assert found["accuracy"]["holds"] and max(true["tip"], true["beam"]) < tolerance
 
 
+@pytest.mark.slow
 def test_on_pads_that_push_parts_of_steps_are_not_taken_for_errors_of_the_reduction() -> None:
     """Few coordinates hold, beside the full model in the same parts of steps, and by the run's own estimate."""
     pushing = [f"section.joint.{ring}.0.unilateral=true" for ring in ("tail", "mouth")]
@@ -71,6 +73,7 @@ def test_on_pads_that_push_parts_of_steps_are_not_taken_for_errors_of_the_reduct
         assert true[kind] < 1e-3 and said[kind] <= found["budget"]["reduction"][kind] <= 1e-3
 
 
+@pytest.mark.slow
 def test_within_a_budget_the_best_ones_are_taken() -> None:
     found = summary("budget.coordinates=8", "compare.against=[]")
     chosen = found["accuracy"]["chosen"]
@@ -78,6 +81,7 @@ def test_within_a_budget_the_best_ones_are_taken() -> None:
     assert found["accuracy"]["tolerance"] is None and set(found["budget"]["reduction"]) == {"beam", "tip"}
 
 
+@pytest.mark.slow
 def test_a_tolerance_chooses_the_step_and_counts_the_mesh() -> None:
     """Of a boom as of one body: with all three parts, which a finer full model on a finer mesh confirms."""
     extension = "section.joint.extension={kind='smooth_ramp',times=[0.0,0.2],values=[1.0,1.3]}"
@@ -112,6 +116,7 @@ def _apart(own: Response, fine: Response) -> float:
     return relative_error(one, other)
 
 
+@pytest.mark.slow
 def test_budgets_of_time_as_of_one_body() -> None:
     """More time a step allows more modes; a multiple of real time limits the steps."""
     common = ("compare.against=[]", "budget.mesh=false")
@@ -124,6 +129,8 @@ def test_budgets_of_time_as_of_one_body() -> None:
         summary("budget.microseconds_per_step=1e-9", *common)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_velocities_and_cylinders_are_kinds_of_their_own() -> None:
     """Their errors are estimated, and a tolerance may be asked for them."""
     kinds = ["velocity", "cylinder_force"]
@@ -135,6 +142,7 @@ def test_velocities_and_cylinders_are_kinds_of_their_own() -> None:
         )
 
 
+@pytest.mark.slow
 def test_what_is_not_held_is_told() -> None:
     found = summary("accuracy.tolerance=1e-12", "section.mesh.elements=3", "compare.against=[]")
     assert not found["accuracy"]["holds"]

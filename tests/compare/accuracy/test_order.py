@@ -47,6 +47,7 @@ def test_a_tolerance_chooses_coordinates_and_step(ordered) -> None:
     assert summary["budget"]["sum"]["probe"] > 0.0
 
 
+@pytest.mark.slow
 def test_it_holds_where_the_sum_of_its_budget_does(load_scene) -> None:
     """The mesh's part counts, too: where it leaves little, model and step have to be better."""
     changes = [*SHORT, "compare.against=[]", "accuracy.outputs=['beam','tip']"]
@@ -58,6 +59,7 @@ def test_it_holds_where_the_sum_of_its_budget_does(load_scene) -> None:
         assert max(summary["estimate"][kind] for kind in ("beam", "tip")) <= max(summary["budget"]["sum"].values())
 
 
+@pytest.mark.slow
 def test_nodes_of_a_graded_mesh_stay_where_they_are(load_scene) -> None:
     """The part of such a mesh is known, of many nodes of which not all are observed, too."""
     for changes in (["mesh.elements=7", "mesh.grading=0.6"], ["mesh.elements=1300"]):
@@ -96,6 +98,8 @@ def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
 PUSHING = [f"pads.{ring}.{key}" for ring in ("tail", "mouth") for key in ("unilateral=true", "stiffness=3e8")]
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_pads_that_only_push_hold_a_tolerance(load_scene) -> None:
     changes = ["time.end=0.5", "mesh.elements=20", "accuracy={tolerance=0.003,outputs=['tip','pad_force'],mesh=false}"]
     outcome = run(load_scene("boom_beam", [*PUSHING, *changes, "compare.against=['full']"]))
@@ -178,6 +182,7 @@ def budgeted(load_scene, limit: str):
     return outcome
 
 
+@pytest.mark.slow
 def test_a_budget_of_coordinates_is_used_up(load_scene) -> None:
     few, more = (budgeted(load_scene, f"coordinates={count}") for count in (3, 6))
     assert (few.reduced.size, more.reduced.size) == (3, 6)
@@ -187,6 +192,7 @@ def test_a_budget_of_coordinates_is_used_up(load_scene) -> None:
     assert budget["step"]["beam"] <= 1.001 * max(budget["reduction"].values())
 
 
+@pytest.mark.slow
 def test_a_budget_of_time_is_kept(load_scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a machine on which a step takes 0.1 us a coordinate."""
 

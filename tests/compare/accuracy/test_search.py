@@ -63,6 +63,7 @@ def test_the_tolerance_holds_and_two_coordinates_fewer_do_not(kinds: tuple[str, 
         assert error(found.member, found.steps // 4) > tolerance / MARGIN_OF_ALL_MODES**2
 
 
+@pytest.mark.slow
 def test_without_inertia_it_takes_more_coordinates_and_keeps_none() -> None:
     family = Family(MODEL, driven(), 1)
     plain, any_ = (search(family, Demand(1e-4, ("beam",), inertia), coarsest(family)) for inertia in (False, True))
@@ -70,6 +71,8 @@ def test_without_inertia_it_takes_more_coordinates_and_keeps_none() -> None:
     assert plain.member.coordinates >= any_.member.coordinates + 2 and plain.holds
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_what_cannot_be_held_is_said() -> None:
     family = Family(MODEL, driven(), 1)
     found = search(family, Demand(1e-9, ("beam",), inertia=False), coarsest(family))
@@ -82,6 +85,7 @@ def test_what_cannot_be_held_is_said() -> None:
     assert 0.01 < found.step["beam"] / found.reduction["beam"] <= 0.1
 
 
+@pytest.mark.slow
 def test_a_step_is_no_longer_than_its_run_allows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the run says more of its step than the search sees, finer ones are tried; where all say so, none holds."""
     demand, coarse = Demand(0.01, ("beam", "tip"), inertia=True), coarsest(Family(MODEL, driven(), 1))
@@ -157,6 +161,7 @@ def test_members_are_those_of_the_reduction() -> None:
     assert np.allclose(own.displacement, family.own(Member(4, True), 100, 100).displacement, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_what_more_time_allows_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a machine on which a step takes 10 ns a coordinate: the shortest steps are tried, too."""
     monkeypatch.setattr(limits, "seconds_a_step", lambda _, member: 1e-8 * member.coordinates)

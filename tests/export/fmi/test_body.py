@@ -125,6 +125,7 @@ def co_simulated(made: Made, instance: Instance) -> tuple[Array, Array]:
     return both[:, : len(moved)], both[:, len(moved) :]
 
 
+@pytest.mark.slow
 def test_co_simulation_is_march(made: Made) -> None:
     """The same equations and steps, in another order of operations: what differs is round-off, which decays."""
     found, forces = co_simulated(made, Instance(made.library))

@@ -83,7 +83,7 @@ def reduced(scene: str, *changes: str) -> SectionReduction:
     return found
 
 
-@pytest.fixture(scope="module", params=KINDS)
+@pytest.fixture(scope="module", params=["two", *(pytest.param(kind, marks=pytest.mark.slow) for kind in [*KINDS][1:])])
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
     scene, changes, version = KINDS[request.param]
     found = reduced(scene, *changes)
@@ -270,6 +270,7 @@ def test_rates_of_inputs_may_be_given_as_derivatives(made: Made) -> None:
     np.testing.assert_array_equal(by_name.get(moved + values), by_order.get(moved + values))
 
 
+@pytest.mark.slow
 def test_pads_with_a_clearance_find_where_they_lie(tmp_path: Path) -> None:
     """All of them closed would pull, and all of them open hold nothing."""
     wide = tuple(f"section.joint.{ring}.0.clearance=2e-3" for ring in ("tail", "mouth"))
@@ -321,6 +322,7 @@ def renamed(system: System, scene: Recorded, bodies: tuple[str, ...], path: str)
     return found, replace(scene, excitation=Excitation({path: signal}, loads, scene.excitation.stepping))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["2", "3"])
 def test_any_name_leaves_a_description_that_can_be_read(two: SectionReduction, version: str) -> None:
     for one, other in zip(HOSTILE, reversed(HOSTILE), strict=True):

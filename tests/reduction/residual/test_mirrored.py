@@ -31,6 +31,8 @@ def built() -> Built:
     return build(scene.load(SHELL, COARSE), MPI.COMM_WORLD)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_one_pad_of_each_face_answers_for_all(built: Built, monkeypatch: pytest.MonkeyPatch) -> None:
     model, solved = built.model, []
     apply = ResidualFlexibility.apply

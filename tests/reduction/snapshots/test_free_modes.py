@@ -91,6 +91,8 @@ def test_rigid_bodies_that_nothing_reaches_are_left_out(load_scene, solver: str)
     assert np.abs(local(found)[:, :2]).max(initial=0.0, where=axial(free)[:, None]) < 1e-12
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize(
     "change", ["body.profile.bending_stiffness=1e-3", "body.profile.bending_stiffness=1e12", "mesh.elements=400"]
 )

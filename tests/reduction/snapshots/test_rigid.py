@@ -90,6 +90,7 @@ def test_two_rings_and_a_cylinder_leave_nothing() -> None:
     assert count(model) == 0 and np.all(free_modes(model, 3).omega > 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("directions", "left"),
     [("xyz", 3), (("x", "y", "z", "rx", "ry", "rz"), 0), (("z", "ry"), 4), (("rx", "ry", "rz"), 3), ("y", 5)],

@@ -56,6 +56,7 @@ def test_a_driver_that_ends_its_process_ends_no_report(monkeypatch) -> None:
         develop([SHOT])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> None:
     monkeypatch.setattr(pictures, "develop", lambda shots: [b"picture"] * len(shots))

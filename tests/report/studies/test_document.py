@@ -13,6 +13,8 @@ from finished import compute, short_scene
 from pmr.report.studies import document, write_report
 from pmr.studies import files
 
+pytestmark = pytest.mark.slow  # six studies are computed and drawn
+
 STUDIES = {
     "histories": 'scenes = ["short.toml"]',
     "convergence": 'scene = "short.toml"\nfull = [4, 8, 20]\nancf = [4, 6, 8]',

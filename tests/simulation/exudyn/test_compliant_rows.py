@@ -75,6 +75,7 @@ def test_same_as_an_integrator_written_for_the_test(rich: FullBody, simulate: Si
         np.testing.assert_allclose(a, b, rtol=0.0, atol=2e-10 * np.abs(b).max())
 
 
+@pytest.mark.slow
 def test_both_ways_agree_over_a_case_of_the_paper(full: FullBody) -> None:
     """Kinks of the path and a chirp; well below the 5e-9 m to which simulators have to agree."""
     model, case = flexible(full, 6), CASES["evolved"]

@@ -80,6 +80,7 @@ def assert_close(found: Array, expected: Array) -> None:
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=TOLERANCE * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formulation", ["springs", "multipliers"])
 def test_a_boom_in_a_users_own_system(system: System, excitation: Excitation, formulation: Formulation) -> None:
     """Coordinates, and sensors of outputs and contact forces, from equilibrium."""
@@ -138,6 +139,7 @@ def test_a_mass_that_hangs_on_a_port_of_a_section(system: System, excitation: Ex
     assert np.abs(q - marched(system, excitation).bodies["1"].q).max() > 0.01 * np.abs(q).max()
 
 
+@pytest.mark.slow
 def test_pads_that_only_push_lift_off_there_too() -> None:
     """In steps that resolve them, as `simulate_system` has it; Exudyn's letting go is of first order."""
     system = reduced(Nested(2, elements=12, clearance=2e-4, compliance=1e-6), 3)

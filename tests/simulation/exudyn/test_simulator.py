@@ -216,6 +216,7 @@ class OwnSystem:
         return [self.mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formulation", ["springs", "callbacks"])
 def test_several_bodies_share_a_users_system(body: SlidingBody, formulation: Formulation) -> None:
     add = partial(simulator.add_sliding_body, formulation=formulation)

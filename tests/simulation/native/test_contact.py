@@ -220,6 +220,8 @@ def test_impacts_converge_with_second_order_to_an_independent_integrator(few: Re
     assert max(errors[0][:2]) < 3e-3 and errors[0][2] < 1.2e-2 and max(errors[-1]) < 5e-5
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("rho_inf", [0.0, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("stiffness", [1e6, 1e8, 1e10])
 @pytest.mark.parametrize("kind", BODIES)

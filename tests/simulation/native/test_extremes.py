@@ -53,6 +53,8 @@ def motion(body: SlidingBody, excitation: Excitation) -> Array:
 BODIES = {"index 1": MODEL, "inertia kept": with_kept_inertia(inertial(FULL, 6)), "index 3": FULL}
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("rho_inf", [0.0, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("path", [FIXED, WITHIN, ACROSS], ids=["fixed", "within an element", "across elements"])
 @pytest.mark.parametrize("name", BODIES)

@@ -34,6 +34,8 @@ def system(boom: Scene) -> System:
     return pmr.reduce(boom).system
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_steps_are_those_of_the_simulation(boom: Scene, system: System) -> None:
     """Displacements of all sections and forces of all contacts, by names and in their order, from equilibrium on."""
     excitation = Excitation.of(boom).with_stepping(TimeStepping(END, STEP, RHO, parts=1))

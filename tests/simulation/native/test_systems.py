@@ -98,22 +98,30 @@ def assert_integrated(system: System, given: Excitation, tolerance: float) -> No
     assert np.abs(found.forces - forces).max() < tolerance * np.abs(forces).max()
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_reduced_sections_against_a_sparse_saddle_point_each_step(count: int) -> None:
     system = reduced(Nested(count, elements=20), 3)
     assert_integrated(system, quickly(system), 1e-8)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_full_sections_against_a_sparse_saddle_point_each_step() -> None:
     system = full(Nested(3, elements=8))
     assert_integrated(system, quickly(system), 1e-7)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_rigid_contacts_against_a_sparse_saddle_point_each_step() -> None:
     system = full(Nested(3, elements=8, compliance=0.0))
     assert_integrated(system, quickly(system, rho_inf=0.8), 1e-6)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_a_damper_between_modes() -> None:
     boom = Nested(2, elements=8)
     tip = full_section(boom.boxes[1])
@@ -123,6 +131,8 @@ def test_a_damper_between_modes() -> None:
     assert_integrated(system, quickly(system), 1e-7)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_mixed_orders_in_one_system() -> None:
     """A section in full order in a reduced one."""
     boom = Nested(2, elements=12)

@@ -214,6 +214,8 @@ def test_only_what_is_watched_is_kept(rich: FullBody) -> None:
     assert_close(few.states.v, trajectory.v[[0, 12]], 1e-10)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize(("pads", "rho_inf"), [("rigid", 0.0), ("rigid", 0.8), ("one gives way", 0.5)])
 def test_second_order_in_positions_and_multipliers(rich: FullBody, pads: str, rho_inf: float) -> None:
     """When h is halved; against march with h / 20."""

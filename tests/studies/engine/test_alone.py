@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+import pytest
 import study_tasks
 
 from pmr.studies.engine.task import Plan, Task
@@ -24,6 +25,7 @@ class Intervals(StudyBase):
         return Plan((*alone, *beside, Task("after", study_tasks.interval, needs={"one": "alone-0"})))
 
 
+@pytest.mark.slow
 def test_what_measures_time_runs_alone_and_after_the_others(tmp_path: Path) -> None:
     meeting = tmp_path / "meeting"
     meeting.mkdir()

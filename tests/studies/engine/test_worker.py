@@ -36,6 +36,7 @@ def test_a_child_does_not_outlive_its_parent(tmp_path: Path) -> None:
     wait_until(lambda: not is_alive(child))
 
 
+@pytest.mark.slow
 def test_a_worker_goes_on_with_another_child(tmp_path: Path) -> None:
     store = Store(tmp_path)
     worker = Worker(sys.path)
@@ -46,6 +47,7 @@ def test_a_worker_goes_on_with_another_child(tmp_path: Path) -> None:
     worker.close()
 
 
+@pytest.mark.slow
 def test_a_function_that_is_not_there_fails_its_task(tmp_path: Path) -> None:
     worker = Worker(sys.path)
     answer = worker.run(Order("a", "abc", "study_tasks:nothing", {}, {}, str(tmp_path)))

@@ -42,11 +42,13 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     return finished(folder, SMALL)
 
 
+@pytest.mark.slow
 def test_tiles_are_those_with_pools_that_are_asked_for(small: StudyResults) -> None:
     tiles = [(run.parameters["snapshots"], run.parameters["modes"]) for run in small.runs]
     assert tiles == [(n, m) for n in range(1, 5) for m in range(1, 5) if n * m >= 3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("snapshots", "modes"), [(2, 4), (4, 3), (3, 2)])
 def test_a_tile_is_the_mean_of_simulations_made_elsewhere(
     small: StudyResults, tmp_path: Path, snapshots: int, modes: int

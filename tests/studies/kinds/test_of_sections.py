@@ -65,6 +65,7 @@ def test_what_sections_have_no_use_for_is_refused_with_the_reason(kind: str, tmp
     assert subjects.OF_ONE_BODY[kind] in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_mesh_of_sections_converges(tmp_path: Path) -> None:
     found = finished(tmp_path, text("convergence", tmp_path))
     errors = {run.key: run.figures["e_abs"] for run in found.runs}
@@ -72,6 +73,7 @@ def test_a_mesh_of_sections_converges(tmp_path: Path) -> None:
     reported("convergence", tmp_path, found)
 
 
+@pytest.mark.slow
 def test_more_modes_of_sections_are_better_and_flexibility_is_worth_most(tmp_path: Path) -> None:
     """And the estimate is above the true error, by a quarter."""
     found = finished(tmp_path, text("residual", tmp_path))
@@ -83,6 +85,7 @@ def test_more_modes_of_sections_are_better_and_flexibility_is_worth_most(tmp_pat
     reported("residual", tmp_path, found)
 
 
+@pytest.mark.slow
 def test_sizes_and_steps_of_sections_are_traded(tmp_path: Path) -> None:
     found = finished(tmp_path, text("trade", tmp_path))
     modes, flexible = (run.figures for run in found.runs)
@@ -91,6 +94,7 @@ def test_sizes_and_steps_of_sections_are_traded(tmp_path: Path) -> None:
     reported("trade", tmp_path, found)
 
 
+@pytest.mark.slow
 def test_sections_are_varied_by_key(tmp_path: Path) -> None:
     found = finished(tmp_path, text("scenes", tmp_path))
     assert [run.status for run in found.runs] == ["done", "done"]
