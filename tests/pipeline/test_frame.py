@@ -116,3 +116,15 @@ def test_what_the_pivot_bears_is_what_the_frame_s_momentum_says() -> None:
         # the trapezoidal rule, without damping: a step's change of momentum is the mean force times the step
         impulse = h / 2.0 * ((force - reaction)[1:] + (force - reaction)[:-1])
         assert impulse == pytest.approx(np.diff(momentum), abs=1e-9 * h * np.abs(reaction).max())
+
+
+@pytest.mark.slow  # two models in space
+def test_the_crane_moves_as_its_full_model_does() -> None:
+    short = ["section.mesh.elements=10", "time.end=6.0", "time.step=4e-3"]
+    summary = pmr.run(scenes.load_any(WORKFLOWS / "crane.toml", short)).result.summary
+    errors = summary["errors"]["reduced_vs_full"]
+    assert errors["tip"] < 1e-3 and errors["support_force"] < 1e-3
+    assert errors["tip"] <= summary["estimate"]["tip"] <= 5.0 * errors["tip"]
+    assert [one["name"] for one in summary["reactions"]][5:11] == [
+        f"pivot {axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")
+    ]
