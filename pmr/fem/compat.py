@@ -297,9 +297,18 @@ def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> An
     )  # fmt: skip
 
 
-def constant(mesh: Any, value: float) -> Any:
+def constant(mesh: Any, value: float | Array) -> Any:
     """A constant whose value is not compiled into the form, so that another value needs no compilation."""
-    return dolfinx.fem.Constant(mesh, PETSc.ScalarType(value))
+    return dolfinx.fem.Constant(mesh, np.array(value, PETSc.ScalarType, order="C"))
+
+
+def function(space: Any, values: Array) -> Any:
+    """A function from the values of all coordinates in PETSc's global order, which every rank gives; collective."""
+    found = dolfinx.fem.Function(space)
+    block, owned = space.dofmap.index_map_bs, space.dofmap.index_map.local_range
+    found.x.array[: block * (owned[1] - owned[0])] = values[block * owned[0] : block * owned[1]]
+    found.x.scatter_forward()
+    return found
 
 
 def assemble(form: Any) -> PETSc.Mat:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, original_cells
+from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, function, original_cells
 from pmr.fem.distributed import free_dropped, freed, sparse
 from pmr.fem.matrices import local_csr
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
@@ -17,6 +17,7 @@ from pmr.models.matrices import Matrices
 from pmr.reduced.damping import Rayleigh
 from pmr.scene import Damping
 
+Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
@@ -66,20 +67,37 @@ def assemble_model(model: FiniteElementModel, domain: Any) -> Operators:
     Models before it that were dropped are freed here: nobody is asked to do so when a run ends.
     """
     free_dropped(comm_of(domain), cycles=False)
-    space = model.space(domain)
-    forms, order = model.forms(space), model_order(model, space)
-    comm = comm_of(domain)
-    mass, stiffness = (_rows(assemble(form)) for form in (forms.mass, forms.stiffness))
-    mass.matrix.eliminate_zeros()
-    matrices = [reordered(rows, order, comm) for rows in (mass, stiffness)]
-    T = model.transformation
-    if T is not None:
-        first, last = matrices[0].getOwnershipRange()
-        columns = share(T.shape[1], matrices[0].comm.tompi4py())
-        P = sparse(T.tocsr()[first:last], matrices[0], columns=int(columns[1] - columns[0]))
-        matrices = [projected(A, P) for A in matrices]
+    assembler = Assembler(model, domain)
+    forms = model.forms(assembler.space)
+    return Operators(assembler.matrix(forms.mass, zeros=False), assembler.matrix(forms.stiffness))
+
+
+class Assembler:
+    """A model's function space on its distributed mesh, and matrices of forms there in the model's order."""
+
+    def __init__(self, model: FiniteElementModel, domain: Any) -> None:
+        self.model, self.comm, self.space = model, comm_of(domain), model.space(domain)
+        self._order = model_order(model, self.space)
+
+    def matrix(self, form: Any, zeros: bool = True) -> PETSc.Mat:
+        """Of a form on the model's coordinates, with or without the zeros of its pattern; collective."""
+        rows = _rows(assemble(form))
+        if not zeros:
+            rows.matrix.eliminate_zeros()
+        found, T = reordered(rows, self._order, self.comm), self.model.transformation
+        if T is None:
+            return found
+        (first, last), columns = found.getOwnershipRange(), share(T.shape[1], self.comm)
+        P = sparse(T.tocsr()[first:last], found, columns=int(columns[1] - columns[0]))
+        found = projected(found, P)
         freed(P)
-    return Operators(*matrices)
+        return found
+
+    def function(self, q: Array) -> Any:
+        """The model's coordinates q (n,), the same on every rank, as a function on the space; collective."""
+        values = np.empty(len(q))
+        values[self._order] = q
+        return function(self.space, values)
 
 
 def model_order(model: FiniteElementModel, space: Any) -> Indices:

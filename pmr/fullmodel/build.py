@@ -16,7 +16,7 @@ from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import Structure, structural_model
 from pmr.fullmodel.system import FullSystem
-from pmr.fullmodel.wanted import wanted_inputs, wanted_matrices
+from pmr.fullmodel.wanted import wanted_matrices
 from pmr.scene import Scene
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
@@ -81,12 +81,12 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
     Raises an `InputError` if a mesh can't be had or does not fit what stands on it, or something is free to move.
     """
     made, found = dict[tuple[str, str], Built](), dict[str, Built]()
-    matrices, inputs = wanted_matrices(scene), wanted_inputs(scene)
+    matrices = wanted_matrices(scene)
     for name, member in zip(scene.names, members(scene), strict=True):
         key = member.content, model_of(member)
         if key not in made:
             try:
-                structure = replace(structure_of(member, comm), matrices=matrices, inputs=inputs)
+                structure = replace(structure_of(member, comm), matrices=matrices)
                 made[key] = Built(structural_model(structure, comm), structure)
             except InputError as error:
                 raise error.called(scene.key_of(member.number, error.key)) from None

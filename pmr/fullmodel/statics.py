@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row, Rows
 from pmr.errors import ConvergenceError
+from pmr.fem.compat import PETSc
 from pmr.fem.distributed import freed
 from pmr.fem.factor import NotDefiniteError
 from pmr.fem.matrices import gather
@@ -50,14 +51,19 @@ def static_solver(model: FullModel, held: Sequence[Row], choice: str = "auto") -
     """
     rows = Rows(tuple(held), model.size)
     elimination = eliminate(rows.at(rows.domain[0]) if held else rows.at(0.0), rows.names)
-    return (_Dense if is_dense(model, choice) else _Mumps)(model, elimination)
+    return solver_of(model.K, elimination, is_dense(model, choice))
+
+
+def solver_of(K: PETSc.Mat, elimination: Elimination, dense: bool) -> StaticSolver:
+    """The same of a stiffness (n, n); errors as there."""
+    return (_Dense if dense else _Mumps)(K, elimination)
 
 
 class _Dense:
-    def __init__(self, model: FullModel, elimination: Elimination) -> None:
-        self._comm, self._share = model.comm, slice(*model.K.getOwnershipRange())
+    def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
+        self._comm, self._share = stiffness.comm.tompi4py(), slice(*stiffness.getOwnershipRange())
         self._T = elimination.matrix()
-        K, failure = gather(model.K), None
+        K, failure = gather(stiffness), None
         if K is not None:
             try:
                 self._factor = scipy.linalg.cho_factor((self._T.T @ K @ self._T).toarray(), lower=True)
@@ -77,9 +83,9 @@ class _Dense:
 
 
 class _Mumps:
-    def __init__(self, model: FullModel, elimination: Elimination) -> None:
-        self._condensed = Condensed(elimination, model.K)
-        K = elimination.condensed(model.K)
+    def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
+        self._condensed = Condensed(elimination, stiffness)
+        K = elimination.condensed(stiffness)
         try:
             self._factor = factor_for_columns(K, "stiffness")
         except NotDefiniteError as error:

@@ -23,12 +23,13 @@ from pmr.fem.distributed import freed, sparse
 from pmr.fem.matrices import columns
 from pmr.fullmodel.assembly import Operators, operators_of, padded, projected, rayleigh, share
 from pmr.fullmodel.model import FullModel, RigidMotions
+from pmr.fullmodel.moving import Moving, field_of
 from pmr.fullmodel.pads import Pads, Restraints, restrain
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.symmetry import mirror_images
 from pmr.fullmodel.walls import Walls
-from pmr.models import StructuralModel, field_at
-from pmr.models.beam import Beam
+from pmr.models import DIRECTIONS, StructuralModel
+from pmr.reduced.moving import CARRIED, ROTATING
 from pmr.scene import Damping
 from pmr.scene.built import WEIGHT, force_of
 from pmr.scene.frame import INERTIA
@@ -123,9 +124,8 @@ class Structure:
     damping: Damping = Damping()
     pads: Pads = Pads()
     ports: tuple[Action, ...] = ()
-    # names of the matrices and inputs of a moving frame and of second order (`pmr.reduced.moving`)
+    # names of matrices of a moving frame and of second order (`pmr.reduced.moving`)
     matrices: tuple[str, ...] = ()
-    inputs: tuple[str, ...] = ()
 
 
 def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
@@ -141,7 +141,8 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     size = coupling.T.shape[1]
     restraints = restrain(structure.pads, model, coupling.T)
     springs = restraints.stiffness(size) + structure.pads.walls.stiffness(size)
-    loads = [sp.csr_matrix((0, size)), *(coupling.load(load, base.M) for load in structure.loads)]
+    moving = Moving(model, structure.masses, comm)
+    loads = [sp.csr_matrix((0, size)), *(coupling.load(load, base.M, moving) for load in structure.loads)]
     operators = Operators(
         _reduced(base.M, coupling.T, attached),
         _reduced(base.K, coupling.T, padded(springs, attached)),
@@ -167,7 +168,28 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         node_stations=model.node_stations,
         mirrors=mirror_images(model, coupling.T, operators.M, operators.K),
         ports={port.name: coupling.rows([port]) for port in structure.ports},
+        matrices=_added(structure.matrices, coupling, moving),
     )
+
+
+def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str, PETSc.Mat]:
+    """What a moving frame and axial forces add, by name; matrices that vanish are left out.  Collective.
+
+    Walls that give way under pads have no part in it: their dents are small, and so is what they weigh.
+    """
+    tensors, nothing = ROTATING | CARRIED, sp.csr_matrix((coupling.T.shape[1],) * 2)
+    matrices = dict[str, PETSc.Mat]()
+    for name in names:
+        if name in tensors:
+            own, attached = moving.inertia(tensors[name]), coupling.attached(tensors[name])
+        else:
+            own, attached = moving.geometric_stiffness(name), nothing
+        found = _reduced(own, coupling.T, attached)
+        if found.norm(PETSc.NormType.NORM_INFINITY) > 0.0:
+            matrices[name] = found
+        else:
+            freed(found)
+    return matrices
 
 
 def _rigid_motions(coupling: Coupling, restraints: Restraints, M: PETSc.Mat) -> RigidMotions:
@@ -183,19 +205,22 @@ class Coupling:
     model: StructuralModel
     # (n, n'): the model's free coordinates in their order, then the motions of rigidly coupled masses, dents of walls
     T: sp.csr_matrix
-    motions: tuple[sp.csr_matrix, ...]  # (k, n') each: of the attached masses, along k directions of the model
-    inertias: tuple[Array, ...]  # (k,) each: mass in kg and inertia in kg m^2 along those directions
-    centres: tuple[Array, ...]  # (3,) m each: where the attached masses are
+    masses: tuple[PointMass, ...]
+    motions: tuple[sp.csr_matrix, ...]  # (k, n') each: of the masses, along k directions of the model
     rigid: Array  # (n', k): z under each of the model's rigid motions
     clamped: Array  # (c, k): what the clamped coordinates would do under each of them
     walls: Walls
 
     def attached_mass(self) -> sp.csr_matrix:
         """Sum of G^T diag(m, J) G, and the mass of walls that give way, (n', n')."""
-        total = self.walls.mass(self.T.shape[1])
-        for G, inertia in zip(self.motions, self.inertias, strict=True):
-            total += G.T @ sp.diags(inertia) @ G
-        return total.tocsr()
+        return sp.csr_matrix(self.walls.mass(self.T.shape[1]) + self.attached(np.eye(3)))
+
+    def attached(self, S: Array) -> sp.csr_matrix:
+        """The integral of rho v . S u over the masses, (n', n'): theirs where S (3, 3) is the identity."""
+        total = sp.csr_matrix((self.T.shape[1],) * 2)
+        for mass, G in zip(self.masses, self.motions, strict=True):
+            total += G.T @ sp.csr_matrix(_inertia(mass, self.model.directions, S)) @ G
+        return total
 
     def rows(self, actions: Sequence[Action | Gauge]) -> sp.csr_matrix:
         """Rows (k, n') that actions are or measure, or gauges do; all in one product.
@@ -232,27 +257,32 @@ class Coupling:
         of_direction = slice(*motion.indptr[i : i + 2])
         return motion.indices[of_direction], motion.data[of_direction]
 
-    def load(self, load: Action | Weight | Inertia, M: PETSc.Mat) -> sp.csr_matrix:
+    def load(self, load: Action | Weight | Inertia, M: PETSc.Mat, moving: Moving) -> sp.csr_matrix:
         """A load's column as a row (1, n'); collective."""
         if isinstance(load, Action):
             return self.rows([load])
-        if isinstance(load, Weight):
-            along = dict(zip("xyz", unit_vector(load.direction), strict=True))
-            uniform = np.array([along.get(direction, 0.0) for direction in self.model.directions])
-            motion, of_masses = self.model.rigid_motions() @ uniform, [uniform] * len(self.motions)
-        else:
-            assert isinstance(self.model, Beam)  # the scene's check
-            motion = self.model.field(load.field)
-            of_masses = [field_at(load.field, centre, self.model.directions) for centre in self.centres]
+        if isinstance(load, Inertia):
+            return self._field(load.name, moving.field(load.name))
+        along = dict(zip("xyz", unit_vector(load.direction), strict=True))
+        acceleration = np.array([along.get(direction, 0.0) for direction in self.model.directions])
         x, f = M.createVecRight(), M.createVecLeft()
         first, last = M.getOwnershipRange()
-        x.getArray()[:] = motion[first:last]
+        x.getArray()[:] = (self.model.rigid_motions() @ acceleration)[first:last]
         M.mult(x, f)
         freed(x)
         column = self.T.T @ np.concatenate(M.comm.tompi4py().allgather(f.getArray()))
-        for G, inertia, acceleration in zip(self.motions, self.inertias, of_masses, strict=True):
-            column += G.T @ (inertia * acceleration)
+        for mass, G in zip(self.masses, self.motions, strict=True):
+            column += G.T @ (_inertia(mass, self.model.directions, np.eye(3)) @ acceleration)
         return sp.csr_matrix(column)
+
+    def _field(self, name: str, of_model: Array) -> sp.csr_matrix:
+        """One of the inputs `CONSTANT` and `LINEAR`, from its load (n,) on the model alone."""
+        row, (S, motion) = self.T.T @ of_model, field_of(name, self.model)
+        for mass, G in zip(self.masses, self.motions, strict=True):
+            row += G.T @ (
+                _inertia(mass, self.model.directions, S) @ (self.model.motion(mass.on, _centre(mass)) @ motion)
+            )
+        return sp.csr_matrix(row)
 
 
 def couple(structure: Structure) -> Coupling:
@@ -288,20 +318,29 @@ def couple(structure: Structure) -> Coupling:
         else:
             motion = (model.motion(mass.on, _centre(mass)) @ T).tocsr()
             motions.append(walls.moved(motion, mass.on, model.directions))
-    inertias = tuple(_inertia(mass, model.directions) for mass in structure.masses)
     rigid_motions = np.vstack([R[free], *carried, np.zeros((walls.count, R.shape[1]))])
-    at = tuple(model.centroid(mass.on) if mass.at is None else np.array(mass.at) for mass in structure.masses)
-    return Coupling(model, T, tuple(motions), inertias, at, rigid_motions, R[clamped], walls)
+    return Coupling(model, T, structure.masses, tuple(motions), rigid_motions, R[clamped], walls)
 
 
 def _centre(mass: PointMass) -> Array | None:
     return None if mass.at is None else np.array(mass.at)
 
 
-def _inertia(mass: PointMass, directions: Sequence[str]) -> Array:
-    """Mass or inertia along each direction."""
-    about = dict(zip(("rx", "ry", "rz"), mass.inertia, strict=True))
-    return np.array([about.get(direction, mass.mass) for direction in directions])
+def _inertia(mass: PointMass, directions: Sequence[str], S: Array) -> Array:
+    r"""The integral of rho v . S u over a mass, (k, k) between its motions along k directions about its centre.
+
+    .. math:: v \cdot S u = \sum S_{jk} \varepsilon_{jab} \varepsilon_{kcb}\, \theta_a \theta_c\, r_b^2, \qquad
+        \int \rho\, r_b^2 = \tfrac12 \operatorname{tr} J - J_b
+
+    and the mass times S for displacements; diag(m, J) where S is the identity.
+    """
+    J = np.array(mass.inertia)
+    turned = np.stack([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])  # of r by a unit angle about an axis
+    found = np.zeros((6, 6))
+    found[:3, :3] = mass.mass * S
+    found[3:, 3:] = np.einsum("ajb,jk,ckb,b->ac", turned, S, turned, J.sum() / 2.0 - J)
+    own = [DIRECTIONS.index(direction) for direction in directions]
+    return found[np.ix_(own, own)]
 
 
 def _reduced(A: PETSc.Mat, T: sp.csr_matrix, added: sp.csr_matrix) -> PETSc.Mat:

@@ -8,8 +8,3 @@ from pmr.scene import Scene
 def wanted_matrices(scene: Scene) -> tuple[str, ...]:
     """Names among `ROTATING`, `CARRIED` and `AXIAL` of `pmr.reduced.moving`; none costs anything unless it is named."""
     return ()
-
-
-def wanted_inputs(scene: Scene) -> tuple[str, ...]:
-    """Names among `CONSTANT` and `LINEAR` of `pmr.reduced.moving`."""
-    return ()

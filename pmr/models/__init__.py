@@ -30,6 +30,21 @@ class Forms:
     stiffness: Any
 
 
+class AxialState(Protocol):
+    """A state of stress of a body held at its tail, of one of the names `pmr.reduced.moving.AXIAL`."""
+
+    @property
+    def acceleration(self) -> tuple[float, float]:
+        """(a, b) of the frame's acceleration a + b x along x, in m/s^2 and 1/s^2."""
+
+    @property
+    def forces(self) -> Sequence[tuple[str, float]]:
+        """Forces in N along x on places of the body."""
+
+    def displacement(self, space: Any) -> Any:
+        """What these make of the body, as a function on its space; collective."""
+
+
 class StructuralModel(Protocol):
     """What the rooms further on ask of a beam, a shell, a solid or matrices that are given: places and rigid motions.
 
@@ -100,6 +115,12 @@ class FiniteElementModel(StructuralModel, Protocol):
     def forms(self, space: Any) -> Forms:
         """Mass and stiffness."""
 
+    def inertia(self, space: Any, S: Any) -> Any:
+        """The form of int rho v . S u dV, with a matrix S (3, 3) in UFL: mass where S is the identity."""
+
+    def geometric_stiffness(self, space: Any, state: AxialState) -> Any:
+        """The form of int sigma_jk u_i,j v_i,k dV with the stresses sigma of a state."""
+
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         """Numbers (c, d), for each scalar component of the space, of its coordinates on the given cells.
 
@@ -122,24 +143,14 @@ class FiniteElementModel(StructuralModel, Protocol):
         """Stresses of the grid's cells, from the strains of `forms`; None for a beam without a profile."""
 
 
+def bilinear(S: Any, v: Sequence[Any], u: Sequence[Any]) -> Any:
+    """The product v . S u in UFL, of components some of which are None, as a model does not have them."""
+    return sum(S[j, k] * v[j] * u[k] for j in range(3) for k in range(3) if v[j] is not None and u[k] is not None)
+
+
 def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:
     """Whether a model has forms on a mesh; otherwise it was given as matrices."""
     return hasattr(model, "forms")
-
-
-def field_at(name: str, at: Array, directions: Sequence[str]) -> Array:
-    r"""Displacement and rotation (k,) of a point (3,) m in a field :math:`e_j`, ``j``, or :math:`r_k e_j`, ``jk``.
-
-    A field over x turns cross-sections as the axis; yz and zy turn them half each.
-    """
-    along, over = name[0], name[1:]
-    found = np.zeros(6)
-    found["xyz".index(along)] = at["xyz".index(over)] if over else 1.0
-    turn = {"zx": (4, -1.0), "yx": (5, 1.0), "zy": (3, 0.5), "yz": (3, -0.5)}
-    if name in turn:
-        number, by = turn[name]
-        found[number] = by
-    return found[[DIRECTIONS.index(direction) for direction in directions]]
 
 
 def rigid_motions(at: Array, component: Indices) -> Array:

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+import ufl
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.fem.compat import MPI, create_mesh
+from pmr.fem.compat import MPI, cellwise, constant, create_mesh
 from pmr.fields.series import Grid
-from pmr.models import DIRECTIONS, field_at, rigid_motions
+from pmr.models import DIRECTIONS, AxialState, rigid_motions
 from pmr.scene.structures import Beam3DBody, Profile
 
 Array = NDArray[np.float64]
@@ -38,6 +39,11 @@ class Beam(ABC):
     @abstractmethod
     def directions(self) -> tuple[str, ...]: ...
 
+    @property
+    @abstractmethod
+    def mass_per_length(self) -> float:
+        """The mass per length rho A in kg/m."""
+
     @abstractmethod
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix: ...
 
@@ -51,6 +57,19 @@ class Beam(ABC):
     def element_coordinates(self, cells: Indices) -> list[Indices]:
         nodes = cells[:, None] + np.arange(2)
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
+
+    def axial_force(self, mesh: Any, state: AxialState) -> Any:
+        r"""N(x) in N, tension positive, of the beam held at its tail, in UFL on a dolfinx mesh.
+
+        .. math:: N = -\int_x^L \rho A\, (a + b \xi)\, d\xi + \sum_{x_i > x} F_i
+        """
+        a, b = (constant(mesh, self.mass_per_length * value) for value in state.acceleration)
+        x, L = ufl.SpatialCoordinate(mesh)[0], constant(mesh, self.body.length)
+        middle = (self.node_stations[:-1] + self.node_stations[1:]) / 2.0
+        beyond = np.zeros(len(middle))
+        for place, force in state.forces:
+            beyond += force * (self.station(place) > middle)
+        return cellwise(mesh, beyond) - a * (L - x) - b * (L**2 - x**2) / 2.0
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
         return self.motion(place)[[i for i, d in enumerate(self.directions) if d in "xyz"]]
@@ -80,10 +99,6 @@ class Beam(ABC):
         own = [DIRECTIONS.index(direction) for direction in self.directions]
         nodes = self.grid.points
         return rigid_motions(np.repeat(nodes, len(own), axis=0), np.tile(own, len(nodes)))[:, own]
-
-    def field(self, name: str) -> Array:
-        """Coordinates (n,) of a displacement by one along ``x``, or by z along x, ``xz``."""
-        return np.concatenate([field_at(name, at, self.directions) for at in self.grid.points])
 
     @property
     def grid(self) -> Grid:

@@ -2,7 +2,8 @@ r"""Planar Euler-Bernoulli beam with C1 cubic Hermite elements.
 
 .. math::
     k(w, \delta w) = \int EI\, w'' \delta w'' + EA\, u' \delta u' \, dx, \qquad
-    m(w, \delta w) = \int \rho A\, (w\, \delta w + u\, \delta u) \, dx
+    m(w, \delta w) = \int \rho A\, (w\, \delta w + u\, \delta u) \, dx, \qquad
+    g(w, \delta w) = \int N\, w' \delta w' \, dx
 
 Shear deformation and rotary inertia are neglected.  Cook, Malkus, Plesha: Concepts and Applications of Finite Element
 Analysis, 3rd ed., 1989, sections 4.2 and 13.3; H. P. Gavin: Structural Element Stiffness, Mass, and Damping
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import constant, hermite_space
 from pmr.mesh.strip import Extent, Strip, Window, line_points
-from pmr.models import Forms
+from pmr.models import AxialState, Forms, bilinear
 from pmr.models.beam import HERMITE, Beam
 from pmr.scene.structures import Profile
 
@@ -58,6 +59,10 @@ class Beam2D(Beam):
         return float(2e-17 * np.sum((self.body.length / np.diff(self.nodes)) ** 3))
 
     @property
+    def mass_per_length(self) -> float:
+        return self.body.mass_per_length
+
+    @property
     def node_stations(self) -> Array:
         return self.nodes
 
@@ -76,19 +81,27 @@ class Beam2D(Beam):
     def forms(self, space: Any) -> Forms:
         """Mass and stiffness as UFL forms."""
         mesh, body = space.mesh, self.body
-        trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
-        J = ufl.JacobianDeterminant(mesh)
-        EI, rhoA = constant(mesh, body.bending_stiffness), constant(mesh, body.mass_per_length)
+        (u, _, w), (du, _, dw) = (self._displacement(field) for field in _trial_and_test(space))
+        stiffness = constant(mesh, body.bending_stiffness) * w.dx(0).dx(0) * dw.dx(0).dx(0)
+        if body.axial_stiffness is not None and u is not None:
+            stiffness += constant(mesh, body.axial_stiffness) * u.dx(0) * du.dx(0)
+        return Forms(self.inertia(space, ufl.Identity(3)), stiffness * _measure(mesh))
+
+    def inertia(self, space: Any, S: Any) -> Any:
+        """The form of int rho A v . S u dx; without rotary inertia."""
+        u, v = (self._displacement(field) for field in _trial_and_test(space))
+        return constant(space.mesh, self.body.mass_per_length) * bilinear(S, v, u) * _measure(space.mesh)
+
+    def geometric_stiffness(self, space: Any, state: AxialState) -> Any:
+        """The form of int N w' dw' dx."""
+        w, dw = (self._displacement(field)[2] for field in _trial_and_test(space))
+        return self.axial_force(space.mesh, state) * w.dx(0) * dw.dx(0) * _measure(space.mesh)
+
+    def _displacement(self, field: Any) -> tuple[Any, None, Any]:
+        """Along x, y and z, in UFL; None where the model does not know it."""
         i = self.directions.index("z")
-        w, dw = trial[i] + J * trial[i + 1], test[i] + J * test[i + 1]
-        dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})
-        mass = rhoA * w * dw * dx
-        stiffness = EI * w.dx(0).dx(0) * dw.dx(0).dx(0) * dx
-        if body.axial and body.axial_stiffness is not None:
-            u, du = trial[0], test[0]
-            mass += rhoA * u * du * dx
-            stiffness += constant(mesh, body.axial_stiffness) * u.dx(0) * du.dx(0) * dx
-        return Forms(mass, stiffness)
+        J = ufl.JacobianDeterminant(field.ufl_function_space().ufl_domain())
+        return field[0] if i else None, None, field[i] + J * field[i + 1]
 
     def point(self, x: float, direction: str) -> tuple[NDArray[np.int64], Array]:
         """Coordinates (d,) and weights (d,) of the displacement along x or z, or rotation ry: exact interpolation.
@@ -138,11 +151,6 @@ class Beam2D(Beam):
         motions[self.directions.index("ry") :: len(self.directions)] *= -1.0
         return motions
 
-    def field(self, name: str) -> Array:
-        motion = super().field(name)
-        motion[self.directions.index("ry") :: len(self.directions)] *= -1.0
-        return motion
-
     def stresses(self) -> None:
         """None: of the section no more than its stiffness is known."""
 
@@ -164,3 +172,11 @@ class Beam2D(Beam):
     def bending_dofs(self, e: int) -> list[int]:
         """Numbers of w and w' at both nodes of an element."""
         return [self._dof(n, d) for n in (e, e + 1) for d in ("z", "ry")]
+
+
+def _trial_and_test(space: Any) -> tuple[Any, Any]:
+    return ufl.TrialFunction(space), ufl.TestFunction(space)
+
+
+def _measure(mesh: Any) -> Any:
+    return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})

@@ -37,7 +37,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import cellwise, constant, hermite_space
 from pmr.fields.stress import StressRows
 from pmr.mesh.strip import FACES, Extent, Strip, Window, line_points
-from pmr.models import DIRECTIONS, Forms
+from pmr.models import DIRECTIONS, AxialState, Forms, bilinear
 from pmr.models.beam import HERMITE, Beam
 from pmr.models.box_section import box_section, stress_rows
 from pmr.models.tabulation import cell_values
@@ -115,6 +115,10 @@ class Beam3D(Beam):
         return float(np.sqrt(softer.stiffness / softer.mass) / self.body.length**2)
 
     @property
+    def mass_per_length(self) -> float:
+        return self.planes[0].mass
+
+    @property
     def directions(self) -> tuple[str, ...]:
         return DIRECTIONS
 
@@ -134,20 +138,49 @@ class Beam3D(Beam):
         material, section = self.body.material, self.section
         EA = constant(mesh, material.young * section.area)
         GJ = constant(mesh, material.shear_modulus * section.torsion_constant)
-        rhoA, rhoIp = (constant(mesh, material.density * value) for value in (section.area, section.polar_moment))
-        dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})
 
         u, du, phi, dphi = trial[0], test[0], trial[1], test[1]
         stiffness = EA * u.dx(0) * du.dx(0) + GJ * phi.dx(0) * dphi.dx(0)
-        mass = rhoA * u * du + rhoIp * phi * dphi
         for plane, of, by in zip(self.planes, *(self._deflections(mesh, f) for f in (trial, test)), strict=True):
-            EI, rhoI = constant(mesh, plane.stiffness), constant(mesh, plane.rotary_inertia)
+            EI = constant(mesh, plane.stiffness)
             stiffness += EI * of.cubic.dx(0).dx(0) * by.cubic.dx(0).dx(0)
-            mass += rhoA * of.value * by.value
             if of.shear is not None:
                 stiffness += EI * of.shear * by.cubic.dx(0).dx(0).dx(0)
-                mass += rhoI * of.rotation * by.rotation
-        return Forms(mass * dx, stiffness * dx)
+        return Forms(self.inertia(space, ufl.Identity(3)), stiffness * _measure(mesh))
+
+    def inertia(self, space: Any, S: Any) -> Any:
+        r"""The form of the integral of rho v . S u over the body.
+
+        .. math::
+            \int \rho A\, v \cdot S u + \rho I_z\, v_{,y} \cdot S u_{,y} + \rho I_y\, v_{,z} \cdot S u_{,z}\, dx
+
+        The point (y, z) of a section moves by :math:`(u - y \psi_v - z \psi_w,\; v - z \phi,\; w + y \phi)`; without
+        shear the rotations psi have no inertia.
+        """
+        mesh, section, rho = space.mesh, self.section, self.body.material.density
+        sizes = section.area, section.second_moment_z, section.second_moment_y
+        of, by = (self._motion(mesh, field) for field in (ufl.TrialFunction(space), ufl.TestFunction(space)))
+        parts = zip(sizes, by, of, strict=True)
+        return sum(constant(mesh, rho * size) * bilinear(S, v, u) for size, v, u in parts) * _measure(mesh)
+
+    def _motion(self, mesh: Any, field: Any) -> tuple[tuple[Any, Any, Any], ...]:
+        """Displacement of the axis, and its derivatives along the section's y and z; None: without inertia."""
+        v, w = self._deflections(mesh, field)
+        phi, (turn_v, turn_w) = field[1], (None if one.shear is None else -one.rotation for one in (v, w))
+        return (field[0], v.value, w.value), (turn_v, None, phi), (turn_w, -phi, None)
+
+    def geometric_stiffness(self, space: Any, state: AxialState) -> Any:
+        r"""The form of :math:`\int N\, (v' \delta v' + w' \delta w' + \frac{I_y + I_z}{A} \phi' \delta\phi')\, dx`.
+
+        The last term is Wagner's: under compression a bar that warps freely twists from N = G J A / (I_y + I_z) on
+        (Timoshenko, Gere: Theory of Elastic Stability, 2nd ed., 1961, section 5.3).
+        """
+        mesh, trial, test = space.mesh, ufl.TrialFunction(space), ufl.TestFunction(space)
+        radius2 = constant(mesh, self.section.polar_moment / self.section.area)
+        found = radius2 * trial[1].dx(0) * test[1].dx(0)
+        for of, by in zip(*(self._deflections(mesh, field) for field in (trial, test)), strict=True):
+            found += of.value.dx(0) * by.value.dx(0)
+        return self.axial_force(mesh, state) * found * _measure(mesh)
 
     def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
         """Of a field (u, phi, w_A and theta_B of both planes), in both planes."""
@@ -235,6 +268,10 @@ class Beam3D(Beam):
 
         at_ends = cell_values(self, strains, np.array([[0.0], [1.0]]))
         return stress_rows(self.grid, self.transformation, self.body, at_ends)
+
+
+def _measure(mesh: Any) -> Any:
+    return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})
 
 
 def _interpolated(plane: Bending, h: Array, X: Array) -> tuple[Array, Array]:

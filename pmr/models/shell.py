@@ -46,7 +46,7 @@ from pmr.fem.compat import cellwise, constant, rule_points, shell_space
 from pmr.fields.stress import PLANE, StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.strip import FLAT
-from pmr.models import Forms
+from pmr.models import AxialState, Forms
 from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
 from pmr.models.tabulation import as_rows, cell_values
 from pmr.scene import Body
@@ -87,6 +87,7 @@ class Shell(MeshedModel):
         mesh = space.mesh
         E, nu, rho, t = self._cellwise(mesh)
         (u, theta), (du, dtheta) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
+        normal = _frame(mesh)[2]
         of, by = Strains(u, theta, _frame(mesh)), Strains(du, dtheta, _frame(mesh))
         G, h, correction = E / (2 * (1 + nu)), ufl.CellDiameter(mesh), constant(mesh, self.body.shear_correction)
         dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 2})
@@ -96,9 +97,38 @@ class Shell(MeshedModel):
             + correction * G * t * ufl.dot(of.shear, by.shear)
             + E * t**3 / h**2 * of.drilling * by.drilling
         ) * dx
-        dm = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
-        mass = (rho * t * ufl.dot(u, du) + rho * t**3 / 12 * ufl.dot(theta, dtheta)) * dm
-        return Forms(mass, stiffness)
+        drilling = rho * t**3 / 12 * ufl.dot(theta, normal) * ufl.dot(dtheta, normal) * _mass_measure(mesh)
+        return Forms(self.inertia(space, ufl.Identity(3)) + drilling, stiffness)
+
+    def inertia(self, space: Any, S: Any) -> Any:
+        r"""The form of :math:`\int \rho t\, v \cdot S u + \frac{\rho t^3}{12} v_{,\zeta} \cdot S u_{,\zeta}\, dA`.
+
+        A point zeta off the middle moves by u + zeta theta x n, so drilling rotations have no part in it.
+        """
+        mesh = space.mesh
+        _, _, rho, t = self._cellwise(mesh)
+        normal = _frame(mesh)[2]
+        (u, theta), (du, dtheta) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
+        turn, dturn = ufl.cross(theta, normal), ufl.cross(dtheta, normal)
+        both = rho * t * ufl.dot(du, ufl.dot(S, u)) + rho * t**3 / 12 * ufl.dot(dturn, ufl.dot(S, turn))
+        return both * _mass_measure(mesh)
+
+    def geometric_stiffness(self, space: Any, state: AxialState) -> Any:
+        r"""The form of the stresses' work on the squares of gradients, with the membrane stress sigma.
+
+        .. math:: \int t\, \sigma_{\alpha\beta}\, u_{i,\alpha} v_{i,\beta}\, dA
+
+        What of the stress bends the wall, and the gradient of its rotations, are left out.
+        """
+        mesh = space.mesh
+        E, nu, _, t = self._cellwise(mesh)
+        frame = _frame(mesh)
+        (u, _), (du, _) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
+        at_rest, turned = ufl.split(state.displacement(space))
+        sigma = _plane_stress(E, nu, Strains(at_rest, turned, frame).membrane)
+        of, by = (_surface_gradient(field, frame) for field in (u, du))
+        measure = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 3})
+        return t * ufl.inner(ufl.dot(of, sigma), by) * measure
 
     def _cellwise(self, mesh: Any) -> list[Any]:
         """Young's modulus, Poisson's ratio, density and thickness."""
@@ -137,19 +167,28 @@ class Strains:
     """Strains of a displacement u and a rotation theta in a frame of three unit vectors, the last one the normal."""
 
     def __init__(self, u: Any, theta: Any, frame: Sequence[Any]) -> None:
-        in_plane = ufl.as_matrix([[e[i] for i in range(3)] for e in frame[:2]])
-        normal = frame[2]
-
-        def surface_gradient(field: Any) -> Any:
-            return ufl.dot(ufl.grad(field), ufl.transpose(in_plane))
-
-        H = ufl.dot(in_plane, surface_gradient(u))
+        in_plane, normal = _in_plane(frame), frame[2]
+        H = ufl.dot(in_plane, _surface_gradient(u, frame))
         director = ufl.cross(normal, theta)
         self.membrane = ufl.sym(H)  # (2, 2)
-        self.curvature = ufl.sym(ufl.dot(in_plane, surface_gradient(director)))  # (2, 2) 1/m
-        self.shear = surface_gradient(ufl.dot(u, normal)) - ufl.dot(in_plane, director)
+        self.curvature = ufl.sym(ufl.dot(in_plane, _surface_gradient(director, frame)))  # (2, 2) 1/m
+        self.shear = _surface_gradient(ufl.dot(u, normal), frame) - ufl.dot(in_plane, director)
         # the surface's rotation about its normal, without theta's
         self.drilling = (H[1, 0] - H[0, 1]) / 2 - ufl.dot(theta, normal)
+
+
+def _in_plane(frame: Sequence[Any]) -> Any:
+    """The first two vectors of a frame as rows (2, 3)."""
+    return ufl.as_matrix([[e[i] for i in range(3)] for e in frame[:2]])
+
+
+def _surface_gradient(field: Any, frame: Sequence[Any]) -> Any:
+    """Derivatives along both, the last axis."""
+    return ufl.dot(ufl.grad(field), ufl.transpose(_in_plane(frame)))
+
+
+def _mass_measure(mesh: Any) -> Any:
+    return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
 
 
 def _plane_stress(E: Any, nu: Any, strain: Any) -> Any:

@@ -33,7 +33,7 @@ from pmr.fem.compat import cell_topology, cellwise, lagrange_rule, lagrange_spac
 from pmr.fields.stress import SPATIAL, StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.nodes import codes
-from pmr.models import Forms
+from pmr.models import AxialState, Forms
 from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
 from pmr.models.tabulation import as_rows, cell_values
 from pmr.scene import Body
@@ -71,12 +71,21 @@ class Solid(MeshedModel):
         return lagrange_space(domain, 2)
 
     def forms(self, space: Any) -> Forms:
-        mesh, rho = space.mesh, cellwise(space.mesh, self.materials.values("density"))
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         # Tetrahedra: exact.  Hexahedra: exact for boxes, three Gauss points in each direction.
-        k, m = (4, 4) if self.mesh.cell == "hexahedron" else (2, 4)
-        dk, dm = (ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree}) for degree in (k, m))
-        return Forms(rho * ufl.dot(u, du) * dm, ufl.inner(self._stress(mesh, u), ufl.sym(ufl.grad(du))) * dk)
+        dk = _measure(space.mesh, 4 if self.mesh.cell == "hexahedron" else 2)
+        stiffness = ufl.inner(self._stress(space.mesh, u), ufl.sym(ufl.grad(du))) * dk
+        return Forms(self.inertia(space, ufl.Identity(3)), stiffness)
+
+    def inertia(self, space: Any, S: Any) -> Any:
+        rho = cellwise(space.mesh, self.materials.values("density"))
+        u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
+        return rho * ufl.dot(du, ufl.dot(S, u)) * _measure(space.mesh, 4)
+
+    def geometric_stiffness(self, space: Any, state: AxialState) -> Any:
+        u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
+        sigma = self._stress(space.mesh, state.displacement(space))
+        return ufl.inner(ufl.dot(ufl.grad(u), sigma), ufl.grad(du)) * _measure(space.mesh, 4)
 
     def _stress(self, mesh: Any, u: Any) -> Any:
         """The stress tensor in Pa of a displacement."""
@@ -113,6 +122,10 @@ class Solid(MeshedModel):
             faces=tuple(name for k, name in enumerate(FACES) if np.any(face == k)),
             face=np.unique(face, return_inverse=True)[1],
         )
+
+
+def _measure(mesh: Any, degree: int) -> Any:
+    return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
 
 
 def of(body: Body, mesh: NamedMesh) -> Solid:

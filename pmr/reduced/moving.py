@@ -2,13 +2,37 @@
 
 from __future__ import annotations
 
-#: T_k = int rho v . (e_k x u), antisymmetric: an angular velocity makes 2 omega_k T_k q', its rate alpha_k T_k q.
-ROTATING = tuple(f"rotating {k}" for k in "xyz")
-#: N_jk = int rho (v_j u_k + v_k u_j) / 2: omega x (omega x u) makes sum_jk omega_j omega_k N_jk - |omega|^2 M.
-CARRIED = tuple(f"carried {jk}" for jk in ("xx", "yy", "zz", "xy", "xz", "yz"))
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_E, _AXES = np.eye(3), "xyz"
+#: S of T_k = int rho v . S u, S u = e_k x u, antisymmetric: an angular velocity makes 2 omega_k T_k q', its rate
+#: alpha_k T_k q.
+ROTATING = {f"rotating {axis}": np.cross(_E[k], _E).T for k, axis in enumerate(_AXES)}
+#: S of N_jk = int rho (v_j u_k + v_k u_j) / 2: omega x (omega x u) makes sum_jk omega_j omega_k N_jk - |omega|^2 M.
+CARRIED = {
+    f"carried {_AXES[j]}{_AXES[k]}": (np.outer(_E[j], _E[k]) + np.outer(_E[k], _E[j])) / 2.0
+    for j, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+}
 #: Geometric stiffness of the axial force N that, in a body held at its tail, a unit acceleration of the frame makes,
-#: a_x = 1 m/s^2 or a_x = x in 1/s^2 (compression: N < 0), and a tension of 1 N at the tip.
-AXIAL = ("axial uniform", "axial linear", "axial tip")
-#: Inputs M times the constant fields e_j, in m/s^2, and M times the fields x_k e_j ("inertia jk"), in 1/s^2.
-CONSTANT = tuple(f"inertia {j}" for j in "xyz")
-LINEAR = tuple(f"inertia {j}{k}" for j in "xyz" for k in "xyz")
+#: a_x = 1 m/s^2 or a_x = x in 1/s^2 (compression: N < 0), and a tension of 1 N at the tip: (a, b) of a_x = a + b x,
+#: and the tension.
+AXIAL = {"axial uniform": (1.0, 0.0, 0.0), "axial linear": (0.0, 1.0, 0.0), "axial tip": (0.0, 0.0, 1.0)}
+
+
+def _linear(j: int, k: int) -> Iterator[tuple[Array, str]]:
+    """The rotation about c moves the component b, the third one, by x_k or by -x_k."""
+    for c in range(3):
+        if c != k:
+            b = 3 - c - k
+            yield np.cross(_E[c], _E[k])[b] * np.outer(_E[j], _E[b]), f"r{_AXES[c]}"
+
+
+#: Inputs M times the constant fields e_j, in m/s^2: S and the rigid motion that S makes the field of.
+CONSTANT = {f"inertia {axis}": ((np.outer(_E[j], _E[j]), axis),) for j, axis in enumerate(_AXES)}
+#: Inputs M times the fields x_k e_j ("inertia jk"), in 1/s^2: likewise, by either of two rigid motions.
+LINEAR = {f"inertia {_AXES[j]}{_AXES[k]}": tuple(_linear(j, k)) for j in range(3) for k in range(3)}

@@ -14,14 +14,17 @@ from surfaces import mapped
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
-from pmr.fullmodel.structure import Action, Clamp, Structure, Weight, structural_model
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure, Weight, structural_model
 from pmr.mesh.named import NamedMesh
 from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
-from pmr.scene.structures import Beam3DBody, BeamSection, Material, Plate, Profile, ShellBody, SolidBody
+from pmr.reduced.moving import CARRIED, CONSTANT, LINEAR, ROTATING
+from pmr.scene.frame import INERTIA
+from pmr.scene.structures import Beam3DBody, BeamSection, Material, Plate, PointMass, Profile, ShellBody, SolidBody
 
 pytestmark = pytest.mark.mpi
 LENGTH, WIDTH, DEPTH = 2.0, 0.1, 0.05  # a flat bar along x, bent along z (the planar beam: along y)
@@ -130,6 +133,109 @@ def test_the_frequency_scale_has_the_right_magnitude(model: FiniteElementModel) 
     EI, mass = STEEL.young * WIDTH * DEPTH**3 / 12, MASS / LENGTH
     first = 3.516 * np.sqrt(EI / mass) / LENGTH**2
     assert first / 4.0 < model.reference_frequency < 0.8 * first
+
+
+CENTRE, TURNING = np.array([LENGTH, 0.02, -0.03]), (0.5, 0.4, 0.6)
+
+
+def on_tip(model: FiniteElementModel) -> PointMass:
+    """A body whose centre is off the axis, where the model knows what that is."""
+    at = None if len(model.directions) == 3 else tuple(CENTRE)
+    return PointMass(name="load", on="tip", mass=40.0, inertia=TURNING, at=at)
+
+
+def moments(model: FiniteElementModel, mass: PointMass | None) -> tuple[float, np.ndarray, np.ndarray]:
+    """The integrals of rho, rho r and rho r r^T over the bar and a body on it."""
+    planar = len(model.directions) == 3
+    m, first = MASS, MASS * np.array([LENGTH / 2, 0.0, 0.0])
+    second = MASS * np.diag([LENGTH**2 / 3, *([0.0, 0.0] if planar else [WIDTH**2 / 12, DEPTH**2 / 12])])
+    if mass is not None:
+        at = np.array([LENGTH, 0.0, 0.0]) if mass.at is None else np.array(mass.at)
+        own = np.diag(sum(mass.inertia) / 2.0 - np.array(mass.inertia))
+        m, first, second = m + mass.mass, first + mass.mass * at, second + mass.mass * np.outer(at, at) + own
+    return m, first, second
+
+
+def turned(direction: str) -> tuple[np.ndarray, np.ndarray]:
+    """A rigid motion u = a + W r: a (3,), W (3, 3)."""
+    axis = np.eye(3)["xyz".index(direction[-1])]
+    return (np.zeros(3), np.cross(axis, np.eye(3)).T) if direction[0] == "r" else (axis, np.zeros((3, 3)))
+
+
+@pytest.fixture(params=["bare", "with a mass"])
+def mass(request, model: FiniteElementModel) -> PointMass | None:
+    if request.param == "bare":
+        return None
+    if isinstance(model, Shell):
+        pytest.skip("the end of a flat shell has no rotation")
+    return on_tip(model)
+
+
+def moving(model: FiniteElementModel, mass: PointMass | None) -> FullModel:
+    names = tuple(ROTATING | CARRIED)
+    masses = () if mass is None else (mass,)
+    loads = tuple(Inertia(field.removeprefix(INERTIA)) for field in CONSTANT | LINEAR)
+    return structural_model(Structure(model, masses=masses, loads=loads, matrices=names))
+
+
+def test_inertia_in_a_moving_frame_is_that_of_a_rigid_body(model: FiniteElementModel, mass: PointMass | None) -> None:
+    full, R, directions = moving(model, mass), model.rigid_motions(), model.directions
+    m, first, second = moments(model, mass)
+    scale = m * LENGTH**2
+    for name, S in (ROTATING | CARRIED).items():
+        found = gathered(full.matrices[name]) if name in full.matrices else np.zeros((full.size, full.size))
+        expected = np.array(
+            [
+                [
+                    v @ S @ u * m + v @ S @ U @ first + (V @ first) @ S @ u + np.trace(V.T @ S @ U @ second)
+                    for u, U in map(turned, directions)
+                ]
+                for v, V in map(turned, directions)
+            ]
+        )
+        assert R.T @ found @ R == pytest.approx(expected, abs=1e-11 * scale), name
+        sign = -1.0 if name in ROTATING else 1.0
+        assert np.abs(found - sign * found.T).max() <= 1e-14 * np.abs(found).max(), name
+
+
+def test_the_carried_matrices_add_up_to_the_mass(model: FiniteElementModel, mass: PointMass | None) -> None:
+    """But for the inertia of drilling rotations, which a shell's mass has and no point of it moves by."""
+    full = moving(model, mass)
+    found = sum(gathered(full.matrices[name]) for name in CARRIED if name[-1] == name[-2] and name in full.matrices)
+    left = gathered(full.M) - found
+    if isinstance(model, Shell):
+        turns = model.nodes.component >= 3
+        assert np.linalg.eigvalsh(left)[0] > -1e-14 * np.abs(full.M.norm())
+        left = left[~turns]
+    assert np.abs(left).max() < 1e-14 * full.M.norm()
+
+
+def test_inertia_loads_are_those_of_a_field_of_acceleration(model: FiniteElementModel, mass: PointMass | None) -> None:
+    full, R, directions = moving(model, mass), model.rigid_motions(), model.directions
+    m, first, second = moments(model, mass)
+    known = dict(zip(full.input_names, (R.T @ gathered(full.inputs)).T, strict=True))
+    for j in range(3):
+        fields = {f"inertia {'xyz'[j]}": (m, first)}
+        fields |= {f"inertia {'xyz'[j]}{'xyz'[k]}": (first[k], second[:, k]) for k in range(3)}
+        for name, (total, arm) in fields.items():
+            expected = [v[j] * total + V[j] @ arm for v, V in map(turned, directions)]
+            assert known.get(name, np.zeros(len(directions))) == pytest.approx(expected, abs=1e-11 * m), name
+
+
+def test_a_frame_that_turns_loads_as_the_mass_does(model: FiniteElementModel, mass: PointMass | None) -> None:
+    """The field e_k x r is a rigid motion: M R, element by element, but for drilling rotations."""
+    full, R = moving(model, mass), model.rigid_motions()
+    M, loads = gathered(full.M), dict(zip(full.input_names, gathered(full.inputs).T, strict=True))
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        turn = f"r{'xyz'[k]}"
+        if turn not in model.directions:
+            continue
+        by_axes = [loads.get(f"inertia {'xyz'[a]}{'xyz'[b]}", np.zeros(full.size)) for a, b in ((j, i), (i, j))]
+        left = by_axes[0] - by_axes[1] - M @ R[:, model.directions.index(turn)]
+        if isinstance(model, Shell):
+            left = left[model.nodes.component < 3]
+        # a place measures rigid motions to 1e-11
+        assert np.abs(left).max() < 1e-13 * np.abs(M @ R).max() + (0.0 if mass is None else 1e-11 * mass.mass)
 
 
 def test_a_missing_place_is_refused(model: FiniteElementModel) -> None:

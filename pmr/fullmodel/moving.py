@@ -1,0 +1,112 @@
+r"""What a moving frame and axial forces add to a structural model: matrices and loads on its own coordinates.
+
+.. math::
+    A_S = \int \rho\, v \cdot S u \, dV, \qquad f_S = A_S R_c, \qquad
+    K_g = \int \sigma_{jk}\, u_{i,j} v_{i,k} \, dV
+
+with S as `pmr.reduced.moving` has it, R_c a rigid motion of the model, which all models hold exactly, and sigma the
+stresses of a unit state of axial force (docs/moving_frame.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.fem.compat import MPI, PETSc, constant
+from pmr.fem.distributed import freed, times
+from pmr.fullmodel.assembly import Assembler, operators_of
+from pmr.fullmodel.eigensolvers import DENSE_UP_TO
+from pmr.fullmodel.elimination import Elimination
+from pmr.fullmodel.statics import solver_of
+from pmr.models import StructuralModel, is_assembled
+from pmr.reduced.moving import AXIAL, CONSTANT, LINEAR
+from pmr.scene.structures import PointMass
+
+Array = NDArray[np.float64]
+
+
+class Moving:
+    """Of a model with point masses, on `comm`; assembles what is asked for."""
+
+    def __init__(self, model: StructuralModel, masses: Sequence[PointMass], comm: MPI.Comm) -> None:
+        self._model, self._masses, self._comm = model, masses, comm
+
+    @cached_property
+    def _assembler(self) -> Assembler:
+        if not is_assembled(self._model):
+            allowed = "a model with a mesh is allowed in a moving frame and with second order: matrices from a file "
+            raise InputError("scene", "body.model", "matrices", allowed + "do not say where their mass and stress are")
+        return Assembler(self._model, self._model.domain(self._comm))
+
+    def inertia(self, S: Array) -> PETSc.Mat:
+        """A_S without the masses; collective."""
+        space = self._assembler.space
+        return self._assembler.matrix(self._assembler.model.inertia(space, constant(space.mesh, S)), zeros=False)
+
+    def field(self, name: str) -> Array:
+        """f_S of one of the inputs `CONSTANT` and `LINEAR` without the masses, whole; collective."""
+        S, motion = field_of(name, self._model)
+        A = self.inertia(S)
+        own = times(A, motion[slice(*A.getOwnershipRange()), None])
+        freed(A)
+        return np.concatenate(self._comm.allgather(own[:, 0]))
+
+    def geometric_stiffness(self, name: str) -> PETSc.Mat:
+        """K_g of one of the unit states of axial force; collective."""
+        *acceleration, tension = AXIAL[name]
+        a, b = acceleration
+        forces = [(mass.on, -mass.mass * (a + b * self._station(mass))) for mass in self._masses]
+        state = State(self, (a, b), (*forces, ("tip", tension)))
+        form = self._assembler.model.geometric_stiffness(self._assembler.space, state)
+        return self._assembler.matrix(form, zeros=False)
+
+    def _station(self, mass: PointMass) -> float:
+        """Where a mass is along the axis, m."""
+        return float(self._model.centroid(mass.on)[0] if mass.at is None else mass.at[0])
+
+    def displacement(self, state: State) -> Any:
+        """Of the body with its tail clamped, as a function; collective."""
+        model, (a, b), comm = self._model, state.acceleration, self._comm
+        load = np.zeros(model.size)
+        for name, factor in (("inertia x", a), ("inertia xx", b)):
+            if factor:
+                load -= factor * self.field(name)
+        for place, force in state.forces:
+            load += force * model.displacement(place)[0].toarray()[0]
+        clamped = model.coordinates_on("tail", model.directions)
+        nothing = np.zeros((len(clamped), 0))
+        operators = operators_of(model, comm)
+        share = slice(*operators.K.getOwnershipRange())
+        elimination = Elimination(model.size, clamped, np.empty(0, np.int64), nothing)
+        solver = solver_of(operators.K, elimination, model.size <= DENSE_UP_TO)
+        own = solver.solve(np.asfortranarray(load[share, None]))
+        solver.destroy()
+        freed(operators.M, operators.K)
+        return self._assembler.function(np.concatenate(comm.allgather(own[:, 0])))
+
+
+@dataclass(frozen=True)
+class State:
+    """A unit state of axial force, as `pmr.models.AxialState` has it."""
+
+    of: Moving
+    acceleration: tuple[float, float]
+    forces: tuple[tuple[str, float], ...]
+
+    def displacement(self, space: Any) -> Any:
+        """On the space that the model is assembled on; collective."""
+        return self.of.displacement(self)
+
+
+def field_of(name: str, model: StructuralModel) -> tuple[Array, Array]:
+    """S and the rigid motion (n,) that it makes a field of acceleration of; zero where the model knows none for it."""
+    nothing = np.zeros((3, 3)), np.zeros(model.size)
+    known = (one for one in (CONSTANT | LINEAR)[name] if one[1] in model.directions)
+    return next(((S, model.rigid_motions()[:, model.directions.index(along)]) for S, along in known), nothing)
