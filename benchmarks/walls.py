@@ -1,7 +1,7 @@
 """Beams whose walls give way beside shells of the same boxes: twenty random ones, of one to three sections.
 
 ``python -m benchmarks.walls [FIRST [LAST]]`` prints a line a box: errors of the two lowest frequencies on the way
-and of the largest displacement of a run, for beams with rigid walls and with walls that give way.
+and of the largest displacement of a run, for beams with walls that give way.
 """
 
 from __future__ import annotations
@@ -20,17 +20,18 @@ from pmr.scene.checks import check
 Array = NDArray[np.float64]
 
 BOXES, WITHIN = 20, 0.05
+#: What the boxes are drawn with.
+DRAWN = 52_300
 END = 4.0
 #: Faces, and the side of the box that each lies along.
 ALONG = {"bottom": "width", "top": "width", "left": "height", "right": "height"}
 CELLS = {"size": 0.1, "along": 0.15}
-RIGID, GIVE, SHELL = "beam", "beam, walls give", "shell"
-MODELS = {RIGID: {"model": "beam3d"}, GIVE: {"model": "beam3d", "walls": "give"}, SHELL: {"model": "shell"}}
+GIVE, SHELL = {"model": "beam3d", "walls": "give"}, {"model": "shell"}
 
 
 def random_box(seed: int, body: dict[str, Any]) -> Scene:
     """Ten of twenty have one section, six two, four three; pads sit anywhere across the faces, each face by itself."""
-    rng = np.random.default_rng(1000 + seed)
+    rng = np.random.default_rng(DRAWN + seed)
     return _one(rng, body) if seed < 10 else _several(rng, 2 if seed < 16 else 3, body)
 
 
@@ -146,7 +147,9 @@ def _common() -> dict[str, Any]:
 
 def measured(scene: Scene) -> tuple[Array, float]:
     """The two lowest frequencies (S, 2) in Hz on the way, and the largest displacement in m of a run."""
-    result = pmr.run(scene).result
+    outcome = pmr.run(scene)
+    assert outcome is not None  # on one rank
+    result = outcome.result
     return result.frequencies.models["reduced"][:, :2], float(result.summary["max_displacement"])
 
 
@@ -155,15 +158,11 @@ def main(first: int = 0, last: int = BOXES) -> None:
     within = 0
     for seed in range(first, last):
         start = time.perf_counter()
-        f, most = measured(random_box(seed, MODELS[SHELL]))
-        errors = {}
-        for name in (RIGID, GIVE):
-            found, largest = measured(random_box(seed, MODELS[name]))
-            errors[name] = *np.abs(found / f - 1.0).max(axis=0), largest / most - 1.0
-        within += bool(np.abs(errors[GIVE]).max() <= WITHIN)
-        said = [f"{name}: " + ", ".join(f"{100.0 * e:+.1f} %" for e in found) for name, found in errors.items()]
-        seconds = time.perf_counter() - start
-        print(f"{seed}: {f.min():.2f} Hz, {1e3 * most:.1f} mm; {'; '.join(said)} ({seconds:.0f} s)", flush=True)
+        (f, most), (found, largest) = measured(random_box(seed, SHELL)), measured(random_box(seed, GIVE))
+        errors = *np.abs(found / f - 1.0).max(axis=0), largest / most - 1.0
+        within += bool(np.abs(errors).max() <= WITHIN)
+        said, seconds = ", ".join(f"{100.0 * e:+.1f} %" for e in errors), time.perf_counter() - start
+        print(f"{seed}: {f.min():.2f} Hz, {1e3 * most:.1f} mm; {said} ({seconds:.0f} s)", flush=True)
     print(f"within {100.0 * WITHIN:.0f} %: {within} of {last - first}")
 
 

@@ -61,7 +61,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         check_fenicsx(model_of(member))
     model, pads = _MODELS.get(model_of(member), _meshed)(member, comm), _pads(member)
     if has_giving_walls(member):
-        pads = replace(pads, walls=walls_of(member, profile_of(_box(member)), (*pads.fixed, *pads.moving), comm))
+        pads = replace(pads, walls=walls_of(member, (*pads.fixed, *pads.moving), comm))
     across, observe, supports = transverse(member), member.part.observe, _supports(member)
     stations: Sequence[float] | Array | None = observe.stations
     if stations is None:

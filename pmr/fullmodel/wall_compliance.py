@@ -1,125 +1,145 @@
-r"""How far a box's walls give way under its pads and at its ends: static solves on a short shell of the profile.
+r"""How far a box's walls give way under its pads and at its ends: static solves on a shell of the body.
 
-A shell, `SEGMENT` times the larger of width and height long, free at one end and clamped at the other, is pressed by
-one pad after the other.  With :math:`u_i` the mean displacement under pad i, :math:`f_j` the force of pad j and the
-same of a beam of the same profile, length and support
+The shell is held as the body is by what keeps its ends in shape, clamps and rigid masses, and where that leaves it free
+to move, by its inertia: forces f act less the body's mean acceleration under them.  With :math:`u_i` the mean
+displacement under pad i, :math:`f_j` the force of pad j and the same of a beam of the same profile, length and support
 
-.. math:: C_{ij}(x) = \frac{\partial u_i}{\partial f_j}\Big|_{shell} - \frac{\partial u_i}{\partial f_j}\Big|_{beam}
+.. math:: C_{ij} = \frac{\partial u_i}{\partial f_j}\Big|_{shell} - \frac{\partial u_i}{\partial f_j}\Big|_{beam}
 
-is the walls' own compliance, pads at x m from the free end.  The beam's part is taken off, so that what is left does
-not depend on how the shell is held: the clamp is farther away than the walls' deformation reaches.  The free end's own
-compliance follows in the same way, from forces and a torque that are spread over it.
+is the walls' own compliance, for pads of one ring and of several, and for a free end, whose motion is that of the mean.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.fem.compat import MPI
+from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import freed
+from pmr.fem.matrices import gather
 from pmr.fem.replicated import factor_for_columns
 from pmr.fullmodel.pads import Pad, Pads, restrain
 from pmr.fullmodel.structure import Clamp, Structure, couple, structural_model
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.mesh.named import read_mesh
-from pmr.mesh.strip import FACES
 from pmr.models import DIRECTIONS, StructuralModel
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
-from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Plate, ShellBody
+from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Plate, PointMass, ShellBody
 
 Array = NDArray[np.float64]
 
-#: Of the larger of width and height: the shell's length, and how far from the free end that plays a role.
-#: Sections that are pushed out of their rectangle keep that shape far along a thin box.
-SEGMENT, REACH = 10.0, 5.0
-#: Places at the free end, and over one layer of cells away from it.
-AT_THE_END, OVER_A_LAYER = 12, 4
 #: Elements of the beam that is taken off.
 ELEMENTS = 40
-#: What an end's walls answer to, spread over it, and what tells how the clamp turns.
-AT_AN_END, TURNS = ("y", "z", "rx"), ("rz", "ry")
+#: Places of pads that slide: so many a layer of cells, and in all.
+A_LAYER, MOST_PLACES = 2, 61
+#: What holds a body that nothing holds against round-off, of its lowest frequency's scale.
+HELD = 0.05
 
 
 @dataclass(frozen=True)
-class Plates:
-    """A profile as a shell: its plate, and edge lengths of its cells around the section and along the axis in m."""
+class PlateBody:
+    """A box as a shell with its cells, and what keeps its ends in shape."""
 
-    profile: BoxProfile
+    box: BoxBoom
     material: Material
     shear_correction: float
-    size: float
-    along: float
+    clamps: tuple[Clamp, ...] = ()
+    masses: tuple[PointMass, ...] = ()
 
 
 @dataclass(frozen=True)
-class WallCompliance:
-    """Compliance of a box's walls."""
+class Ring:
+    """Pads, `at` where along the body they are first, that slide by `span` m together; 0: they stay."""
 
-    places: Array  # (p,) m from a free end; the last one, as all beyond it, is away from the ends
-    rings: tuple[Array, ...]  # (p, k, k) m/N each: of k pads around one place
-    end: Array  # (3,): of a free end along y and z in m/N, about x in rad/(N m)
+    pads: tuple[Pad, ...]
+    span: float = 0.0
 
 
-@lru_cache(maxsize=64)
-def wall_compliance(plates: Plates, rings: tuple[tuple[Pad, ...], ...]) -> WallCompliance:
-    """Of pads around one place each, whose `at` plays no role.  Not collective.
+@dataclass(frozen=True)
+class SlidingCompliance:
+    """Of k pads that slide, at p places, beside m that stay."""
+
+    u: Array  # (p,) m
+    own: Array  # (p, k, k) m/N
+    beside: Array  # (p, k, m)
+
+
+def wall_compliance(
+    body: PlateBody, standing: Sequence[Pad], ends: Sequence[tuple[str, str]], rings: Sequence[Ring]
+) -> tuple[Array, list[SlidingCompliance]]:
+    """Of pads that stay and ends along directions, (m, m), and of pads that slide.  Not collective.
 
     Raises an `InputError` if a pad leaves its face.
     """
-    longer = max(plates.profile.width, plates.profile.height)
-    half = max(pad.length for ring in rings for pad in ring) / 2.0
-    layers = int(np.ceil((SEGMENT * longer + 2.0 * half) / plates.along))
-    length, far = layers * plates.along, REACH * longer + half
-    at_the_end = half + (far - half) * (np.arange(AT_THE_END) / AT_THE_END) ** 1.5
-    places = np.concatenate([at_the_end, far + plates.along * np.arange(OVER_A_LAYER) / OVER_A_LAYER])
-    body = Beam3DBody(length=length, profile=plates.profile, material=plates.material, shear=True, elements=ELEMENTS)
-    shell, beam = (_Pressed(model) for model in (_shell(plates, length), Beam3D(body)))
-    along_y, along_z, about_x, *turns = shell.at_the_end() - beam.at_the_end()
-    found = dict[tuple[Pad, ...], Array]()
-    for ring in dict.fromkeys(rings):
-        C = shell.under(ring, places) - beam.under(ring, places)
-        C = (C + C.transpose(0, 2, 1)) / 2.0 - _by_the_clamp(ring, turns, length - places)
-        mean = C[AT_THE_END:].mean(axis=0)  # between two nodes of a coarse mesh a pad dents it deeper than on one
-        found[ring] = np.concatenate([C[:AT_THE_END], mean[None]])
-    end = np.array([along_y - turns[0] * length**2, along_z - turns[1] * length**2, about_x])
+    box = body.box
+    profile = BoxProfile(width=box.width, height=box.height, wall=box.wall, radius=box.radius)
+    line = Beam3DBody(length=box.length, profile=profile, material=body.material, shear=True, elements=ELEMENTS)
+    sigma = (HELD * Beam3D(line).reference_frequency) ** 2
+    shell, beam = _Pressed(_shell(body), body, sigma), _Pressed(Beam3D(line), body, sigma)
+    fixed = [one.rows(standing, ends) for one in (shell, beam)]
+    C = shell.answers(fixed[0], fixed[0]) - beam.answers(fixed[1], fixed[1])
+    found = []
+    for ring in rings:
+        u, own, beside = _places(ring.span, box.layer), [], []
+        for x in u:
+            pads = [replace(pad, at=pad.at + float(x)) for pad in ring.pads]
+            parts = []
+            for one, held in zip((shell, beam), fixed, strict=True):
+                rows = one.rows(pads, ())
+                parts.append(one.answers(rows, sp.vstack([rows, held])))
+            k = len(pads)
+            D = (parts[0] - parts[1]).T
+            own.append((D[:, :k] + D[:, :k].T) / 2.0)
+            beside.append(D[:, k:])
+        found.append(SlidingCompliance(u, _smooth(np.array(own)), _smooth(np.array(beside))))
     for one in (shell, beam):
         one.destroy()
-    return WallCompliance(np.append(at_the_end, far), tuple(found[ring] for ring in rings), np.maximum(end, 0.0))
+    return (C + C.T) / 2.0, found
 
 
 class _Pressed:
-    """A model that is clamped at its tip, and its answers to forces."""
+    """A model, held by what keeps its ends in shape or by its inertia, and its answers to forces."""
 
-    def __init__(self, model: StructuralModel) -> None:
-        structure = Structure(model, clamps=(Clamp("tip"),))
+    def __init__(self, model: StructuralModel, body: PlateBody, sigma: float) -> None:
+        structure = Structure(model, clamps=body.clamps, masses=body.masses)
         self._model, self._T = model, couple(structure).T
-        self._full = structural_model(structure, MPI.COMM_SELF)
-        self._factor = factor_for_columns(self._full.K, "stiffness")
+        self._full = full = structural_model(structure, MPI.COMM_SELF)
+        M, rigid = gather(full.M), full.rigid
+        assert M is not None and rigid is not None  # as structures have, on the only rank
+        self._R = rigid.coordinates @ scipy.linalg.null_space(rigid.held.T @ rigid.held)
+        self._MR = M @ self._R
+        self._J = self._R.T @ self._MR
+        F = full.K.copy()
+        if self._R.size:
+            F.axpy(sigma, full.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        self._factor = factor_for_columns(F, "stiffness")
+        freed(F)
 
-    def under(self, ring: Sequence[Pad], places: Array) -> Array:
-        """What each pad of a ring measures of the answer to each of them, (p, k, k) m/N."""
-        k, pads = len(ring), [replace(pad, at=float(x), stiffness=np.inf) for x in places for pad in ring]
-        named = tuple(replace(pad, name=str(number)) for number, pad in enumerate(pads))
-        rows = restrain(Pads(fixed=named), self._model, self._T).rows
-        G = self._answers(sp.csr_matrix(sp.vstack([row.at(row.breaks[0]) for row in rows])))
-        return np.stack([G[j : j + k, j : j + k] for j in range(0, len(G), k)])
+    def rows(self, pads: Sequence[Pad], ends: Sequence[tuple[str, str]]) -> sp.csr_matrix:
+        """What pads and ends measure, (k, n)."""
+        bare = tuple(replace(pad, name=str(k), stiffness=np.inf, unilateral=False, clearance=0.0, travel=None)
+                     for k, pad in enumerate(pads))  # fmt: skip
+        rows = [row.at(row.breaks[0]) for row in restrain(Pads(fixed=bare), self._model, self._T).rows]
+        rows += [self._model.motion(end)[[DIRECTIONS.index(d)]] @ self._T for end, d in ends]
+        return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
-    def at_the_end(self) -> Array:
-        """Motion of the free end along `AT_AN_END` and `TURNS`, each under its own unit force or moment, (5,)."""
-        which = [DIRECTIONS.index(direction) for direction in (*AT_AN_END, *TURNS)]
-        return np.diag(self._answers(sp.csr_matrix(self._model.motion("tail")[which] @ self._T)))
+    def answers(self, pressed: sp.csr_matrix, measured: sp.csr_matrix) -> Array:
+        """What is measured (k, n) of the answers to unit forces, (k, pressed)."""
+        f = pressed.T.toarray()
+        x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._moved(self._R.T @ f)))
+        x -= self._R @ self._moved(self._MR.T @ x)
+        return np.asarray(measured @ x)
 
-    def _answers(self, U: sp.csr_matrix) -> Array:
-        return np.asarray(U @ self._factor.solve_columns(np.asfortranarray(U.T.toarray())))
+    def _moved(self, g: Array) -> Array:
+        return np.linalg.solve(self._J, g) if self._R.size else g
 
     def destroy(self) -> None:
         """Give the memory of its matrices back."""
@@ -127,24 +147,19 @@ class _Pressed:
         freed(self._full.K, self._full.M, self._full.inputs, self._full.outputs)
 
 
-def _by_the_clamp(ring: Sequence[Pad], turns: Sequence[float], arms: Array) -> Array:
-    """What pads measure of each other, `arms` (p,) m from a clamp that turns by so much about z and y, rad/(N m).
-
-    A clamp keeps the section's shape, too, which makes the box beside it a little stiffer than the beam.
-    """
-    normals = np.zeros((2, len(ring)))
-    for i, pad in enumerate(ring):
-        component, sign = FACES[pad.on]
-        normals[component - 1, i] = sign
-    turned = np.einsum("d,di,dj->ij", np.asarray(turns), normals, normals)
-    return np.asarray(turned * arms[:, None, None] ** 2)
+def _places(span: float, layer: float) -> Array:
+    return np.linspace(0.0, span, min(MOST_PLACES, max(2, int(np.ceil(A_LAYER * span / layer)) + 1)))
 
 
-def _shell(plates: Plates, length: float) -> Shell:
-    profile = plates.profile
-    boom = BoxBoom(length=length, size=plates.size, size_along=plates.along, **profile.model_dump())
+def _smooth(values: Array) -> Array:
+    """Means over a layer of cells: between two nodes of a coarse mesh a pad dents it deeper than on one."""
+    between = (values[:-1] + values[1:]) / 2.0
+    return np.concatenate([between[:1], (between[:-1] + between[1:]) / 2.0, between[-1:]])
+
+
+def _shell(body: PlateBody) -> Shell:
     with TemporaryDirectory() as folder:
-        write_shell(boom, Path(folder, "walls.msh"))
+        write_shell(body.box, Path(folder, "walls.msh"))
         mesh = read_mesh(Path(folder, "walls.msh"), ("triangle",))
-    plate = Plate(material=plates.material, thickness=profile.wall)
-    return Shell(ShellBody(plate=plate, shear_correction=plates.shear_correction), mesh)
+    plate = Plate(material=body.material, thickness=body.box.wall)
+    return Shell(ShellBody(plate=plate, shear_correction=body.shear_correction), mesh)

@@ -1,24 +1,29 @@
 r"""Walls of a beam that give way under its pads, and at its free ends.
 
-A beam's section keeps its shape; a box's walls do not.  For each ring of k pads the body gets k more coordinates y,
+A beam's section keeps its shape; a box's walls do not.  With :math:`C` the walls' own compliance, which static solves
+on a shell of the body tell (`pmr.fullmodel.wall_compliance`), pads that press with forces f find the walls dented by
+:math:`C f`, besides their own 1/k.  The body gets one more coordinate y a pad, each with the strain energy
+:math:`\tfrac12 k_0 y^2`, and what a pad measures gets one more part.  For all that stays on the body, f, and for pads
+that slide along it, m,
 
 .. math::
-    \delta_i = C_i(s)\, q + \sum_j S_{ij}(x)\, y_j, \qquad
-    \tfrac12 k_0\, y^T y \text{ of strain energy}, \qquad S(x)^2 = k_0\, C(x)
+    \delta_f = S_f\, y_f, \quad S_f S_f^T = k_0\, C_{ff}, \qquad
+    \delta_m = A(u)\, y_f + S_m(u)\, y_m, \quad
+    A S_f^T = k_0\, C_{mf}, \quad S_m^2 = k_0\, C_{mm} - A A^T
 
-so that pads that press with forces f find the walls dented by :math:`S y = C f`, C the compliance that static solves on
-a short shell tell (`pmr.fullmodel.wall_compliance`), besides their own 1/k.  Pads of one ring dent each other's walls;
-rings do not.  S is the symmetric square root: smooth wherever C is, so along the path a row stays a cubic between its
-breaks.  The mass that goes with each y is that of the wall under a pad; nothing but dents moves it.
+so the pads of one ring dent each other's walls, and rings do that come close.  Both roots are symmetric: smooth
+wherever C is, so along the path a row stays a cubic between its breaks.  What slides on one path does not dent the
+walls under what slides on another.  The mass that goes with a pad's y is that of the wall under it.
 
-An end that nothing keeps in shape moves by one more coordinate along y and z, and turns by one about x, under what is
-spread over it: a mass that follows its mean motion, a load, a support.
+An end that nothing keeps in shape counts as something that stays: it moves along y and z, and turns about x, by more
+than the beam under what is spread over it: a mass that follows its mean motion, a load, a support.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,117 +36,162 @@ from pmr.scene.names import named
 
 Array = NDArray[np.float64]
 
+#: Of a root, relative to the largest: below it two pads are one, and each has half of what they share.
+SAME = 1e-9
+#: What pads that slide share with those that stay, of a root of about one: below it they share nothing.
+SHARED = 0.01
+#: N/m: k_0 of a body without pads.
+STIFF = 1e7
+
 
 @dataclass(frozen=True)
-class RingWall:
-    """The walls under one ring of pads."""
+class Standing:
+    """All that stays on a body: pads, then ends along or about a direction."""
+
+    pads: tuple[str, ...] = ()  # their names
+    ends: tuple[tuple[str, str], ...] = ()  # as ("tip", "y")
+    compliance: Array = field(default_factory=lambda: np.empty((0, 0)))  # (m, m): C_ff in m/N, rad/N, rad/(N m)
+    masses: Array = field(default_factory=lambda: np.empty(0))  # (m,) kg, or kg m^2
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """Pads that slide together along a body."""
 
     pads: tuple[str, ...]  # their names
-    length: float  # m, of the body
-    free: tuple[bool, bool]  # whether nothing keeps its tail, and its tip, in shape
-    places: Array  # (p,) m from an end: where the compliance is known; constant beyond the last one
-    compliance: Array  # (p, k, k): C in m/N
-    mass: float  # kg
-
-    @property
-    def stiffness(self) -> float:
-        """k_0 in N/m: that of a pad's wall away from the ends, on average."""
-        return len(self.pads) / float(np.trace(self.compliance[-1]))
-
-    def at(self, x: Array) -> Array:
-        """S (len(x), k, k) at places along the body in m."""
-        values, vectors = np.linalg.eigh(self.stiffness * self.compliance)
-        roots = (vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ vectors.transpose(0, 2, 1)
-        far = np.full_like(x, np.inf)
-        near = np.minimum(x if self.free[0] else far, self.length - x if self.free[1] else far)
-        return np.asarray(PchipInterpolator(self.places, roots)(np.clip(near, self.places[0], self.places[-1])))
-
-
-@dataclass(frozen=True)
-class EndWall:
-    """The walls of a free end, along or about one direction."""
-
-    on: str
-    direction: str
-    stiffness: float  # N/m, or N m
-    mass: float  # kg, or kg m^2
+    first: Array  # (k,) m: where along the body their centres are at u = 0
+    u: Array  # (p,) m: how far from there; constant outside
+    compliance: Array  # (p, k, k): C_mm in m/N
+    beside: Array  # (p, k, m): C_mf
+    masses: Array  # (k,) kg
 
 
 @dataclass(frozen=True)
 class Walls:
     """All that give way: their coordinates come behind all others of a body, in this order."""
 
-    rings: tuple[RingWall, ...] = ()
-    ends: tuple[EndWall, ...] = ()
+    standing: Standing = Standing()
+    sliding: tuple[Sliding, ...] = ()
 
     @property
     def count(self) -> int:
         """Of their coordinates."""
-        return sum(len(ring.pads) for ring in self.rings) + len(self.ends)
+        return len(self.standing.masses) + sum(len(one.pads) for one in self.sliding)
+
+    @cached_property
+    def unit(self) -> float:
+        """k_0 in N/m: about that of a pad's wall, on average."""
+        own = [c for _, c in self.own]
+        return 1.0 / float(np.mean(own)) if own else STIFF
+
+    @property
+    def own(self) -> Iterator[tuple[str, float]]:
+        """Names of pads, and by how much each wall gives way under its own pad, m/N: on average over the path."""
+        yield from zip(self.standing.pads, np.diagonal(self.standing.compliance), strict=False)
+        for one in self.sliding:
+            yield from zip(one.pads, np.diagonal(one.compliance, axis1=1, axis2=2).mean(axis=0), strict=True)
 
     def stiffness(self, size: int) -> sp.csr_matrix:
         """Theirs among all coordinates, (size, size) N/m."""
-        return self._behind([one.stiffness for one in self._each], size)
+        return self._behind(np.full(self.count, self.unit if self.count else 0.0), size)
 
     def mass(self, size: int) -> sp.csr_matrix:
         """Theirs among all coordinates, (size, size) kg."""
-        return self._behind([one.mass for one in self._each], size)
+        sizes = [np.diagonal(self.standing.compliance)]
+        sizes += [np.diagonal(one.compliance, axis1=1, axis2=2).mean(axis=0) for one in self.sliding]
+        masses = np.concatenate([self.standing.masses, *(one.masses for one in self.sliding)])
+        return self._behind(masses * np.concatenate(sizes) * (self.unit if self.count else 0.0), size)
 
     def dented(self, row: Row, at: float) -> Row:
         """The row of a pad whose wall gives way, if one does: that centred at `at`, of a moving one at s + `at` m."""
-        first = row.carriers.shape[1] - self.count
-        for ring in self.rings:
-            if row.name in ring.pads:
-                return _dented(row, at, ring, first)
-            first += len(ring.pads)
+        behind, m = row.carriers.shape[1] - self.count, len(self.standing.masses)
+        if row.name in self.standing.pads:
+            carriers = np.zeros((1, self.count))
+            carriers[0, :m] = self._standing[self.standing.pads.index(row.name)]
+            return _dented(row, np.ones((len(row.breaks), 1)), carriers, behind)
+        own = m
+        for one, (A, shared, S) in zip(self.sliding, self._sliding, strict=True):
+            k = len(one.pads)
+            if row.name in one.pads:
+                i = one.pads.index(row.name)
+                u = np.clip(row.breaks + at - one.first[i], one.u[0], one.u[-1])
+                parts = [PchipInterpolator(one.u, part[:, i])(u) for part in (A, S)]
+                carriers = np.zeros((len(shared) + k, self.count))
+                carriers[: len(shared), :m], carriers[len(shared) :, own : own + k] = shared, np.eye(k)
+                return _dented(row, np.hstack(parts), carriers, behind)
+            own += k
         return row
 
     def moved(self, motion: sp.csr_matrix, on: str | float, directions: tuple[str, ...]) -> sp.csr_matrix:
         """Rows (k, n) that measure a place along k directions, and what an end's walls add to each."""
-        first = motion.shape[1] - len(self.ends)
-        found = [(directions.index(e.direction), first + j) for j, e in enumerate(self.ends)
-                 if e.on == on and e.direction in directions]  # fmt: skip
+        behind, pads = motion.shape[1] - self.count, len(self.standing.pads)
+        ends = enumerate(self.standing.ends)
+        found = [(directions.index(d), pads + j) for j, (end, d) in ends if end == on and d in directions]
         if not found:
             return motion
-        rows, columns = np.array(found).T
-        return sp.csr_matrix(motion + sp.csr_matrix((np.ones(len(rows)), (rows, columns)), motion.shape))
+        rows, which = np.array(found).T
+        more = sp.lil_matrix(motion.shape)
+        more[rows, behind : behind + self._standing.shape[1]] = self._standing[which]
+        return sp.csr_matrix(motion + more.tocsr())
 
-    @property
-    def _each(self) -> list[RingWall | EndWall]:
-        return [*(ring for ring in self.rings for _ in ring.pads), *self.ends]
+    @cached_property
+    def _standing(self) -> Array:
+        """S_f (m, m): that of quantities scaled to one another, as pads in m and angles in rad are not of one size."""
+        d = np.sqrt(np.diagonal(self.standing.compliance))
+        return np.asarray(np.sqrt(self.unit) * d[:, None] * _root(self.standing.compliance / np.outer(d, d)))
 
-    def _behind(self, values: list[float], size: int) -> sp.csr_matrix:
+    @cached_property
+    def _sliding(self) -> list[tuple[Array, Array, Array]]:
+        """Of what slides together A = A' V (p, k, r), V (r, m) the few directions that matter, and S_m (p, k, k)."""
+        inverse, found = np.linalg.pinv(self._standing, rcond=SAME**0.5).T, []
+        for one in self.sliding:
+            A = self.unit * one.beside @ inverse
+            V = np.linalg.svd(A.reshape(A.shape[0] * A.shape[1], -1) if A.size else A[0], full_matrices=False)[2]
+            V = V[np.abs(A @ V.T).max(axis=(0, 1), initial=0.0) > SHARED]
+            A = A @ V.T
+            found.append((A, V, _root(self.unit * one.compliance - A @ A.transpose(0, 2, 1))))
+        return found
+
+    def _behind(self, values: Array, size: int) -> sp.csr_matrix:
         numbers = np.arange(size - len(values), size)
-        return sp.csr_matrix((np.asarray(values, float), (numbers, numbers)), (size, size))
+        return sp.csr_matrix((values, (numbers, numbers)), (size, size))
 
 
 def summary(bodies: Mapping[str, Walls]) -> dict[str, list[dict[str, Any]]]:
     """``walls`` of summary.json: by how much each gives way under its pad's own force alone, m/N, and its stiffness.
 
-    At an end that nothing keeps in shape, and away from the ends.
+    Of pads that slide on average over the path.
     """
     said = [
-        {"name": named(body, pad), "at_the_end": float(end), "away": float(away), "stiffness": 1.0 / float(away)}
+        {"name": named(body, pad), "compliance": float(c), "stiffness": 1.0 / float(c)}
         for body, walls in bodies.items()
-        for ring in walls.rings
-        for pad, end, away in zip(ring.pads, *np.diagonal(ring.compliance[[0, -1]], axis1=1, axis2=2), strict=True)
+        for pad, c in walls.own
     ]
     return {"walls": said} if said else {}
 
 
-def _dented(row: Row, at: float, ring: RingWall, first: int) -> Row:
-    i, k = ring.pads.index(row.name), len(ring.pads)
+def _root(C: Array) -> Array:
+    """Symmetric root of symmetric matrices (..., k, k); what round-off makes negative counts as nothing."""
+    values, vectors = np.linalg.eigh((C + np.swapaxes(C, -1, -2)) / 2.0)
+    least = SAME * np.abs(values).max(axis=-1, initial=0.0, keepdims=True)
+    roots = np.sqrt(np.where(values > least, values, 0.0))
+    return np.asarray((vectors * roots[..., None, :]) @ np.swapaxes(vectors, -1, -2))
+
+
+def _dented(row: Row, dents: Array, carriers: Array, behind: int) -> Row:
+    """With `dents` (breaks, k) of k carriers at its breaks, on the coordinates `behind` all others."""
+    k = len(carriers)
     if row.moves:
-        pieces = CubicSpline(row.breaks, ring.at(row.breaks + at)[:, i]).c  # (4, intervals, k)
+        pieces = CubicSpline(row.breaks, dents).c  # (4, intervals, k)
     else:
-        pieces = np.tile(ring.at(np.array([at]))[:, i], (1, len(row.touched), 1))
+        pieces = dents[None, :-1]
     degrees = max(len(pieces), len(row.coefficients))
     both = [np.concatenate([np.zeros((degrees - len(c), *c.shape[1:])), c]) for c in (row.coefficients, pieces)]
-    dents = sp.csr_matrix((np.ones(k), (np.arange(k), first + np.arange(k))), (k, row.carriers.shape[1]))
+    added = sp.hstack([sp.csr_matrix((k, behind)), sp.csr_matrix(carriers)])
     numbers = np.broadcast_to(row.carriers.shape[0] + np.arange(k), (len(row.touched), k))
     return replace(
         row,
-        carriers=sp.csr_matrix(sp.vstack([row.carriers, dents])),
+        carriers=sp.csr_matrix(sp.vstack([row.carriers, added])),
         touched=np.hstack([row.touched, numbers]),
         coefficients=np.concatenate(both, axis=2),
     )

@@ -1,67 +1,104 @@
-"""Walls of a beam that give way: under each ring of pads, and at its ends."""
+"""Walls of a beam that give way: under its pads, and at its ends."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from pmr.errors import on_first
 from pmr.fem.compat import MPI
 from pmr.fullmodel.pads import Pad
-from pmr.fullmodel.walls import EndWall, RingWall, Walls
+from pmr.fullmodel.structure import Clamp
+from pmr.fullmodel.walls import Sliding, Standing, Walls
 from pmr.scene.built import Box
 from pmr.scene.choice import directions
 from pmr.scene.members import Member
 from pmr.scene.parts import Part
-from pmr.scene.structures import BoxProfile
 
 ENDS = ("tail", "tip")
+#: What is spread over a free end moves it along these.
+AT_AN_END = ("y", "z", "rx")
 
 
-def walls_of(member: Member, profile: BoxProfile, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
+def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     """Those of a box that is a beam, under the pads that it feels; collective.
 
     The shell that tells their compliance has the cells that a shell in its place would have.
+
+    Raises an `InputError` if a pad leaves its face, or the box can't be drawn with these cells.
     """
-    from pmr.fullmodel.wall_compliance import AT_AN_END, Plates, WallCompliance, wall_compliance  # needs FEniCSx
+    from pmr.fullmodel.wall_compliance import PlateBody, Ring, wall_compliance  # needs FEniCSx
+    from pmr.mesh.box import BoxBoom
 
     part = member.part
     box, mesh, body = part.body.box, part.mesh, part.body
     assert box is not None  # the scene's check
-    along = box.length / max(1, round(box.length / (mesh.along or mesh.size)))
-    plates = Plates(profile, body.material, body.shear_correction, mesh.size, along)
-    names = [{name for name, _, _ in ring.places} for ring in member.pads]
-    felt = [own for ring in names if (own := [pad for pad in pads if pad.name in ring])]
-    bare = tuple(tuple(replace(pad, name="", at=0.0) for pad in ring) for ring in felt)
-    found: WallCompliance = comm.bcast(on_first(comm, lambda: wall_compliance(plates, bare)))
-    kept, sheet = _kept(part), body.material.density * box.wall
-    rings = [
-        RingWall(
-            pads=tuple(pad.name for pad in ring),
-            length=box.length,
-            free=("tail" not in kept, "tip" not in kept),
-            places=found.places,
-            compliance=C,
-            mass=sheet * ring[0].length * ring[0].width,
-        )
-        for ring, C in zip(felt, found.rings, strict=True)
-    ]
-    known, give = directions(member), dict(zip(AT_AN_END, found.end, strict=True))
-    give = {direction: float(c) for direction, c in give.items() if direction in known and c > 0.0}
-    return Walls(tuple(rings), tuple(_ends(part, box, sheet, give)))
+    staying, sliding = _by_their_way(member, pads)
+    masses = tuple(one for one in part.masses if one.coupling == "rigid")
+    plates = PlateBody(
+        BoxBoom(**box.model_dump(), size=mesh.size, size_along=mesh.along or 0.0, tail_layer=mesh.tail_layer),
+        body.material,
+        body.shear_correction,
+        tuple(Clamp(str(one.on), one.held) for one in part.supports if one.points == "all"),
+        masses,
+    )
+    known = directions(member)
+    ends = [(end, d) for end in ENDS if end in _carrying(part) for d in AT_AN_END if d in known]
+    rings = [Ring(tuple(own), span) for span, own in sliding]
+    C, found = comm.bcast(on_first(comm, lambda: wall_compliance(plates, staying, ends, rings)))
+    sheet = body.material.density * box.wall
+    soft = np.diagonal(C) > 0.0  # an end that is stiffer than the beam's is as stiff
+    left = [end for end, gives in zip(ends, soft[len(staying) :], strict=True) if gives]
+    weights = [_patch(pad, sheet) for pad in staying] + [_end(box, sheet, direction) for _, direction in left]
+    return Walls(
+        Standing(tuple(pad.name for pad in staying), tuple(left), C[np.ix_(soft, soft)], np.array(weights)),
+        tuple(
+            Sliding(
+                pads=tuple(pad.name for pad in own),
+                first=np.array([pad.at for pad in own]),
+                u=one.u,
+                compliance=one.own,
+                beside=one.beside[:, :, soft],
+                masses=np.array([_patch(pad, sheet) for pad in own]),
+            )
+            for (_, own), one in zip(sliding, found, strict=True)
+        ),
+    )
 
 
-def _ends(part: Part, box: Box, sheet: float, compliance: dict[str, float]) -> Iterator[EndWall]:
-    """Of the free ends that carry something; what moves with them are the walls of a quarter of the box's size."""
-    carry = {one.on for kind in (part.masses, part.loads, part.supports) for one in kind} - _kept(part)
-    mass = sheet * 2.0 * (box.width + box.height) * max(box.width, box.height) / 4.0
-    for end in ENDS:
-        for direction, c in compliance.items() if end in carry else ():
-            arm = (box.width**2 + box.height**2) / 4.0 if direction == "rx" else 1.0
-            yield EndWall(end, direction, 1.0 / c, mass * arm)
+def _by_their_way(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], list[tuple[float, list[Pad]]]]:
+    """Pads that stay, and those that slide together with how far; `at` where they are first along the body, m."""
+    staying, sliding = list[Pad](), dict[int, tuple[float, list[Pad]]]()
+    rings = {name: ring for ring in member.pads for name, _, _ in ring.places}
+    for pad in pads:
+        ring = rings[pad.name]
+        way = member.ways.get(ring.name)
+        if not ring.moving:
+            staying.append(pad)
+            continue
+        joint, first, last = (0, *member.travel) if way is None else way
+        at = replace(pad, at=first + pad.at)
+        if last > first:
+            sliding.setdefault(joint, (last - first, []))[1].append(at)
+        else:
+            staying.append(at)
+    return staying, list(sliding.values())
 
 
-def _kept(part: Part) -> set[str | float]:
-    """Ends whose every point something rigid holds: they stay in shape."""
+def _patch(pad: Pad, sheet: float) -> float:
+    return sheet * pad.length * pad.width
+
+
+def _end(box: Box, sheet: float, direction: str) -> float:
+    """What moves with a free end: the walls of a quarter of the box's size."""
+    arm = (box.width**2 + box.height**2) / 4.0 if direction == "rx" else 1.0
+    return sheet * 2.0 * (box.width + box.height) * max(box.width, box.height) / 4.0 * arm
+
+
+def _carrying(part: Part) -> set[str | float]:
+    """Ends that carry something and whose points nothing rigid holds, which would keep them in shape."""
     clamped = {one.on for one in part.supports if one.points == "all"}
-    return clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}
+    kept = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}
+    return {one.on for kind in (part.masses, part.loads, part.supports) for one in kind} - kept

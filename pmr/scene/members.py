@@ -65,6 +65,8 @@ class Member:
     jointed: bool = False  # whether it slides in another body or another one in it
     # of rings that move: the stretch of s in m where they have rows, where it is not that of all
     stretches: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # of rings whose walls give way: the section of their joint, the first place in m of their centres, and the last one
+    ways: Mapping[str, tuple[int, float, float]] = field(default_factory=dict)
     # names of rows that keep it straight in its rigid overlaps, and the end of each overlap that stays, m
     straight: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
@@ -79,7 +81,8 @@ class Member:
         """The same for two bodies with equal full models: all but what they are called, and how loads change."""
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
         extended = self.jointed and self.number > 0  # which accelerates it
-        rows = self.pads, self.points, self.bounds, self.travel, sorted(self.stretches.items()), self.straight
+        moving = sorted(self.stretches.items()), sorted(self.ways.items())
+        rows = self.pads, self.points, self.bounds, self.travel, *moving, self.straight
         moved = self.frame and self.frame.slewing is not None
         return repr((part, extended, self.jointed, rows, self.gravity and self.gravity.direction, moved, self.damping))
 
@@ -124,6 +127,7 @@ def _section(scene: Scene, number: int) -> Member:
     reach = max(everywhere.first, longest), min(everywhere.last, part.length - longest)
     points = (0.0,) if len(faced) < len(found) else ()
     rings, stretches = dict[str, PadRing](), dict[str, tuple[float, float]]()
+    ways = dict[str, tuple[int, float, float]]()
     for seat in faced:
         name, half = footprint(scene, seat.ring), seat.ring.length / 2.0
         if name not in rings:
@@ -132,6 +136,8 @@ def _section(scene: Scene, number: int) -> Member:
             taken, last = _everywhere(faced), part.length - half
             travel = own.with_(Ends(max(taken.first, half), min(taken.last, last)))
             stretches[name] = travel.first, travel.last
+            if part.body.walls == "give":
+                ways[name] = seat.joint, own.first, own.last
     return Member(
         part,
         number,
@@ -146,6 +152,7 @@ def _section(scene: Scene, number: int) -> Member:
         recovery=scene.recovery,
         jointed=True,
         stretches=stretches,
+        ways=ways,
         straight=_stiffened(scene, number),
     )
 
