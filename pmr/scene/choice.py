@@ -90,10 +90,19 @@ def inertia_fields(member: Member) -> tuple[str, ...]:
     """Fields in which the frame accelerates a body: along ``x``; along x, growing with z, ``xz``; none that vanish."""
     if member.frame is None:
         return ()
-    along = [d for d in directions(member) if d in ("xyz" if member.frame.slewing is not None else "xz")]
-    over = "x" if model_of(member) in ("beam2d", "beam3d") else "xyz"
-    turning = ("yz", "zy") if model_of(member) == "beam3d" and "y" in along else ()
-    return (*along, *(a + b for a in along for b in over), *turning)
+    turning = "xyz" if member.frame.slewing is not None else "xz"
+    along = [axis for axis in turning if axis in directions(member)]
+    if model_of(member) in ("beam2d", "beam3d") and not _has_rotary_inertia(member):
+        torsion = ("yz", "zy") if model_of(member) == "beam3d" and "y" in turning else ()
+        return (*along, *(axis + "x" for axis in along), *torsion)
+    return (*along, *(axis + over for axis in along for over in turning))
+
+
+def _has_rotary_inertia(member: Member) -> bool:
+    """Whether a beam's cross-sections, or what is attached to it, have inertia across the axis but for torsion."""
+    beside = [mass.at is not None and mass.at[1:] != (0.0, 0.0) for mass in member.part.masses]
+    attached = any(any(mass.inertia) for mass in member.part.masses)
+    return attached or any(beside) or (model_of(member) == "beam3d" and member.part.body.shear)
 
 
 def is_planar(member: Member) -> bool:

@@ -11,8 +11,6 @@ from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.scene.structure_checks import refusal
 
-#: Models whose loads by a frame are known.
-IN_FRAMES = ("beam2d", "beam3d")
 #: Share of an angle's range that it may jump by, which round-off does.
 JUMP = 1e-9
 
@@ -33,8 +31,9 @@ def check_frame(scene: Scene) -> None:
         allowed = "leave out direction and inclination: frame.luffing says where down is"
         raise refusal("gravity.direction", [round(one, 6) for one in scene.gravity.direction], allowed)
     for member in members(scene):
-        if model_of(member) not in IN_FRAMES:
-            raise refusal(f"sections[{member.number}].body.model", model_of(member), "beams are allowed in a frame")
+        if model_of(member) == "matrices":
+            allowed = "models with a mesh are allowed in a frame: matrices do not say where their mass is"
+            raise refusal(scene.key_of(member.number, "body.model"), "matrices", allowed)
         if model_of(member) == "beam2d" and (frame.slewing is not None or frame.place[1] != 0.0):
             key = "slewing" if frame.slewing is not None else "pivot"
             raise refusal(f"frame.{key}", None, "models in space are allowed with it: beam2d knows no lateral motion")

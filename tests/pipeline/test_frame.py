@@ -16,6 +16,7 @@ from pmr.compare.simulated import driven_by
 from pmr.results import Response
 from pmr.simulation.native import systems
 
+pytestmark = pytest.mark.slow  # seconds each, the crane's full model half a minute
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 RAISED = f"frame.luffing={np.deg2rad(50.0)}"
 PIVOT = "frame.pivot=[0.0, 0.0, 0.0]"
@@ -83,6 +84,35 @@ def test_rigid_sections_press_and_push_as_newton_and_euler_say() -> None:
         assert turned == pytest.approx(beyond[k][1][:, 1], abs=1e-6 * turning)
 
 
+SMOOTH = (
+    *(f"{path}.degree=9" for path in ("section.joint.extension", "sections.fly.joint.extension")),
+    *(f"frame.{angle}.degree=9" for angle in ("luffing", "slewing")),
+)
+
+
+def test_rigid_sections_in_space_press_and_push_as_newton_and_euler_say() -> None:
+    stiff = [key for key in RIGID if not key.startswith(("time.end", "section.reduction.coo", "section.joint"))]
+    pads = [f"section.joint.{end}.0.stiffness=1e12" for end in ("tail", "mouth")]
+    changes = ["sections.base.supports.1.stiffness=1e13", "section.reduction.coordinates=8", "damping.ratio=0.0"]
+    scene = scenes.load_any(WORKFLOWS / "crane.toml", [*stiff, *pads, *changes, *SMOOTH, "time.end=16.0"])
+    found = pmr.simulate(scene, pmr.reduce(scene).reduced)
+    each = [needed(scene, number, found.t) for number in range(3)]
+    force, moment = sum(one.force for one in each), sum(one.moment for one in each)
+    largest, turning = np.abs(force).max(), np.abs(moment).max()
+    for k, axis in enumerate("xyz"):
+        assert found.other(f"reaction of pivot {axis}") == pytest.approx(-force[:, k], abs=1e-6 * largest)
+        assert found.other(f"reaction of pivot r{axis}") == pytest.approx(-moment[:, k], abs=1e-6 * turning)
+    pushed = {"bottom": (2, 1.0), "top": (2, -1.0), "right": (1, 1.0), "left": (1, -1.0)}
+    for k, name in ((1, "middle"), (2, "fly")):
+        borne = np.zeros_like(force)
+        borne[:, 0] = found.force(f"force of cylinder of {name}", 0)
+        for pad in found.force_names:
+            if pad.startswith((f"force of {name} tail", f"force of {name} mouth")):
+                axis, sign = next(way for face, way in pushed.items() if face in pad)
+                borne[:, axis] += sign * found.force(pad, 0)
+        assert borne == pytest.approx(sum(one.force for one in each[k:]), abs=1e-6 * largest)
+
+
 #: At 0, 5, 10, 15 and 20 s in mm, of a planar code of its own, without second order (0.5 % of the largest, 220.9 mm).
 TIP = (-13.5003, -36.028, -136.04, -181.66, -146.68)
 
@@ -118,7 +148,6 @@ def test_what_the_pivot_bears_is_what_the_frame_s_momentum_says() -> None:
         assert impulse == pytest.approx(np.diff(momentum), abs=1e-9 * h * np.abs(reaction).max())
 
 
-@pytest.mark.slow  # two models in space
 def test_the_crane_moves_as_its_full_model_does() -> None:
     short = ["section.mesh.elements=10", "time.end=6.0", "time.step=4e-3"]
     summary = pmr.run(scenes.load_any(WORKFLOWS / "crane.toml", short)).result.summary

@@ -52,7 +52,9 @@ def test_fields_that_vanish_are_left_out() -> None:
     assert inertia_fields(member_at(load())) == ()
     both = load(PIVOT, LUFFING, SLEWING, "section.body.model=auto", *SPREAD)
     assert {model_of(one) for one in members(both)} == {"beam3d"}
-    assert set(inertia_fields(member_at(both))) == {*"xyz", *("xx", "yx", "zx", "yz", "zy")}
+    assert set(inertia_fields(member_at(both))) == {*"xyz", *(j + k for j in "xyz" for k in "xyz")}
+    thin = load(PIVOT, LUFFING, SLEWING, *SPREAD, "section.body.shear=false")  # without rotary inertia but of torsion
+    assert set(inertia_fields(member_at(thin))) == {*"xyz", *("xx", "yx", "zx", "yz", "zy")}
 
 
 SPREAD = (
