@@ -12,6 +12,7 @@ the last solve has none of that.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,13 +87,13 @@ def _solved(
     """With the given contacts closed; not finite where these hold nothing or depend on each other."""
     forces = np.zeros(len(gap))
     right = np.concatenate([assembly.B @ f, (gap - rows.H @ f)[closed]])
-    solution = _saddle_point(assembly.K + floor, rows.of(closed), right)
+    solution = saddle_point_solver(assembly.K + floor, rows.of(closed))(right)
     forces[closed] = solution[assembly.size :]
     return Equilibrium(solution[: assembly.size], forces, closed)
 
 
-def _saddle_point(K: sp.csr_matrix, rows: ContactRows, right: Array) -> Array:
-    """Solution of ((K, C^T), (C, -F)); not finite where it is singular."""
+def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array], Array]:
+    """Solutions of ((K, C^T), (C, -F)) for right sides (n + m, ...); not finite where it is singular."""
     C, F = sp.csr_matrix(rows.C), sp.csr_matrix(rows.F)
     n, scale = K.shape[0], abs(K).max()  # forces in the unit of stiffness: rows of both kinds are of one size then
     matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
@@ -100,16 +101,21 @@ def _saddle_point(K: sp.csr_matrix, rows: ContactRows, right: Array) -> Array:
     try:
         factor = spla.splu(matrix)
     except RuntimeError:
-        return np.full(len(right), np.nan)
-    solution = factor.solve(units * right)
-    solution += factor.solve(units * right - matrix @ solution)
-    return np.asarray(units * solution)
+        return lambda right: np.full(right.shape, np.nan)
+
+    def solve(right: Array) -> Array:
+        scaled = (units * right.T).T
+        solution = factor.solve(scaled)
+        solution += factor.solve(scaled - matrix @ solution)
+        return np.asarray((units * solution.T).T)
+
+    return solve
 
 
 def _lowest(assembly: Assembly, rows: ContactRows) -> float:
     """About the lowest omega^2 in (rad/s)^2 with all contacts closed: Rayleigh's quotient of what inertia bends."""
     g = assembly.M.diagonal()
-    q = _saddle_point(assembly.K, rows, np.concatenate([g, np.zeros(len(rows.F))]))[: assembly.size]
+    q = saddle_point_solver(assembly.K, rows)(np.concatenate([g, np.zeros(len(rows.F))]))[: assembly.size]
     return abs(float(g @ q / (q @ (assembly.M @ q))))
 
 

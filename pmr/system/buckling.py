@@ -1,0 +1,115 @@
+r"""Buckling of a system under axial forces: by which factors they grow until something stands still bent.
+
+.. math::
+    \Bigl(K + \Lambda \sum_k c_k G_k\Bigr) q + C^T \lambda = 0, \qquad C q - F \lambda = 0
+
+with the geometric stiffness :math:`c_k G_k` of terms (`pmr.system.terms`) under the loads that are looked at.  With the
+flexibility A of the bodies and their contacts, symmetric and at least semi-definite, 1/Lambda are the eigenvalues of
+:math:`-L^T \sum c_k G_k\, L`, :math:`A = L L^T`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.system.assembly import Assembly, ContactRows
+from pmr.system.statics import ROUND_OFF_OF_K, saddle_point_solver
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
+
+#: Coordinates up to which all factors are found at once, dense.
+DENSE_UP_TO = 600
+#: Share of the largest eigenvalue below which a factor is none: what round-off leaves of zero.
+ROUND_OFF = 1e-10
+
+
+def buckling_factors(assembly: Assembly, x: Array, coefficients: Mapping[str, float], count: int = 1) -> Array:
+    """The lowest positive factors (count,) by which the terms' coefficients buckle the system, every contact closed.
+
+    Where there are fewer, because nothing is compressed, the others are infinite.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    x : (sides,) array, m
+        Places of contacts, as `pmr.system.system.System.coordinates` has them.
+    coefficients : mapping of str to float
+        c_k of the system's terms by name; others have none.
+    count : int
+
+    Raises
+    ------
+    InputError
+        If there is no term of such a name, or contacts do not hold the bodies.
+    """
+    G, rows = geometric_stiffness(assembly, coefficients), assembly.at(x)
+    found = np.full(count, np.inf)
+    if G.nnz:
+        solve, n = saddle_point_solver(assembly.K, rows), assembly.size
+        answer = _held(assembly, rows, solve)
+        shares = _dense(solve, rows, G) if n <= DENSE_UP_TO else _largest(solve, rows, G, answer, count)
+        shares = np.sort(shares[shares > ROUND_OFF * np.abs(shares).max()])[::-1][:count]
+        found[: len(shares)] = 1.0 / shares
+    return found
+
+
+def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -> sp.csr_matrix:
+    """The sum of c_k G_k on the assembly's coordinates (n, n); an InputError is raised for a name that no term has."""
+    numbers, terms = _numbers(assembly), {term.name: term for term in assembly.system.terms}
+    total = sp.csr_matrix((assembly.size,) * 2)
+    for name, c in coefficients.items():
+        if name not in terms:
+            raise InputError("system", "terms", name, f"{', '.join(terms) or 'no names'} are allowed")
+        G = terms[name].among(numbers, assembly.size).stiffness
+        if G is not None and c != 0.0:
+            total += c * G
+    total.eliminate_zeros()
+    return total
+
+
+def _numbers(assembly: Assembly) -> dict[str, NDArray[np.int64]]:
+    """Where each body's coordinates stand among the assembly's; -1 of those that supports hold."""
+    found = {}
+    for name, body in assembly.system.bodies.items():
+        own = np.full(body.size, -1)
+        at = assembly.coordinates[name]
+        own[assembly.free[name]] = np.arange(at.start, at.stop)
+        found[name] = own
+    return found
+
+
+def _held(assembly: Assembly, rows: ContactRows, solve: Solve) -> Array:
+    """What answers a load without any symmetry (n,); an InputError is raised where round-off alone resists it."""
+    load = np.random.default_rng(3).standard_normal(assembly.size)
+    q = solve(np.concatenate([load, np.zeros(len(rows.F))]))[: assembly.size]
+    stored = q @ load
+    if not stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(assembly.K) @ np.abs(q)):  # NaN too
+        allowed = "contacts that hold the bodies are allowed: without, nothing is there to buckle"
+        raise InputError("system", "contacts", None, allowed)
+    return q
+
+
+def _dense(solve: Solve, rows: ContactRows, G: sp.csr_matrix) -> Array:
+    """All 1/Lambda."""
+    n = G.shape[0]
+    A = solve(np.vstack([np.eye(n), np.zeros((len(rows.F), n))]))[:n]
+    size, Q = np.linalg.eigh((A + A.T) / 2.0)
+    L = Q * np.sqrt(np.maximum(size, 0.0))
+    return np.linalg.eigvalsh(-(L.T @ (G @ L)))
+
+
+def _largest(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:
+    """The largest 1/Lambda, by Arnoldi's method on -A sum c_k G_k, whose eigenvalues are real."""
+    n, nothing = len(start), np.zeros(len(rows.F))
+    operator = spla.LinearOperator(
+        (n, n), matvec=lambda q: solve(np.concatenate([-(G @ q.ravel()), nothing]))[:n], dtype=float
+    )
+    values = spla.eigs(operator, k=count + 2, which="LR", v0=start, return_eigenvectors=False)
+    return np.asarray(values.real)
