@@ -12,7 +12,7 @@ from benchmarks.timing import exponent
 from pmr import load_scene
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
-from pmr.reduction.sections import reduce_sections
+from pmr.reduction.bodies import reduce_bodies
 from pmr.scene.signals import Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm
@@ -71,7 +71,7 @@ def booms(repeats: int) -> dict[str, Any]:
 
 def _boom(name: str, r: int) -> tuple[System, Excitation]:
     boom = load_scene(beams.WORKFLOWS / f"{name}.toml", [f"section.reduction.coordinates={r}"])
-    bodies = {name: one.model for name, one in reduce_sections(boom, build_bodies(boom, MPI.COMM_SELF)).items()}
+    bodies = {name: one.model for name, one in reduce_bodies(boom, build_bodies(boom, MPI.COMM_SELF)).items()}
     given = system_of(boom, bodies)
     system = System(bodies, tuple(replace(contact, clearance=None) for contact in given.contacts))
     paths = {name: SmoothRamp(times=(0.0, 1.5), values=(1.0, 2.5)) for name in system.paths}

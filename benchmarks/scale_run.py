@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 import pmr.fullmodel.build
-import pmr.pipeline.alone
+import pmr.reduction.bodies
 import pmr.reduction.residual.model
 from benchmarks.timing import peak_memory
 from pmr import scene
@@ -27,10 +27,11 @@ from pmr.constraints.polynomials import evaluate
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.from_scene import structure_of
-from pmr.pipeline import Reduction
 from pmr.reduced.flexibility import Flexibility
+from pmr.reduction.bodies import Reduction
 from pmr.reduction.residual.inertia import PathProducts
 from pmr.scene.members import member_at
+from pmr.scene.names import ALONE
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ SCENE = Path(__file__).parents[1] / "workflows" / "boom_shell.toml"
 STAGES = {
     "mesh": ((pmr.fullmodel.build, "structure_of"),),
     "assembly": ((pmr.fullmodel.build, "structural_model"),),
-    "modes": ((pmr.pipeline.alone, "take_snapshots"),),
+    "modes": ((pmr.reduction.bodies, "take_snapshots"),),
     "projection": ((pmr.reduction.residual.model, "galerkin"),),
     "flexibility": tuple(
         (pmr.reduction.residual.model, name) for name in ("ResidualFlexibility", "load_flexibility", "tables")
@@ -65,8 +66,8 @@ def main(cells: float, file: Path | None = None) -> None:
     seconds = timer.seconds | {"total": comm.allreduce(time.perf_counter() - begin, MPI.MAX)}
     record = {
         "cells": cells,
-        "size": reduction.model.size,
-        "entries": int(reduction.model.K.getInfo()["nz_used"]),
+        "size": reduction.built[ALONE].model.size,
+        "entries": int(reduction.built[ALONE].model.K.getInfo()["nz_used"]),
         "ranks": comm.size,
         "seconds": seconds,
         "processor": comm.allreduce(time.process_time() - before, MPI.SUM),
@@ -129,12 +130,12 @@ class Timer:
 
 def leave(reduction: Reduction, file: Path) -> None:
     """Modes, frequencies and values of the tables in a file, by rank 0; collective."""
-    model, flexibility = reduction.model, reduction.reduced.flexibility
-    shares = model.comm.gather(np.array(reduction.basis.V.getDenseArray()), root=0)
+    model, body, flexibility = reduction.built[ALONE].model, reduction.bodies[ALONE], reduction.reduced.flexibility
+    shares = model.comm.gather(body.V, root=0)
     if shares is None:
         return
     assert flexibility is not None
-    np.savez(file, modes=np.concatenate(shares), omega=reduction.snapshots.omega, **values(flexibility))
+    np.savez(file, modes=np.concatenate(shares), omega=body.snapshots.omega, **values(flexibility))
 
 
 def values(flexibility: Flexibility) -> dict[str, Array]:

@@ -8,20 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import columns_of, friction, tip_names
+from pmr.compare.booms import columns_of, friction
 from pmr.compare.errors import relative_error
-from pmr.compare.frequencies import RESPONSES, frequency_response
 from pmr.compare.pad_forces import PULLED, newton
 from pmr.compare.summary import Part
-from pmr.results import Frequencies, FrequencyMap, FrequencyResponse, Response
+from pmr.results import Frequencies, FrequencyMap, Response
 from pmr.results.extremes import Extremes
 from pmr.scene import Scene
 from pmr.scene.built import force_of
 from pmr.scene.frame import INERTIA
 from pmr.scene.members import DRIVEN
-from pmr.scene.names import cylinder_of
-from pmr.simulation import Excitation
-from pmr.simulation.excitation import places
+from pmr.scene.names import ALONE, cylinder_of
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact
@@ -67,15 +64,6 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
     return FrequencyMap((first, second), a, b, found.reshape(MAPPED, MAPPED))
 
 
-def in_frequency(boom: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
-    """Of the tip at places from the shortest reach to the longest; None unless the last section asks for it."""
-    if not boom.sections[-1].observe.frequency_response:
-        return None
-    steps = on_the_way(boom, excitation.times, RESPONSES)
-    at, reach = places(system, excitation)[steps], boom.reach(excitation.times)[steps]
-    return frequency_response(system, at, reach, tip_names(boom))
-
-
 def _follows(boom: Scene, name: str) -> bool:
     joint = boom.sections[boom.names.index(name)].joint
     return joint is not None and joint.follows is not None
@@ -107,8 +95,11 @@ def sections(
 ) -> Part:
     """``sections`` of summary.json: name, coordinates, the error along each against the full model, what else is known.
 
-    Of `more`, a table for each section, ``max_von_mises`` and ``stress_peak`` are gathered of all.
+    Of `more`, a table for each section, ``max_von_mises`` and ``stress_peak`` are gathered of all; of a body alone
+    it is all that is said.
     """
+    if ALONE in boom.bodies:
+        return Part(dict(more.get(ALONE, {})))
     reduced, full, found = responses["reduced"], responses.get("full"), []
     for name in boom.names:
         columns, said = columns_of(name, reduced), {"name": name, "coordinates": dict(sizes[name])}

@@ -23,9 +23,9 @@ from scipy.optimize import brentq
 from pmr.compare.summary import Part
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
-from pmr.results import Frequencies, FrequencyResponse
+from pmr.results import FrequencyResponse
 from pmr.scene import Scene
-from pmr.scene.choice import is_pinned_beam, transverse
+from pmr.scene.choice import is_pinned_beam
 from pmr.scene.members import member_at
 from pmr.scene.names import SLIDER, named
 from pmr.system.assembly import Assembly, ContactRows
@@ -45,15 +45,6 @@ def visited_positions(scene: Scene, size: int) -> Array:
     """Path coordinates (S,) in m, evenly over the path, at which frequencies of `size` coordinates are compared."""
     low, high = scene.path_bounds
     return np.linspace(low, high, POSITIONS if size <= LARGE else FEWER_POSITIONS) if high > low else np.array([low])
-
-
-def frequency_curves(scene: Scene, reduced: ReducedModel, s: Array, full: Array) -> Frequencies:
-    """Those of the reduced model, and in closed form where there is one, beside the full model's (S, f) in rad/s."""
-    count = full.shape[1]
-    circular = {"full": full, "closed_form": closed_form_frequencies(scene, s, count)}
-    found = {"reduced": reduced_frequencies(reduced, s, count)}
-    found |= {name: values / (2.0 * np.pi) for name, values in circular.items()}
-    return Frequencies(s, s[:, None], {name: values for name, values in found.items() if values.shape[1]})
 
 
 def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
@@ -172,15 +163,6 @@ def _responses(assembly: Assembly, rows: ContactRows, f: Array, which: list[int]
         x = np.linalg.solve(matrix, right)
         found.append(O @ x[:n] + W - scale * rows.X[which] @ x[n:])
     return np.array(found)
-
-
-def of_body(scene: Scene, reduced: ReducedModel) -> FrequencyResponse | None:
-    """Of a body along its path; None unless asked for."""
-    if not scene.observe.frequency_response:
-        return None
-    system, s = System.of(reduced), np.unique(np.linspace(*scene.path_bounds, RESPONSES))
-    tips = {scene.observe.tip_along(direction) for direction in transverse(member_at(scene))}
-    return frequency_response(system, system.coordinates({SLIDER: s}), s, tips)
 
 
 def frequency_part(found: FrequencyResponse | None) -> Part:

@@ -1,73 +1,26 @@
-"""How reduced bodies move under a scene, by the simulators that it names; FEniCSx is not needed."""
+"""A reduced system under a scene that it may not have been made from; FEniCSx is not needed."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from pmr.compare import responses
-from pmr.compare.booms import respond, with_friction
 from pmr.compare.made_for import check_made_for
-from pmr.compare.pivot import at_pivot
-from pmr.compare.responses import agreement
+from pmr.compare.responses import Simulated, refused_growth, repeated
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.reduced.model import ReducedModel
 from pmr.results import Response
-from pmr.scene import Scene
 from pmr.scene.built import WEIGHT
 from pmr.scene.frame import INERTIA
 from pmr.scene.members import DRIVEN
-from pmr.simulation import Excitation, Progress, SystemSimulator, contact_step, exudyn
-from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation import Excitation
 from pmr.simulation.excitation import on_path
-from pmr.simulation.native import systems
 from pmr.system.contacts import ALONE
 from pmr.system.from_scene import system_of
-from pmr.system.system import System, SystemTrajectory
-
-#: s: what takes no longer is simulated several times.
-SHORT = 2.0
-
-
-@dataclass(frozen=True)
-class BoomSimulations:
-    """What the simulators say: the first one's motion and response, seconds, and how far each two agree, in m."""
-
-    first: SystemTrajectory
-    response: Response
-    seconds: Mapping[str, float]
-    agreement: Mapping[str, float]
-
-
-def simulate_sections(boom: Scene, system: System, excitation: Excitation, clock: Clock) -> BoomSimulations:
-    """From equilibrium, by all of them; Exudyn makes each step in the parts that the compiled simulator chose."""
-    names, motions = boom.simulation.simulators, dict[str, SystemTrajectory]()
-    omega = contact_frequency(system, excitation)
-    for name in names:
-        given = excitation
-        if name != "march" and names[0] == "march":
-            given = given.with_stepping(contact_step.as_made(given.stepping, motions["march"].parts, omega))
-        with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done:
-            motions[name] = _repeated(boom, system, given, simulator_of(name), done)
-    found = {name: respond(system, motion) for name, motion in motions.items()}
-    return BoomSimulations(
-        motions[names[0]],
-        found[names[0]],
-        {name: motion.seconds for name, motion in motions.items()},
-        agreement(found),
-    )
-
-
-def simulator_of(name: str) -> SystemSimulator:
-    """By its name in a scene."""
-    if name == "march":
-        return systems.simulate
-    return partial(exudyn.simulate_system, formulation=exudyn.FORMULATIONS[name])
+from pmr.system.system import System
 
 
 def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel]) -> Response:
@@ -81,13 +34,16 @@ def simulate(scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedMo
         If the scene describes other bodies, joints or loads than those that the system was made from, or a boom comes
         with anything but its system or a model for each of its sections.
     """
+    return simulate_with_states(scene, reduced, ()).response
+
+
+def simulate_with_states(
+    scene: Any, reduced: System | ReducedModel | Mapping[str, ReducedModel], steps: Sequence[int]
+) -> Simulated:
+    """The same with the states of each body at the `steps`, ascending numbers."""
     system = reduced if isinstance(reduced, System) else joined(scene, reduced)
-    excitation = driven_by(scene, system)
-    if ALONE in system.bodies:
-        model: Any = system.bodies[ALONE]
-        return at_pivot(scene, responses.simulate_with_states(scene, model, ()).response)
-    found = simulate_sections(scene, system, excitation, Clock()).response
-    return at_pivot(scene, with_friction(scene, system.contacts, found))
+    with Clock().stage("reduced"), refused_growth(scene):
+        return repeated(scene, system, driven_by(scene, system), scene.simulation.simulators[0], steps)
 
 
 def driven_by(scene: Any, system: System) -> Excitation:
@@ -150,14 +106,3 @@ def joined(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> Sy
             raise InputError("pmr.simulate", f"models.{name}", is_of, f"the model of section {name} is allowed")
         check_made_for(model, scene, number)
     return system_of(scene, {name: models[name] for name in names})
-
-
-def _repeated(
-    boom: Scene, system: System, excitation: Excitation, simulator: SystemSimulator, done: Progress
-) -> SystemTrajectory:
-    """A short simulation is repeated as the scene says, and the fastest counts."""
-    start = systems.start_of(system, excitation)
-    found = [simulator(system, excitation, start, done)]
-    while len(found) < boom.simulation.repeats and found[0].seconds < SHORT:
-        found.append(simulator(system, excitation, start))
-    return min(found, key=lambda one: one.seconds)

@@ -13,10 +13,11 @@ from pmr.compare.outputs import impulsive
 from pmr.compare.spectrum import band_of, error_below
 from pmr.errors import environment
 from pmr.errors.text import remarks
-from pmr.reduced.model import ReducedModel
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.simulation import Excitation, contact_step, resolution
+from pmr.scene.names import ALONE
+from pmr.simulation import Excitation, resolution
+from pmr.system.system import System
 
 
 @dataclass(frozen=True)
@@ -94,12 +95,13 @@ def compared(
     )
 
 
-def impacts(reduced: ReducedModel, excitation: Excitation, responses: Mapping[str, Response]) -> Part:
+def impacts(system: System, excitation: Excitation, responses: Mapping[str, Response]) -> Part:
     """``blows``, where rigid sliders strike at kinks of the path: the forces' error ``pad_force`` below ``band`` in Hz.
 
     Above it lies 1 % of the full model's motion at the tip, and the most of what a blow leaves in the forces.
     """
-    if "full" not in responses or not impulsive(reduced, excitation):
+    alone = system.reduced.get(ALONE)
+    if alone is None or "full" not in responses or not impulsive(alone, excitation):
         return Part()
     one, full = errors.with_common_forces(responses["reduced"], responses["full"])
     step = excitation.stepping.step
@@ -119,11 +121,6 @@ def pads(scene: Scene, response: Response) -> Part:
     """Forces of the pads and of rigid supports."""
     reactions = pad_forces.reactions(scene, response, np.asarray(scene.slider.path.value(response.t)))
     return Part(pad_forces.summary(scene, response) | reactions, pad_forces.warnings(scene, response))
-
-
-def contact(reduced: ReducedModel, excitation: Excitation) -> Part:
-    """How fine the step is for rows that only push."""
-    return Part(contact_step.summary(reduced, excitation), contact_step.warnings(reduced, excitation))
 
 
 def reliability(missing: Mapping[str, str], responses: Mapping[str, Response]) -> Part:

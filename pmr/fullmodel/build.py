@@ -98,9 +98,14 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
     return found
 
 
+def models_of(built: Mapping[str, Built]) -> dict[str, FullModel]:
+    """The models by their bodies' names."""
+    return {name: one.model for name, one in built.items()}
+
+
 def left_free(scene: Scene, built: Mapping[str, Built]) -> list[str]:
     """Rigid motions of the whole that nothing resists somewhere on its way, in a line, if there are any; collective."""
-    models = {name: one.model for name, one in built.items()}
+    models = models_of(built)
     if len(models) > 1:
         system, holds = FullSystem(models, contacts_of(scene, models)).supported(), "supports, pads and cylinders"
         way = _way(scene)

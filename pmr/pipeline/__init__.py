@@ -9,9 +9,9 @@ from typing import Any
 from pmr.compare import memory
 from pmr.compare.accuracy import order
 from pmr.compare.frequencies import frequency_part
-from pmr.compare.pivot import at_pivot
 from pmr.compare.responses import check_installed
-from pmr.compare.summary import Part, combined, origin, reliability, sampling, simulated, theory
+from pmr.compare.summary import Part, combined, origin, reliability, simulated, theory
+from pmr.compare.way import in_frequency
 from pmr.errors import InputError, environment
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
@@ -20,25 +20,22 @@ from pmr.fullmodel.build import build_bodies, left_free, log_warnings
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.probes import places
 from pmr.fullmodel.walls import summary as summary_of_walls
-from pmr.pipeline import alone
-from pmr.pipeline.alone import Alone, Reduction, recovered, reduce_with
 from pmr.pipeline.bodies import Bodies
-from pmr.pipeline.sections import SectionReduction, Sections
+from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
 from pmr.reduction.recover.framed import framed_body
-from pmr.reduction.recover.from_scene import Recovered, recovered_steps
+from pmr.reduction.recover.from_scene import Recovered
 from pmr.reduction.recover.nodal import held_body
-from pmr.reduction.sections import reduce_sections
 from pmr.results import Loads, Paths, RunResult
 from pmr.scene import Scene
 from pmr.scene.names import ALONE
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.system import System
 
-__all__ = [
-    "Outcome", "Reduction", "SectionReduction", "fenicsx_versions", "framed_body", "held_body", "recovered",
-    "recovered_steps", "reduce", "reduce_with", "run",
-]  # fmt: skip
+__all__ = ["Outcome", "fenicsx_versions", "framed_body", "held_body", "reduce", "run"]
+
+#: Stages of a run whose seconds stand in summary.json, beside those of the simulators.
+STAGES = ("assemble", "snapshots", "pod", "reduce", "recover", "estimate")
 
 
 @dataclass(frozen=True)
@@ -101,7 +98,7 @@ def _run(
     free = comm.bcast(environment.available_memory() if comm.rank == 0 else None)
     memory.check(scene, size, outputs, free, tell=comm.rank == 0)
     caches = {} if cache is None else {name: cache_in(cache, one.model) for name, one in built.items()}
-    bodies: Bodies = (Alone if ALONE in built else Sections)(scene, built, clock, caches)
+    bodies = Bodies(scene, built, clock, caches)
     scene = bodies.scene  # with the step that was chosen
     with clock.stage("frequencies"):
         frequencies = bodies.frequencies()
@@ -109,32 +106,26 @@ def _run(
     if scene.recovery is not None:
         with clock.stage("recover"):
             seen |= bodies.recover(motions)
-    if comm.rank > 0:
+    if motions.reduced is None:
         return None
-    motions = replace(motions, responses={name: at_pivot(scene, one) for name, one in motions.responses.items()})
-    judged, system, excitation = bodies.judge(motions, frequencies, seen), bodies.system, bodies.excitation
-    choice, responses = bodies.choice, judged.responses
-    stages = {name: clock.seconds[name] for name in bodies.STAGES if name in clock.seconds}
-    reduced = sum(body.size for body in system.bodies.values())
+    (judged, tip_error), system, excitation = bodies.judge(motions, frequencies, seen), bodies.system, bodies.excitation
+    choice, responses, by_frequency = bodies.choice, motions.responses, in_frequency(scene, bodies.system, excitation)
+    stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
     parts = [
         origin(scene, fenicsx_versions()),
-        Part({"coordinates": {"full": size, "reduced": reduced}}),
-        simulated(motions.seconds, motions.agreement, stages),
-        *judged.parts,
-        sampling(excitation),
+        Part({"coordinates": {"full": size, "reduced": sum(body.size for body in system.bodies.values())}}),
+        simulated(motions.seconds, motions.reduced.agreement, stages),
+        *judged,
         Part() if choice is None else Part(order.summary(choice), order.warnings(choice)),
         Part(warnings=memory.warnings(scene, size, outputs)),
         *(Part(warnings=build_warnings(one.structure)) for one in {id(one): one for one in built.values()}.values()),
         Part(warnings=free_motions),
         Part(places({name: one.structure.outputs for name, one in built.items()})),
         Part(summary_of_walls({name: one.structure.pads.walls for name, one in built.items()})),
-        reliability(motions.missing, responses),
+        reliability(motions.references.missing, responses),
         theory(scene, responses),
-        frequency_part(judged.frequency_response),
+        frequency_part(by_frequency),
     ]
-    found = dict(judged.bodies)
-    for name, one in seen.items():
-        found[name] = replace(found[name], fields=one.reduced.fields, peak_stress=one.histories())
     result = RunResult(
         scene,
         combined(parts),
@@ -142,16 +133,16 @@ def _run(
         Paths(tuple(excitation.paths), excitation.s, excitation.rates),
         Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
         frequencies,
-        found,
+        bodies.results(seen),
         None if ALONE in built else scene.reach(excitation.times),
-        judged.frequency_response,
-        judged.tip_error,
+        by_frequency,
+        tip_error,
     )
     made_from = scene.recorded | {"versions": result.summary["versions"]}
     return Outcome(result, system if ALONE in built else replace(system, provenance=made_from))
 
 
-def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction | SectionReduction:
+def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:
     """Reduce a body alone, or all sections of a scene; collective.
 
     Raises as `run`, and an InputError if a tolerance or a budget is to decide: it asks for a step as well.
@@ -164,8 +155,6 @@ def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = 
         with clock.stage("assemble"):
             built = build_bodies(scene, comm)
         log_warnings(built.values(), comm)
-        if ALONE in built:
-            return alone.reduce(scene, built[ALONE].model, clock)
-        return SectionReduction(scene, built, reduce_sections(scene, built))
+        return Reduction(scene, built, reduce_bodies(scene, built, clock=clock))
     except InputError as error:
         raise error.called(scene.spelled(error.key)) from None

@@ -1,92 +1,196 @@
-"""What the way of a scene's bodies through a run consists of, for a body alone and for sections."""
+"""The bodies of a scene on their way through a run: reduced, chosen among, simulated, recovered and judged."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.accuracy import order
-from pmr.compare.summary import Part
+from pmr.compare.boom_figures import sections
+from pmr.compare.errors import nrms, relative_error
+from pmr.compare.estimated import (
+    ReductionError,
+    SimulatedSystem,
+    asks_for_other,
+    other_of,
+    reduction_error,
+    sections_error,
+)
+from pmr.compare.judged import parts_of_motion
+from pmr.compare.responses import Simulations, quantities, simulate
+from pmr.compare.summary import Part, compared, impacts
+from pmr.compare.way import Visited, frequencies, visited
+from pmr.errors import ConvergenceError, InputError, on_first
 from pmr.errors.environment import Clock
-from pmr.fullmodel.build import Built, build_bodies
+from pmr.fullmodel.build import Built, build_bodies, models_of
+from pmr.pipeline.full_order import FullOrder, References
+from pmr.reduction.bodies import cached_body, reduce_bodies
 from pmr.reduction.cache import Cache
-from pmr.reduction.recover.from_scene import Recovered
-from pmr.results import BodyResult, Frequencies, FrequencyResponse, Response
+from pmr.reduction.from_scene import summary as describe_basis
+from pmr.reduction.recover.from_scene import Recovered, recover, recovered_steps
+from pmr.results import BodyResult, Frequencies, Response, Shapes
 from pmr.scene import Scene
+from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.petsc import Checkpoint
-from pmr.system.system import System
+from pmr.system.from_scene import system_of
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Motions:
-    """What simulators say; responses, their seconds and states of the reduced model are known on rank 0 alone."""
+    """What simulators say; of the reduced system on rank 0 alone."""
 
-    responses: Mapping[str, Response]  # by model
-    seconds: Mapping[str, float]  # of each simulator, and each reference
-    agreement: Mapping[str, float]  # of the simulators of the reduced model, m
-    simulators: Mapping[str, str]  # of the reduced model and the full one
-    missing: Mapping[str, str]  # why a reference is none
-    states: Any  # of the reduced model, as `Bodies.recover` takes them; None beside rank 0
-    full: Mapping[str, Array]  # this rank's rows of the full coordinates at the recovered steps, by body
+    reduced: Simulations | None
+    references: References
 
+    @property
+    def responses(self) -> dict[str, Response]:
+        """By model."""
+        assert self.reduced is not None  # as on rank 0
+        return {"reduced": self.reduced.first.response, **self.references.responses}
 
-@dataclass(frozen=True)
-class Judged:
-    """What motions say beside each other."""
-
-    parts: Sequence[Part]
-    responses: Mapping[str, Response]
-    frequency_response: FrequencyResponse | None
-    tip_error: Array | None  # (T, d) m
-    bodies: Mapping[str, BodyResult]
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Of each simulator of the reduced system, and of each reference."""
+        assert self.reduced is not None
+        return {**self.reduced.seconds, **{name: one.seconds for name, one in self.references.responses.items()}}
 
 
-class Bodies(ABC):
-    """The bodies of a scene, reduced as it asks, with the step and the coordinates that hold its tolerance."""
-
-    STAGES: ClassVar[tuple[str, ...]]  # whose seconds stand in summary.json, beside those of the simulators
-    scene: Scene
-    choice: order.Choice | None
-    excitation: Excitation
+class Bodies:
+    """Reduced as the scene asks, with the step and the coordinates that hold its tolerance; methods are collective."""
 
     def __init__(self, scene: Scene, built: Mapping[str, Built], clock: Clock, caches: Mapping[str, Cache]) -> None:
-        self.scene, self.built, self.clock, self.caches = scene, built, clock, caches
-        self.comm = next(iter(built.values())).model.comm
+        self.built, self.clock, self._caches = built, clock, caches
+        self._comm = next(iter(built.values())).model.comm
+        self.bodies = reduce_bodies(scene, built, caches, clock)
+        self.choice = self._chosen(scene)
+        self.scene = scene if self.choice is None else self.choice.scene  # with the step that was chosen
+        if self.choice is not None:
+            models = self.choice.models
+            self.bodies = {name: replace(one, modal=models[name]) for name, one in self.bodies.items()}
+        self.system = system_of(self.scene, {name: one.model for name, one in self.bodies.items()})
+        self.excitation = Excitation.of(self.scene)
+        self.full = FullOrder.of(self.scene, models_of(built))
+        self._other = self._another()
 
-    @property
-    def size(self) -> int:
-        """Coordinates of the full models."""
-        return sum(one.model.size for one in self.built.values())
-
-    def build(self, scene: Scene) -> Mapping[str, Built]:
-        """The full models of a scene on the same ranks."""
-        return build_bodies(scene, self.comm)
-
-    @property
-    @abstractmethod
-    def system(self) -> System:
-        """Of the reduced bodies."""
-
-    @abstractmethod
     def frequencies(self) -> Frequencies:
-        """The lowest natural frequencies on the way; collective."""
+        """The lowest natural frequencies on the way."""
+        wanted = ALONE in self.built or "full" in self.scene.compare.against
+        at = visited(self.scene, self.excitation, self.full.whole.size if wanted else 0)
+        full = self._full_frequencies(at) if wanted else None
+        found = on_first(self._comm, lambda: frequencies(self.scene, self.system, at, full))
+        return found or Frequencies(at.along, at.s, {})
 
-    @abstractmethod
     def simulate(self, checkpoint: Checkpoint | None) -> Motions:
-        """The reduced model by all simulators, and the references; collective."""
+        """The reduced system by all simulators, and the references."""
+        steps = recovered_steps(self.scene).tolist()
+        made = on_first(self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps))
+        stepping = self._comm.bcast(None if made is None else made.made)
+        return Motions(made, self.full.references(self.clock, steps, checkpoint, stepping))
 
-    @abstractmethod
     def recover(self, motions: Motions) -> Mapping[str, Recovered]:
-        """The fields that the scene asks for, by body; collective."""
+        """The fields that the scene asks for, by body."""
+        states = self._comm.bcast(None if motions.reduced is None else motions.reduced.first.states)
+        return recover(self.scene, self.built, self.bodies, states, motions.references.states)
 
-    @abstractmethod
-    def judge(self, motions: Motions, frequencies: Frequencies, seen: Mapping[str, Recovered]) -> Judged:
-        """What motions and frequencies say; on rank 0."""
+    def judge(self, motions: Motions, natural: Frequencies, seen: Mapping[str, Recovered]) -> tuple[list[Part], Any]:
+        """What motions and frequencies say, and how far off the tip may be over time, (T, d) m; on rank 0 alone."""
+        scene, system, responses = self.scene, self.system, motions.responses
+        assert motions.reduced is not None
+        error = self._error(motions.reduced)
+        more = {
+            name: ({"estimate": error.sections[name]} if name in error.sections else {})
+            | (seen[name].summary() if name in seen else {})
+            for name in scene.names
+        }
+        sizes = {
+            name: {"full": self.built[name].model.size, "reduced": one.size} for name, one in system.reduced.items()
+        }
+        measure = nrms if ALONE in system.bodies else relative_error
+        simulators = {"reduced": scene.simulation.simulators[0], "full": self.full.simulator}
+        parts = [
+            Part(describe_basis(scene, models_of(self.built), self.bodies)),
+            compared(responses, quantities(scene, responses["reduced"]), simulators, measure),
+            impacts(system, self.excitation, responses),
+            error.part,
+            sections(scene, responses, sizes, more),
+            *parts_of_motion(scene, system, motions.reduced, natural, self.clock, self.choice),
+        ]
+        return parts, error.band
+
+    def results(self, seen: Mapping[str, Recovered]) -> dict[str, BodyResult]:
+        """What is known of each body; on rank 0."""
+        found = {}
+        for name, one in self.bodies.items():
+            model = one.model
+            shapes = Shapes(one.basis.sigma, model.output_positions, model.outputs) if name == ALONE else None
+            found[name] = BodyResult(shapes)
+            if name in seen:
+                histories = seen[name].histories()
+                found[name] = replace(found[name], fields=seen[name].reduced.fields, peak_stress=histories)
+        return found
+
+    def _chosen(self, scene: Scene) -> order.Choice | None:
+        """Models and a step to the scene's tolerance or within its budget, the same on every rank; None without one."""
+        if scene.ordered is None:
+            return None
+        models = {name: one.modal for name, one in self.bodies.items()}
+        with self.clock.stage("search"):
+            choice: order.Choice = self._comm.bcast(on_first(self._comm, lambda: order.choose(scene, models)))
+        finer = order.finer(choice, scene)
+        if finer is None:
+            return order.without_mesh(choice)
+        with self.clock.stage("finer mesh"):
+            on_finer = self._on_finer(finer)
+            found: order.Choice = self._comm.bcast(
+                on_first(self._comm, lambda: order.with_mesh(choice, scene, models, on_finer))
+            )
+        return found
+
+    def _on_finer(self, finer: Scene) -> dict[str, Any]:
+        """The models of a scene with a finer mesh."""
+
+        def make() -> dict[str, Any]:
+            return {name: one.modal for name, one in reduce_bodies(finer, build_bodies(finer, self._comm)).items()}
+
+        cache = self._caches.get(ALONE)
+        return make() if cache is None else {ALONE: cache.model_of(finer, lambda: make()[ALONE])}
+
+    def _another(self) -> Any:
+        """A model that tells the error of one which can't by itself; None where that can, or no model tells it."""
+        if ALONE not in self.bodies or not asks_for_other(self.scene, self.bodies[ALONE].model):
+            return None
+        other = other_of(self.scene, self.bodies[ALONE].model)
+        try:
+            return cached_body(other, self.built[ALONE].model, self._caches.get(ALONE)).model
+        except (InputError, ConvergenceError):  # as few modes as a small mesh has: no reason not to run
+            return None
+
+    def _error(self, made: Simulations) -> ReductionError:
+        """The reduction's, as it is estimated."""
+        known = None if self.choice is None else self.choice.found.estimate
+        if ALONE in self.bodies:
+            return reduction_error(self.scene, self.bodies[ALONE].model, self.clock, self._other, known)
+        assert made.first.run is not None  # as of several bodies
+        moved = SimulatedSystem(self.system, self.excitation.with_stepping(made.made), made.first.run)
+        modal = {name: one.modal for name, one in self.bodies.items()}
+        return sections_error(self.scene, modal, moved, self.clock, known)
+
+    def _full_frequencies(self, at: Visited) -> Array:
+        if not self._caches:
+            return self.full.frequencies(at.s, at.count)
+        asked = {
+            "bodies": [one.content for one in self._caches.values()],
+            "contacts": repr(self.full.whole.contacts),
+            "s": at.s.tolist(),
+            "count": at.count,
+            "solver": self.scene.sections[0].reduction.solver,
+        }
+        cache = self._caches[self.scene.names[0]]
+        return cache.arrays("frequencies", asked, lambda: self.full.frequencies(at.s, at.count))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import Basis
 from pmr.reduction.content import content_of, structure_in
+from pmr.reduction.reduced_body import ReducedBody
 from pmr.reduction.snapshots import Snapshots
 from pmr.scene import Scene
 
@@ -35,15 +36,6 @@ FORMAT = "pmr-cache"
 
 
 @dataclass(frozen=True)
-class Reduced:
-    """A basis, the snapshots that it is made from and the reduced model."""
-
-    snapshots: Snapshots
-    basis: Basis
-    model: ReducedModel
-
-
-@dataclass(frozen=True)
 class Cache:
     """A folder of them, for one full model."""
 
@@ -51,7 +43,7 @@ class Cache:
     model: FullModel
     content: str  # digest of the model, see `content_of`
 
-    def reduced(self, asked: Mapping[str, Any], make: Callable[[], Reduced]) -> Reduced:
+    def reduced(self, asked: Mapping[str, Any], make: Callable[[], ReducedBody]) -> ReducedBody:
         """What is kept for what is `asked`, or what `make` returns, which is kept then; collective."""
         file = self._file("reduction", asked)
         arrays = self._read(file)
@@ -71,7 +63,7 @@ class Cache:
             "source": np.array(made.snapshots.source),
             "product": np.array(made.basis.product),
         }
-        self._write(file, arrays, made.model)
+        self._write(file, arrays, made.modal)
         return made
 
     def model_of(self, scene: Scene, make: Callable[[], ReducedModel]) -> ReducedModel:
@@ -98,7 +90,7 @@ class Cache:
         text = repr((self.content, sorted(asked.items())))
         return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
 
-    def _loaded(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> Reduced | None:
+    def _loaded(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
         model = self._model(file)
         if model is None:
             return None
@@ -106,7 +98,7 @@ class Cache:
         S = tall(np.asarray(arrays["S"], float)[share], self.model.M)
         V = tall(np.asarray(arrays["V"], float)[share], self.model.M) if arrays["V"].size else S
         snapshots = Snapshots(S, arrays["omega"], arrays["s"], arrays["residuals"], str(arrays["source"]))
-        return Reduced(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
+        return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 
     def _model(self, file: Path) -> ReducedModel | None:
         """The reduced model beside a file, on every rank; None where it isn't sound."""
@@ -164,8 +156,3 @@ def cache_in(folder: Path, model: FullModel) -> Cache:
 def _beside(file: Path) -> Path:
     """Where the reduced model of a reduction is."""
     return file.with_name(f"{file.stem}-reduced.npz")
-
-
-def with_provenance(found: Reduced, provenance: dict[str, Any]) -> Reduced:
-    """The same, told of the scene that it is now used for."""
-    return replace(found, model=replace(found.model, provenance=provenance))

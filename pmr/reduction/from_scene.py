@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from pmr.reduced.truncation import with_kept_inertia
 from pmr.reduction.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduction.galerkin import reduced_model, with_held_coordinates
 from pmr.reduction.given import given_basis, given_vectors
+from pmr.reduction.reduced_body import ReducedBody
 from pmr.reduction.residual.model import flexible_model, modal_model, released, section_model
 from pmr.reduction.snapshots import Snapshots
 from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
@@ -21,6 +23,7 @@ from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
 from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene import Reduction, Scene
 from pmr.scene.members import member_at
+from pmr.scene.names import ALONE
 
 #: Modes beyond the coordinates with which the error is estimated: six of the paper's beam hold 98 % of the residual
 #: part's inertia with four.
@@ -73,19 +76,20 @@ def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
     }
 
 
-def summary(
-    scene: Scene, model: FullModel, snapshots: Snapshots, basis: Basis, reduced: ReducedModel
-) -> dict[str, Any]:
-    """``basis`` of summary.json; `carriers` are how many places of loads the rows touch along the path."""
-    largest = float(snapshots.residuals.max())
+def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, ReducedBody]) -> dict[str, Any]:
+    """``basis`` of summary.json; `carriers` are how many places of loads the rows of a body alone touch on its path."""
+    if ALONE not in bodies:
+        return {"basis": {"kind": "free modes of every section, with residual flexibility"}}
+    body = bodies[ALONE]
+    basis, largest = body.basis, float(body.snapshots.residuals.max())
     return {
         "basis": {
             "kind": description(scene.reduction, basis),
             "kappa": basis.kappa(),
             "singular_values": basis.sigma.tolist(),
             "largest_residual": None if np.isnan(largest) else largest,
-            "rows_left_out": list(reduced.left_out),
-            "carriers": released(model).shared.carriers.shape[0],
+            "rows_left_out": list(body.modal.left_out),
+            "carriers": released(models[ALONE]).shared.carriers.shape[0],
         }
     }
 

@@ -85,9 +85,9 @@ def reduction(scene: Scene, basis: str, largest: int) -> Reduction:
 
 def _built(case: Case) -> ReducedModel:
     from pmr.fullmodel.build import full_model
-    from pmr.pipeline.alone import reduce
+    from pmr.reduction.bodies import reduce_body
 
-    return reduce(case.scene, full_model(case.scene)).reduced
+    return reduce_body(case.scene, full_model(case.scene)).model
 
 
 def pod(case: Case) -> Models:

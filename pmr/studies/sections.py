@@ -168,9 +168,9 @@ class Case:
 
     def family(self) -> BoomFamily:
         """The reduced models of the sections, of all sizes."""
-        from pmr.reduction.sections import reduce_sections
+        from pmr.reduction.bodies import reduce_bodies
 
-        reduced = {name: one.modal for name, one in reduce_sections(self.boom, self.built).items()}
+        reduced = {name: one.modal for name, one in reduce_bodies(self.boom, self.built).items()}
         return BoomFamily(self.boom, reduced)
 
     def models(self, family: BoomFamily, modes: int, basis: str) -> tuple[dict[str, ReducedModel], System]:

@@ -18,6 +18,7 @@ import numpy as np
 from pmr.files import records
 from pmr.results import Response
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
+from pmr.scene.names import ALONE
 from pmr.scene.signals import Constant
 from pmr.studies.engine.task import Task, TaskFunction, TaskResult
 
@@ -158,10 +159,10 @@ def modes_released(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]
 
 def reference(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
     """Task: response of the full model or of the ANCF cable."""
-    from pmr.compare import references
+    from pmr.pipeline.full_order import FullOrder
 
     scene = scene_of(arguments)
-    response = references.reference(arguments["simulator"], scene, model_of(scene))
+    response = FullOrder.of(scene, {ALONE: model_of(scene)}).reference(arguments["simulator"])
     assert response is not None
     return TaskResult(arrays=records.arrays(response), seconds={"simulate": response.seconds})
 

@@ -18,16 +18,20 @@ from pmr.scene.names import ALONE, cylinder_of
 from pmr.scene.parts import Part
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
-from pmr.system.system import Body, System
+from pmr.system.system import Body, System, grounded
 
 
 def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
     """A scene's bodies, reduced or full, by their names, and what joins them; errors as for `System`."""
-    return System.of(bodies[ALONE]) if len(scene.sections) == 1 else System(bodies, contacts_of(scene, bodies))
+    if ALONE in bodies:
+        return System.of(bodies[ALONE])
+    return System(bodies, contacts_of(scene, bodies))
 
 
 def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:
-    """All contacts between the sections, and with the ground."""
+    """All contacts between the sections, and with the ground; of a body alone as `System.of` has them."""
+    if ALONE in bodies:
+        return grounded(bodies[ALONE])
     contacts = [contact for number in range(1, len(scene.sections)) for contact in _between(scene, number, bodies)]
     places = [place for one in contacts for place in (one.inner, one.outer) if place is not None]
     joined = {(place.body, place.row) for place in places}

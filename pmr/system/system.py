@@ -248,20 +248,23 @@ class System(Joined[SlidingBody]):
 
         An InputError is raised where it is a section of a boom, which its joints hold.
         """
-        if isinstance(body, ReducedModel):
-            body.ensure_whole("system")
-        moving, (first, _) = body.moving, body.domain
-        contacts = tuple(
-            Contact(
-                name,
-                Place(ALONE, name, path=SLIDER) if number in moving else Place(ALONE, name, first),
-                compliance=float(body.row_compliance[number]),
-                clearance=None if np.isnan(body.row_clearance[number]) else float(body.row_clearance[number]),
-            )
-            for number, name in enumerate(body.row_names)
-            if number not in body.held
+        body.ensure_whole("system")
+        return cls({ALONE: body}, grounded(body), body.provenance if isinstance(body, ReducedModel) else {})
+
+
+def grounded(body: Body) -> tuple[Contact, ...]:
+    """The rows of a body alone as contacts with the ground, but for supports that hold one coordinate."""
+    moving, first = body.moving, body.domain[0]
+    return tuple(
+        Contact(
+            name,
+            Place(ALONE, name, path=SLIDER) if number in moving else Place(ALONE, name, first),
+            compliance=float(body.row_compliance[number]),
+            clearance=None if np.isnan(body.row_clearance[number]) else float(body.row_clearance[number]),
         )
-        return cls({ALONE: body}, contacts, body.provenance if isinstance(body, ReducedModel) else {})
+        for number, name in enumerate(body.row_names)
+        if number not in body.held
+    )
 
 
 @dataclass(frozen=True)

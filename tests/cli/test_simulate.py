@@ -14,8 +14,8 @@ from processes import FENICSX, PETSC, called, without
 from pmr import pipeline as whole
 from pmr import scene
 from pmr.compare.made_for import check_made_for
-from pmr.compare.responses import simulate_reduced
 from pmr.compare.saved_model import simulate_saved
+from pmr.compare.simulated import simulate
 from pmr.errors import InputError
 from pmr.reduced.model import ReducedModel
 from pmr.system.system import System
@@ -110,7 +110,7 @@ def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_re
     with pytest.raises(InputError, match=r"loads\[1\].direction = 'z': that of the model is allowed: 'y'"):
         simulate_saved(System.of(model), scene.load(file, [*ours, "loads.gust.direction=z"]))
     with pytest.raises(InputError, match=r"loads\[1\].on = 3.0: that of the model is allowed: 'tip'"):
-        simulate_reduced(scene.load(file, [*ours, "loads.gust.on=3"]), model)
+        simulate(scene.load(file, [*ours, "loads.gust.on=3"]), model)
     told = model.provenance["scene"]
     older = {"scene": told | {"gravity": {}, "loads": [{"name": load["name"]} for load in told["loads"]]}}
     check_made_for(replace(model, provenance=older), scene.load(file, ours))
@@ -141,7 +141,7 @@ def test_what_is_baked_into_a_saved_model_is_refused_where_a_scene_says_somethin
         with pytest.raises(InputError, match=f"scene: {says}"):
             simulate_saved(System.of(model), scene.load(file, [*ours, change]))
         with pytest.raises(InputError, match=f"scene: {says}"):
-            simulate_reduced(scene.load(file, [*ours, change]), model)
+            simulate(scene.load(file, [*ours, change]), model)
 
 
 def test_a_file_of_another_content_than_the_models_is_refused(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from pmr.pipeline import run
 from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
-from pmr.reduction.sections import reduce_sections
+from pmr.reduction.bodies import reduce_bodies
 from pmr.scene import Scene
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -64,7 +64,7 @@ def test_the_estimate_is_the_true_error_and_its_margin(pads: str, monkeypatch: p
 def fly() -> ReducedModel:
     """Without what answers its cylinder."""
     boom = load()
-    found = reduce_sections(boom, build_bodies(boom))["fly"].modal
+    found = reduce_bodies(boom, build_bodies(boom))["fly"].modal
     assert found.carriers is not None
     return replace(found, carriers=replace(found.carriers, answers=None))
 

@@ -16,8 +16,9 @@ from pmr.compare.booms import respond
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import Built, build_bodies
 from pmr.reduced.model import ReducedModel
+from pmr.reduction.bodies import reduce_bodies
 from pmr.reduction.recover.coordinates import Recovery
-from pmr.reduction.sections import ReducedSection, reduce_sections
+from pmr.reduction.reduced_body import ReducedBody
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
@@ -76,7 +77,7 @@ class Run:
 
     boom: Scene
     built: Mapping[str, Built]
-    sections: Mapping[str, ReducedSection]
+    sections: Mapping[str, ReducedBody]
     system: System
     excitation: Excitation
     moved: SystemTrajectory
@@ -89,7 +90,7 @@ class Run:
 def run(changes: Sequence[str], simulator: SystemSimulator = systems.simulate) -> Run:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, *changes])
     built = build_bodies(boom, MPI.COMM_SELF)
-    sections = reduce_sections(boom, built)
+    sections = reduce_bodies(boom, built)
     system = system_of(boom, {name: one.model for name, one in sections.items()})
     excitation = Excitation.of(boom)
     moved = simulator(system, excitation, systems.static_start(system, excitation))

@@ -13,13 +13,13 @@ from pmr import scene as scenes
 from pmr.compare.estimate import MARGIN
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline import run
+from pmr.reduction.bodies import reduce_bodies
 from pmr.reduction.recover.coordinates import Recovery
-from pmr.reduction.recover.from_scene import states_of
-from pmr.reduction.sections import reduce_sections
 from pmr.results import RunResult
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.system.from_scene import system_of
+from pmr.system.states import states_of
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 KINK, RATE = 0.1, 0.4
@@ -124,7 +124,7 @@ def test_full_coordinates_are_recovered_from_modes_of_cylinders_too() -> None:
     """What the model says of its outputs is O q, right behind a kink; along the axis q is the full model's."""
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, "time.end=0.15"))
     built = build_bodies(boom)
-    reduced = reduce_sections(boom, built)
+    reduced = reduce_bodies(boom, built)
     runs, steps = [], np.array([50, 102, 104, 130])
     for bodies in (
         {name: one.model for name, one in reduced.items()},
@@ -135,8 +135,8 @@ def test_full_coordinates_are_recovered_from_modes_of_cylinders_too() -> None:
         runs.append((system, systems.simulate(system, given, systems.static_start(system, given))))
     (system, motion), (whole, full) = runs
     states = states_of(system, motion, steps)["fly"]
-    recovery = Recovery(built["fly"].model, reduced["fly"].V, reduced["fly"].model, rows=states.rows)
-    q, body = recovery.positions(states.states), whole.bodies["fly"]
+    recovery = Recovery(built["fly"].model, reduced["fly"].V, reduced["fly"].model)
+    q, body = recovery.positions(states), whole.bodies["fly"]
     y = systems.displacements(system, motion)["fly"][steps]
     assert (body.outputs @ q.T).T == pytest.approx(y, abs=1e-12 * np.abs(y).max())
     along = np.flatnonzero(np.asarray(built["fly"].model.rigid.coordinates)[:, 0] > 0.5)

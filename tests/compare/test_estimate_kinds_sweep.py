@@ -18,7 +18,7 @@ from pmr.compare.outputs import KINDS, Floors, Outputs, differences, outputs
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
-from pmr.pipeline import reduce_with
+from pmr.reduction.bodies import reduce_with
 from pmr.reduction.from_scene import take_snapshots
 from pmr.scene import Scene
 from pmr.scene.choice import transverse
@@ -44,7 +44,7 @@ def simulated(body: SlidingBody, excitation: Excitation, tips: int) -> tuple[Out
 def ratios(scene: Scene) -> Iterator[tuple[str, float, float]]:
     """Kind, estimate over error and error, of all kinds that have an estimate."""
     model = build(scene, MPI.COMM_SELF).model
-    reduced = reduce_with(scene, model, take_snapshots(scene, model)).reduced
+    reduced = reduce_with(scene, model, take_snapshots(scene, model)).model
     tips = len(transverse(member_at(scene)))
     excitation = Excitation.of(scene)
     own, run = simulated(reduced, excitation, tips)

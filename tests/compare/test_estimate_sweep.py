@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from random_scenes import random_scene
 
 from pmr.compare import estimate as estimates
-from pmr.compare.responses import simulate_reduced, simulate_reference
+from pmr.compare.simulated import simulate
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
-from pmr.pipeline import reduce_with
+from pmr.pipeline.full_order import FullOrder
+from pmr.reduction.bodies import reduce_with
 from pmr.reduction.from_scene import take_snapshots
+from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 
 Array = NDArray[np.float64]
@@ -46,9 +48,10 @@ class Case:
 def case(seed: int) -> Case:
     scene = random_scene(seed)
     model = build(scene, MPI.COMM_SELF).model
-    reduced = reduce_with(scene, model, take_snapshots(scene, model)).reduced
-    full = simulate_reference("full", scene, model.gather()).response.displacement
-    own = simulate_reduced(scene, reduced).displacement
+    reduced = reduce_with(scene, model, take_snapshots(scene, model)).model
+    reference = FullOrder.of(scene, {ALONE: model}).reference("full")
+    assert reference is not None
+    own, full = simulate(scene, reduced).displacement, reference.displacement
     found = estimates.estimate(reduced, Excitation.of(scene))
     moves = np.sqrt(np.mean(full**2, axis=0))
     counted = moves > 1e-6 * moves.max()

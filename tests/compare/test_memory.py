@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pmr.compare import memory
-from pmr.compare.responses import simulate_reference
+from pmr.compare.responses import repeated
 from pmr.errors import InputError, environment
 from pmr.scene import Scene
 from pmr.simulation import Excitation
@@ -16,6 +16,7 @@ from pmr.simulation.blocks import Recorder
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
 from pmr.system.body import FullBody
+from pmr.system.system import System
 
 LONG = ["time.step=1.5e-5", "compare.against=['full']"]
 
@@ -73,7 +74,7 @@ def _a_step(load_scene, run: Callable[[object], object]) -> float:
 @pytest.mark.slow
 def test_a_response_is_made_without_the_states_of_all_steps(load_scene, full: FullBody) -> None:
     """Both runs are longer than what is evaluated at once, so the room for that is in none of the difference."""
-    found = _a_step(load_scene, lambda scene: simulate_reference("full", scene, full))
+    found = _a_step(load_scene, lambda scene: repeated(scene, System.of(full), Excitation.of(scene), "march"))
     states = memory.NUMBER * 2 * full.size
     outputs = memory.NUMBER * len(full.output_positions)
     assert outputs < found < min(states, 2.0 * outputs)

@@ -14,7 +14,7 @@ import pytest
 from pmr import scene as scenes
 from pmr.compare.errors import errors, with_common_forces
 from pmr.compare.pad_forces import pad_loads, pulled, unknown
-from pmr.compare.responses import simulate_reduced
+from pmr.compare.simulated import simulate
 from pmr.files import records
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structure import structural_model
@@ -243,7 +243,7 @@ def test_forces_stand_under_their_pads_in_rings_of_any_kind_and_order() -> None:
     for _ in range(BOOMS):
         pads, shares = rings(rng)
         scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*AT_REST, pads, "reduction.estimate=false"])
-        response = simulate_reduced(scene, reduce(scene).reduced)
+        response = simulate(scene, reduce(scene).reduced)
         for name in (name for ring in scene.pads for name, _, _ in ring.places):
             exact = shares.get(name, 0.0) * of_ring.get(name.split()[0], 0.0)
             assert response.force(force_of(name), 0)[-1] == pytest.approx(exact, rel=5e-3, abs=2.0), (name, pads)

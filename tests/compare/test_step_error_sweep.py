@@ -12,7 +12,7 @@ from random_scenes import random_scene
 
 from pmr.compare.errors import relative_error
 from pmr.compare.halved_steps import NEGLIGIBLE, SETTLED
-from pmr.compare.responses import simulate_reduced
+from pmr.compare.simulated import simulate
 from pmr.compare.step_error import step_error
 from pmr.pipeline import reduce
 from pmr.scene import Scene
@@ -35,8 +35,8 @@ def test_what_settles_is_the_error() -> None:
         scene, model = with_step(given, COARSE * given.time.step), reduce(given).reduced
         found = step_error(model, Excitation.of(scene))
         halved = round(scene.time.step / found.finest) * FURTHER
-        fine = simulate_reduced(with_step(scene, scene.time.step / halved), model).displacement[::halved]
-        true = relative_error(simulate_reduced(scene, model).displacement, fine)
+        fine = simulate(with_step(scene, scene.time.step / halved), model).displacement[::halved]
+        true = relative_error(simulate(scene, model).displacement, fine)
         told.append(f"{seed}: {found.beam:.2e} said, {true:.2e} true, settled {found.settled}, by {found.finest:.1e} s")
         settled += found.settled
         if found.settled:

@@ -7,16 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pmr.compare.references import reference, references
 from pmr.compare.trust import ALTERNATING, distrust, warnings
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
 from pmr.files import records
 from pmr.fullmodel.build import full_model
 from pmr.pipeline import run
+from pmr.pipeline.full_order import FullOrder
 from pmr.report import errors
 from pmr.report.sections import chapter
 from pmr.results import Energy, Response
+from pmr.scene.names import ALONE
 from pmr.studies import marching, shared
 
 T = np.arange(200) * 1e-3
@@ -91,13 +92,12 @@ def test_every_rank_knows_that_there_is_none(load_scene, simulator: str) -> None
     fast = "slider.path={kind='ramp',times=[0.02,0.22,0.42],values=[0.7,4.2,0.7]}"
     few = ["time.end=0.3", "mesh.elements=8", fast, "reduction.coordinates=8", "time.rho_inf=0.999"]
     scene = load_scene("evolved_residual", [*few, f"simulation.full={simulator}"])
-    model = full_model(scene)
-    found = references(scene, model, steps=[0, 20])
-    assert found.responses == {}
-    assert found.states is None
+    full = FullOrder.of(scene, {ALONE: full_model(scene)})
+    found = full.references(steps=[0, 20])
+    assert found.responses == found.states == {}
     assert "grows without bound" in found.missing["full"]
     with pytest.raises(SimulationError, match="grows without bound"):
-        reference("full", scene, model)
+        full.reference("full")
 
 
 def test_a_cable_that_fails_is_no_reference_either(load_scene) -> None:
@@ -109,7 +109,7 @@ def test_a_cable_that_fails_is_no_reference_either(load_scene) -> None:
         "time.rho_inf=1.0",
     ]
     scene = load_scene("evolved_residual", case)
-    found = references(scene, full_model(scene))
+    found = FullOrder.of(scene, {ALONE: full_model(scene)}).references()
     assert found.responses == {}
     assert "ANCF" not in found.missing["ancf"]
     assert "rho_inf" in found.missing["ancf"]

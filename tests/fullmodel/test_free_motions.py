@@ -207,8 +207,7 @@ def test_a_machine_without_one_of_its_supports_is_refused_before_it_is_reduced(
 ) -> None:
     """What moves, and how, follows from what was taken away."""
     machine = without_a_support(seed)
-    monkeypatch.setattr("pmr.pipeline.sections.reduce_sections", None)
-    monkeypatch.setattr("pmr.pipeline.alone.reduce", None)
+    monkeypatch.setattr("pmr.pipeline.bodies.reduce_bodies", None)
     with pytest.raises(InputError) as error:
         run(machine.scene, MPI.COMM_SELF)
     said = str(error.value)

@@ -130,13 +130,13 @@ def newton(boom: Scene) -> float:
     """
     from pmr.fem.compat import MPI
     from pmr.fullmodel.build import build_bodies
-    from pmr.reduction.sections import reduce_sections
+    from pmr.reduction.bodies import reduce_bodies
     from pmr.simulation import Excitation
     from pmr.simulation.native import systems
     from pmr.system.from_scene import system_of
 
     built = build_bodies(boom, MPI.COMM_SELF)
-    sections = reduce_sections(boom, built)
+    sections = reduce_bodies(boom, built)
     system = system_of(boom, {name: one.model for name, one in sections.items()})
     given = Excitation.of(boom)
     found = systems.simulate(system, given, systems.static_start(system, given))

@@ -14,8 +14,10 @@ from peers.calculix import Deck, Mean, grid
 from peers.pads import Patch
 
 from pmr import scene as scenes
-from pmr.compare.boom_motions import FullBoom
-from pmr.fullmodel.build import build_bodies
+from pmr.compare.boom_figures import CURVES
+from pmr.fullmodel.build import build_bodies, models_of
+from pmr.pipeline.full_order import FullOrder
+from pmr.simulation import Excitation
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -73,7 +75,8 @@ def ours(extension: float) -> np.ndarray:
     ]
     boom = scenes.load_any(WORKFLOWS / "boom_three_shell.toml", changes)
     boom = boom.model_copy(update={"sections": boom.sections[:2]})
-    return FullBoom.of(boom, build_bodies(boom)).frequencies(boom, np.array([0]))[0]
+    full = FullOrder.of(boom, models_of(build_bodies(boom)))
+    return full.frequencies(Excitation.of(boom).s[:1], CURVES)[0]
 
 
 NAMED = {"base": OUTER, "middle": INNER, "fly": (0.20, 0.30, 6e-3)}

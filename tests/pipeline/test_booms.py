@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare import boom_motions, memory, responses
+from pmr.compare import memory, responses
 from pmr.compare.boom_figures import frequency_map, joints
 from pmr.compare.booms import respond, with_friction
 from pmr.errors import InputError
@@ -21,9 +21,10 @@ from pmr.export.paraview import Travelling, write_series
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline import Outcome, run
+from pmr.pipeline.full_order import FullOrder
 from pmr.reduced.model import ReducedModel
-from pmr.reduction import sections
-from pmr.reduction.sections import reduce_sections
+from pmr.reduction import bodies
+from pmr.reduction.bodies import reduce_bodies
 from pmr.report.document import write_report
 from pmr.results import RunResult
 from pmr.results import load as load_frames
@@ -160,7 +161,7 @@ def test_tables_hold_forces_frequencies_and_probes_of_all_sections(outcome: Outc
 def test_with_a_cache_another_signal_computes_nothing_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Equal sections are reduced once, too; another length of one section is another one."""
     calls = list[str]()
-    for owner, name in ((sections, "free_modes"), (boom_motions.FullBoom, "frequencies")):
+    for owner, name in ((bodies, "free_modes"), (FullOrder, "frequencies")):
         plain = getattr(owner, name)
 
         def told(*arguments: Any, name: str = name, plain: Any = plain, **named: Any) -> Any:
@@ -324,7 +325,7 @@ def test_equal_sections_are_built_and_reduced_once_and_points_hold_beams(tmp_pat
     (tmp_path / "points.toml").write_text(POINTS)
     boom = scenes.load_any(tmp_path / "points.toml")
     built = build_bodies(boom)
-    reduced = reduce_sections(boom, built)
+    reduced = reduce_bodies(boom, built)
     assert built["one"] is built["two"] and built["tip"] is not built["two"]
     assert reduced["one"].model.M is reduced["two"].model.M
     system = system_of(boom, {name: one.model for name, one in reduced.items()})
@@ -355,7 +356,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
     boxes = {part.name: part.body.box for part in boom.sections if part.body.box is not None}
     masses = {name: 7850.0 * 6.0 * 2.0 * box.wall * (box.width + box.height) for name, box in boxes.items()}
     masses["fly"] += 250.0
-    system = system_of(boom, {name: one.model for name, one in reduce_sections(boom, build_bodies(boom)).items()})
+    system = system_of(boom, {name: one.model for name, one in reduce_bodies(boom, build_bodies(boom)).items()})
     given = Excitation.of(boom)
     found = respond(system, systems.simulate(system, given, systems.static_start(system, given)))
     t = given.times

@@ -13,7 +13,7 @@ from pmr.fullmodel.build import build_bodies
 from pmr.reduced.attachment import CYLINDER, with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated
-from pmr.reduction.sections import reduce_sections
+from pmr.reduction.bodies import reduce_bodies
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 PAYLOAD, LENGTH, E, RHO = 250.0, 6.0, 210e9, 7850.0
@@ -22,7 +22,7 @@ PAYLOAD, LENGTH, E, RHO = 250.0, 6.0, 210e9, 7850.0
 def fly(coordinates: int, *changes: str) -> ReducedModel:
     size = ("time.end=0.1", "section.mesh.elements=24", f"sections.fly.reduction.coordinates={coordinates}")
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*size, *changes))
-    return reduce_sections(boom, build_bodies(boom))["fly"].modal
+    return reduce_bodies(boom, build_bodies(boom))["fly"].modal
 
 
 def along(model: ReducedModel) -> np.ndarray:

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pmr.pipeline.alone
+import pmr.pipeline.full_order
+import pmr.reduction.bodies
 from pmr.errors import InputError
 from pmr.fullmodel.build import build
 from pmr.fullmodel.model import FullModel
@@ -21,14 +22,14 @@ SHORT = ["time.end=0.02", "compare.against=[]"]
 def computed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What is computed: a name for each call of what is kept."""
     calls: list[str] = []
-    for name in ("reduce", "lowest_frequencies"):
-        plain = getattr(pmr.pipeline.alone, name)
+    for place, name in ((pmr.reduction.bodies, "reduce_body"), (pmr.pipeline.full_order, "lowest_frequencies")):
+        plain = getattr(place, name)
 
         def told(*arguments: object, name: str = name, plain=plain) -> object:
             calls.append(name)
             return plain(*arguments)
 
-        monkeypatch.setattr(pmr.pipeline.alone, name, told)
+        monkeypatch.setattr(place, name, told)
     return calls
 
 
@@ -49,7 +50,7 @@ def test_another_signal_computes_nothing_again(load_scene, tmp_path: Path, compu
         for signal in ("-50.0", "-50.0", "20.0")
     )
     told_by_others = basis != "free_modes"  # whose error takes a second reduction
-    assert computed == ["reduce"] * (1 + told_by_others) + ["lowest_frequencies"]
+    assert computed == ["reduce_body"] * (1 + told_by_others) + ["lowest_frequencies"]
     assert first and again and other
     for name in ("M", "D", "K", "B", "outputs"):
         assert np.array_equal(getattr(first.reduced, name), getattr(other.reduced, name)), name
@@ -68,7 +69,7 @@ def test_another_signal_computes_nothing_again(load_scene, tmp_path: Path, compu
 def test_what_decides_is_noticed(load_scene, tmp_path: Path, computed: list[str], change: str) -> None:
     run(load_scene("evolved_residual", [*SHORT, "mesh.elements=20", loads("-50.0")]), cache=tmp_path)
     run(load_scene("evolved_residual", [*SHORT, "mesh.elements=20", loads("-50.0"), change]), cache=tmp_path)
-    assert computed.count("reduce") == 2
+    assert computed.count("reduce_body") == 2
 
 
 def test_damaged_files_are_made_again(load_scene, tmp_path: Path, computed: list[str]) -> None:
@@ -77,7 +78,7 @@ def test_damaged_files_are_made_again(load_scene, tmp_path: Path, computed: list
     for file in tmp_path.iterdir():
         file.write_bytes(file.read_bytes()[:-200])
     again = run(scene, cache=tmp_path)
-    assert computed == ["reduce", "lowest_frequencies"] * 2
+    assert computed == ["reduce_body", "lowest_frequencies"] * 2
     assert first and again and np.array_equal(first.reduced.K, again.reduced.K)
 
 
@@ -104,7 +105,7 @@ def test_the_finer_mesh_is_reduced_once_for_any_tolerance(load_scene, tmp_path: 
         for tolerance, force in ((0.1, -50.0), (0.003, 20.0))
     )
     first, other = (run(load_scene("evolved_residual", more), cache=tmp_path) for more in (rough, fine))
-    assert first and other and computed.count("reduce") == 2
+    assert first and other and computed.count("reduce_body") == 2
     plain = run(load_scene("evolved_residual", fine))
     assert plain and 6 >= other.reduced.size > first.reduced.size
     for kind, share in plain.result.summary["budget"]["mesh"].items():

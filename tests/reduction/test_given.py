@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from pmr import pipeline as whole
-from pmr.compare.responses import simulate_reduced
+from pmr.compare.simulated import simulate
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
 from pmr.reduction.from_scene import build_basis, take_snapshots
+from pmr.scene.names import ALONE
 
 SMALL = ["mesh.elements=12", "time.end=0.2", "reduction.estimate=false"]
 
@@ -45,11 +46,11 @@ def test_free_modes_from_a_file_are_the_model_of_free_modes(load_scene, tmp_path
     """Mixed among themselves: what counts is their span."""
     plain = load_scene("evolved_residual", [*SMALL, "reduction.coordinates=6"])
     expected = whole.reduce(plain)
-    V = np.array(expected.basis.V.getDenseArray())[:, :6] @ np.random.default_rng(3).normal(size=(6, 6))
+    V = np.array(expected.bodies[ALONE].basis.V.getDenseArray())[:, :6] @ np.random.default_rng(3).normal(size=(6, 6))
     given = f"reduction={{{saved(tmp_path, V)},product='mass',coordinates=6,flexibility=true}}"
     scene = load_scene("evolved_residual", [*SMALL, given])
     found = whole.reduce(scene).reduced
-    y, z = (simulate_reduced(one, model).displacement for one, model in ((plain, expected.reduced), (scene, found)))
+    y, z = (simulate(one, model).displacement for one, model in ((plain, expected.reduced), (scene, found)))
     assert np.abs(y).max() > 1e-4
     np.testing.assert_allclose(z, y, rtol=0.0, atol=1e-8 * np.abs(y).max())
     assert found.provenance["scene"]["reduction"]["file"] == "basis.npz"

@@ -12,8 +12,7 @@ load has a kink (`pmr.compare.velocities`; docs/moving_residual_flexibility.md, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -26,49 +25,13 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduction.residual.operator import ResidualFlexibility
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.scene.members import TAIL
-from pmr.system.body import Trajectory
+from pmr.system.states import BodyStates
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 #: Times recovered at once; bounds memory at some multiples of this many vectors of full length.
 BLOCK = 64
-
-
-@dataclass(frozen=True)
-class ReducedStates:
-    """What a simulated reduced model says at S times.
-
-    Attributes
-    ----------
-    t : (S,) array, s
-    s : (S,) array, m
-        (S, m) of a body of a system, whose rows are each at a place of their own.
-    p, v : (S, r) arrays
-        Coordinates and their rates.
-    multipliers : (S, m) array, N
-        z, those that deform the residual part.
-    loads : (S, i) array, N
-    """
-
-    t: Array
-    s: Array
-    p: Array
-    v: Array
-    multipliers: Array
-    loads: Array
-
-    def __getitem__(self, which: slice) -> ReducedStates:
-        """Some of the states."""
-        return ReducedStates(*(getattr(self, name)[which] for name in ("t", "s", "p", "v", "multipliers", "loads")))
-
-
-def chosen_states(trajectory: Trajectory, loads: Array, steps: Indices) -> ReducedStates:
-    """The states of a trajectory under loads (T, i) in N at some of its steps (S,)."""
-    t, s, p, v, z = (
-        array[steps] for array in (trajectory.t, trajectory.s, trajectory.q, trajectory.v, trajectory.deforming)
-    )
-    return ReducedStates(t, s, p, v, z, loads[steps])
 
 
 class Recovery:
@@ -83,8 +46,6 @@ class Recovery:
         The same on every rank.
     solver : ``"auto"``, ``"dense"`` or ``"slepc"``
         As for the residual flexibility's tables.
-    rows : sequence of str, optional
-        The row of each of the states' multipliers; by default those of the reduced model.
 
     Attributes
     ----------
@@ -98,7 +59,6 @@ class Recovery:
         V: Array,
         reduced: ReducedModel,
         solver: str = "auto",
-        rows: Sequence[str] | None = None,
     ) -> None:
         self.reduced = reduced
         self._model, modes = model, reduced.size - reduced.cylinder_modes
@@ -106,7 +66,6 @@ class Recovery:
         self._share = slice(*model.M.getOwnershipRange())
         self._residual: ResidualFlexibility | None = None
         if reduced.flexibility is not None:
-            self._rows = [model.rows.rows[model.rows.names.index(name)] for name in rows or reduced.row_names]
             self._inputs = local_csr(model.inputs)
             body = FreeBody(model, solver)
             self._residual = ResidualFlexibility(body, self.V)
@@ -126,7 +85,7 @@ class Recovery:
         turned = carriers.answers.turned
         return modal.powers(tail.at(tail.breaks[0]).toarray()[0, self._share], len(turned)) @ turned
 
-    def positions(self, states: ReducedStates) -> Array:
+    def positions(self, states: BodyStates) -> Array:
         """This rank's rows of q, (S, n_local), of states that are the same on every rank.
 
         For many states of a large model ask for `blocks`.
@@ -134,26 +93,27 @@ class Recovery:
         parts = [np.empty((0, len(self.V))), *self.blocks(states)]
         return np.concatenate(parts)
 
-    def velocities(self, states: ReducedStates) -> Array:
+    def velocities(self, states: BodyStates) -> Array:
         """V p', this rank's rows (S, n_local): without the residual part's."""
         return np.asarray(states.v @ self.V.T)
 
-    def blocks(self, states: ReducedStates) -> Iterator[Array]:
+    def blocks(self, states: BodyStates) -> Iterator[Array]:
         """The same as `positions`, at most `BLOCK` states at a time, one block after the other."""
         for k in range(0, len(states.t), BLOCK):
             yield self._block(states[k : k + BLOCK])
 
-    def _block(self, states: ReducedStates) -> Array:
+    def _block(self, states: BodyStates) -> Array:
         q = states.p @ self.V.T
         if self._residual is not None:
             q += self._residual.apply(self._loads(states)).T
         return np.asarray(q)
 
-    def _loads(self, states: ReducedStates) -> Array:
+    def _loads(self, states: BodyStates) -> Array:
         """This rank's rows (n_local, S) of B f - C(s)^T z, in N."""
         g = np.asarray(self._inputs @ states.loads.T)
-        s = states.s if states.s.ndim == 2 else np.repeat(states.s[:, None], len(self._rows), axis=1)
-        for row, z, at in zip(self._rows, states.multipliers.T, s.T, strict=True):
+        known = self._model.rows
+        for name, z, at in zip(states.rows, states.multipliers.T, states.s.T, strict=True):
+            row = known.rows[known.names.index(name)]
             weights = sp.diags(z) @ row.weights(at)
             g -= (weights @ row.carriers[:, self._share]).T.toarray()
         return g

@@ -1,4 +1,4 @@
-"""Fields and stresses that a scene or a boom of sections asks for, from reduced models and, beside them, full ones."""
+"""Fields and stresses that a scene asks for, from reduced models and, beside them, full ones."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.fullmodel.build import Built
-from pmr.fullmodel.structure import Structure
-from pmr.reduction.recover.coordinates import Recovery, ReducedStates, chosen_states
+from pmr.reduction.recover.coordinates import Recovery
 from pmr.reduction.recover.fields import Seen, View, in_blocks, look
-from pmr.reduction.sections import ReducedSection
+from pmr.reduction.reduced_body import ReducedBody
 from pmr.scene import Scene
-from pmr.scene.asked import Recovery as FieldsAsked
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.states import BodyStates
 
 Array = NDArray[np.float64]
 
@@ -59,69 +57,29 @@ def recovered_steps(scene: Scene) -> NDArray[np.int64]:
 
 
 def recover(
-    wanted: FieldsAsked, structure: Structure, recovery: Recovery, states: ReducedStates, full_states: Array | None
-) -> Recovered:
-    """Recover what is asked for; collective.
-
-    Parameters
-    ----------
-    wanted : pmr.scene.asked.Recovery
-    structure : Structure
-        Of the model that `recovery` belongs to.
-    states : ReducedStates
-        At the `recovered_steps`, the same on every rank.
-    full_states : (S, n_local) array, optional
-        This rank's rows of the full model's coordinates at the same times.
-    """
-    view = View.of(structure, recovery.comm, stresses=wanted.stress)
-    frames = min(wanted.frames, len(states.t))
-    pictures = np.unique(np.rint(np.linspace(0, len(states.t) - 1, frames)).astype(np.int64))
-    seen = look(view, states.t, recovery.blocks(states), pictures.tolist(), wanted.components)
-    return Recovered(seen, None if full_states is None else look(view, states.t, in_blocks(full_states)))
-
-
-@dataclass(frozen=True)
-class SectionStates:
-    """What a section of a simulated boom says at some steps, and the rows that its multipliers belong to."""
-
-    states: ReducedStates
-    rows: tuple[str, ...]
-
-
-def states_of(system: System, trajectory: SystemTrajectory, steps: NDArray[np.int64]) -> dict[str, SectionStates]:
-    """Of every section at some of the steps."""
-    found, first = {}, 0
-    for name, body in system.bodies.items():
-        last = first + len(body.input_names)
-        rows = tuple(side.place.row for side in system.sides if side.place.body == name)
-        found[name] = SectionStates(
-            chosen_states(trajectory.bodies[name], trajectory.loads[:, first:last], steps), rows
-        )
-        first = last
-    return found
-
-
-def recover_sections(
-    boom: Scene,
+    scene: Scene,
     built: Mapping[str, Built],
-    reduced: Mapping[str, ReducedSection],
-    states: Mapping[str, SectionStates],
+    bodies: Mapping[str, ReducedBody],
+    states: Mapping[str, BodyStates],
     full: Mapping[str, Array],
 ) -> dict[str, Recovered]:
-    """What the boom asks for, section by section; collective.
+    """What the scene asks for, body by body; collective.
 
     Parameters
     ----------
     states : mapping
-        Of the reduced sections at the `recovered_steps`, the same on every rank.
+        Of the reduced bodies at the `recovered_steps`, the same on every rank.
     full : mapping of str to (S, n_local) array
-        This rank's rows of the full sections' coordinates at the same steps; empty without a full model.
+        This rank's rows of the full bodies' coordinates at the same steps; empty without a full model.
     """
-    assert boom.recovery is not None
-    found = {}
-    for part in boom.sections:
-        name, one = part.name, states[part.name]
-        model, of = built[name].model, reduced[name]
-        recovery = Recovery(model, of.V, of.model, part.reduction.solver, one.rows)
-        found[name] = recover(boom.recovery, built[name].structure, recovery, one.states, full.get(name))
+    wanted, found = scene.recovery, {}
+    assert wanted is not None
+    for part in scene.sections:
+        name, structure, at = part.name, built[part.name].structure, states[part.name]
+        recovery = Recovery(built[name].model, bodies[name].V, bodies[name].model, part.reduction.solver)
+        view = View.of(structure, recovery.comm, stresses=wanted.stress)
+        frames = min(wanted.frames, len(at.t))
+        pictures = np.unique(np.rint(np.linspace(0, len(at.t) - 1, frames)).astype(np.int64))
+        seen = look(view, at.t, recovery.blocks(at), pictures.tolist(), wanted.components)
+        found[name] = Recovered(seen, look(view, at.t, in_blocks(full[name])) if name in full else None)
     return found

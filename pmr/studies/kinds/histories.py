@@ -16,10 +16,11 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare import errors as compare
-from pmr.compare.responses import simulate_reduced
+from pmr.compare.simulated import simulate
 from pmr.errors import InputError
 from pmr.files import records
 from pmr.scene import Scene
+from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
 from pmr.studies import figures, marching, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
@@ -27,7 +28,7 @@ from pmr.studies.results import StudyResults
 from pmr.studies.study import Statement, StudyBase
 
 if TYPE_CHECKING:
-    from pmr.pipeline import Reduction
+    from pmr.reduction.reduced_body import ReducedBody
 
 #: Energies and tips are what is drawn; displacements along the beam are compared here and not stored.
 SIMULATORS = ("reduced", "full", "ancf")
@@ -76,19 +77,20 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     the tip, of ``dropped`` the tip; ``path`` (m), ``path_rate`` (m/s) and ``loads`` (N) over time, ``singular_values``,
     ``x`` (m) and ``shapes`` of the basis, ``scene`` as JSON.
     """
-    from pmr.compare import references, summary
-    from pmr.pipeline import reduce_with
+    from pmr.compare import summary
+    from pmr.pipeline.full_order import FullOrder
+    from pmr.reduction.bodies import reduce_with
 
     scene = shared.scene_of(arguments)
     model = shared.model_of(scene)
     snapshots = shared.snapshots_from(scene, needs)
     dropping = scene.model_copy(update={"reduction": scene.reduction.model_copy(update={"basis": "eigenmodes"})})
-    reduction, dropped = (reduce_with(one, model, snapshots) for one in (scene, dropping))
-    full = references.reference("full", scene, model)
+    body, dropped = (reduce_with(one, model, snapshots) for one in (scene, dropping))
+    full = FullOrder.of(scene, {ALONE: model}).reference("full")
     assert full is not None
-    responses = {"reduced": simulate_reduced(scene, reduction.reduced), "full": full}
+    responses = {"reduced": simulate(scene, body.model), "full": full}
     responses["ancf"] = shared.response_from(needs["ancf"])
-    beside = {"dropped": simulate_reduced(dropping, dropped.reduced), "full": responses["full"]}
+    beside = {"dropped": simulate(dropping, dropped.model), "full": responses["full"]}
     record = figures.compared(summary.compared(responses, compare.AT_NODES, {}).figures, "errors", "absolute_errors")
     record |= {
         f"dropped.{place}": value
@@ -97,10 +99,10 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     record |= {
         "dropped.max_error": float(np.abs(beside["dropped"].displacement - full.displacement).max()),
         "coordinates.full": model.size,
-        "coordinates.reduced": reduction.reduced.size,
-        "basis.kappa": reduction.basis.kappa(),
+        "coordinates.reduced": body.model.size,
+        "basis.kappa": body.basis.kappa(),
     }
-    arrays = _arrays(scene, reduction) | {"dropped.tip": beside["dropped"].tip}
+    arrays = _arrays(scene, body) | {"dropped.tip": beside["dropped"].tip}
     for name, response in responses.items():
         at_tip = replace(
             response,
@@ -115,15 +117,15 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     return TaskResult(record, arrays, {f"simulate.{name}": response.seconds for name, response in responses.items()})
 
 
-def _arrays(scene: Scene, reduction: Reduction) -> dict[str, Any]:
+def _arrays(scene: Scene, body: ReducedBody) -> dict[str, Any]:
     excitation = Excitation.of(scene)
     return {
         "path": excitation.s[:, 0],
         "path_rate": excitation.path_rate,
         "loads": excitation.f,
-        "singular_values": reduction.basis.sigma,
-        "x": reduction.reduced.output_positions,
-        "shapes": reduction.reduced.outputs,
+        "singular_values": body.basis.sigma,
+        "x": body.model.output_positions,
+        "shapes": body.model.outputs,
         "scene": np.array(scene.model_dump_json()),
     }
 

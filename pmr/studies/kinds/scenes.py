@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.scene import Scene
+from pmr.scene.names import ALONE
 from pmr.scene.tomlfiles import Change
 from pmr.studies import grid, shared
 from pmr.studies.engine.task import KEY, Plan, Scalar, Task, TaskResult, key_of
@@ -99,22 +100,24 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     """
     from pmr.compare import summary
     from pmr.compare.frequencies import reduced_frequencies
-    from pmr.compare.responses import quantities, simulate_with_states
-    from pmr.pipeline import recovered, recovered_steps, reduce_with
+    from pmr.compare.responses import quantities
+    from pmr.compare.simulated import simulate_with_states
+    from pmr.reduction.bodies import reduce_with
+    from pmr.reduction.recover.from_scene import recover, recovered_steps
 
     scene = shared.scene_of(arguments)
     built, stressed = shared.built_of(scene), scene.recovery is not None and scene.recovery.stress
-    reduction = reduce_with(scene, built.model, shared.snapshots_from(scene, needs))
-    simulated = simulate_with_states(scene, reduction.reduced, recovered_steps(scene).tolist() if stressed else ())
+    body = reduce_with(scene, built.model, shared.snapshots_from(scene, needs))
+    simulated = simulate_with_states(scene, body.model, recovered_steps(scene).tolist() if stressed else ())
     responses = {"reduced": simulated.response}
     responses |= {name: shared.response_from(needs[name]) for name in scene.compare.against}
     s, full = (needs["frequencies"].arrays[name] for name in ("s", "omega"))
-    reduced = 2.0 * np.pi * reduced_frequencies(reduction.reduced, s, full.shape[1])
-    record = compared(summary.compared(responses, quantities(scene), {}).figures, "errors")
+    reduced = 2.0 * np.pi * reduced_frequencies(body.model, s, full.shape[1])
+    record = compared(summary.compared(responses, quantities(scene, simulated.response), {}).figures, "errors")
     record |= {
-        "coordinates.full": reduction.model.size,
-        "coordinates.reduced": reduction.reduced.size,
-        "basis.kappa": reduction.basis.kappa(),
+        "coordinates.full": built.model.size,
+        "coordinates.reduced": body.model.size,
+        "basis.kappa": body.basis.kappa(),
     }
     for i in range(min(COMPARED_FREQUENCIES, full.shape[1])):
         off = np.abs(reduced[:, i] / full[:, i] - 1.0).max()
@@ -122,7 +125,7 @@ def run_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> T
     response = responses["reduced"]
     record |= figures_of(scene, response, s, reduced)
     if stressed:
-        record |= stresses(recovered(scene, built, reduction, simulated.states).summary())
-    arrays = {"t": response.t, "tip": response.tip, "singular_values": reduction.basis.sigma}
+        record |= stresses(recover(scene, {ALONE: built}, {ALONE: body}, simulated.states, {})[ALONE].summary())
+    arrays = {"t": response.t, "tip": response.tip, "singular_values": body.basis.sigma}
     arrays |= {"frequencies.s": s, "frequencies.full": full, "frequencies.reduced": reduced}
     return TaskResult(record, arrays, {f"simulate.{name}": r.seconds for name, r in responses.items()})

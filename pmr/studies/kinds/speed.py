@@ -190,7 +190,7 @@ def _solver(
     scene: Scene, approach: Approach, needs: Mapping[str, TaskResult]
 ) -> tuple[Callable[[Stretch], float], int]:
     """What simulates a stretch from rest and returns the solver's seconds, and the number of coordinates."""
-    from pmr.pipeline import reduce_with
+    from pmr.reduction.bodies import reduce_with
 
     whole = Excitation.of(scene)
 
@@ -207,7 +207,7 @@ def _solver(
         return lambda stretch: simulate_cable(scene, tip, during(stretch)).seconds, coordinates
     simulate = approach.simulate
     if approach.model == "reduced":
-        body: SlidingBody = reduce_with(scene, shared.model_of(scene), shared.snapshots_from(scene, needs)).reduced
+        body: SlidingBody = reduce_with(scene, shared.model_of(scene), shared.snapshots_from(scene, needs)).model
     else:
         full = shared.body_of(scene)
         body = full if approach.model == "full" else projected(full, np.eye(full.size))  # dense, as the paper's

@@ -18,6 +18,7 @@ from pmr.errors.environment import Clock
 from pmr.pipeline import reduce
 from pmr.scene.choice import transverse
 from pmr.scene.members import member_at
+from pmr.scene.names import ALONE
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
@@ -39,7 +40,7 @@ def judged(seed: int) -> tuple[float | None, float]:
     said = not any("may be larger" in line for line in found.warnings) and step.settled and estimated is not None
     given = excitation.stepping
     fine = excitation.with_stepping(TimeStepping(given.end, given.step / FINER, given.rho_inf))
-    own, truth = modal_form(reduced), modal_form(reduction.model.gather())
+    own, truth = modal_form(reduced), modal_form(reduction.built[ALONE].model.gather())
     y, exact = (
         march.observe(form, drive, np.flatnonzero(length_outputs(form.body)).tolist(), every).y
         for form, drive, every in ((own, excitation, 1), (truth, fine, FINER))

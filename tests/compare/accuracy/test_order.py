@@ -13,7 +13,7 @@ from pmr.compare.accuracy.family import Family, Member
 from pmr.compare.accuracy.order import Choice, warnings
 from pmr.compare.accuracy.search import Found
 from pmr.compare.errors import relative_error
-from pmr.compare.responses import simulate_reduced
+from pmr.compare.simulated import simulate
 from pmr.errors import InputError
 from pmr.mesh.beam import graded_nodes
 from pmr.pipeline import reduce, run
@@ -87,7 +87,7 @@ def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
     families = [Family(one, Excitation.of(scene), 1) for one in (model, finer)]
     member = Member(model.size, model.flexibility.keeps_inertia)
     said = mesh.part_of(*families, member, scene.time.steps, ["beam2d"], kinds)
-    own, truth = (simulate_reduced(asked, one) for asked, one in ((scenes[0], model), (scenes[2], finest)))
+    own, truth = (simulate(asked, one) for asked, one in ((scenes[0], model), (scenes[2], finest)))
     for kind, error in (
         ("tip", relative_error(own.displacement[:, -1:], truth.displacement[:, -1:])),
         ("pad_force", relative_error(own.slider_force, truth.slider_force)),

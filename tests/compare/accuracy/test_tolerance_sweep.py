@@ -20,8 +20,8 @@ from pmr.compare.outputs import Outputs, differences, impulsive, observed
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
-from pmr.pipeline import reduce_with
 from pmr.reduction import from_scene
+from pmr.reduction.bodies import reduce_with
 from pmr.scene import Scene
 from pmr.scene.choice import transverse
 from pmr.scene.members import member_at
@@ -63,7 +63,7 @@ def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
     model = build(scene, MPI.COMM_SELF).model
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(from_scene, "ENRICHMENT_MODES", from_scene.SEARCHED_MODES)
-        reduced = reduce_with(scene, model, from_scene.take_snapshots(scene, model)).reduced
+        reduced = reduce_with(scene, model, from_scene.take_snapshots(scene, model)).model
     excitation = Excitation.of(scene)
     family = Family(reduced, excitation, len(transverse(member_at(scene))))
     coarse, form = coarsest(family), modal_form(model.gather())

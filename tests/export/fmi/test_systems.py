@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.export.fmi.blocks import arrangement
 from pmr.export.fmi.fmu import contents
-from pmr.pipeline import SectionReduction, reduce
+from pmr.pipeline import reduce
+from pmr.reduction.bodies import Reduction
 from pmr.scene import Scene, load_any
 from pmr.simulation.excitation import Excitation, places
 from pmr.simulation.modal import modal_form
@@ -77,9 +78,9 @@ class Made:
         return [name for name in self.library.named("local") if "mode_" in name and not name.startswith("der_")]
 
 
-def reduced(scene: str, *changes: str) -> SectionReduction:
+def reduced(scene: str, *changes: str) -> Reduction:
     found = reduce(load_any(WORKFLOWS / f"{scene}.toml", (*QUICK, *changes)))
-    assert isinstance(found, SectionReduction)
+    assert isinstance(found, Reduction)
     return found
 
 
@@ -298,7 +299,7 @@ def test_paths_have_ends_of_their_own(made: Made) -> None:
 
 
 @pytest.fixture(scope="module")
-def two() -> SectionReduction:
+def two() -> Reduction:
     return reduced("boom_two", *BOTH_WAYS, "time.end=0.02")
 
 
@@ -324,7 +325,7 @@ def renamed(system: System, scene: Recorded, bodies: tuple[str, ...], path: str)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("version", ["2", "3"])
-def test_any_name_leaves_a_description_that_can_be_read(two: SectionReduction, version: str) -> None:
+def test_any_name_leaves_a_description_that_can_be_read(two: Reduction, version: str) -> None:
     for one, other in zip(HOSTILE, reversed(HOSTILE), strict=True):
         system, scene = renamed(two.system, of_boom(two.scene, two.system), (one, other), one)
         texts = contents(system, scene, "boom", version).texts
@@ -337,7 +338,7 @@ def test_any_name_leaves_a_description_that_can_be_read(two: SectionReduction, v
             assert head.count(",") == rows[0].count(",") == rows[-1].count(",")
 
 
-def test_inputs_of_sections_have_their_units(two: SectionReduction) -> None:
+def test_inputs_of_sections_have_their_units(two: Reduction) -> None:
     texts = contents(two.system, of_boom(two.scene, two.system), "boom", "3").texts
     root = ET.fromstring(texts["modelDescription.xml"])
     given = {v.attrib["name"]: v.attrib for v in root.iter("Float64") if v.attrib["causality"] == "input"}
@@ -350,7 +351,7 @@ def test_inputs_of_sections_have_their_units(two: SectionReduction) -> None:
     assert (float(given["s_fly"]["min"]), float(given["s_fly"]["max"])) == (low, high)
 
 
-def test_a_body_without_contacts_or_paths_is_a_system_too(two: SectionReduction, tmp_path: Path) -> None:
+def test_a_body_without_contacts_or_paths_is_a_system_too(two: Reduction, tmp_path: Path) -> None:
     """A clamped section by itself, under its weight."""
     base = two.reduced["base"].without_joints()
     system, stepping = System({"base": base}, ()), TimeStepping(0.02, STEP, 0.8)
@@ -367,7 +368,7 @@ def test_a_body_without_contacts_or_paths_is_a_system_too(two: SectionReduction,
     assert instance.get(moved) == pytest.approx([sag], rel=1e-9)
 
 
-def test_what_a_file_does_not_hold_is_said_in_one_line(two: SectionReduction) -> None:
+def test_what_a_file_does_not_hold_is_said_in_one_line(two: Reduction) -> None:
     scene = two.system.provenance["scene"]
     file = {"kind": "table", "file": "/etc/passwd"}
     (fly,) = (part for part in scene["sections"] if part["name"] == "fly")
@@ -384,7 +385,7 @@ def test_what_a_file_does_not_hold_is_said_in_one_line(two: SectionReduction) ->
         assert "\n" not in str(refused.value)
 
 
-def test_a_section_whose_mesh_is_in_a_file_needs_no_such_file(two: SectionReduction) -> None:
+def test_a_section_whose_mesh_is_in_a_file_needs_no_such_file(two: Reduction) -> None:
     scene = two.system.provenance["scene"]
     sections = [{**part, "mesh": {"file": "elsewhere.msh"}} for part in scene["sections"]]
     system = replace(two.system, provenance={"scene": {**scene, "sections": sections}})

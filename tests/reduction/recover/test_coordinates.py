@@ -20,7 +20,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.reduction.basis import Basis, modal_basis
 from pmr.reduction.galerkin import reduced_model
-from pmr.reduction.recover.coordinates import Recovery, ReducedStates, chosen_states
+from pmr.reduction.recover.coordinates import Recovery
 from pmr.reduction.residual.model import flexible_model, modal_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
@@ -30,6 +30,7 @@ from pmr.simulation import petsc as fullorder
 from pmr.simulation.native import simulator as march
 from pmr.simulation.petsc import Recording
 from pmr.system.body import Trajectory, displacement
+from pmr.system.states import BodyStates
 
 pytestmark = pytest.mark.mpi
 
@@ -45,9 +46,9 @@ class Case:
     def steps(self) -> np.ndarray:
         return np.linspace(0, self.excitation.stepping.steps, 150).astype(int)  # more than one block
 
-    def simulated(self, body: ReducedModel) -> tuple[Trajectory, ReducedStates]:
+    def simulated(self, body: ReducedModel) -> tuple[Trajectory, BodyStates]:
         whole = march.simulate(body, self.excitation)
-        return whole, chosen_states(whole, self.excitation.f, self.steps)
+        return whole, BodyStates.along_path(body, whole.at(self.steps), self.excitation.f[self.steps])
 
 
 def planar(load_scene: Callable) -> Case:
@@ -96,7 +97,7 @@ def test_pads_that_open_leave_the_outputs_right(load_scene) -> None:
     assert np.any(forces == 0.0, axis=0).all() and np.any(forces > 0.0)
 
 
-def check_outputs(case: Case, reduce: Callable) -> ReducedStates:
+def check_outputs(case: Case, reduce: Callable) -> BodyStates:
     basis = modal_basis(free_modes(case.full, 8))
     body, V = reduce(case.full, basis), np.array(basis.V.getDenseArray())
     whole, states = case.simulated(body)
@@ -111,7 +112,7 @@ def check_outputs(case: Case, reduce: Callable) -> ReducedStates:
     return states
 
 
-def largest_terms(body: ReducedModel, states: ReducedStates) -> np.ndarray:
+def largest_terms(body: ReducedModel, states: BodyStates) -> np.ndarray:
     """|O| |p| + |W| |f| + |X| |z|, (o,), at its largest: what an output is relative to, since its terms may cancel.
 
     They do where the path rests; there the output itself is round-off.  Each term of the residual part is known to u
@@ -119,7 +120,7 @@ def largest_terms(body: ReducedModel, states: ReducedStates) -> np.ndarray:
     """
     terms = np.abs(states.p) @ np.abs(body.outputs.T)
     if body.flexibility is not None:
-        X = np.abs(evaluate(body.flexibility.outputs, states.s))
+        X = np.abs(evaluate(body.flexibility.outputs, states.s[:, 0]))
         terms += np.abs(states.loads) @ np.abs(body.flexibility.direct.T)
         terms += np.einsum("tom,tm->to", X, np.abs(states.multipliers))
     return terms.max(axis=0)

@@ -12,7 +12,7 @@ from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.reduction.basis import modal_basis
-from pmr.reduction.recover.coordinates import Recovery, chosen_states
+from pmr.reduction.recover.coordinates import Recovery
 from pmr.reduction.recover.fields import View, in_blocks, look
 from pmr.reduction.residual.model import flexible_model
 from pmr.reduction.snapshots.free_body import FreeBody
@@ -20,6 +20,7 @@ from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, PointMass, Profile, ShellBody
 from pmr.simulation import petsc as fullorder
 from pmr.simulation.native import simulator as march
+from pmr.system.states import BodyStates
 
 pytestmark = pytest.mark.mpi
 TIMES = np.linspace(0.0, 1.0, 131)  # three blocks
@@ -111,7 +112,8 @@ def test_ten_coordinates_know_the_largest_stress() -> None:
     exact = fullorder.observe(full, boom.excitation, fullorder.Recording((0,), states=tuple(t)))
     whole = march.simulate(body, boom.excitation)
     view, recovery = View.of(boom.structure), Recovery(full, np.array(basis.V.getDenseArray()), body)
-    found = look(view, t, recovery.blocks(chosen_states(whole, boom.excitation.f, steps))).stress
+    states = BodyStates.along_path(body, whole.at(steps), boom.excitation.f[steps])
+    found = look(view, t, recovery.blocks(states)).stress
     expected = look(view, t, in_blocks(exact.states.q)).stress
     assert found is not None and expected is not None
     assert found.peak.value == pytest.approx(expected.peak.value, rel=3e-4)

@@ -8,9 +8,11 @@ import pytest
 from finished import WORKFLOWS, compute, finished, short_scene
 
 from pmr.compare import errors as compare
-from pmr.compare.responses import simulate_reduced, simulate_reference
+from pmr.compare.simulated import simulate
 from pmr.errors import InputError
+from pmr.fullmodel.build import models_of
 from pmr.pipeline import reduce
+from pmr.pipeline.full_order import FullOrder
 from pmr.scene import load
 from pmr.studies import files
 from pmr.studies.results import StudyResults
@@ -38,12 +40,9 @@ def test_errors_are_those_of_single_runs(small: StudyResults) -> None:
     ):
         scene = load(small.folder / "short.toml", [f"reduction.basis={basis}", "simulation.simulators=['exudyn']"])
         reduction = reduce(scene)
-        full = reduction.model.gather()
+        full = FullOrder.of(scene, models_of(reduction.built)).reference("full")
         assert full is not None
-        responses = {
-            "reduced": simulate_reduced(scene, reduction.reduced),
-            "full": simulate_reference("full", scene, full).response,
-        }
+        responses = {"reduced": simulate(scene, reduction.reduced), "full": full}
         expected = compare.errors(responses)["reduced_vs_full"]
         assert (found[tip], found[beam]) == pytest.approx((expected["tip"], expected["beam"]), rel=1e-6)
 

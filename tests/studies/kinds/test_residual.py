@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from pmr import scene
 from pmr.compare import errors as compare
-from pmr.compare.responses import simulate_reduced, simulate_reference
+from pmr.compare.simulated import simulate
 from pmr.errors import InputError
+from pmr.fullmodel.build import models_of
 from pmr.pipeline import reduce
+from pmr.pipeline.full_order import FullOrder
 from pmr.reduced.model import ReducedModel
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.sections.residual import content
@@ -54,9 +56,9 @@ def test_errors_are_those_of_a_run(small: StudyResults, inertia: str) -> None:
     choice = ["reduction.coordinates=5", f"reduction.residual_inertia={inertia}", "simulation.simulators=['march']"]
     short = scene.load(small.folder / "short.toml", choice)
     reduction = reduce(short)
-    body = reduction.model.gather()
-    assert body is not None
-    full, reduced = simulate_reference("full", short, body).response, simulate_reduced(short, reduction.reduced)
+    full = FullOrder.of(short, models_of(reduction.built)).reference("full")
+    reduced = simulate(short, reduction.reduced)
+    assert full is not None
     found = figures(small)["inertia" if inertia == "true" else "flexibility"]["beam.5"]
     assert found == pytest.approx(compare.nrms(reduced.displacement, full.displacement), rel=1e-3)
 

@@ -10,13 +10,15 @@ import pytest
 from ways.kinds import KINDS
 
 import pmr
-from pmr.compare import references as references_
 from pmr.compare import responses
-from pmr.compare.references import reference, references
 from pmr.compare.responses import MARCHED_UP_TO, full_simulator
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
+from pmr.pipeline import full_order
+from pmr.pipeline.full_order import FullOrder
+from pmr.scene import Scene
+from pmr.scene.names import ALONE
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.petsc import History
 from pmr.system.body import SlidingBody, Trajectory
@@ -25,12 +27,16 @@ SHORT = ("time.end=0.04", "mesh.elements=20", "slider.path={kind='ramp',times=[0
 SIMULATORS = ("march", "exudyn")
 
 
+def whole(scene: Scene) -> FullOrder:
+    return FullOrder.of(scene, {ALONE: full_model(scene)})
+
+
 @pytest.mark.mpi
 def test_the_full_model_moves_alike_by_all_that_simulate_it(load_scene) -> None:
     found = {}
     for simulator in ("march", "exudyn", "petsc"):
         scene = load_scene("paper_evolved", [*SHORT, f"simulation.full={simulator}", "compare.against=['full']"])
-        found[simulator] = references(scene, full_model(scene)).responses
+        found[simulator] = whole(scene).references().responses
     if MPI.COMM_WORLD.rank > 0:
         assert found["march"] == found["exudyn"] == {}
         return
@@ -48,12 +54,12 @@ def test_the_full_model_moves_alike_by_all_that_simulate_it(load_scene) -> None:
 
 def test_the_cable_is_one_too(load_scene) -> None:
     scene = load_scene("paper_evolved", [*SHORT, "compare.ancf_elements=4", "compare.against=['full','ancf']"])
-    model = full_model(scene)
-    found = references(scene, model).responses
+    full = whole(scene)
+    found = full.references().responses
     assert list(found) == ["full", "ancf"]
-    np.testing.assert_array_equal(found["ancf"].x, model.output_positions)
-    assert references(load_scene("paper_evolved", [*SHORT, "compare.against=[]"]), model).responses == {}
-    assert reference("full", scene, model) is not None
+    np.testing.assert_array_equal(found["ancf"].x, full.whole.models[0].output_positions)
+    assert whole(load_scene("paper_evolved", [*SHORT, "compare.against=[]"])).references().responses == {}
+    assert full.reference("full") is not None
 
 
 @pytest.mark.parametrize(("size", "chosen"), [(MARCHED_UP_TO, "march"), (MARCHED_UP_TO + 1, "petsc")])
@@ -67,9 +73,9 @@ def test_states_are_the_same_by_all_that_know_them(load_scene) -> None:
     found, steps = {}, [0, 20, 40]
     for simulator in ("march", "petsc"):
         scene = load_scene("paper_evolved", [*SHORT, f"simulation.full={simulator}", "compare.against=['full']"])
-        model = full_model(scene)
-        found[simulator] = references(scene, model, steps=steps).states
-        assert found[simulator].shape == (3, model.M.getLocalSize()[0])
+        full = whole(scene)
+        found[simulator] = full.references(steps=steps).states[ALONE]
+        assert found[simulator].shape == (3, full.whole.models[0].M.getLocalSize()[0])
     size = MPI.COMM_WORLD.allreduce(np.abs(found["march"]).max(), op=MPI.MAX)
     assert size > 1e-6
     np.testing.assert_allclose(found["petsc"], found["march"], rtol=0.0, atol=1e-6 * size)
@@ -80,7 +86,7 @@ def test_a_rotation_is_observed_by_all_that_simulate_it(load_scene) -> None:
     for simulator in ("march", "petsc"):
         changes = ["mesh.elements=8", "time.end=0.3", f"simulation.full={simulator}", "observe.rotation=true"]
         scene = load_scene("evolved_residual", changes)
-        found[simulator] = references(scene, full_model(scene)).responses
+        found[simulator] = whole(scene).references().responses
     if MPI.COMM_WORLD.rank > 0:
         return
     one, other = (found[simulator]["full"] for simulator in found)
@@ -97,7 +103,7 @@ def test_pads_that_push_are_followed_in_the_parts_that_the_reduced_model_chose(
     """In full order by PETSc, and of the reduced model by Exudyn."""
     scene = pmr.load_scene(KINDS["J"].written(tmp_path), ["simulation.full=petsc", "time.end=0.02"])
     scene = scene.model_copy(update={"simulation": scene.simulation.model_copy(update={"simulators": SIMULATORS})})
-    asked, observed, in_exudyn = dict[str, TimeStepping](), references_.observe, responses.exudyn.simulate
+    asked, observed, in_exudyn = dict[str, TimeStepping](), full_order.observe, responses.exudyn.simulate
 
     def observe(model: FullModel, excitation: Excitation, *more: Any, **named: Any) -> History:
         asked["petsc"] = excitation.stepping
@@ -107,7 +113,7 @@ def test_pads_that_push_are_followed_in_the_parts_that_the_reduced_model_chose(
         asked["exudyn"] = excitation.stepping
         return in_exudyn(body, excitation, **named)
 
-    monkeypatch.setattr(references_, "observe", observe)
+    monkeypatch.setattr(full_order, "observe", observe)
     monkeypatch.setattr(responses.exudyn, "simulate", simulated, raising=False)
     pmr.run(scene)
     assert len(asked["petsc"].schedule) == 20  # one number a step, instead of the most for all of them

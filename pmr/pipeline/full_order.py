@@ -1,0 +1,191 @@
+"""The full models of a scene's bodies as one system: its motion, by whoever is fastest for its size, and frequencies.
+
+A reference is checked before it judges: one that fails, or that can't be trusted (`pmr.compare.trust`), is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from pmr.compare import cable
+from pmr.compare.booms import Motion, response_of
+from pmr.compare.responses import Simulated, completed, full_simulator, repeated
+from pmr.compare.trust import distrust
+from pmr.errors import SimulationError, on_first
+from pmr.errors.environment import Clock
+from pmr.fullmodel.eigensolvers import lowest_frequencies
+from pmr.fullmodel.model import FullModel
+from pmr.fullmodel.system import FullSystem
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.scene.names import ALONE
+from pmr.scene.simulators import REFERENCE, refuse
+from pmr.simulation.excitation import Excitation, places
+from pmr.simulation.needs import needs_of_contacts
+from pmr.simulation.petsc import Checkpoint, Recording, observe, observe_system, respond, static_start
+from pmr.simulation.petsc.rows import contact_rows
+from pmr.simulation.stepping import Progress, TimeStepping
+from pmr.system.assembly import Assembly
+from pmr.system.from_scene import contacts_of
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+#: (rad/s)^2, below all that is looked for: what holds is not singular there.
+SHIFT = -1.0
+
+
+@dataclass(frozen=True)
+class References:
+    """What a reduced system is compared with; other ranks than the first may have no responses."""
+
+    responses: Mapping[str, Response]  # ``full`` and ``ancf`` as the scene asks for them
+    # of every full body (S, n_local) at the steps that were asked for: this rank's rows
+    states: Mapping[str, Array]
+    missing: Mapping[str, str]  # why one is none, by name; ``ancf`` on rank 0 alone
+
+
+@dataclass(frozen=True)
+class FullOrder:
+    """All bodies of a scene in full order, and who simulates them; every method is collective."""
+
+    scene: Scene
+    whole: FullSystem
+    simulator: str
+
+    @classmethod
+    def of(cls, scene: Scene, models: Mapping[str, FullModel]) -> FullOrder:
+        """Of models by their bodies' names."""
+        whole = FullSystem(models, contacts_of(scene, models))
+        return cls(scene, whole, full_simulator(scene, whole.size))
+
+    @cached_property
+    def gathered(self) -> System | None:
+        """The system on rank 0, for those that are not distributed."""
+        return self.whole.gather()
+
+    def frequencies(self, s: Array, count: int) -> Array:
+        """The lowest natural frequencies (S, f) in Hz where the paths are at s (S, P) m, every contact closed."""
+        if ALONE in self.whole.bodies:
+            solver = self.scene.reduction.solver
+            return lowest_frequencies(self.whole.bodies[ALONE], s[:, 0], count, solver) / (2.0 * np.pi)
+        x = self.whole.coordinates(dict(zip(self.scene.paths, s.T, strict=True)))
+        if self.simulator == "march":
+            found = None if self.gathered is None else Assembly(self.gathered).frequencies(x, count)
+        else:
+            found = _sparse(self.whole, x, count)
+        return np.asarray(self.whole.comm.bcast(found))
+
+    def references(
+        self,
+        clock: Clock | None = None,
+        steps: Sequence[int] = (),
+        checkpoint: Checkpoint | None = None,
+        made: TimeStepping | None = None,
+    ) -> References:
+        """All that the scene asks for, and the states of the full bodies at some of the `steps`.
+
+        Steps are `made` as the reduced system's were, where contacts only push.  With a `checkpoint` a simulation that
+        was cut off goes on.
+        """
+        found, missing, states = dict[str, Response](), dict[str, str](), dict[str, Array]()
+        for name in [one for one in ("full", "ancf") if one in self.scene.compare.against]:
+            try:
+                if name == "full":
+                    response, states = self._full(clock or Clock(), steps, checkpoint, made)
+                else:
+                    response = self.reference(name, clock)
+            except SimulationError as error:
+                missing[name] = str(error).removeprefix(f"{name}: ")  # the clock's stage
+            else:
+                found |= {} if response is None else {name: response}
+        return References(found, states, missing)
+
+    def reference(self, name: str, clock: Clock | None = None) -> Response | None:
+        """Response of ``"full"`` or, of a body alone, ``"ancf"``; on rank 0, others may have none.
+
+        Raises SimulationError if it fails or can't be trusted (`pmr.compare.trust`); that of ``"full"`` on every rank.
+        """
+        if name == "full":
+            return self._full(clock or Clock(), (), None, None)[0]
+        if self.whole.comm.rank > 0:
+            return None
+        with (clock or Clock()).stage(name) as done:
+            found = cable.response(self.scene, self.whole.bodies[ALONE].output_positions, done)
+        if reason := distrust(found):
+            raise SimulationError(reason)
+        return found
+
+    def _full(
+        self, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None, made: TimeStepping | None
+    ) -> tuple[Response | None, dict[str, Array]]:
+        """The response, and this rank's rows of the states at the steps."""
+        whole, comm, excitation = self.whole, self.whole.comm, Excitation.of(self.scene)
+        excitation = excitation.with_stepping(made or excitation.stepping)
+        rigid, x = whole.compliance == 0.0, places(whole, excitation)
+        refuse(self.simulator, needs_of_contacts(whole, rigid, x, excitation.stepping.rho_inf), REFERENCE)
+        with clock.stage("full") as done:
+            response: Response | None
+            if self.simulator == "petsc":
+                response, states = self._distributed(excitation, steps, done, checkpoint)
+            else:
+
+                def make() -> Simulated:
+                    assert self.gathered is not None  # as on rank 0
+                    return repeated(self.scene, self.gathered, excitation, self.simulator, steps, done)
+
+                _ = self.gathered  # collective
+                found = on_first(comm, make)
+                response = None if found is None else found.response
+                of_all = comm.bcast({name: one.p for name, one in found.states.items()} if found else None)
+                states = {name: q[:, whole.bodies[name].share] for name, q in of_all.items()}
+        if reason := comm.bcast(None if response is None else distrust(response)):
+            raise SimulationError(reason)
+        return response, states
+
+    def _distributed(
+        self, excitation: Excitation, steps: Sequence[int], done: Progress, checkpoint: Checkpoint | None
+    ) -> tuple[Response, dict[str, Array]]:
+        whole = self.whole
+        recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
+        if ALONE in whole.bodies:
+            model = whole.bodies[ALONE]
+            alone = observe(model, excitation, recording, progress=done, checkpoint=checkpoint)
+            return completed(self.scene, whole, respond(model, alone)), {ALONE: alone.states.q}
+        start = static_start(whole, excitation) if excitation.start == "equilibrium" else {}
+        history = observe_system(whole, excitation, recording, start, done, checkpoint)
+        assert history.energy is not None
+        found = response_of(whole, history.t, Motion(history.y, history.forces, history.peaks, history.energy))
+        found = replace(found, seconds=history.seconds, surplus=history.surplus)
+        return completed(self.scene, whole, found), {name: one.q for name, one in history.states.items()}
+
+
+def _sparse(whole: FullSystem, places_of: Array, count: int) -> Array | None:
+    """By Lanczos iterations on the saddle point of the coordinates and the contacts' forces, on rank 0."""
+    system = whole.supported()
+    gathered = {id(model): model.gather() for model in dict((id(one), one) for one in system.models).values()}
+    if system.comm.rank > 0:
+        return None
+    bodies = [gathered[id(model)] for model in system.models]
+    K = sp.block_diag([body.K for body in bodies if body is not None], format="csr")
+    M = sp.block_diag([body.M for body in bodies if body is not None], format="csr")
+    m, scale = len(system.contacts), abs(K).max()  # forces in the unit of stiffness: rows of both kinds are of one size
+    mass = sp.block_diag([M, sp.csr_matrix((m, m))], format="csc")
+    supports = np.array([side.place.at for side in system.sides[places_of.shape[1] :]])
+    found = []
+    for at in places_of:
+        C = scale * contact_rows(system, np.concatenate([at, supports]))
+        A = sp.bmat([[K, C.T], [C, -(scale**2) * sp.diags(system.compliance)]], format="csc")
+        factor = spla.splu((A - SHIFT * mass).tocsc())
+        start = factor.solve(np.concatenate([M @ np.ones(M.shape[0]), np.zeros(m)]))
+        solved = spla.LinearOperator(A.shape, factor.solve)
+        values = spla.eigsh(A, count, M=mass, sigma=SHIFT, OPinv=solved, v0=start, return_eigenvectors=False)
+        found.append(np.sqrt(np.maximum(np.sort(values), 0.0)) / (2.0 * np.pi))
+    return np.array(found)

@@ -1,0 +1,149 @@
+"""The reduced models of a scene's bodies, each by itself: of a body alone on its path, or of sections on carriers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from pmr.errors import InputError
+from pmr.errors.environment import Clock
+from pmr.fem.distributed import free_dropped
+from pmr.fullmodel.build import Built
+from pmr.fullmodel.model import FullModel
+from pmr.reduced.model import ReducedModel, SectionOf
+from pmr.reduction.basis import modal_basis
+from pmr.reduction.cache import Cache
+from pmr.reduction.from_scene import ENRICHMENT_MODES, build_basis, project, provenance, take_snapshots
+from pmr.reduction.ports import with_ports
+from pmr.reduction.reactions import support_motions, with_reactions
+from pmr.reduction.reduced_body import ReducedBody
+from pmr.reduction.residual.model import section_model
+from pmr.reduction.snapshots import Snapshots
+from pmr.reduction.snapshots.free_body import FreeBody
+from pmr.reduction.snapshots.free_modes import free_modes
+from pmr.scene import Reduction as Choice
+from pmr.scene import Scene
+from pmr.scene.members import Member, members
+from pmr.scene.names import ALONE
+from pmr.system.from_scene import system_of
+from pmr.system.system import System
+
+#: Enrichment modes of a section where a tolerance or a budget is given: among them the smallest model is looked for.
+SEARCHED = 12
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """The full models of a scene's bodies by their names, and what they are reduced to; the same on every rank."""
+
+    scene: Scene
+    built: Mapping[str, Built]
+    bodies: Mapping[str, ReducedBody]
+
+    @property
+    def reduced(self) -> Any:
+        """The `pmr.ReducedModel` of a body alone, or of each section by its name."""
+        models = self.system.reduced
+        return models.get(ALONE, models)
+
+    @cached_property
+    def system(self) -> System:
+        """What `pmr.simulate(scene, ...)` takes, and a file holds."""
+        found = system_of(self.scene, {name: one.model for name, one in self.bodies.items()})
+        return found if ALONE in found.bodies else replace(found, provenance=self.scene.recorded)
+
+
+def reduce_bodies(
+    scene: Scene, built: Mapping[str, Built], caches: Mapping[str, Cache] | None = None, clock: Clock | None = None
+) -> Mapping[str, ReducedBody]:
+    """Every body reduced as the scene asks, equal sections once; collective.
+
+    In `caches`, by the bodies' names, what they are reduced to is cached and found.
+
+    Raises an `InputError` with the section's key.
+    """
+    caches, clock = caches or {}, clock or Clock()
+    if ALONE in built:
+        return {ALONE: cached_body(scene, built[ALONE].model, caches.get(ALONE), clock)}
+    made, found = dict[tuple[int, Choice], ReducedBody](), dict[str, ReducedBody]()
+    with clock.stage("reduce"):
+        for member in members(scene):
+            name, key = member.part.name, (id(built[member.part.name]), member.part.reduction)
+            if key not in made:
+                try:
+                    made[key] = _section(scene, member, built[name].model, caches.get(name))
+                except InputError as error:
+                    raise error.called(scene.key_of(member.number, error.key)) from None
+            found[name] = _named(scene, member, made[key])
+    return found
+
+
+def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Clock | None = None) -> ReducedBody:
+    """A body alone as `reduce_body` makes it, or as the cache has it; collective."""
+    if cache is None:
+        return reduce_body(scene, model, clock)
+    asked = scene.reduction.model_dump(mode="json") | {"path": scene.travel, "searched": scene.ordered is not None}
+    if scene.reduction.file is not None:
+        asked["file"] = scene.hash  # which has the content
+    found = cache.reduced(asked, lambda: reduce_body(scene, model, clock))
+    return replace(found, modal=replace(found.modal, provenance=provenance(scene, found.basis)))
+
+
+def reduce_body(scene: Scene, model: FullModel, clock: Clock | None = None) -> ReducedBody:
+    """From the full model of a body alone to the scene's reduced one; collective."""
+    clock = clock or Clock()
+    with clock.stage("snapshots"):
+        body = FreeBody(model, scene.reduction.solver)
+        snapshots = take_snapshots(scene, model, body)
+    return reduce_with(scene, model, snapshots, clock, body)
+
+
+def reduce_with(
+    scene: Scene,
+    model: FullModel,
+    snapshots: Snapshots,
+    clock: Clock | None = None,
+    body: FreeBody | None = None,
+) -> ReducedBody:
+    """The same from snapshots; a `body` whose factor these were made with is taken over and dropped."""
+    with (clock or Clock()).stage("pod"):
+        body = body or FreeBody(model, scene.reduction.solver)
+        basis, motions = build_basis(scene, model, snapshots), support_motions(body)
+        if scene.reduction.ports:
+            basis = with_ports(body, basis)
+        found = ReducedBody(snapshots, basis, project(scene, body, basis, provenance(scene, basis)))
+        found = replace(found, modal=with_reactions(found.modal, body, found.V, motions))
+    free_dropped(model.comm)
+    return found
+
+
+def _section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
+    """On free modes and carriers, with enrichment modes where an error is estimated."""
+    choice, beyond = member.part.reduction, ENRICHMENT_MODES if scene.ordered is None else SEARCHED
+    enrichment = beyond if choice.needs_inertia else 0
+
+    def make() -> ReducedBody:
+        body = FreeBody(model, choice.solver)
+        snapshots = free_modes(model, choice.coordinates, choice.solver, enrichment, body)
+        basis, motions = modal_basis(snapshots), support_motions(body)
+        found = ReducedBody(snapshots, basis, section_model(body, basis, {}, choice.coordinates, motions))
+        return replace(found, modal=with_reactions(found.modal, body, found.V, motions))
+
+    asked = choice.model_dump(mode="json") | {"section": enrichment}
+    found = make() if cache is None else cache.reduced(asked, make)
+    return found if choice.flexibility else replace(found, modal=_stiff(found.modal))
+
+
+def _stiff(model: ReducedModel) -> ReducedModel:
+    """Without the flexibility of the modes that are left out."""
+    assert model.carriers is not None  # as section models have
+    return replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None, answers=None))
+
+
+def _named(scene: Scene, member: Member, body: ReducedBody) -> ReducedBody:
+    """As one of the sections of the scene."""
+    rows = tuple(row for row in body.modal.row_names if row in member.joint_rows)
+    own, about = SectionOf(member.part.name, scene.title, rows), provenance(scene, body.basis, member.number)
+    return replace(body, modal=replace(body.modal, provenance=about, section=own))

@@ -1,0 +1,51 @@
+"""What the bodies of a system do at some times: all that their full coordinates are recovered from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class BodyStates:
+    """What a simulated reduced body says at S times."""
+
+    t: Array  # (S,) s
+    s: Array  # (S, m) m: where each of its rows is
+    # (S, r): coordinates and their rates
+    p: Array
+    v: Array
+    multipliers: Array  # z (S, m) in N, those that deform the residual part
+    loads: Array  # (S, i) N
+    rows: tuple[str, ...]  # (m,): names
+
+    def __getitem__(self, which: slice) -> BodyStates:
+        """Some of the states."""
+        t, s, p, v = self.t[which], self.s[which], self.p[which], self.v[which]
+        return BodyStates(t, s, p, v, self.multipliers[which], self.loads[which], self.rows)
+
+    @classmethod
+    def along_path(cls, body: SlidingBody, trajectory: Trajectory, loads: Array) -> BodyStates:
+        """Of a body alone under loads (S, i) in N, all of whose rows are at the same place of its path."""
+        s = np.repeat(trajectory.s[:, None], len(body.row_names), axis=1)
+        return cls(trajectory.t, s, trajectory.q, trajectory.v, trajectory.deforming, loads, body.row_names)
+
+
+def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:
+    """Of every body at some of the steps of a trajectory."""
+    found, first, kept = {}, 0, trajectory.at(steps)
+    for name, body in system.bodies.items():
+        motion, last = kept.bodies[name], first + len(body.input_names)
+        rows = tuple(system.sides[number].place.row for number in system.sides_of(name))
+        loads = kept.loads[:, first:last]
+        found[name] = BodyStates(kept.t, motion.s, motion.q, motion.v, motion.deforming, loads, rows)
+        first = last
+    return found
