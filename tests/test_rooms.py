@@ -6,7 +6,7 @@ import grimp
 import pytest
 import rooms
 
-MOST_ROOMS, MOST_ARROWS, MOST_MODULES = 21, 111, 2
+MOST_ROOMS, MOST_ARROWS, MOST_MODULES = 21, 109, 2
 
 
 @pytest.fixture(scope="module")
