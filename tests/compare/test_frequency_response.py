@@ -11,7 +11,8 @@ import scipy.linalg
 
 from pmr import pipeline as whole
 from pmr import scene as scenes
-from pmr.compare.frequencies import frequency_part, of_body
+from pmr.compare.frequencies import frequency_part
+from pmr.compare.way import in_frequency
 from pmr.errors import InputError
 from pmr.pipeline import run
 from pmr.report import sections
@@ -80,7 +81,7 @@ def test_summary_results_and_report_have_it(outcome: whole.Outcome, tmp_path: Pa
 
 def test_only_who_asks_for_it_gets_it() -> None:
     scene = scenes.load(BOOM)
-    assert of_body(scene, None) is None and frequency_part(None).figures == {}  # type: ignore[arg-type]
+    assert in_frequency(scene, None, None) is None and frequency_part(None).figures == {}  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
