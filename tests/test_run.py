@@ -43,7 +43,7 @@ def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
     ]  # fmt: skip
     assert set(summary["errors"]) == {"reduced_vs_full", "full_vs_ancf", "reduced_vs_ancf"}
     assert summary["coordinates"] == {"full": 63, "reduced": 20} and summary["scene_hash"] == scene.hash
-    assert set(summary["seconds"]) == {"assemble", "snapshots", "pod", "simulate"}
+    assert set(summary["seconds"]) == {"assemble", "snapshots", "pod", "estimate", "simulate"}
     assert set(summary["seconds"]["simulate"]) == {"march", "exudyn", "full", "ancf"}
     assert summary["estimate"]["by"] == "other model"
     assert 1.0 <= summary["estimate"]["beam"] / summary["errors"]["reduced_vs_full"]["beam"] < 2.0

@@ -18,6 +18,7 @@ from pmr.errors import InputError
 from pmr.pipeline import reduce
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
+from pmr.scene.names import ALONE
 from pmr.scene.signals import Constant
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_sliding_body
@@ -65,12 +66,13 @@ def test_coordinates_alone_answer_all_forces_at_a_port(
 ) -> None:
     """Exactly at rest, wherever the sliders are; R is known to some 1e-10 of the flexibility."""
     made = reduce(load_scene(name, [*changes, f"reduction.ports={[place]!r}".replace("'", '"')]))
-    model, full = made.reduced, made.model.gather()
+    model, whole = made.reduced, made.built[ALONE].model
+    full = whole.gather()
     rows = np.array(list(model.ports.values()))
-    assert list(model.ports) == list(made.model.ports) and rows.shape[1] == model.size
+    assert list(model.ports) == list(whole.ports) and rows.shape[1] == model.size
     low, high = model.domain
     for s in (low + 0.3 * (high - low), low + 0.77 * (high - low)) if full is not None else ():
-        expected = flexibility(full, sp.vstack(list(made.model.ports.values()), format="csr"), s)
+        expected = flexibility(full, sp.vstack(list(whole.ports.values()), format="csr"), s)
         scale = np.sqrt(np.outer(np.diagonal(expected), np.diagonal(expected)))
         assert np.all(np.abs(of_coordinates(model, rows, s) - expected) <= 1e-7 * scale)
 
