@@ -58,7 +58,21 @@ def with_cylinder_modes(model: ReducedModel, count: int = CYLINDER) -> ReducedMo
     assert found.carriers is not None
     reactions = None if model.reactions is None else _borne(model, model.reactions, answers, turned)
     on_modes = replace(found.carriers, answers=replace(answers, turned=turned))
-    return replace(found, carriers=on_modes, reactions=reactions)
+    return replace(found, carriers=on_modes, reactions=reactions, matrices=_matrices(model, answers, turned))
+
+
+def _matrices(model: ReducedModel, answers: Answers, turned: Array) -> dict[str, Array]:
+    """The model's `matrices` with combinations (k, a) of the first answers as its last coordinates."""
+    r, n, (count, a) = model.size, answers.rows.shape[1], turned.shape
+    found = {}
+    for name, A in answers.matrices.items():
+        X = np.zeros((len(A), r + a))
+        X[:r, :r], X[len(A) - n : len(A) - n + count, r:] = np.eye(r), turned
+        if model.enrichment is not None and model.carriers is not None:  # modes that have joined the answers
+            joined = answers.shares(model.carriers.enrichment, model.enrichment)[:, :count]
+            X[r : r + len(joined), r:] = joined @ turned
+        found[name] = X.T @ A @ X
+    return found
 
 
 def _borne(model: ReducedModel, known: Reactions, answers: Answers, turned: Array) -> Reactions:
@@ -102,7 +116,10 @@ def with_attachment_modes(model: ReducedModel, loads: Array) -> ReducedModel:
     if not len(K):
         return model if answers is None else _rigid_along(model, answers)
     turned, stiffness = _turned(K, M)
-    return _extended(model, stiffness, measured @ turned, outputs @ turned)
+    found = _extended(model, stiffness, measured @ turned, outputs @ turned)
+    # of what a moving frame and axial forces add, only the cylinder's modes are known, not answers to loads
+    known = {} if answers is None else _matrices(model, answers, turned[G.shape[1] :])
+    return replace(found, matrices={**found.matrices, **known})
 
 
 def _turned(K: Array, M: Array) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,26 @@ def test_under_a_cylinder_nothing_gives_way_that_has_no_mass_and_no_damping() ->
     values = carriers.values[:, r:]
     size = load @ before.flexibility.rows @ load
     assert (values / omega2) @ (values.T @ load) == pytest.approx(before.flexibility.rows @ load, abs=1e-9 * size)
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_matrices_of_a_moving_frame_know_the_cylinders_modes() -> None:
+    """Were they mass and stiffness, they would be those of the model, of smaller and of larger ones."""
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ("time.end=0.1", "section.mesh.elements=24"))
+    built = {
+        name: replace(one, model=replace(one.model, matrices={"M": one.model.M, "K": one.model.K}))
+        for name, one in build_bodies(boom).items()
+    }
+    modal = reduce_sections(boom, built)["fly"].modal
+    assert modal.enrichment is not None
+    for model in (modal, extended(modal), truncated(modal, modal.size - 1), extended(modal, 1)):
+        found, kept = with_cylinder_modes(model), np.diagonal(model.K) > 1e-6
+        K = np.diagonal(with_cylinder_modes(model).K)
+        scale = np.sqrt(np.maximum(K, K[: model.size][kept].min()))
+        assert found.contradiction() is None
+        assert np.abs(found.matrices["M"] - found.M).max() < 1e-7
+        assert np.abs((found.matrices["K"] - found.K) / np.outer(scale, scale)).max() < 1e-7
 
 
 @pytest.mark.slow

@@ -113,7 +113,7 @@ def section_model(
     reduced, pattern = _projected(residual, basis, provenance), any_two(shared, len(model.input_names))
     inertia = InertiaOnCarriers(residual, shared.carriers, pattern) if coordinates < basis.size else None
     flexibility = load_flexibility(residual, shared.carriers, pattern, inertia)
-    answers = _answers(residual, shared, flexibility, motions)
+    answers = _answers(residual, basis, shared, flexibility, motions)
     body.drop()
     free_dropped(model.comm)
     values = model.comm.allreduce(shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray()))
@@ -130,7 +130,11 @@ def section_model(
 
 
 def _answers(
-    residual: ResidualFlexibility, shared: SharedCarriers, flexibility: LoadFlexibility, motions: Array | None
+    residual: ResidualFlexibility,
+    basis: Basis,
+    shared: SharedCarriers,
+    flexibility: LoadFlexibility,
+    motions: Array | None,
 ) -> Answers | None:
     """What answers the cylinder that holds the body's tail along it: nothing where supports do; None without a row."""
     tail, model = next((row for row in shared.rows if row.name == TAIL), None), residual.model
@@ -141,6 +145,7 @@ def _answers(
     x, R = residual.powers(load @ U, RICHER + 1), flexibility.between_any_two().rows
     if load @ R @ load <= HELD * np.diagonal(R).max():
         x[:] = 0.0
+    both = np.hstack([np.array(basis.V.getDenseArray()), x]) if model.matrices else x
     return Answers(
         load=load,
         rows=comm.allreduce(U @ x),
@@ -149,6 +154,7 @@ def _answers(
         stiffness=inner(x, times(model.K, x), comm),
         inertia=inner(x, times(model.M, x), comm),
         supports=inner(x[:, :0] if motions is None else motions, times(model.M, x), comm),
+        matrices={name: inner(both, times(A, both), comm) for name, A in model.matrices.items()},
     )
 
 
