@@ -67,7 +67,7 @@ def test_matrices_of_a_moving_frame_know_the_cylinders_modes() -> None:
         name: replace(one, model=replace(one.model, matrices={"M": one.model.M, "K": one.model.K}))
         for name, one in build_bodies(boom).items()
     }
-    modal = reduce_sections(boom, built)["fly"].modal
+    modal = reduce_bodies(boom, built)["fly"].modal
     assert modal.enrichment is not None
     for model in (modal, extended(modal), truncated(modal, modal.size - 1), extended(modal, 1)):
         found, kept = with_cylinder_modes(model), np.diagonal(model.K) > 1e-6
