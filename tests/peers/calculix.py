@@ -92,6 +92,19 @@ class Deck:
                 break
         return np.array(values)
 
+    def buckling_factors(self, loads: Sequence[tuple[int, int, float]], count: int, folder: Path) -> np.ndarray:
+        """The lowest factors by which loads (node, 1 to 3, N) buckle the shell."""
+        step = [
+            "*STEP",
+            "*BUCKLE",
+            f"{count}",
+            "*CLOAD",
+            *(f"{n + 1}, {d}, {f:.12e}" for n, d, f in loads),
+            "*END STEP",
+        ]
+        found = [line.split() for line in self._run(step, folder, "dat").splitlines()]
+        return np.array([float(parts[1]) for parts in found if len(parts) == 2 and parts[0].isdigit()])
+
     def displacements(self, loads: Sequence[tuple[int, int, float]], name: str, folder: Path) -> np.ndarray:
         """Static displacements (k, 3) m of the nodes of a set, in its order; loads are (node, 1 to 3, N)."""
         step = ["*STEP", "*STATIC", "*CLOAD", *(f"{n + 1}, {d}, {f:.12e}" for n, d, f in loads)]

@@ -6,12 +6,14 @@ On pads both programs hold the same weighted means with the same springs: there 
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
+from boxes import box
 from peers.calculix import Deck, Mean, grid
 from peers.pads import Patch
 from statics import static_outputs
@@ -21,11 +23,16 @@ from pmr.fullmodel.eigensolvers import SlepcEigenSolver, eigensolver
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structure import Action, Clamp, Structure, structural_model
+from pmr.fullmodel.system import FullSystem
 from pmr.mesh import read_mesh
 from pmr.mesh.box import BoxBoom, write_shell
 from pmr.models.shell import Shell
 from pmr.scene.members import member_at
 from pmr.scene.structures import Plate, ShellBody
+from pmr.system.assembly import Assembly
+from pmr.system.buckling import buckling_factors
+from pmr.system.contacts import ALONE
+from pmr.system.terms import Term
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
 SIZE, ALONG = 0.05, 0.1  # m
@@ -163,3 +170,22 @@ def test_tip_deflections_on_pads_agree(ours_on_pads: FullModel, s: float, tmp_pa
     found = static_tip(ours_on_pads, s)
     assert found[0] == pytest.approx(vertical, rel=2e-3)
     assert found[1] == pytest.approx(lateral, rel=7e-3)
+
+
+@pytest.mark.slow
+def test_buckling_under_an_end_load(tmp_path: Path) -> None:
+    """To 2 %: 1.0 % measured.  The next one, of the walls beside the free end, is 2.6 % off on meshes so coarse.
+
+    Each program finds the stresses of the end load by itself.
+    """
+    deck, load = peer(0.1), 1e6
+    nodes = deck.sets["TIP"]
+    loads = [(n, 1, -load * share) for n, share in zip(nodes, simpson(nodes), strict=True)]
+    expected = load * deck.buckling_factors(loads, 2, tmp_path)
+    model = Shell(ShellBody(plate=Plate(thickness=WALL)), box(LENGTH, 24, 3))
+    full = structural_model(Structure(model, (Clamp("tail"),), matrices=("axial tip",)))
+    system = FullSystem.of(full).gather()
+    assert system is not None
+    term = Term("end load", (ALONE,), stiffness=system.bodies[ALONE].matrices["axial tip"])
+    assembly = Assembly(replace(system, terms=(term,)))
+    assert buckling_factors(assembly, np.zeros(0), {"end load": -1.0}) == pytest.approx(expected[:1], rel=0.02)
