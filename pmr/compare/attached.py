@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from pmr.compare.errors import ROUND_OFF
 from pmr.constraints.rows import Row
 from pmr.errors import SimulationError
-from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.carriers import CarriedRows
-from pmr.reduced.model import ReducedModel
 from pmr.system.body import Trajectory
+from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
@@ -30,25 +29,26 @@ SETTLED = 0.5
 STEPS = 20_000
 
 
-def with_loads_answered(model: ReducedModel, run: Trajectory, loads: Array) -> ReducedModel:
-    """The model, with carriers, with attachment modes for what it bore in a run under `loads` (T, i) in N.
-
-    Raises ValueError as `with_attachment_modes`.
-    """
-    assert model.carriers is not None
-    rows = [model.carriers.row(k, name) for k, name in enumerate(model.row_names)]
-    return with_attachment_modes(model, pressing(model.carriers, rows, run, loads))
+def loads_borne(system: System, run: SystemTrajectory) -> dict[str, Array]:
+    """What contacts and loads press on the carriers and inputs of each body with, (S, K + i) in N."""
+    found, first = {}, 0
+    for name, body in system.reduced.items():
+        rows = [system.row(side.place) for side in system.sides if side.place.body == name]
+        last = first + len(body.input_names)
+        assert body.carriers is not None
+        found[name] = pressing(body.carriers, rows, run.bodies[name], run.loads[:, first:last])
+        first = last
+    return found
 
 
 def pressing(carriers: CarriedRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> Array:
     """What rows press with on their carriers in a run, and its loads (T, i): (S, K + i) in N, at up to `STEPS` steps.
 
-    The path coordinates of the run are those of all rows (T,) m, or of each (T, m).
+    The path coordinates of the run are those of each row (T, m) in m.
     """
     steps = np.linspace(0, len(run.t) - 1, min(len(run.t), STEPS)).astype(int)
-    s = np.broadcast_to(run.s.T, (len(rows), len(run.t)))[:, steps]
     pressed = sp.csr_matrix((len(steps), len(carriers.values)))
-    for row, x, force in zip(rows, s, run.multipliers[steps].T, strict=True):
+    for row, x, force in zip(rows, run.s[steps].T, run.multipliers[steps].T, strict=True):
         pressed -= row.weights(x).multiply(force[:, None])
     return np.hstack([pressed.toarray(), loads[steps]])
 

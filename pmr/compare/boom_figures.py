@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.booms import columns_of, friction
+from pmr.compare.booms import columns_of, friction, in_response
 from pmr.compare.errors import relative_error
 from pmr.compare.pad_forces import PULLED, newton
 from pmr.compare.summary import Part
@@ -19,6 +19,7 @@ from pmr.scene.built import force_of
 from pmr.scene.frame import INERTIA
 from pmr.scene.members import DRIVEN
 from pmr.scene.names import ALONE, cylinder_of
+from pmr.simulation import Excitation
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact
@@ -131,7 +132,9 @@ def joints(boom: Scene, response: Response, system: System) -> Part:
         for name in response.force_names
     ]
     pads = [load for name, load in zip(response.force_names, loads, strict=True) if name not in driven]
-    resisting = {cylinder_of(name): values for name, values in friction(boom, contacts, response).items()}
+    own, columns = in_response(contacts, response)
+    found = friction(own, Excitation.of(boom), response.t, response.slider_force[:, columns])
+    resisting = {cylinder_of(name): values for name, values in found.items()}
     cylinders = [
         load
         | ({"friction": float(np.abs(resisting[load["name"]]).max())} if load["name"] in resisting else {})

@@ -15,7 +15,8 @@ from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
-from pmr.scene.names import cylinder_of
+from pmr.scene.names import ALONE, cylinder_of
+from pmr.simulation import Excitation
 from pmr.simulation.columns import called
 from pmr.simulation.modal import inertia_share, unpressed
 from pmr.simulation.native import systems
@@ -25,6 +26,8 @@ from pmr.system.system import Joined, System, SystemTrajectory
 
 Array = NDArray[np.float64]
 
+#: Kind of contacts that hold an overlap straight: moments, no forces of pads.
+STRAIGHT = "straight"
 #: Steps beside a kink whose forces are left out.
 BESIDE_KINK = 2.0
 
@@ -102,23 +105,23 @@ def response_of(system: Joined[Any], t: Array, motion: Motion) -> Response:
         for columns, bodies, found in zip(kinds, of_bodies, of.kinds, strict=True):
             columns += found
             bodies += [name] * len(found)
-    bearing = [k for k, contact in enumerate(system.contacts) if contact.kind != "straight"]
-    kinds[1].extend(system.contacts[k].kind for k in bearing)
-    of_bodies[1].extend(system.contacts[k].inner.body for k in bearing)
+    kept = bearing(system)
+    kinds[1].extend(system.contacts[k].kind for k in kept)
+    of_bodies[1].extend(system.contacts[k].inner.body for k in kept)
     not_known = np.full(len(t), np.nan)
     return Response(
         t=t,
         x=np.concatenate(x),
         displacement=np.hstack(moved),
         energy=motion.energy,
-        slider_force=np.hstack([*springs, motion.forces[:, bearing]]),
+        slider_force=np.hstack([*springs, motion.forces[:, kept]]),
         residual_position=not_known,
         residual_velocity=not_known,
         seconds=np.nan,
         output_names=tuple(names),
         output_units=("m",) * len(names),
-        force_names=(*force_names, *(force_of(system.contact_names[k]) for k in bearing)),
-        force_peaks=np.hstack([*springs, motion.peaks[:, bearing]]),
+        force_names=(*force_names, *(force_of(system.contact_names[k]) for k in kept)),
+        force_peaks=np.hstack([*springs, motion.peaks[:, kept]]),
         others=np.hstack(others) if other_names else None,
         other_names=tuple(other_names),
         other_units=tuple(other_units),
@@ -127,50 +130,65 @@ def response_of(system: Joined[Any], t: Array, motion: Motion) -> Response:
     )
 
 
-def friction(boom: Scene, contacts: Sequence[Contact], response: Response) -> dict[str, Array]:
+def friction(contacts: Sequence[Contact], excitation: Excitation, t: Array, forces: Array) -> dict[str, Array]:
     r"""What a section's pads resist sliding with, (T,) N by section, positive while it slides out.
 
     .. math:: \tanh(\dot s / v) \sum_k \mu_k |N_k|
 
-    Coulomb's law with the forces N of the pads themselves; v is the joint's `friction_speed`.  The pads' friction also
-    has a moment about the axis, half the section's height times that sum's parts on its two faces: neglected.
+    Coulomb's law with the `forces` N (T, m) of the contacts at times t (T,) s; v is the joint's `friction_speed`.  The
+    pads' friction also has a moment about the axis, half the section's height times that sum's parts on its two faces:
+    neglected.
     """
     found = {}
-    for part in boom.sections[1:]:
-        assert part.joint is not None  # as the checks say
-        own = [one for one in contacts if one.inner.body == part.name and one.friction]
+    for name, speed in excitation.friction_speeds.items():
+        own = [k for k, one in enumerate(contacts) if one.inner.body == name and one.friction]
         if own:
-            columns = [response.force_names.index(force_of(one.name)) for one in own]
-            resisting = np.abs(response.slider_force[:, columns]) @ [one.friction for one in own]
-            found[part.name] = np.tanh(boom.paths[part.name].rate(response.t) / part.joint.friction_speed) * resisting
+            resisting = np.abs(forces[:, own]) @ [contacts[k].friction for k in own]
+            found[name] = np.tanh(excitation.paths[name].rate(t) / speed) * resisting
     return found
 
 
-def with_friction(boom: Scene, contacts: Sequence[Contact], response: Response) -> Response:
-    """With the forces of cylinders that overcome the friction of the pads, too.
+def rubbing(contacts: Sequence[Contact], excitation: Excitation, t: Array, forces: Array, more: Array) -> Array:
+    """More forces (T, m) of the contacts, with those of cylinders that overcome the friction beside the `forces`.
 
     Sections hardly give way along the boom, and a joint's friction acts between the two sections that its cylinder
     joins: it adds to that cylinder's force, and to no other one's.
     """
-    forces, peaks = response.slider_force.copy(), response.force_peaks
-    peaks = None if peaks is None else peaks.copy()
-    for name, resisting in friction(boom, contacts, response).items():
-        column = response.force_names.index(force_of(cylinder_of(name)))
-        forces[:, column] += resisting
-        if peaks is not None:
-            peaks[:, column] += resisting
-    return replace(response, slider_force=forces, force_peaks=peaks)
+    found, names = more.copy(), [one.name for one in contacts]
+    for name, resisting in friction(contacts, excitation, t, forces).items():
+        found[:, names.index(cylinder_of(name))] += resisting
+    return found
 
 
-def quantities(boom: Scene, response: Response) -> Mapping[str, Quantity]:
+def with_friction(excitation: Excitation, contacts: Sequence[Contact], response: Response) -> Response:
+    """With the forces of cylinders that overcome the friction of the pads, too."""
+    own, columns = in_response(contacts, response)
+    forces = response.slider_force[:, columns]
+
+    def rubbed(of_all: Array) -> Array:
+        found = of_all.copy()
+        found[:, columns] = rubbing(own, excitation, response.t, forces, of_all[:, columns])
+        return found
+
+    peaks = None if response.force_peaks is None else rubbed(response.force_peaks)
+    return replace(response, slider_force=rubbed(response.slider_force), force_peaks=peaks)
+
+
+def in_response(contacts: Sequence[Contact], response: Response) -> tuple[list[Contact], list[int]]:
+    """The contacts whose forces a response holds, and their columns."""
+    own = [one for one in contacts if force_of(one.name) in response.force_names]
+    return own, [response.force_names.index(force_of(one.name)) for one in own]
+
+
+def quantities(excitation: Excitation, response: Response) -> Mapping[str, Quantity]:
     """What is compared: the last section's tip, all lines, the forces of each kind, and these between kinks.
 
     At a kink of an extension a force is as high as its step is short or its cylinder stiff: such steps are left out
     ``_between_kinks``, where there are any.
     """
-    last, t = boom.names[-1], response.t
-    at = [kink for path in boom.paths.values() for kink in path.kinks(boom.time.end)]
-    away = np.all([np.abs(t - kink) > BESIDE_KINK * boom.time.step for kink in at], axis=0)
+    last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping
+    at = [kink for path in excitation.paths.values() for kink in path.kinks(stepping.end)]
+    away = np.all([np.abs(t - kink) > BESIDE_KINK * stepping.step for kink in at], axis=0)
     found: dict[str, Quantity] = {
         "tip": lambda one: one.of("tip", body=last),
         "beam": lambda one: one.displacement,
@@ -193,6 +211,20 @@ def _forces(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> 
 def force_kinds(response: Response) -> list[str]:
     """Of each force: ``pad_force``, ``cylinder_force`` or, of supports that give way, ``support_force``."""
     return [f"{one.kind}_force" for one in response.outputs if one.is_force]
+
+
+def bearing(system: Joined[Any]) -> list[int]:
+    """Numbers of the contacts whose forces are outputs; of a body alone they are those that move or only push."""
+    kept = [(k, one) for k, one in enumerate(system.contacts) if one.kind != STRAIGHT]
+    alone = ALONE in system.bodies
+    return [k for k, one in kept if not alone or one.inner.path is not None or one.clearance is not None]
+
+
+def force_kinds_of(system: Joined[Any]) -> tuple[str, ...]:
+    """Of the springs of all bodies and the contacts that bear; all forces of a body alone count as those of pads."""
+    springs = [kind for body in system.bodies.values() for kind in called(body, ()).kinds[1]]
+    kinds = [*springs, *(system.contacts[k].kind for k in bearing(system))]
+    return tuple("pad_force" if ALONE in system.bodies else f"{kind}_force" for kind in kinds)
 
 
 def tip_columns(system: Joined[Any]) -> list[int]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,29 +180,36 @@ def settled(one: Array, other: Array, round_off: float | Array) -> tuple[Array, 
     return np.where(moves, one, 0.0), np.where(moves, other, 0.0)
 
 
-def round_off(body: SlidingBody, loads: Array, end: float) -> float:
+def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> float:
     r"""What of an output in m may be round-off alone, where loads (T, i) in N act for `end` seconds.
 
     .. math:: 10^{-12} \max_o \lVert O_o^T \rVert \sum_i \lVert B_i \rVert \max_t |f_i|, \qquad
         \lVert x \rVert^2 = x^T \big(K + (2 \pi / t_e)^2 M\big)^{-1} x
 
-    By Cauchy and Schwarz the product bounds what the loads do to an output of the body with its sliders released, in
-    whichever coordinates.  Round-off is a share of that also where a slider cancels it, or where loads along the axis
-    don't bend the body at all.  It is linear in the loads, so no motion is too small by itself.  0 for bodies that are
-    large or sparse.
+    By Cauchy and Schwarz the product bounds what the loads do to an output of the bodies with their contacts released,
+    in whichever coordinates.  Round-off is a share of that also where a slider cancels it, or where loads along the
+    axis don't bend the body at all.  It is linear in the loads, so no motion is too small by itself.  0 for bodies that
+    are large or sparse.
     """
-    if (A := _released(body, end)) is None:
-        return 0.0
-    outputs = np.asarray(body.outputs)[length_outputs(body)]
-    return float(ROUND_OFF * _norms(A, outputs).max(initial=0.0) * _reach(A, body, loads))
+    return float(ROUND_OFF * _moved(bodies, loads, end, length_outputs).max(initial=0.0))
 
 
-def probe_round_off(body: SlidingBody, loads: Array, end: float) -> Array:
+def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
     """As `round_off`, a share of 1e-11, of each output that is neither in m nor in N, (k,) in its unit."""
-    which = other_outputs(body)
-    if (A := _released(body, end)) is None or not np.any(which):
-        return np.zeros(np.count_nonzero(which))
-    return FORCE_ROUND_OFF * _norms(A, np.asarray(body.outputs)[which]) * _reach(A, body, loads)
+    return FORCE_ROUND_OFF * _moved(bodies, loads, end, other_outputs)
+
+
+def _moved(bodies: Mapping[str, SlidingBody], loads: Array, end: float, which: Callable[[Any], Any]) -> Array:
+    """How far each of some outputs (o,) may go; 0 where a body is large or sparse."""
+    sizes, reach, first = list[Array](), 0.0, 0
+    for body in bodies.values():
+        chosen, last = which(body), first + body.B.shape[1]
+        A = _released(body, end)
+        reach += np.inf if A is None else _reach(A, body, loads[:, first:last])
+        sizes.append(np.zeros(np.count_nonzero(chosen)) if A is None else _norms(A, np.asarray(body.outputs)[chosen]))
+        first = last
+    found = np.concatenate(sizes)
+    return found * reach if np.isfinite(reach) else np.zeros_like(found)
 
 
 def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> float:

@@ -14,79 +14,83 @@ sliders and twelve pads (tests/compare/test_estimate_sweep.py).  It is no bound:
 r + c modes (docs/moving_residual_flexibility.md, section 12); `pmr.compare.coverage` says where it can be seen to fail.
 
 A model that keeps all of that inertia already has its enrichment modes only, and what these say is divided by kappa,
-their share of what is left out (`pmr.compare.indicators`).  Where rows only push, the second run has attachment modes
-in place of the series (`pmr.compare.attached`), and a third one, without the enrichment modes, has to be near it.
+their share of what is left out (`pmr.compare.indicators`).
+
+That series is one of tables on one path.  Of several bodies, and where contacts only push, the second run has
+attachment modes in its place (`pmr.reduced.attachment`), which give what is left out its inertia and damping in the
+directions of all loads that a body bore in the first run.  Where pads land and lift off an impact a moment earlier
+changes all that follows: a third run, without the enrichment modes, has to be near the second one then.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare import coverage
-from pmr.compare.attached import UnsettledError, lifting, scatter, settled, with_loads_answered
+from pmr.compare import errors as compare
+from pmr.compare.attached import UnsettledError, lifting, loads_borne, scatter, settled
+from pmr.compare.booms import quantities, respond, with_friction
 from pmr.compare.indicators import chi, kappa
-from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, lagging, outputs, probe_differences
+from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, probe_differences
 from pmr.compare.ringing import rings
+from pmr.compare.runs import along_path, in_parts, lagging, outputs, run_from_start
+from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, is_modal, with_kept_inertia
+from pmr.results import Response
 from pmr.simulation import Excitation
 from pmr.simulation.columns import called
-from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.native import simulator as march
-from pmr.system.body import Trajectory, pushing_rows
+from pmr.simulation.modal import modal_form
+from pmr.system.body import length_outputs
+from pmr.system.contacts import ALONE, named
+from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
+Models = Mapping[str, ReducedModel]
 
 #: Margin of the estimate over what the enrichment modes say, and of errors that all modes of a reduction tell.
 MARGIN, MARGIN_OF_ALL_MODES = 1.25, 1.1
 
 
-class Estimated(Protocol):
-    """What an estimate says of each kind of output."""
-
-    @property
-    def unknown(self) -> Mapping[str, str]: ...
-
-    def of(self, kind: str) -> float:
-        """Error as a fraction, with margin; 0 where it is unknown."""
-
-
 @dataclass(frozen=True)
 class Estimate:
-    """Estimated errors of a reduced model's outputs, with margin.
+    """Estimated errors of the outputs of reduced bodies, with margin.
 
     Fractions are e_NRMS relative to the second run's motion, not capped: above 1 the error is larger than the motion.
     `by` says which difference: ``inertia`` (d), ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d),
-    ``attachment`` (of rows that only push) or ``other model``.
+    ``attachment`` or ``other model``.
     """
 
-    beam: float  # over all displacements
-    tip: float
-    pad_force: float | None  # of sliders and pads; None where `unknown` says why
-    velocity: float | None  # of the displacements' rates; None where `unknown` says why
+    errors: Mapping[str, float]  # by kind of output (`pmr.compare.outputs`), without those that are `unknown`
     probes: Mapping[str, float]  # of each output in another unit, by name (`probe_differences`)
-    kappa: float | None  # share of the residual part's inertia that the enrichment modes carry
-    by: str
-    chi: float | None  # share of the first truncated mode's motion that is not quasi-static
-    error: Array  # (T, o) m: what is missing in the outputs, as far as these runs know, without margin
+    error: Array  # (T, o) m: what is missing in the displacements, as far as these runs know, without margin
+    tips: tuple[int, ...]  # numbers of the displacements that are the tip's
     seconds: float  # wall time of the estimate, all runs included
+    by: str
+    kappa: float | None = None  # share of the residual part's inertia that the enrichment modes carry
+    chi: float | None = None  # share of the first truncated mode's motion that is not quasi-static
+    bodies: Mapping[str, float] = field(default_factory=dict)  # along each of several bodies
     unknown: Mapping[str, str] = field(default_factory=dict)  # kinds without an estimate, and why, in words
     scatter: str = ""  # what is to be said of peak forces where these are not settled
 
     def of(self, kind: str) -> float:
         """Error of one kind of output, with margin; 0 where it is unknown."""
-        return getattr(self, kind, None) or 0.0
+        return self.errors.get(kind, 0.0)
 
     @property
-    def probe(self) -> float | None:
-        """That of the probe which is furthest off; None without probes."""
-        return max(self.probes.values(), default=None)
+    def beam(self) -> float:
+        """That over all displacements."""
+        return self.of("beam")
+
+    @property
+    def tip(self) -> float:
+        """That of the tip."""
+        return self.of("tip")
 
     @property
     def largest(self) -> float:
@@ -94,8 +98,12 @@ class Estimate:
         return float(MARGIN * np.abs(self.error).max())
 
 
-def no_estimate(model: ReducedModel) -> str | None:
-    """Why a model's error can't be estimated, in words; None where it can."""
+def no_estimate(models: Models) -> str | None:
+    """Why errors of bodies with these models can't be estimated, in words; None where they can."""
+    return next((f"{name}: {why}" if name else why for name, one in models.items() if (why := _lacking(one))), None)
+
+
+def _lacking(model: ReducedModel) -> str | None:
     if model.flexibility is None:
         return (
             "without residual flexibility the statics of what the basis leaves out are lost with it, and no table says "
@@ -106,25 +114,36 @@ def no_estimate(model: ReducedModel) -> str | None:
             "the basis holds no eigenmodes: what it leaves out has a low mode of its own and is coupled to the "
             "coordinates by inertia, which no table says"
         )
-    known = model.carriers if pushing_rows(model) else model.flexibility
+    known = model.flexibility if _on_tables(model) else model.carriers
     if model.enrichment is None or known is None or known.inertia is None:
         return "the model keeps no enrichment modes: they come with reduction.estimate = true, on a mesh that has more"
     return None
 
 
+def _on_tables(model: ReducedModel) -> bool:
+    """Whether its tables tell the series."""
+    return model.carriers is None and bool(np.isnan(model.row_clearance).all())
+
+
 @dataclass(frozen=True)
 class _Simulated:
-    """Outputs of a model, with the trajectory in its modal form that they are of."""
+    """Bodies, their motion, and what they say in it."""
 
+    system: System
+    run: SystemTrajectory
     outputs: Outputs
-    form: ModalForm
-    run: Trajectory
 
     @classmethod
-    def of(cls, model: ReducedModel, excitation: Excitation, tips: int) -> _Simulated:
-        form = modal_form(model)
-        run = march.simulate_modal(form, excitation)
-        return cls(outputs(form.body, run, excitation, tips), form, run)
+    def of(cls, system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> _Simulated:
+        run = run or run_from_start(system, excitation)
+        return cls(system, run, outputs(system, run, excitation))
+
+    def late(self, excitation: Excitation) -> Outputs:
+        """With the lag of what the model leaves out."""
+        return lagging(self.outputs, self.system, self.run, excitation)
+
+    def response(self, excitation: Excitation) -> Response:
+        return with_friction(excitation, self.system.contacts, respond(self.system, self.run))
 
 
 @dataclass(frozen=True)
@@ -134,91 +153,124 @@ class _Difference:
     missing: Mapping[str, Outputs]
     better: _Simulated
     kappa: float | None = None
+    named: Mapping[str, float] = field(default_factory=dict)  # errors of what is no kind, by name, without margin
     unsettled: Collection[str] = ()
     scatter: str = ""
 
 
-def estimate(model: ReducedModel, excitation: Excitation, tips: int = 1) -> Estimate:
-    """Estimate the error of a model with enrichment modes, from rest; all runs are made here.
+def estimate(models: Models, system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Estimate:
+    """Estimate the error of a system of bodies whose `models` on their modes are given, with their enrichment modes.
 
-    The last `tips` displacements are those of the tip.  Raises ValueError if there is no estimate (`no_estimate`);
+    The system has more where cylinders do (`pmr.reduced.attachment`).  Its `run` is made here unless it is given; one
+    or two others are, in the parts of a step that it took.  Raises ValueError if there is no estimate (`no_estimate`);
     InputError or SimulationError as for `pmr.simulation.Simulator`; SimulationError too if what two richer models say
     of an impact differs.
     """
     begin = time.perf_counter()
-    if why := no_estimate(model):
+    if why := no_estimate(models):
         raise ValueError(f"no estimate: {why}")
-    run, floors = _Simulated.of(model, excitation, tips), Floors.of(model, excitation)
-    own, difference = run.outputs, (_pushed if pushing_rows(model) else _by_series)(model, run, excitation, floors)
+    first = _Simulated.of(system, excitation, run)
+    own, floors = first.outputs, Floors.of(system, excitation, first.run.forces)
+    difference = (_by_series if all(map(_on_tables, models.values())) else _attached)(models, first, excitation, floors)
     missing = difference.missing
-    found = {name: differences(own, own.plus(what), floors) for name, what in missing.items()}
+    kinds = [kind for kind in dict.fromkeys((*KINDS, *own.kinds)) if kind != "probe"]
+    found = {name: differences(own, own.plus(what), floors, kinds) for name, what in missing.items()}
     by = max(found, key=lambda name: found[name]["beam"])
-    largest = {kind: MARGIN * max(one[kind] for one in found.values()) for kind in KINDS}
+    largest = {kind: max(one[kind] for one in found.values()) for kind in kinds}
     of_probes = np.max([probe_differences(own, own.plus(what), floors) for what in missing.values()], axis=0)
+    largest |= {"probe": float(of_probes.max())} if len(of_probes) else {}
     unknown = {kind: coverage.UNSETTLED[kind] for kind in difference.unsettled}
-    if impulsive(model, excitation):
-        unknown.setdefault("pad_force", coverage.BLOWS)
-    elif model.moving and coverage.jumps_damped(model, excitation.signals, excitation.stepping.end):
-        unknown.setdefault("pad_force", coverage.JUMPS)
-    elif own.force.size and rings(own.force, own.plus(missing[by]).force):
-        unknown.setdefault("pad_force", coverage.RINGING)
+    indicator, error = None, missing[by].displacement
+    for model in [models[ALONE]] if ALONE in models else []:
+        if why := _no_forces(model, excitation, own, own.plus(missing[by])):
+            unknown.setdefault("pad_force", why)
+        body, motion = along_path(difference.better.system, difference.better.run, excitation)
+        indicator = chi(body, motion, excitation.forces(body.input_names), model.size)
+    probes = dict(zip(_probes(system), (MARGIN * of_probes).tolist(), strict=True))
     return Estimate(
-        beam=largest["beam"],
-        tip=largest["tip"],
-        pad_force=None if "pad_force" in unknown else largest["pad_force"],
-        velocity=None if "velocity" in unknown else largest["velocity"],
-        probes={} if "probe" in unknown else _named(model, MARGIN * of_probes),
-        kappa=difference.kappa,
-        by=by,
-        chi=chi(difference.better.form, difference.better.run, excitation.forces(model.input_names), model.size),
-        error=missing[by].displacement,
+        errors={name: MARGIN * size for name, size in {**difference.named, **largest}.items() if name not in unknown},
+        probes={} if "probe" in unknown else probes,
+        error=error,
+        tips=own.tips,
         seconds=time.perf_counter() - begin,
+        by=by,
+        kappa=difference.kappa,
+        chi=indicator,
+        bodies=_along(system, own.displacement, error),
         unknown=unknown,
         scatter=difference.scatter,
     )
 
 
-def _by_series(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
+def _no_forces(model: ReducedModel, excitation: Excitation, own: Outputs, better: Outputs) -> str | None:
+    """Why forces of a body alone have no estimate; None where they have one."""
+    if impulsive(model, excitation):
+        return coverage.BLOWS
+    if model.moving and coverage.jumps_damped(model, excitation.signals, excitation.stepping.end):
+        return coverage.JUMPS
+    return coverage.RINGING if own.force.size and rings(own.force, better.force) else None
+
+
+def _by_series(models: Models, first: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
     """By the enrichment modes, and the next term of the series."""
+    (model,), own = models.values(), first.outputs
     assert model.flexibility is not None
-    tips = len(own.outputs.tips)
-    better = _Simulated.of(extended(model), excitation, tips)
-    share, beyond = kappa(model, own.run.s), better.outputs.minus(own.outputs)
-    if (
-        model.flexibility.keeps_inertia or not better.form.classically_damped
-    ):  # damping that couples modes has no tables
-        late = _with_lag(better, excitation).minus(better.outputs)
-        missing = {"enrichment": beyond.times(1.0 / share).plus(late)}
-    else:
-        complete = _with_lag(_Simulated.of(with_kept_inertia(extended(model)), excitation, tips), excitation)
-        missing = {"inertia": complete.minus(own.outputs), "enrichment": beyond}
-    return _Difference(missing, better, share)
+    richer = extended(model)
+    better = _Simulated.of(System.of(richer), excitation)
+    share, beyond = kappa(model, along_path(first.system, first.run, excitation)[1].s), better.outputs.minus(own)
+    if model.flexibility.keeps_inertia or not modal_form(richer).classically_damped:  # coupled modes have no tables
+        late = better.late(excitation).minus(better.outputs)
+        return _Difference({"enrichment": beyond.times(1.0 / share).plus(late)}, better, share)
+    complete = _Simulated.of(System.of(with_kept_inertia(richer)), excitation).late(excitation)
+    return _Difference({"inertia": complete.minus(own), "enrichment": beyond}, better, share)
 
 
-def _pushed(model: ReducedModel, own: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
-    """By the enrichment modes, and attachment modes for what the model bore, in the parts of a step that it took."""
-    if own.run.parts is not None:
-        excitation = excitation.with_stepping(replace(excitation.stepping, schedule=tuple(own.run.parts[1:].tolist())))
-    loads, tips = excitation.forces(model.input_names), len(own.outputs.tips)
-    better = _Simulated.of(with_loads_answered(extended(model), own.run, loads), excitation, tips)
-    missing = {"attachment": better.outputs.minus(own.outputs)}
-    if not lifting(own.run.multipliers[:, pushing_rows(own.form.body)]):
-        return _Difference(missing, better)
-    other = _Simulated.of(with_loads_answered(model, own.run, loads), excitation, tips)
-    difference, apart = (differences(one.outputs, better.outputs, floors) for one in (own, other))
-    unknown = [kind for kind in KINDS if not settled(difference[kind], apart[kind])]
-    peaks = [float(one.outputs.force.max()) for one in (own, better, other)]
+def _attached(models: Models, first: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
+    """By the enrichment modes, and attachment modes for what bodies bore, in the parts of a step that they took."""
+    if not excitation.stepping.schedule:
+        excitation = in_parts(first.system, excitation, first.run)
+    loads = loads_borne(first.system, first.run)
+
+    def richer(of: Callable[[ReducedModel], ReducedModel]) -> _Simulated:
+        bodies = {name: with_attachment_modes(of(model), loads[name]) for name, model in models.items()}
+        return _Simulated.of(replace(first.system, bodies=bodies), excitation)
+
+    better, pushing = richer(extended), ~np.isnan(first.system.clearance)
+    missing = {"attachment": better.outputs.minus(first.outputs)}
+    named = _named(first.response(excitation), better.response(excitation), excitation)
+    if not lifting(first.run.forces[:, pushing]):
+        return _Difference(missing, better, named=named)
+    other = richer(lambda model: model)
+    told, apart = (differences(one.outputs, better.outputs, floors) for one in (first, other))
+    unknown = [kind for kind in KINDS if not settled(told[kind], apart[kind])]
+    peaks = [float(one.run.forces[:, pushing].max()) for one in (first, better, other)]
     for kind in unknown:
         if kind in ("beam", "tip"):
-            raise UnsettledError(difference[kind], apart[kind], peaks)
-    return _Difference(missing, better, unsettled=unknown, scatter=scatter(peaks) if "pad_force" in unknown else "")
+            raise UnsettledError(told[kind], apart[kind], peaks)
+    said = scatter(peaks) if "pad_force" in unknown else ""
+    return _Difference(missing, better, named=named, unsettled=unknown, scatter=said)
 
 
-def _with_lag(one: _Simulated, excitation: Excitation) -> Outputs:
-    return lagging(one.outputs, one.form.body, one.run, excitation)
+def _named(own: Response, better: Response, excitation: Excitation) -> dict[str, float]:
+    """Errors by name, of reactions and probes, and of forces of each kind between kinks."""
+    both, measured = {"reduced": own, "full": better}, quantities(excitation, own)
+    return compare.errors(both, compare.relative_error, quantities=measured)["reduced_vs_full"]
 
 
-def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation, tips: int = 1) -> Estimate:
+def _along(system: System, displacement: Array, error: Array) -> dict[str, float]:
+    """Error along each of several bodies, with margin."""
+    first, found = 0, dict[str, float]()
+    for name, body in system.bodies.items() if len(system.bodies) > 1 else ():
+        own = slice(first, first := first + int(np.count_nonzero(length_outputs(body))))
+        found[name] = MARGIN * compare.relative_error(displacement[:, own], (displacement + error)[:, own])
+    return found
+
+
+def _probes(system: System) -> list[str]:
+    return [named(name, one) for name, body in system.bodies.items() for one in called(body, ()).others]
+
+
+def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation) -> Estimate:
     r"""The error of a model on any basis, from another one of the same body whose error can be estimated.
 
     .. math:: \lVert y - y_r \rVert \le \lVert y_b - y_r \rVert + \lVert y - y_b \rVert
@@ -227,26 +279,20 @@ def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation, 
     ValueError, InputError, SimulationError as for `estimate` of the other model.
     """
     begin = time.perf_counter()
-    own_of_better = estimate(better, excitation, tips)
-
-    own, other = (_Simulated.of(one, excitation, tips).outputs for one in (model, better))
-    floors = Floors.of(better, excitation)
-    found, of_probes = differences(own, other, floors), _named(model, probe_differences(own, other, floors))
-    known = own.force.shape == other.force.shape and own_of_better.pad_force is not None
+    systems = [System.of(one) for one in (model, better)]
+    of_better = estimate({ALONE: better}, systems[1], excitation)
+    own, other = (_Simulated.of(one, excitation).outputs for one in systems)
+    floors, known = Floors.of(systems[1], excitation), dict(of_better.errors)
+    if own.force.shape != other.force.shape:
+        known.pop("pad_force", None)
+    found = differences(own, other, floors)
+    of_probes = dict(zip(_probes(systems[0]), probe_differences(own, other, floors).tolist(), strict=True))
     return Estimate(
-        beam=found["beam"] + own_of_better.beam,
-        tip=found["tip"] + own_of_better.tip,
-        pad_force=found["pad_force"] + (own_of_better.pad_force or 0.0) if known else None,
-        velocity=None if own_of_better.velocity is None else found["velocity"] + own_of_better.velocity,
-        probes={name: of_probes[name] + size for name, size in own_of_better.probes.items()},
-        kappa=None,
-        by="other model",
-        chi=None,
-        error=other.displacement - own.displacement + own_of_better.error,
+        errors={kind: found[kind] + size for kind, size in known.items()},
+        probes={name: of_probes[name] + size for name, size in of_better.probes.items()},
+        error=other.displacement - own.displacement + of_better.error,
+        tips=other.tips,
         seconds=time.perf_counter() - begin,
-        unknown=own_of_better.unknown,
+        by="other model",
+        unknown=of_better.unknown,
     )
-
-
-def _named(model: ReducedModel, of_probes: Array) -> dict[str, float]:
-    return dict(zip(called(model, ()).others, of_probes.tolist(), strict=True))

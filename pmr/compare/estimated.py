@@ -4,30 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from pmr.compare import boom_estimate, coverage, estimate, step_error
+from pmr.compare import coverage, estimate, step_error
 from pmr.compare.attached import UnsettledError
-from pmr.compare.boom_estimate import BoomEstimate
-from pmr.compare.halved_steps import Stepped
+from pmr.compare.outputs import KINDS
 from pmr.compare.summary import Part
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Reduction, Scene
-from pmr.scene.choice import transverse
-from pmr.scene.members import member_at
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
+from pmr.system.contacts import ALONE
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
-Found = TypeVar("Found")
 
 #: Coordinates of the model that tells the error of another one.
 FEWEST = 6
@@ -35,7 +32,8 @@ FEWEST = 6
 REACHED = 0.5
 #: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
 RESOLVED = 2.0
-_FIGURES = ("beam", "tip", "pad_force", "velocity", "probe", "probes", "kappa", "by", "chi", "largest", "seconds")
+#: What summary.json has of every estimate, beside what there is of each kind of output.
+_FIGURES = ("probes", "kappa", "by", "chi", "largest", "seconds", "not_covered")
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class ReductionError:
 
 def asks_for_other(scene: Scene, reduced: ReducedModel) -> bool:
     """Whether it takes another model of the same body to tell the error (`pmr.compare.estimate.by_other`)."""
-    return scene.reduction.estimate and estimate.no_estimate(reduced) is not None
+    return scene.reduction.estimate and estimate.no_estimate({ALONE: reduced}) is not None
 
 
 def other_of(scene: Scene, reduced: ReducedModel) -> Scene:
@@ -61,68 +59,57 @@ def other_of(scene: Scene, reduced: ReducedModel) -> Scene:
 
 def reduction_error(
     scene: Scene,
-    reduced: ReducedModel,
+    models: Mapping[str, ReducedModel],
+    moved: SimulatedSystem,
     clock: Clock,
     other: ReducedModel | None = None,
     found: estimate.Estimate | None = None,
 ) -> ReductionError:
-    """The reduction's error as the enrichment modes tell it, or an `other` model, and what is not in it.
+    """The reduction's error as enrichment modes tell it, or an `other` model of a body alone, and what is not in it.
 
-    One that is `found` already is not computed again.
+    `models` are those of the bodies on their modes, `moved` is their system with what drove it.  One that is `found`
+    already is not computed again.
     """
-    excitation, left_out = Excitation.of(scene), list[str]()
-    telling, tips, failed, scattered = other or reduced, len(transverse(member_at(scene))), "", list[str]()
+    system, excitation, run = moved
+    asked = all(part.reduction.estimate for part in scene.sections)
+    telling = models if other is None else {ALONE: other}
 
     def make() -> estimate.Estimate:
         if other is not None:
-            return estimate.by_other(reduced, other, excitation, tips)
-        return found or estimate.estimate(reduced, excitation, tips)
+            return estimate.by_other(models[ALONE], other, excitation)
+        return found or estimate.estimate(models, system, excitation, run)
 
-    if scene.reduction.estimate and estimate.no_estimate(telling) is None:
+    failed, scattered = "", list[str]()
+    if asked and estimate.no_estimate(telling) is None:
         found, failed, scattered = _made(clock, make)
-    if found is not None:
-        left_out = [*coverage.not_covered(telling, excitation.signals, excitation.stepping), *found.unknown.values()]
-        scattered = [found.scatter] if found.scatter else []
-    figures: dict[str, Any] = {}
-    if scene.reduction.estimate:
-        figures = {"estimate": summary(reduced, found, left_out, failed)}
-    said = warnings(reduced, excitation.stepping, found) + coverage.warnings(left_out) + scattered
-    band = None if found is None else envelope(estimate.MARGIN * found.error[:, -tips:])
-    return ReductionError(Part(figures, said), band)
-
-
-def sections_error(
-    boom: Scene,
-    modal: Mapping[str, ReducedModel],
-    run: SimulatedSystem,
-    clock: Clock,
-    found: BoomEstimate | None = None,
-) -> ReductionError:
-    """That of all sections of a boom, whose models on free modes are `modal`, from a run of them."""
-    if not all(part.reduction.estimate for part in boom.sections):
-        return ReductionError(Part())
-    failed, said = boom_estimate.no_estimate(modal) or "", list[str]()
-    if not failed:
-        found, failed, said = _made(clock, lambda: found or boom_estimate.estimate(boom, modal, *run))
     if found is None:
-        nothing = dict.fromkeys(("tip", "beam", "pad_force", "cylinder_force", "largest", "seconds", "not_covered"))
-        return ReductionError(Part({"estimate": nothing | {"reason": failed}}, said))
-    damped = any(body.rayleigh is None and body.D.any() for body in run.system.reduced.values())
-    left_out = [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped]
-    figures = {"largest": found.largest, "seconds": found.seconds, "not_covered": left_out}
-    part = Part({"estimate": {**found.errors, **figures}}, _beyond(found.of("beam")))
-    return ReductionError(part, envelope(estimate.MARGIN * found.error), found.sections)
+        figures = dict.fromkeys((*KINDS, *_FIGURES)) | {"reason": failed or estimate.no_estimate(models)}
+        said = warnings(models, excitation.stepping, None) + scattered
+        return ReductionError(Part({"estimate": figures} if asked else {}, said))
+    left_out = [*_left_out(telling, system, excitation), *found.unknown.values()]
+    said = warnings(models, excitation.stepping, found) + coverage.warnings(left_out)
+    said += [found.scatter] if found.scatter else []
+    part = Part({"estimate": summary(found, left_out)} if asked else {}, said)
+    return ReductionError(part, envelope(estimate.MARGIN * found.error[:, list(found.tips)]), found.bodies)
+
+
+def _left_out(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> list[str]:
+    """What an estimate leaves out, a clause each."""
+    if ALONE in models:
+        return coverage.not_covered(models[ALONE], excitation.signals, excitation.stepping)
+    damped = any(body.rayleigh is None and body.D.any() for body in system.reduced.values())
+    return [coverage.NEVER, *["the damping of what the modes leave out, which is not Rayleigh's"] * damped]
 
 
 class SimulatedSystem(NamedTuple):
-    """A system of reduced bodies, what drove it, and the motion."""
+    """A system of reduced bodies, what drove it, and the motion, which is made again where it is not given."""
 
     system: System
     excitation: Excitation
-    run: SystemTrajectory
+    run: SystemTrajectory | None = None
 
 
-def _made(clock: Clock, make: Callable[[], Found]) -> tuple[Found | None, str, list[str]]:
+def _made(clock: Clock, make: Callable[[], estimate.Estimate]) -> tuple[estimate.Estimate | None, str, list[str]]:
     """An estimate; or None, with the reason, and what is said of forces that scatter."""
     try:
         with clock.stage("estimate"):
@@ -132,40 +119,35 @@ def _made(clock: Clock, make: Callable[[], Found]) -> tuple[Found | None, str, l
         return None, str(error).removeprefix("estimate: "), said  # the clock's stage
 
 
-def _beyond(beam: float) -> list[str]:
-    """A line where an error along the beam is larger than the motion."""
-    if beam <= 1.0:
-        return []
-    return [f"the estimated error is {rounded(beam)} times the motion: too few coordinates, or a motion that grows"]
+def summary(found: estimate.Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
+    """What summary.json holds: fractions by kind of output, ``probes`` by their names, ``kappa``, ``chi``, ``largest``
+    (m), ``seconds``; ``not_covered`` lists in words what the estimate leaves out.
 
-
-def summary(
-    model: ReducedModel, estimated: estimate.Estimate | None, not_covered: Sequence[str] = (), failed: str | None = None
-) -> dict[str, float | str | list[str] | None]:
-    """What summary.json holds: ``beam``, ``tip``, ``pad_force``, ``velocity`` and ``probe`` (fractions), ``probes`` by
-    their names, ``kappa``, ``chi``, ``largest`` (m), ``seconds``.
-
-    ``not_covered`` lists in words what the estimate leaves out.  All are None where there is no estimate, and
-    ``reason`` says why: what `failed`, or `no_estimate`.
+    Of what has no estimate all are None.
     """
-    if estimated is None:
-        return dict.fromkeys((*_FIGURES, "not_covered")) | {"reason": failed or estimate.no_estimate(model)}
-    return {name: getattr(estimated, name) for name in _FIGURES} | {"not_covered": list(not_covered)}
+    told = {name: getattr(found, name) for name in _FIGURES if name != "not_covered"}
+    return dict.fromkeys(KINDS) | dict(found.errors) | told | {"not_covered": list(not_covered)}
 
 
-def warnings(model: ReducedModel, stepping: TimeStepping, estimated: estimate.Estimate | None) -> list[str]:
+def warnings(
+    models: Mapping[str, ReducedModel], stepping: TimeStepping, estimated: estimate.Estimate | None
+) -> list[str]:
     """What a user should know about a run, a line each."""
-    found = _beyond(0.0 if estimated is None else estimated.beam)
-    if estimated is not None and estimated.beam > 0.0 and (estimated.chi or 0.0) > REACHED:
+    beam, chi = (0.0, 0.0) if estimated is None else (estimated.of("beam"), estimated.chi or 0.0)
+    found = []
+    if beam > 1.0:
         found.append(
-            f"load or slide reach the first truncated mode (chi = {estimated.chi:.2f}): more coordinates are worth most"
+            f"the estimated error is {rounded(beam)} times the motion: too few coordinates, or a motion that grows"
         )
-    fastest = stepping.step * float(np.sqrt(np.max(modal_form(model).omega2, initial=0.0)))
-    if stepping.rho_inf == 1.0 and fastest > RESOLVED and model.moving:
-        found.append(
-            f"the step does not resolve the highest mode (h omega = {rounded(fastest)}) and rho_inf = 1 damps nothing: "
-            f"with a moving slider this can grow; a smaller step, rho_inf < 1 or fewer coordinates help"
-        )
+    if beam > 0.0 and chi > REACHED:
+        found.append(f"load or slide reach the first truncated mode (chi = {chi:.2f}): more coordinates are worth most")
+    for model in [models[ALONE]] if ALONE in models else []:
+        fastest = stepping.step * float(np.sqrt(np.max(modal_form(model).omega2, initial=0.0)))
+        if stepping.rho_inf == 1.0 and fastest > RESOLVED and model.moving:
+            found.append(
+                f"the step does not resolve the highest mode (h omega = {rounded(fastest)}) and rho_inf = 1 damps "
+                "nothing: with a moving slider this can grow; a smaller step, rho_inf < 1 or fewer coordinates help"
+            )
     return found
 
 
@@ -181,18 +163,18 @@ def envelope(error: Array) -> Array:
 
 
 def step_part(
-    stepped: Stepped, natural: Array, clock: Clock, searched: bool, found: step_error.StepError | None = None
+    moved: SimulatedSystem, natural: Array, clock: Clock, searched: bool, found: step_error.StepError | None = None
 ) -> Part:
     """``step``: the time step's error; `natural` (S, f) in Hz are frequencies along the way.
 
     One that is `found` already is not computed again.  Where the step was `searched` by its error, nothing is said.
     """
+    system, excitation, _ = moved
     with clock.stage("step"):
         try:
-            found = found or step_error.step_error_of(stepped)
+            found = found or step_error.step_error(system, excitation)
         except (SimulationError, InputError) as error:
             said = [f"the error of the time step is not known: {error}"]
             return Part({"step": step_error.summary(None, str(error))}, said)
-    excitation = stepped.excitation
     said = [] if searched else step_error.warnings(found, excitation.stepping, excitation.signals, natural)
     return Part({"step": step_error.summary(found)}, said)

@@ -97,7 +97,7 @@ class Evaluation:
             x=body.output_positions[self._length],
             energy=energies,
             seconds=ended.seconds,
-            round_off=round_off(body, self._loads, end),
+            round_off=round_off({ALONE: body}, self._loads, end),
             force_round_off=force_round_off(body, self._loads, end, self._start),
             surplus=ended.surplus,
             output_names=names.moved,

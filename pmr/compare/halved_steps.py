@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.booms import tip_columns
 from pmr.compare.errors import relative_error, round_off, settled
+from pmr.compare.runs import run_from_start
 from pmr.compare.spectrum import band
 from pmr.errors import SimulationError
-from pmr.reduced.model import ReducedModel
 from pmr.simulation import contact_step
+from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.modal import ModalForm
-from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.resolution import aliased
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.body import SlidingBody, displacement, length_outputs, pushing_rows
+from pmr.system.body import length_outputs
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -44,73 +47,47 @@ COMPARED = 20_000
 UNDAMPED = 0.95
 
 
-def reference_rho(body: SlidingBody, rho_inf: float) -> float:
+def reference_rho(system: System, rho_inf: float) -> float:
     """`rho_inf` of the runs that one with this value is compared with: at least `UNDAMPED`.
 
     Rows without residual flexibility grow with more damping than others, and what only pushes bounces otherwise.
     """
-    known = isinstance(body, ReducedModel) and body.flexibility is not None and not pushing_rows(body)
-    return max(rho_inf, UNDAMPED) if known else rho_inf
+    parts = [body if system.on_one_path else body.carriers for body in system.bodies.values()]
+    known = all(getattr(part, "flexibility", None) is not None for part in parts)
+    return max(rho_inf, UNDAMPED) if known and np.isnan(system.clearance).all() else rho_inf
 
 
-class Stepped(Protocol):
-    """What is simulated with several steps: a body, or a system of them (`pmr.compare.boom_steps`)."""
+class Stepped:
+    """A system that is simulated with several steps.
 
-    @property
-    def excitation(self) -> Excitation: ...
-    @property
-    def pushing(self) -> bool:
-        """Whether any contact only pushes."""
+    The given run chooses its parts as any run does.  What it is compared with has as many in every step, and as many in
+    a shorter one: were they fewer there, impacts would be the same in all.
+    """
 
-    @property
-    def given(self) -> TimeStepping:
-        """The time grid that the error is asked for of."""
-
-    @property
-    def parts(self) -> int:
-        """Of how many parts the steps are made in the runs that the given one is compared with; 0: as it takes."""
-
-    @property
-    def reference_rho(self) -> float:
-        """`rho_inf` of these runs."""
-
-    @property
-    def round_off(self) -> float:
-        """What of a displacement may be round-off, in m."""
-
-    @property
-    def tips(self) -> list[int]:
-        """Numbers of the tip's displacements among all."""
+    def __init__(self, system: System, excitation: Excitation) -> None:
+        self._system, self.excitation = system, excitation
+        self.pushing = not np.isnan(system.clearance).all()
+        #: The time grid that the error is asked for of.
+        self.given = replace(excitation.stepping, schedule=())
+        omega = contact_frequency(system, excitation)
+        #: Of how many parts the steps are made in the runs that the given one is compared with, and their `rho_inf`.
+        self.parts = contact_step.parts(omega, self.given) if self.pushing else self.given.parts
+        self.reference_rho = reference_rho(system, self.given.rho_inf)
+        #: What of a displacement may be round-off, in m.
+        self.round_off = round_off(system.bodies, excitation.forces(system.input_names), self.given.end)
+        #: Numbers of the tip's displacements among all.
+        self.tips = tip_columns(system)
 
     def displacements(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
         """All or some, (T, o) m at each `every`-th step; errors as for `pmr.simulation.Simulator`."""
-
-
-class SteppedBody:
-    """A model of one body, of which the last `tips` displacements are the tip's."""
-
-    def __init__(self, form: ModalForm, excitation: Excitation, tips: int) -> None:
-        self._form, self.excitation = form, excitation
-        self._moved = np.flatnonzero(length_outputs(form.body))
-        self.tips = list(range(len(self._moved) - tips, len(self._moved)))
-        self.pushing = bool(pushing_rows(form.body))
-        # The given run chooses its parts as any run does.  What it is compared with has as many in every step, and as
-        # many in a shorter one: were they fewer there, impacts would be the same in all.
-        self.given = excitation.stepping
-        self.parts = contact_step.with_parts(form.body, excitation).parts
-        self.reference_rho = reference_rho(form.body, excitation.stepping.rho_inf)
-        self.round_off = round_off(form.body, excitation.forces(form.body.input_names), excitation.stepping.end)
-
-    def displacements(self, stepping: TimeStepping, every: int, which: list[int] | None = None) -> Array:
-        chosen = self._moved if which is None else self._moved[which]
-        body, excitation = self._form.body, self.excitation.with_stepping(stepping)
-        recorded = excitation.stepping.steps * (2 * body.size + len(body.row_names))
-        if recorded > MOST_RECORDED and not (body.flexibility is not None and body.flexibility.keeps_inertia):
-            return march.observe(self._form, excitation, chosen.tolist(), every).y
-        run = march.simulate_modal(self._form, excitation)
-        at = slice(None, None, every)
-        f = excitation.forces(body.input_names)[at]
-        return displacement(body, run.q[at], run.s[at], run.deforming[at], f)[:, chosen]
+        system, excitation, bodies = self._system, self.excitation.on_grid(stepping), self._system.bodies.values()
+        moved = np.flatnonzero(np.concatenate([length_outputs(body) for body in bodies]))
+        chosen = moved if which is None else moved[which]
+        recorded = stepping.steps * (2 * sum(body.size for body in bodies) + len(system.contacts))
+        if recorded > MOST_RECORDED:
+            return systems.observe(SystemForm.of(system), excitation, chosen.tolist(), every).y
+        run = run_from_start(system, excitation, every)
+        return np.hstack(list(systems.displacements(system, run).values()))[:, chosen]
 
 
 class Runs:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
 from pmr.reduced.model import ReducedModel
-from pmr.simulation.modal import ModalForm
 from pmr.system.body import Trajectory
 
 Array = NDArray[np.float64]
@@ -39,12 +38,11 @@ def kappa(model: ReducedModel, s: Array) -> float:
     return min(1.0, _rms(part) / _rms(whole)) if np.any(whole > 0.0) else 1.0
 
 
-def chi(form: ModalForm, run: Trajectory, f: Array, mode: int) -> float:
-    """Share of a mode's motion, in a run (modal coordinates) under loads f (T, i) in N, that is not quasi-static."""
-    body = form.body
+def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:
+    """Share of a mode's motion that is not quasi-static, in a run of a body on its modes under loads f (T, i) in N."""
     force = f @ body.B[mode] - np.einsum("tm,tm->t", body.C(run.s)[:, :, mode], run.multipliers)
     motion = _rms(run.q[:, mode])
-    return _rms(run.q[:, mode] - force / form.omega2[mode]) / motion if motion > 0.0 else 0.0
+    return _rms(run.q[:, mode] - force / body.K[mode, mode]) / motion if motion > 0.0 else 0.0
 
 
 def _rms(x: Array) -> float:

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from pmr.compare import boom_figures, pad_forces, summary
 from pmr.compare.accuracy.order import Choice
-from pmr.compare.boom_runs import SteppedBoom
-from pmr.compare.estimated import step_part
-from pmr.compare.halved_steps import Stepped, SteppedBody
+from pmr.compare.estimated import SimulatedSystem, step_part
 from pmr.compare.responses import Simulations
 from pmr.compare.summary import Part
 from pmr.errors.environment import Clock
 from pmr.results import Frequencies, Response
 from pmr.scene import Scene
-from pmr.scene.choice import transverse
-from pmr.scene.members import member_at
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation, contact_step
-from pmr.simulation.modal import modal_form
 from pmr.system.system import System
 
 
@@ -37,7 +32,7 @@ def parts_of_motion(
     return [
         *_forces(scene, system, made.first.response, excitation),
         step_part(
-            _stepped(scene, system, excitation), natural.models["reduced"], clock, scene.accuracy is not None, known
+            SimulatedSystem(system, excitation), natural.models["reduced"], clock, scene.accuracy is not None, known
         ),
         boom_figures.beside_published(scene, natural),
         Part(
@@ -53,9 +48,3 @@ def _forces(scene: Scene, system: System, response: Response, excitation: Excita
         return [summary.pads(scene, response)]
     reactions = pad_forces.reactions(scene, response, scene.reach(excitation.times))
     return [boom_figures.joints(scene, response, system), Part(reactions, pad_forces.missing(scene))]
-
-
-def _stepped(scene: Scene, system: System, excitation: Excitation) -> Stepped:
-    if ALONE in system.bodies:
-        return SteppedBody(modal_form(system.bodies[ALONE]), excitation, len(transverse(member_at(scene))))
-    return SteppedBoom(scene, system, excitation)

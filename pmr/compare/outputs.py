@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.errors import (
+    RELATIVE_FLOOR,
     force_round_off,
     probe_round_off,
     refuse_infinite,
@@ -21,10 +23,10 @@ from pmr.compare.errors import (
     round_off,
     settled,
 )
-from pmr.compare.velocities import lag, velocity
 from pmr.reduced.model import ReducedModel
 from pmr.simulation import Excitation
-from pmr.system.body import Trajectory, displacement, force_outputs, length_outputs, other_outputs, released_rows
+from pmr.system.contacts import ALONE
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -98,38 +100,18 @@ class Floors:
     probe: Array
 
     @classmethod
-    def of(cls, model: ReducedModel, excitation: Excitation) -> Floors:
-        """Of a model under these loads (`pmr.compare.errors.round_off`)."""
-        f, end = excitation.forces(model.input_names), excitation.stepping.end
-        of_forces = force_round_off(model, f, end, float(excitation.path.value(0.0)))
-        return cls(round_off(model, f, end), of_forces, probe_round_off(model, f, end))
+    def of(cls, system: System, excitation: Excitation, forces: Array | None = None) -> Floors:
+        """Of a system under these loads (`pmr.compare.errors.round_off`).
 
-
-def outputs(model: ReducedModel, run: Trajectory, excitation: Excitation, tips: int) -> Outputs:
-    """Of a trajectory in the coordinates of the model, all steps of its excitation."""
-    rates = velocity(model, run, excitation)[:, length_outputs(model)]
-    return replace(without_rates(model, run, excitation, tips), velocity=rates)
-
-
-def without_rates(model: ReducedModel, run: Trajectory, excitation: Excitation, tips: int) -> Outputs:
-    """The same without velocities, which cost more than all the rest."""
-    y = displacement(model, run.q, run.s, run.deforming, excitation.forces(model.input_names))
-    return observed(model, y, run.multipliers, tips)
-
-
-def observed(model: ReducedModel, y: Array, multipliers: Array, tips: int) -> Outputs:
-    """Of all outputs y (T, o) and the multipliers (T, m) of a model, without velocities."""
-    moved, probes = y[:, length_outputs(model)], other_outputs(model)
-    force = np.hstack([y[:, force_outputs(model)], multipliers[:, released_rows(model)]])
-    units = tuple(unit for unit, counts in zip(model.output_units, probes, strict=False) if counts)
-    last = range(moved.shape[1] - tips, moved.shape[1])
-    return Outputs(moved, np.empty((len(y), 0)), force, y[:, probes], units, tuple(last))
-
-
-def lagging(found: Outputs, model: ReducedModel, run: Trajectory, excitation: Excitation) -> Outputs:
-    """The outputs of a trajectory with what damping makes of the residual part's own deformation; velocities remain."""
-    late = observed(model, lag(model, run, excitation), np.zeros_like(run.multipliers), len(found.tips))
-    return found.plus(replace(late, velocity=np.zeros_like(found.velocity)))
+        Of several bodies no force counts that is nothing beside the largest of its `forces` (T, m) in N.
+        """
+        f, end, least = excitation.forces(system.input_names), excitation.stepping.end, 0.0
+        if ALONE in system.bodies:
+            body: Any = system.bodies[ALONE]
+            least = force_round_off(body, f, end, float(excitation.path.value(0.0)))
+        elif forces is not None:
+            least = RELATIVE_FLOOR * float(np.abs(forces).max(initial=0.0))
+        return cls(round_off(system.bodies, f, end), least, probe_round_off(system.bodies, f, end))
 
 
 def differences(one: Outputs, reference: Outputs, floors: Floors, kinds: Sequence[str] = KINDS) -> dict[str, float]:

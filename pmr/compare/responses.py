@@ -106,7 +106,7 @@ def repeated(
 
 def completed(scene: Scene, system: Joined[Any], response: Response) -> Response:
     """With what follows from the motion: the friction that cylinders overcome, and what the machine below bears."""
-    return at_pivot(scene, booms.with_friction(scene, system.contacts, response))
+    return at_pivot(scene, booms.with_friction(Excitation.of(scene), system.contacts, response))
 
 
 def agreement(found: Mapping[str, Response]) -> dict[str, float]:
@@ -144,7 +144,7 @@ def check_installed(scene: Scene) -> None:
 def quantities(scene: Scene, response: Response) -> Mapping[str, compare.Quantity]:
     """What is compared between responses, of which this is one."""
     if ALONE not in scene.bodies:
-        return booms.quantities(scene, response)
+        return booms.quantities(Excitation.of(scene), response)
     tips = len(transverse(member_at(scene)))
     return compare.quantities_of(tips, slice(None) if scene.observe.stations is None else slice(-tips))
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.boom_figures import sections
-from pmr.compare.estimated import ReductionError, reduction_error
+from pmr.compare.estimated import ReductionError, SimulatedSystem, reduction_error
 from pmr.compare.frequencies import frequency_part
 from pmr.compare.judged import parts_of_motion
 from pmr.compare.responses import check_installed, simulate
@@ -17,6 +17,7 @@ from pmr.compare.way import frequencies, in_frequency, visited
 from pmr.errors.environment import Clock
 from pmr.results import BodyResult, Loads, Paths, RunResult, Shapes
 from pmr.scene import Scene
+from pmr.simulation import Excitation
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
@@ -75,5 +76,5 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
 
 def _error(scene: Scene, system: System, clock: Clock) -> ReductionError:
     if ALONE in system.bodies:
-        return reduction_error(scene, system.reduced[ALONE], clock)
+        return reduction_error(scene, system.reduced, SimulatedSystem(system, Excitation.of(scene)), clock)
     return ReductionError(Part({"estimate": {"tip": None, "beam": None, "reason": NO_ESTIMATE}}))

@@ -24,14 +24,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.halved_steps import Ladder, Runs, Stepped, SteppedBody
+from pmr.compare.halved_steps import Ladder, Runs, Stepped
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
-from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import SignalBase
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.modal import modal_form
 from pmr.simulation.stepping import TimeStepping
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -54,21 +53,14 @@ class StepError:
     seconds: float  # wall time of all runs
 
 
-def step_error(model: ReducedModel, excitation: Excitation, tips: int = 1) -> StepError:
-    """Error of the time step of one body, from rest; the last `tips` displacements are the tip's.
+def step_error(system: System, excitation: Excitation) -> StepError:
+    """Error of the time step, from the start of the excitation.
 
-    `march` makes the runs; Exudyn's solver has the same scheme and start.  Errors as for `step_error_of`.
-    """
-    return step_error_of(SteppedBody(modal_form(model), excitation, tips))
-
-
-def step_error_of(stepped: Stepped) -> StepError:
-    """Error of the time step.
-
-    Raises InputError as for `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the
-    second would be too long.
+    `march` makes the runs; Exudyn's solver has the same scheme and start.  Raises InputError as for
+    `pmr.simulation.Simulator`; SimulationError if one of the first two runs fails, or the second would be too long.
     """
     begin = time.perf_counter()
+    stepped = Stepped(system, excitation)
     runs = Runs(stepped)
     y = runs.next()
     if not runs.affordable:

@@ -18,7 +18,6 @@ from pmr.compare.estimated import (
     asks_for_other,
     other_of,
     reduction_error,
-    sections_error,
 )
 from pmr.compare.judged import parts_of_motion
 from pmr.compare.responses import Simulations, quantities, simulate
@@ -175,12 +174,10 @@ class Bodies:
     def _error(self, made: Simulations) -> ReductionError:
         """The reduction's, as it is estimated."""
         known = None if self.choice is None else self.choice.found.estimate
-        if ALONE in self.bodies:
-            return reduction_error(self.scene, self.bodies[ALONE].model, self.clock, self._other, known)
-        assert made.first.run is not None  # as of several bodies
-        moved = SimulatedSystem(self.system, self.excitation.with_stepping(made.made), made.first.run)
-        modal = {name: one.modal for name, one in self.bodies.items()}
-        return sections_error(self.scene, modal, moved, self.clock, known)
+        run, excitation = made.first.run, self.excitation
+        moved = SimulatedSystem(self.system, excitation if run is None else excitation.with_stepping(made.made), run)
+        models = {name: one.modal for name, one in self.bodies.items()}
+        return reduction_error(self.scene, models, moved, self.clock, self._other, known)
 
     def _full_frequencies(self, at: Visited) -> Array:
         if not self._caches:

@@ -114,7 +114,7 @@ class CarriedRows:
     coefficients: Mapping[str, Array]
     enrichment: Array  # U phi (K, c) of the model's enrichment modes
     flexibility: CarrierFlexibility | None = None  # what the coordinates leave out between the carriers
-    # the same of R M R, in s^2 m/N: what the inertia of that part moves (`pmr.compare.boom_estimate`)
+    # the same of R M R, in s^2 m/N: what the inertia of that part moves (`pmr.compare.estimate`)
     inertia: CarrierFlexibility | None = None
     # what answers the cylinder of a boom's section (`pmr.reduced.attachment`)
     answers: Answers | None = None

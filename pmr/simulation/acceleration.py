@@ -30,6 +30,9 @@ class Acceleration(SignalBase):
         t, half = np.asarray(t, float), self.step / 2.0
         return (self.value(t + half) - self.value(t - half)) / self.step
 
+    def on_steps(self, step: float) -> Acceleration:
+        return self.model_copy(update={"step": step})
+
     @property
     def breaks(self) -> Floats:
         return tuple(sorted({b for path in self.paths for b in path.breaks}))

@@ -39,6 +39,8 @@ class Excitation:
     start: Literal["rest", "equilibrium"] = "rest"  # how motions begin, where no initial state is given
     # c_k(t) by the names of the terms that they scale (`pmr.system.terms`)
     terms: Mapping[str, SignalBase] = field(default_factory=dict)
+    # m/s, by the path on which pads rub: where their friction has its full size (`pmr.compare.booms.friction`)
+    friction_speeds: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scene: Scene) -> Excitation:
@@ -55,7 +57,8 @@ class Excitation:
             if is_accelerated(member):
                 known[DRIVEN] = Acceleration(paths=paths[: member.number], step=stepping.step)
             loads |= {input_of(name, one): signal for one, signal in known.items()}
-        return cls(scene.paths, loads, stepping, scene.simulation, scene.start)
+        speeds = {part.name: part.joint.friction_speed for part in scene.sections if part.joint is not None}
+        return cls(scene.paths, loads, stepping, scene.simulation, scene.start, friction_speeds=speeds)
 
     @property
     def path(self) -> SignalBase:
@@ -124,6 +127,12 @@ class Excitation:
     def with_stepping(self, stepping: TimeStepping) -> Excitation:
         """The same on another time grid."""
         return self if stepping == self.stepping else replace(self, stepping=stepping)
+
+    def on_grid(self, stepping: TimeStepping) -> Excitation:
+        """The same on another time grid, whose own steps a kink of an extension is spread over."""
+        loads = {name: load.on_steps(stepping.step) for name, load in self.loads.items()}
+        terms = {name: term.on_steps(stepping.step) for name, term in self.terms.items()}
+        return replace(self, loads=loads, terms=terms, stepping=stepping)
 
     def _columns(self, values: Sequence[Array]) -> Array:
         return np.column_stack([np.empty((self.stepping.steps + 1, 0)), *values])

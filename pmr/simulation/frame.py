@@ -87,6 +87,9 @@ class Motion(SignalBase):
         before = np.maximum(t - half, 0.0)
         return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
 
+    def on_steps(self, step: float) -> Motion:
+        return self.model_copy(update={"step": step})
+
     def _component(self, t: Array) -> Array:
         turning, along = Turning.of(self.luffing, self.slewing, t), "xyz".index(self.field[0])
         if len(self.field) == 2:

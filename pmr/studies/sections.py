@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare import boom_estimate
 from pmr.compare import errors as compare
-from pmr.compare.accuracy.boom_family import BoomFamily
-from pmr.compare.boom_runs import in_parts, on_grid, run_from_rest
+from pmr.compare.accuracy.family import Family
+from pmr.compare.accuracy.order import family_of
 from pmr.compare.booms import respond
+from pmr.compare.estimate import estimate, no_estimate
+from pmr.compare.runs import in_parts, run_from_start
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.attachment import with_cylinder_modes
 from pmr.reduced.model import ReducedModel
@@ -94,16 +95,15 @@ def by_size(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
             continue
         modal, system = case.models(family, r, arguments["basis"])
         try:
-            runs = [run_from_rest(system, case.excitation) for _ in range(REPEATS)]
+            runs = [run_from_start(system, case.excitation) for _ in range(REPEATS)]
         except (SimulationError, InputError):
             continue
         seconds[f"simulate.{r}"], found = min(run.seconds for run in runs), respond(system, runs[0])
         record[names[0]] = compare.nrms(found.displacement, case.response.displacement)
         both = compare.with_common_forces(found, case.response)
         record[names[1]] = compare.nrms(both[0].slider_force, both[1].slider_force)
-        if boom_estimate.no_estimate(modal) is None:
-            told = boom_estimate.estimate(case.boom, modal, system, case.excitation, runs[0])
-            record[names[2]] = told.errors["beam"]
+        if no_estimate(modal) is None:
+            record[names[2]] = estimate(modal, system, case.excitation, runs[0]).of("beam")
     return TaskResult(record, seconds=seconds)
 
 
@@ -134,7 +134,7 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
                 continue
             record[name] = compare.nrms(y, truth.arrays["y"])
         try:
-            runs = [run_from_rest(system, case.excitation) for _ in range(REPEATS)]
+            runs = [run_from_start(system, case.excitation) for _ in range(REPEATS)]
         except (SimulationError, InputError):
             continue
         seconds[f"step.{r}"] = min(run.seconds for run in runs) / case.boom.time.steps
@@ -162,18 +162,18 @@ class Case:
         models = {name: one.model for name, one in built.items()}
         full = FullSystem(models, contacts_of(boom, models)).gather()
         assert full is not None  # a task runs on one rank
-        excitation = in_parts(full, on_grid(boom, full, _stepping(boom)))
-        run = run_from_rest(full, excitation)
+        excitation = in_parts(full, Excitation.of(boom))
+        run = run_from_start(full, excitation)
         return cls(boom, built, full, excitation, run, respond(full, run))
 
-    def family(self) -> BoomFamily:
+    def family(self) -> Family:
         """The reduced models of the sections, of all sizes."""
         from pmr.reduction.bodies import reduce_bodies
 
         reduced = {name: one.modal for name, one in reduce_bodies(self.boom, self.built).items()}
-        return BoomFamily(self.boom, reduced)
+        return family_of(self.boom, reduced)
 
-    def models(self, family: BoomFamily, modes: int, basis: str) -> tuple[dict[str, ReducedModel], System]:
+    def models(self, family: Family, modes: int, basis: str) -> tuple[dict[str, ReducedModel], System]:
         """Of so many elastic modes a section: on free modes, and as they are simulated."""
         modal = family.models(family.member(modes))
         if basis == "modes":
@@ -183,8 +183,8 @@ class Case:
     def at(self, system: System, factor: float, every: int) -> Array:
         """Displacements (T, o) in m of a system with a step that is so many times as long."""
         stepping = _stepping(self.boom)
-        excitation = on_grid(self.boom, system, replace(stepping, step=factor * stepping.step))
-        return respond(system, run_from_rest(system, excitation).at(slice(None, None, every))).displacement
+        excitation = Excitation.of(self.boom).on_grid(replace(stepping, step=factor * stepping.step))
+        return respond(system, run_from_start(system, excitation).at(slice(None, None, every))).displacement
 
     def full_at(self, factor: float, every: int) -> Array:
         """The same of the full models."""

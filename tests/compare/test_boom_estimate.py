@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare import attached, boom_estimate
+from pmr.compare import attached
+from pmr.compare import estimate as estimates
 from pmr.compare.attached import scatter
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline import run
@@ -44,7 +45,7 @@ def test_the_estimate_is_the_true_error_and_its_margin(pads: str, monkeypatch: p
     """
     push = str(pads != "both ways").lower()
     if pads == "both ways":
-        monkeypatch.setattr(boom_estimate, "extended", lambda model: model)
+        monkeypatch.setattr(estimates, "extended", lambda model: model)
     rings = [f"section.joint.{end}.0." for end in ("tail", "mouth")]
     outcome = run(load(*(ring + of for ring in rings for of in (f"unilateral={push}", "friction=0.15"))))
     assert outcome is not None
@@ -53,10 +54,10 @@ def test_the_estimate_is_the_true_error_and_its_margin(pads: str, monkeypatch: p
     true, said = summary["errors"]["reduced_vs_full"], summary["estimate"]
     assert max(true.values()) > 1e-4 and min(true.values()) > 1e-8
     for kind, error in true.items():
-        assert said[kind] == pytest.approx(boom_estimate.MARGIN * error, rel=0.02)
+        assert said[kind] == pytest.approx(estimates.MARGIN * error, rel=0.02)
     for section in summary["sections"]:
         along = section["errors"]["reduced_vs_full"]["beam"]
-        assert section["estimate"] == pytest.approx(boom_estimate.MARGIN * along, rel=0.02)
+        assert section["estimate"] == pytest.approx(estimates.MARGIN * along, rel=0.02)
     assert outcome.result.summary["seconds"]["estimate"] > 0.0
 
 
@@ -110,7 +111,7 @@ def _rows(model: ReducedModel, s: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        (("section.reduction.flexibility=false",), "base has no residual flexibility"),
+        (("section.reduction.flexibility=false",), "base: without residual flexibility"),
         (("section.mesh.elements=2", "sections.base.reduction.coordinates=3"), "keeps no enrichment modes"),
     ],
 )
@@ -156,7 +157,7 @@ def test_peaks_of_pads_that_rattle_are_a_range_if_they_differ() -> None:
 @pytest.mark.slow
 def test_what_no_richer_model_tells_and_an_odd_material_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """Peaks agree here; the material of which section is named by its key."""
-    monkeypatch.setattr(boom_estimate, "settled", lambda told, apart: False)
+    monkeypatch.setattr(estimates, "settled", lambda told, apart: False)
     outcome = run(load("compare.against=[]", "section.body.material.density=7.85"))
     assert outcome is not None
     summary = outcome.result.summary

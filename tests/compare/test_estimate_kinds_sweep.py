@@ -11,23 +11,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from alone import estimate, outputs
 from random_scenes import pushing_scene, sliding_scene
 
-from pmr.compare.estimate import estimate
-from pmr.compare.outputs import KINDS, Floors, Outputs, differences, outputs
+from pmr.compare.outputs import KINDS, Floors, differences
+from pmr.compare.runs import in_parts
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.reduction.bodies import reduce_with
 from pmr.reduction.from_scene import take_snapshots
 from pmr.scene import Scene
-from pmr.scene.choice import transverse
-from pmr.scene.members import member_at
 from pmr.simulation import Excitation
-from pmr.simulation.contact_step import as_made, contact_frequency
-from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
-from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.system import System
 
 SEEDS, PUSHING = (range(60), range(40)) if os.environ.get("PMR_SWEEP") == "full" else (range(12), range(8))
@@ -35,28 +30,19 @@ SEEDS, PUSHING = (range(60), range(40)) if os.environ.get("PMR_SWEEP") == "full"
 SMALLEST = 1e-6
 
 
-def simulated(body: SlidingBody, excitation: Excitation, tips: int) -> tuple[Outputs, Trajectory]:
-    form = modal_form(body)
-    run = march.simulate_modal(form, excitation)
-    return outputs(form.body, run, excitation, tips), run
-
-
 def ratios(scene: Scene) -> Iterator[tuple[str, float, float]]:
     """Kind, estimate over error and error, of all kinds that have an estimate."""
     model = build(scene, MPI.COMM_SELF).model
     reduced = reduce_with(scene, model, take_snapshots(scene, model)).model
-    tips = len(transverse(member_at(scene)))
     excitation = Excitation.of(scene)
-    own, run = simulated(reduced, excitation, tips)
-    omega = contact_frequency(System.of(reduced), excitation)  # the full model follows its parts of a step
-    followed = excitation.with_stepping(as_made(excitation.stepping, run.parts, omega))
-    full, _ = simulated(model.gather(), followed, tips)
+    own, system = outputs(reduced, excitation), System.of(reduced)
+    full = outputs(model.gather(), in_parts(system, excitation))  # which follows its parts of a step
     known = own.force.shape[1]
     full = replace(full, force=full.force[:, -known:])  # rigid holds are rows of it alone
-    found = estimate(reduced, excitation, tips)
-    true = differences(own, full, Floors.of(reduced, excitation))
+    found = estimate(reduced, excitation)
+    true = differences(own, full, Floors.of(system, excitation))
     for kind in KINDS:
-        said = getattr(found, kind)
+        said = found.errors.get(kind)
         if said is not None and true[kind] > SMALLEST:
             yield kind, said / true[kind], true[kind]
 

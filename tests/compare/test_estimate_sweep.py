@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from alone import estimate
 from numpy.typing import NDArray
 from random_scenes import random_scene
 
-from pmr.compare import estimate as estimates
 from pmr.compare.simulated import simulate
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
@@ -52,7 +52,7 @@ def case(seed: int) -> Case:
     reference = FullOrder.of(scene, {ALONE: model}).reference("full")
     assert reference is not None
     own, full = simulate(scene, reduced).displacement, reference.displacement
-    found = estimates.estimate(reduced, Excitation.of(scene))
+    found = estimate(reduced, Excitation.of(scene))
     moves = np.sqrt(np.mean(full**2, axis=0))
     counted = moves > 1e-6 * moves.max()
 

@@ -47,8 +47,8 @@ def test_round_off_is_that_of_the_body_not_of_its_coordinates() -> None:
     w2 = (2.0 * np.pi / 5.0) ** 2
     exact = 7e-12 / np.sqrt((2e4 + w2) * (3e4 + w2))
     for turned in (0.0, 1e-3, 0.7):
-        assert round_off(two_springs(turned), loads, 5.0) == pytest.approx(exact, rel=1e-9, abs=0.0)
-    assert round_off(two_springs(0.7), 1e-200 * loads, 5.0) == pytest.approx(1e-200 * exact, rel=1e-9, abs=0.0)
+        assert round_off({"": two_springs(turned)}, loads, 5.0) == pytest.approx(exact, rel=1e-9, abs=0.0)
+    assert round_off({"": two_springs(0.7)}, 1e-200 * loads, 5.0) == pytest.approx(1e-200 * exact, rel=1e-9, abs=0.0)
 
 
 def test_forces_have_a_round_off_too() -> None:

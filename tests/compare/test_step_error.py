@@ -7,13 +7,14 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pytest
+from alone import step_error
 from driving import Loads, driven, loads_at
 from numpy.typing import NDArray
 from oracle import flexible, full_body, inertial, paper_basis, project, rich_body
 
 from pmr.compare.errors import relative_error
 from pmr.compare.halved_steps import Ladder
-from pmr.compare.step_error import LIMIT, StepError, step_error, summary, warnings
+from pmr.compare.step_error import LIMIT, StepError, summary, warnings
 from pmr.errors import SimulationError
 from pmr.pipeline import run
 from pmr.reduced.model import ReducedModel
@@ -222,7 +223,7 @@ def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, 
     def fails(*_: object, **__: object) -> None:
         raise SimulationError("march failed at step 3")
 
-    monkeypatch.setattr("pmr.compare.estimated.step_error.step_error_of", fails)
+    monkeypatch.setattr("pmr.compare.estimated.step_error.step_error", fails)
     outcome = run(load_scene("evolved_residual", [*COARSE, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     summary_ = outcome.result.summary

@@ -368,7 +368,7 @@ def test_a_rigid_cylinder_pushes_with_mass_times_acceleration_weight_along_the_b
     expected = {"fly": fly, "middle": masses["middle"] * (a + g) + fly}
     for name, one in expected.items():  # where the motion begins a step sees half of it
         assert np.abs(found.force(f"force of cylinder of {name}", 0) - one)[1:].max() < 1e-6 * np.abs(one).max()
-    rubbing = with_friction(boom, system.contacts, found)
+    rubbing = with_friction(given, system.contacts, found)
     tail, speed = given.s, boom.paths["fly"].rate(t)
     across = 9.80665 * np.cos(slope)
     weight, moment = np.zeros(len(t)), np.zeros(len(t))  # of all that a joint carries, about the base's tail

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pmr.compare.accuracy.family import Member, Motions
+from pmr.compare.accuracy.family import Family, Member
 from pmr.compare.estimate import MARGIN, MARGIN_OF_ALL_MODES
 from pmr.compare.halved_steps import ROUGH
 from pmr.compare.outputs import Outputs, differences
@@ -43,7 +43,7 @@ class Demand:
 class Errors:
     """Errors in the kinds that are demanded, fractions with margin; motions are compared at `coarse` intervals."""
 
-    def __init__(self, family: Motions, demand: Demand, coarse: int) -> None:
+    def __init__(self, family: Family, demand: Demand, coarse: int) -> None:
         self.family, self.demand, self.coarse = family, demand, coarse
         self._floors = family.floors(coarse)
         self._unsure: dict[int, dict[str, float]] = {}
@@ -126,7 +126,7 @@ class Rung:
     settled: bool  # whether runs with shorter steps approach each other; else it is only a part of the error
 
 
-def coarsest(family: Motions, every: float | None = None) -> int:
+def coarsest(family: Family, every: float | None = None) -> int:
     """The fewest steps, halves of the given number, that follow path and loads; `every` so many seconds one ends.
 
     Where rows only push it is the given number: steps take as many parts as impacts need, so longer ones save nothing.
@@ -146,7 +146,7 @@ def coarsest(family: Motions, every: float | None = None) -> int:
     return steps
 
 
-def rungs(family: Motions, member: Member, coarse: int, kinds: Sequence[str]) -> Iterator[Rung]:
+def rungs(family: Family, member: Member, coarse: int, kinds: Sequence[str]) -> Iterator[Rung]:
     """From the coarsest one on, each half the step of the one before, until runs become too long.
 
     A step with which the motion can't be computed is passed over.
@@ -174,7 +174,7 @@ def rungs(family: Motions, member: Member, coarse: int, kinds: Sequence[str]) ->
             yield Rung(member, count, missing.plus(damped), ratio <= ROUGH)
 
 
-def coarser(family: Motions, rung: Rung, coarse: int) -> Iterator[Rung]:
+def coarser(family: Family, rung: Rung, coarse: int) -> Iterator[Rung]:
     """All rungs before one that is settled, from the coarsest on: what they leave out is known from that one.
 
     Some of them are not settled by themselves, and good enough all the same.

@@ -1,9 +1,13 @@
-"""All models that one reduction holds, and their motions at common times."""
+"""All models that one reduction of each body holds, and their motions at common times.
+
+The one with all modes has attachment modes for the loads that bodies bear besides (`pmr.compare.attached`): it is
+nearly the full model.  Where pads push all models take the parts of a step that those of the scene ask for: what is
+compared is the reduction, not how each lands.
+"""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,76 +15,109 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.attached import with_loads_answered
-from pmr.compare.estimate import Estimate, Estimated, estimate
+from pmr.compare.attached import loads_borne
+from pmr.compare.booms import force_kinds_of
+from pmr.compare.estimate import Estimate, estimate
 from pmr.compare.halved_steps import reference_rho
-from pmr.compare.outputs import KINDS, Floors, Outputs, impulsive, lagging, observed, outputs, without_rates
+from pmr.compare.outputs import KINDS, Floors, Outputs, impulsive
+from pmr.compare.runs import at_intervals, in_parts, run_from_start
 from pmr.compare.step_error import StepError, step_error
 from pmr.errors import SimulationError
+from pmr.reduced.attachment import with_attachment_modes, with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import extended, truncated, with_kept_inertia
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.blocks import Recorder
 from pmr.simulation.columns import called
-from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.native import simulator as march
-from pmr.system.body import Trajectory, length_outputs, other_outputs, pushing_rows
-from pmr.system.contacts import ALONE
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
+from pmr.system.body import length_outputs, other_outputs
+from pmr.system.contacts import ALONE, named
+from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
+Models = Mapping[str, ReducedModel]
 
 #: Modes that only serve to tell the errors of others, up to a quarter of all.
 BEYOND = 8
 #: So many modes less tell what all modes leave unsure.
 LESS = 4
-#: Coordinates more that are tried where the fewest leave no room for the error of any step.
+#: Coordinates more that are tried where the fewest leave no room for the error of any step; one of each of several
+#: bodies.
 ROOM = 2
 
 
 @dataclass(frozen=True)
 class Member:
-    """One model of a family: so many modes as coordinates, with the inertia of all others or without.
+    """One model of a family: so many modes of each body, with the inertia of all others or without.
 
-    Where rows only push, and of several bodies, it is the inertia in the directions of what they bear
-    (`pmr.compare.attached`).
+    On carriers it is the inertia in the directions of what they bear (`pmr.compare.attached`).
     """
 
-    coordinates: int
+    sizes: tuple[int, ...]  # modes of each body
     residual_inertia: bool = False
-    sizes: tuple[int, ...] = ()  # of each body, where there are several
+    beside: int = 0  # coordinates that every member has besides: modes of cylinders
+
+    @property
+    def coordinates(self) -> int:
+        """Of all bodies."""
+        return sum(self.sizes) + self.beside
 
 
-def member_of(model: ReducedModel, member: Member) -> ReducedModel:
-    """A member as `truncated` and `with_kept_inertia` make it of a reduction."""
-    whole = model if model.enrichment is None else extended(model)
-    chosen = whole if member.coordinates == whole.size else truncated(whole, member.coordinates)
-    return with_kept_inertia(chosen) if member.residual_inertia else chosen
+class Family:
+    """Bodies of so many modes each, of reductions of which `pmr.compare.estimate.no_estimate` says None.
 
-
-class Motions(ABC):
-    """Models among which is chosen, from the `fewest` modes to the `most`, and their motions at common times.
-
-    The time grid of the excitation is where searches begin; `rates` says whether velocities are wanted, which cost more
-    than the motion.  Motions are compared with hardly any damping by the scheme
-    (`pmr.compare.halved_steps.reference_rho`); what a run is off by has that of its own rho_inf (`own`).
+    `models` are those on free modes by body, `join` makes a system of such models as they are simulated.  The time grid
+    of the excitation is where searches begin; `rates` says whether velocities are wanted, which cost more than the
+    motion.  Motions are compared with hardly any damping by the scheme (`pmr.compare.halved_steps.reference_rho`); what
+    a run is off by has that of its own rho_inf (`own`).  Raises InputError or SimulationError as for
+    `pmr.simulation.SystemSimulator`.
     """
 
-    fewest: int  # modes of the smallest member
-    most: int  # of the largest member that all modes are much better than
-    size: int  # of all
-    pushing: bool  # whether any contact only pushes
-    keeps_inertia: bool  # whether members that are chosen can keep their residual inertia
-    best: Member  # the one with all modes, which the others are compared with
-    less: Member  # the same with a few modes less, which tells what that one leaves unsure
-    kinds: tuple[str, ...]  # of outputs that there are
-    impulsive: bool  # whether forces have no size, as of rigid sliders that strike at kinks
-    places: Sequence[tuple[str, float]]  # of each displacement its name, and where it is along its body in m
-
-    def __init__(self, excitation: Excitation, rates: bool, reference_rho: float) -> None:
-        self.excitation, self.rates = excitation, rates
+    def __init__(
+        self, models: Models, join: Callable[[Models], System], excitation: Excitation, rates: bool = False
+    ) -> None:
+        self.excitation, self.rates, self._join = excitation, rates, join
+        self._given_system = join(models)
+        self._wholes = {name: one if one.enrichment is None else extended(one) for name, one in models.items()}
+        self._beside = sum(with_cylinder_modes(model).cylinder_modes for model in self._wholes.values())
+        self._sizes = [model.size for model in self._wholes.values()]
+        rigid = [_rigid(model) for model in self._wholes.values()]
+        self._more = [count - min(rigid) for count in rigid]
+        self._given = excitation.stepping.rho_inf
+        self._rho = reference_rho(self._given_system, self._given)
         self._motions: dict[tuple[Member, int, int, float], Outputs] = {}
         self._steps: dict[tuple[Member, int], StepError | None] = {}
-        self._given, self._rho = excitation.stepping.rho_inf, reference_rho
+        self._systems, self._schedules = dict[Member, System](), dict[int, tuple[int, ...]]()
+        #: Whether any contact only pushes.
+        self.pushing = not np.isnan(self._given_system.clearance).all()
+        self._on_tables = not self.pushing and all(model.carriers is None for model in models.values())
+        #: Whether members that are chosen can keep their residual inertia: damping that couples modes has no tables.
+        self.keeps_inertia = self._on_tables and modal_form(next(iter(self._wholes.values()))).classically_damped
+        #: Modes of the smallest member, and of the largest one that all modes are much better than.
+        self.fewest = max(1, min(rigid))
+        ends = zip(self._more, self._sizes, strict=True)
+        self._most = [max(more + self.fewest, size - max(1, min(BEYOND, size // 4))) for more, size in ends]
+        self.most = max(most - more for most, more in zip(self._most, self._more, strict=True))
+        #: The one with all modes, which the others are compared with; one with a few less, which tells what that one
+        #: leaves unsure.
+        inertia = self.keeps_inertia or not self._on_tables
+        self.best = self._member(self._sizes, inertia)
+        ends = zip(self._more, self._sizes, strict=True)
+        self.less = self._member([max(more + self.fewest, size - LESS) for more, size in ends], inertia)
+        self.size = self.best.coordinates
+        forces = dict.fromkeys(["pad_force"] if ALONE in models else force_kinds_of(self._given_system))
+        probes = ["probe"] * any(np.any(other_outputs(model)) for model in models.values())
+        #: Kinds of outputs that there are.
+        self.kinds = tuple(dict.fromkeys((*KINDS[:2], *forces, "velocity", *probes)))
+        #: Whether forces have no size, as of rigid sliders that strike at kinks; those of sections count between kinks.
+        self.impulsive = ALONE in models and impulsive(models[ALONE], excitation)
+        #: Of each displacement its name, and where it is along its body in m.
+        self.places = [
+            (named(name, one), float(x))
+            for name, body in models.items()
+            for one, x in zip(called(body, ()).moved, body.output_positions[length_outputs(body)], strict=True)
+        ]
 
     @property
     def end(self) -> float:
@@ -90,11 +127,7 @@ class Motions(ABC):
     def with_steps(self, steps: int, rho_inf: float | None = None) -> Excitation:
         """The same excitation on so many equal steps, with the given rho_inf or another one."""
         end, rho = self.end, self._given if rho_inf is None else rho_inf
-        return self.on_grid(TimeStepping(end, end / steps, rho))
-
-    def on_grid(self, stepping: TimeStepping) -> Excitation:
-        """The same excitation on another time grid."""
-        return self.excitation.with_stepping(stepping)
+        return self.excitation.on_grid(TimeStepping(end, end / steps, rho))
 
     def motion(self, member: Member, steps: int, times: int) -> Outputs:
         """Of one member with so many steps, at `times` equal intervals, a whole number of steps each.
@@ -110,151 +143,106 @@ class Motions(ABC):
     def _motion(self, member: Member, steps: int, times: int, rho_inf: float) -> Outputs:
         key = member, steps, times, rho_inf
         if key not in self._motions:
-            self._motions[key] = self._simulated(member, steps, times, rho_inf)
+            excitation = self._in_parts(self.with_steps(steps, rho_inf))
+            late = member == self.best and self.keeps_inertia
+            self._motions[key] = at_intervals(self.system(member), excitation, steps // times, self.rates, late)
         return self._motions[key]
 
-    def estimate(self, member: Member, steps: int) -> Estimated | None:
+    def estimate(self, member: Member, steps: int) -> Estimate | None:
         """What a run of this member with so many steps estimates of itself; None where it can't, as after impacts."""
-        try:
-            return self._estimate(member, steps)
-        except SimulationError:
-            return None
+        with suppress(SimulationError):
+            return estimate(self.models(member), self.system(member), self.with_steps(steps))
+        return None
 
     def step_error(self, member: Member, steps: int) -> StepError | None:
         """What the same run says of its step; None where it can't."""
         if (member, steps) not in self._steps:
             self._steps[member, steps] = None
             with suppress(SimulationError):
-                self._steps[member, steps] = self._step_error(member, steps)
+                self._steps[member, steps] = step_error(self.system(member), self.with_steps(steps))
         return self._steps[member, steps]
 
-    @abstractmethod
     def models(self, member: Member) -> dict[str, ReducedModel]:
         """A member's models by body; of sections without the modes of their cylinders."""
+        of_all = zip(self._wholes.items(), member.sizes, strict=True)
+        found = {name: whole if size == whole.size else truncated(whole, size) for (name, whole), size in of_all}
+        if not (member.residual_inertia and self._on_tables):
+            return found
+        return {name: with_kept_inertia(model) for name, model in found.items()}
 
-    @abstractmethod
     def member(self, modes: int, residual_inertia: bool = False) -> Member:
-        """The one with so many modes, `fewest` to `size`; of several bodies each has so many, as far as it has them."""
+        """The one with so many modes, `fewest` to `most`, as far as a body has them.
 
-    @abstractmethod
+        A body that has more rigid-body modes than another one has as many more modes.
+        """
+        of_all = zip(self._more, self._most, strict=True)
+        return self._member([min(more + modes, most) for more, most in of_all], residual_inertia)
+
     def neighbours(self, member: Member, more: int) -> list[Member]:
         """Members with so many coordinates `more`, or less, of one body each."""
+        found = []
+        for k, (size, beyond, most) in enumerate(zip(member.sizes, self._more, self._most, strict=True)):
+            if beyond + self.fewest <= size + more <= most:
+                found.append(replace(member, sizes=(*member.sizes[:k], size + more, *member.sizes[k + 1 :])))
+        return found
 
-    @abstractmethod
     def roomier(self, member: Member) -> Member:
         """A member that is a little larger; the same one if there is none."""
+        more = -(-ROOM // len(member.sizes))
+        sizes = [max(size, min(size + more, most)) for size, most in zip(member.sizes, self._most, strict=True)]
+        return replace(member, sizes=tuple(sizes))
 
-    @abstractmethod
     def costs_much(self, member: Member) -> bool:
         """Whether a step of it costs so much that fewer are tried."""
+        return len(member.sizes) > 1 or member.residual_inertia
 
-    @abstractmethod
     def seconds(self, member: Member, steps: int) -> float:
         """Wall time of the solver for so many steps."""
+        system, excitation = self.system(member), self._in_parts(self.with_steps(steps))
+        if system.on_one_path and not member.residual_inertia:
+            return systems.observe(SystemForm.of(system), excitation, every=steps).seconds
+        return run_from_start(system, excitation, steps).seconds
 
-    @abstractmethod
     def load(self) -> None:
-        """Compile or load what simulates the members: searches are timed without."""
+        """Compile or load what simulates the members, one step of the smallest ones: searches are timed without."""
+        for inertia in (False, True) if self.keeps_inertia else (False,):
+            with suppress(SimulationError):  # a step as long as the whole time may fail, after everything is loaded
+                self._motion(self.member(self.fewest, inertia), 1, 1, self._given)
 
-    @abstractmethod
     def floors(self, steps: int) -> Floors:
         """What of its motions may be round-off."""
-
-    @abstractmethod
-    def _simulated(self, member: Member, steps: int, times: int, rho_inf: float | None = None) -> Outputs: ...
-
-    @abstractmethod
-    def _estimate(self, member: Member, steps: int) -> Estimated: ...
-
-    @abstractmethod
-    def _step_error(self, member: Member, steps: int) -> StepError: ...
-
-
-class Family(Motions):
-    """The models with 1, 2, ... of the modes of one reduction, of which `pmr.compare.estimate.no_estimate` says None.
-
-    The last `tips` displacements are the tip's.
-    """
-
-    def __init__(self, model: ReducedModel, excitation: Excitation, tips: int, rates: bool = False) -> None:
-        whole = model if model.enrichment is None else extended(model)
-        super().__init__(excitation, rates, reference_rho(whole, excitation.stepping.rho_inf))
-        self.model, self.tips, self.size = model, tips, whole.size
-        self._form, self._forms = modal_form(whole), dict[Member, ModalForm]()
-        stiffness = self._form.omega2
-        self.fewest = max(1, int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1])))
-        self.most = max(self.fewest, self.size - min(BEYOND, self.size // 4))
-        self.kinds = KINDS if np.any(other_outputs(model)) else KINDS[:-1]
-        self.pushing, self.impulsive = bool(pushing_rows(model)), impulsive(model, excitation)
-        moved = length_outputs(model)
-        self.places = list(zip(called(model, ()).moved, model.output_positions[moved], strict=True))
-        # Damping that couples modes has no tables, nor have rows that push.
-        self.keeps_inertia = self._form.classically_damped and not self.pushing
-        self.best = Member(self.size, self.keeps_inertia or self.pushing)
-        self.less = replace(self.best, coordinates=max(self.fewest, self.size - LESS))
+        forces = None if ALONE in self._wholes else self._run.forces
+        return Floors.of(self._join(self._wholes), self.with_steps(steps), forces)
 
     @cached_property
-    def _run(self) -> Trajectory:
-        return march.simulate_modal(self._form, self.excitation)
+    def _run(self) -> SystemTrajectory:
+        """Of all modes, in the parts of a step that the scene's own models ask for."""
+        return run_from_start(self._join(self._wholes), self._in_parts(self.excitation))
 
-    def models(self, member: Member) -> dict[str, ReducedModel]:
-        return {ALONE: member_of(self.model, member)}
+    def _member(self, sizes: list[int], residual_inertia: bool = False) -> Member:
+        return Member(tuple(sizes), residual_inertia, self._beside)
 
-    def member(self, modes: int, residual_inertia: bool = False) -> Member:
-        return Member(modes, residual_inertia)
+    def system(self, member: Member) -> System:
+        """Of a member's bodies as they are simulated."""
+        if member not in self._systems:
+            models = self.models(member)
+            if member.residual_inertia and not self._on_tables:
+                loads = loads_borne(self._join(self._wholes), self._run)
+                bodies = {name: with_attachment_modes(model, loads[name]) for name, model in models.items()}
+                self._systems[member] = replace(self._given_system, bodies=bodies)
+            else:
+                self._systems[member] = self._join(models)
+        return self._systems[member]
 
-    def neighbours(self, member: Member, more: int) -> list[Member]:
-        size = member.coordinates + more
-        return [replace(member, coordinates=size)] if self.fewest <= size <= self.most else []
+    def _in_parts(self, excitation: Excitation) -> Excitation:
+        if not self.pushing:
+            return excitation
+        steps = excitation.stepping.steps
+        if steps not in self._schedules:
+            self._schedules[steps] = in_parts(self._given_system, excitation).stepping.schedule
+        return excitation.with_stepping(replace(excitation.stepping, schedule=self._schedules[steps]))
 
-    def roomier(self, member: Member) -> Member:
-        return replace(member, coordinates=min(member.coordinates + ROOM, self.most))
 
-    def costs_much(self, member: Member) -> bool:
-        return member.residual_inertia
-
-    def seconds(self, member: Member, steps: int) -> float:
-        form, excitation = self.form(member), self.with_steps(steps)
-        if member.residual_inertia:
-            return march.follow(form, excitation, Recorder(np.array([0, steps]))).seconds
-        return march.observe(form, excitation, every=steps).seconds
-
-    def form(self, member: Member) -> ModalForm:
-        """A member in its modal coordinates, which are the modes themselves."""
-        if member not in self._forms:
-            answers = self.pushing and member.residual_inertia
-            self._forms[member] = self._answering(member) if answers else self._plain(member)
-        return self._forms[member]
-
-    def _plain(self, member: Member) -> ModalForm:
-        body, every = member_of(self._form.body, member), np.eye(member.coordinates)
-        return ModalForm(body, every, every, self._form.rows)
-
-    def _answering(self, member: Member) -> ModalForm:
-        loads, body = self.excitation.forces(self.model.input_names), member_of(self.model, Member(member.coordinates))
-        return modal_form(with_loads_answered(body, self._run, loads))
-
-    def _estimate(self, member: Member, steps: int) -> Estimate:
-        return estimate(member_of(self.model, member), self.with_steps(steps), self.tips)
-
-    def _step_error(self, member: Member, steps: int) -> StepError:
-        return step_error(member_of(self.model, member), self.with_steps(steps), self.tips)
-
-    def _simulated(self, member: Member, steps: int, times: int, rho_inf: float | None = None) -> Outputs:
-        form, excitation, every = self.form(member), self.with_steps(steps, rho_inf), steps // times
-        if self.rates or member.residual_inertia:
-            recorder, seen = Recorder(np.arange(0, steps + 1, every)), self.with_steps(times)
-            run = recorder.trajectory(march.follow(form, excitation, recorder))
-            found = (outputs if self.rates else without_rates)(form.body, run, seen, self.tips)
-            return lagging(found, form.body, run, seen) if member == self.best and not self.pushing else found
-        told = march.observe(form, excitation, every=every)
-        return observed(form.body, told.y, told.multipliers, self.tips)
-
-    def load(self) -> None:
-        """With a step of the smallest ones; one as long as the whole time may fail, after everything is loaded."""
-        for inertia in (False, True) if self.keeps_inertia else (False,):
-            with suppress(SimulationError):
-                self._simulated(Member(self.fewest, inertia), 1, 1)
-
-    def floors(self, steps: int) -> Floors:
-        return Floors.of(self._form.body, self.with_steps(steps))
+def _rigid(model: ReducedModel) -> int:
+    stiffness = np.diagonal(model.K)
+    return int(np.count_nonzero(stiffness <= 1e-9 * stiffness[-1]))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.compare.accuracy.errors import Demand, Errors, Rung, rungs
-from pmr.compare.accuracy.family import Member, Motions
+from pmr.compare.accuracy.family import Family, Member
 from pmr.compare.accuracy.search import Found, comparable, judged
 from pmr.errors import InputError
 from pmr.errors.text import rounded
@@ -25,7 +25,7 @@ class _Option:
     rung: Rung
 
 
-def best_within(family: Motions, demand: Demand, budget: Budget, coarse: int) -> Found:
+def best_within(family: Family, demand: Demand, budget: Budget, coarse: int) -> Found:
     """The member with the smallest error that a budget allows; the tolerance of the demand does not count.
 
     By coordinates or by the time of a step: the most that are allowed, with the longest step whose part of the error is
@@ -56,7 +56,7 @@ def best_within(family: Motions, demand: Demand, budget: Budget, coarse: int) ->
     return replace(found, holds=True, seconds=time.perf_counter() - begin)
 
 
-def seconds_a_step(family: Motions, member: Member) -> float:
+def seconds_a_step(family: Family, member: Member) -> float:
     """Least time that `march` takes for a step of a member, on this machine."""
     return min(family.seconds(member, TIMED) for _ in range(TIMES)) / TIMED
 
@@ -85,7 +85,7 @@ def _most_coordinates(errors: Errors, allowed: int, inertia: bool) -> Member:
     """
     family, at = errors.family, comparable(errors.family.excitation.stepping.steps, errors.coarse)
     member = family.member(family.fewest, inertia)
-    if allowed < member.coordinates and member.sizes:
+    if allowed < member.coordinates and len(member.sizes) > 1:
         least = f"at least {member.coordinates} are needed"
         needed = f"{least}: rigid-body motions, one mode of each section, those of cylinders"
         raise InputError("scene", "budget.coordinates", allowed, needed)
@@ -94,7 +94,7 @@ def _most_coordinates(errors: Errors, allowed: int, inertia: bool) -> Member:
     return member
 
 
-def _largest(family: Motions, budget: Budget, inertia: bool, seconds: float) -> Member | None:
+def _largest(family: Family, budget: Budget, inertia: bool, seconds: float) -> Member | None:
     """The member with most modes that a budget and the seconds a step allow."""
     if budget.microseconds_per_step is not None:
         seconds = 1e-6 * budget.microseconds_per_step

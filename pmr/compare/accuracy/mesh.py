@@ -12,7 +12,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from pmr.compare.accuracy.family import Member, Motions
+from pmr.compare.accuracy.family import Family, Member
 from pmr.compare.outputs import differences
 from pmr.scene import MeshChoice, Scene
 
@@ -43,7 +43,7 @@ def _shorter(cells: MeshChoice) -> MeshChoice | None:
 
 
 def part_of(
-    own: Motions, better: Motions, member: Member, steps: int, models: Collection[str], kinds: Sequence[str]
+    own: Family, better: Family, member: Member, steps: int, models: Collection[str], kinds: Sequence[str]
 ) -> dict[str, float]:
     """Part of the mesh by kind, fractions, of bodies of some structural `models`: the same member on the finer mesh.
 

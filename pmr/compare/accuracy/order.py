@@ -6,24 +6,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pmr.compare import boom_estimate as of_sections
 from pmr.compare.accuracy import mesh
-from pmr.compare.accuracy.boom_family import BoomFamily
 from pmr.compare.accuracy.errors import Demand, coarsest
-from pmr.compare.accuracy.family import Family, Motions
+from pmr.compare.accuracy.family import Family
 from pmr.compare.accuracy.limits import best_within
 from pmr.compare.accuracy.search import Found, comparable, search
 from pmr.compare.coverage import BLOWS, JUMPS
 from pmr.compare.estimate import no_estimate
 from pmr.errors import InputError
 from pmr.errors.text import rounded
+from pmr.reduced.attachment import with_cylinder_modes
 from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.asked import Accuracy, Budget
-from pmr.scene.choice import model_of, transverse
-from pmr.scene.members import member_at, members
+from pmr.scene.choice import model_of
+from pmr.scene.members import members
 from pmr.simulation import Excitation
 from pmr.system.contacts import ALONE
+from pmr.system.from_scene import system_of
+from pmr.system.system import System
 
 #: Share of a tolerance that a mesh may take for the rest to be searched beside it.
 MOST_OF_MESH = 0.9
@@ -80,9 +81,9 @@ def choose(scene: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str,
     estimated; SimulationError if their motion can't be computed.
     """
     asked, recovery = _asked(scene), scene.recovery
-    if why := no_estimate(models[ALONE]) if ALONE in models else of_sections.no_estimate(models):
+    if why := no_estimate(models):
         raise InputError("scene", _key(scene), None, f"there is no estimate to go by: {why}")
-    family = _family(scene, models)
+    family = family_of(scene, models)
     if lacking := [kind for kind in asked.outputs if kind not in family.kinds]:
         _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
     if "pad_force" in asked.outputs and family.impulsive:
@@ -103,11 +104,14 @@ def choose(scene: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str,
     return Choice(chosen, family.models(member), found)
 
 
-def _family(scene: Scene, models: Mapping[str, ReducedModel]) -> Motions:
-    rates = "velocity" in _asked(scene).outputs
-    if ALONE not in models:
-        return BoomFamily(scene, models, rates)
-    return Family(models[ALONE], Excitation.of(scene), len(transverse(member_at(scene))), rates)
+def family_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Family:
+    """All models of a scene's bodies that reductions hold."""
+
+    def join(models: Mapping[str, ReducedModel]) -> System:
+        return system_of(scene, {name: with_cylinder_modes(model) for name, model in models.items()})
+
+    rates = scene.ordered is not None and "velocity" in scene.ordered.outputs
+    return Family(models, join, Excitation.of(scene), rates)
 
 
 _NEEDED = {"probe": "probes", "pad_force": "pads", "cylinder_force": "cylinders"}
@@ -162,7 +166,7 @@ def with_mesh(
     found, wanted = choice.found, _asked(asked)
     steps = comparable(found.steps, 1)
     compared, kinds = _with_step(asked, steps), [model_of(one) for one in members(asked)]
-    families = [_family(compared, bodies) for bodies in (models, on_finer)]
+    families = [family_of(compared, bodies) for bodies in (models, on_finer)]
     part = mesh.part_of(families[0], families[1], found.member, steps, kinds, wanted.outputs)
     choice, accuracy = replace(choice, mesh=part, mesh_reason=None), choice.scene.accuracy
     allowed = 0.0 if accuracy is None else accuracy.tolerance

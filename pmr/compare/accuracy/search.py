@@ -17,12 +17,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from pmr.compare.accuracy.errors import LONGEST_WITH_INERTIA, Demand, Errors, Rung, coarser, rungs
-from pmr.compare.accuracy.family import Member, Motions
+from pmr.compare.accuracy.family import Family, Member
+from pmr.compare.estimate import Estimate
 from pmr.compare.step_error import StepError
 from pmr.errors import SimulationError
 from pmr.errors.text import rounded
@@ -51,11 +51,11 @@ class Found:
     holds: bool  # whether the total is within the tolerance in every kind
     reasons: tuple[str, ...]  # why this model and this step, a clause each
     seconds: float  # wall time of the search; what is compiled or loaded for the first time is not in it
-    estimate: Any = None  # `Estimated` of a run with this model and this step, if there is one
+    estimate: Estimate | None = None  # of a run with this model and this step, if there is one
     step_error: StepError | None = None  # what the same run says of its step
 
 
-def search(family: Motions, demand: Demand, coarse: int) -> Found:
+def search(family: Family, demand: Demand, coarse: int) -> Found:
     """The fewest coordinates, then the fewest steps from `coarse` on.
 
     Raises InputError or SimulationError as for `pmr.simulation.Simulator`, if even the motion of all modes can't be
@@ -137,10 +137,10 @@ class _Search:
         self.plain = plain.coordinates
         if not self.family.keeps_inertia:
             return plain
-        worth = Member(plain.coordinates - (WORTH if self.within(plain, steps) else 0), True)
-        asked = self.demand.inertia and not self.tedious
-        asked = asked and worth.coordinates >= self.family.fewest
-        return self._smallest(True, steps, worth.coordinates) if asked and self.within(worth, steps) else plain
+        top = plain.coordinates - (WORTH if self.within(plain, steps) else 0)
+        asked = self.demand.inertia and not self.tedious and top >= self.family.fewest
+        worth = asked and self.within(self.family.member(top, True), steps)
+        return self._smallest(True, steps, top) if worth else plain
 
     def _smallest(self, inertia: bool, steps: int, top: int) -> Member:
         """Up to `top` modes, by doubling and halving: one fewer than the member found has fails."""
@@ -208,7 +208,7 @@ class _Search:
         elif not self.demand.inertia:
             yield "residual inertia not kept: of the simulators named, not all can"
         elif not self.family.keeps_inertia:
-            cause = "there are several bodies" if member.sizes else "damping couples modes"
+            cause = "there are several bodies" if len(member.sizes) > 1 else "damping couples modes"
             cause = "pads only push" if self.family.pushing else cause
             yield f"residual inertia not kept: no model can where {cause}"
         elif self.tedious:

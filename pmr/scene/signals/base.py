@@ -56,6 +56,10 @@ class SignalBase(BaseModel):
         """The signals that this one is the sum of."""
         return (self,)
 
+    def on_steps(self, step: float) -> SignalBase:
+        """The signal on steps of this length in s: another one where its value depends on them."""
+        return self
+
     def highest_frequency(self, start: float, end: float) -> float:
         """Frequency in Hz of the fastest tone within [start, end]; 0 where the signal is no tone."""
         return 0.0

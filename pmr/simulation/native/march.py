@@ -98,11 +98,16 @@ class March:
     @cached_property
     def outputs(self) -> Outputs | SideOutputs:
         """All outputs of the bodies, one body after the other, as the loop observes them."""
+        return self.outputs_of(np.arange(sum(len(one.body.outputs) for one in self.form.forms.values())))
+
+    def outputs_of(self, chosen: NDArray[np.int64]) -> Outputs | SideOutputs:
+        """Some of them, by their ascending numbers."""
         if self.body is not None:
-            return tables.outputs(self.body, range(len(self.body.outputs)))
-        return side_outputs(
-            self.form, {name: range(one.body.outputs.shape[0]) for name, one in self.form.forms.items()}
-        )
+            return tables.outputs(self.body, chosen.tolist())
+        counts = [len(one.body.outputs) for one in self.form.forms.values()]
+        first = np.cumsum([0, *counts])
+        of_bodies = [chosen[(chosen >= at) & (chosen < end)] - at for at, end in zip(first, first[1:], strict=False)]
+        return side_outputs(self.form, dict(zip(self.form.forms, map(np.ndarray.tolist, of_bodies), strict=True)))
 
     @property
     def first_outputs(self) -> Array:

@@ -13,7 +13,7 @@ costs two products with an r x r matrix a step.  The body is simulated as the sy
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,28 +22,17 @@ from pmr.simulation.blocks import Block, Ended, Recorder, Take
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import ModalForm, modal_form, support_forces
 from pmr.simulation.native import residual_inertia as inertial
-from pmr.simulation.native import tables
-from pmr.simulation.native.arrays import Z
+from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March, Steps
-from pmr.simulation.native.systems import start_of
+from pmr.simulation.native.systems import Observation, start_of
 from pmr.simulation.start import InitialState, checked
 from pmr.simulation.stepping import Progress
-from pmr.system.body import SlidingBody, Trajectory, displacement
+from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Observation:
-    """Chosen outputs of a simulation, at every so many steps."""
-
-    t: Array  # (T,) s
-    y: Array  # (T, o) m
-    multipliers: Array  # (T, m) N
-    seconds: float  # wall time of the solver alone
 
 
 def simulate(
@@ -118,21 +107,9 @@ def observe(
     outputs: Sequence[int] | None = None,
     every: int = 1,
 ) -> Observation:
-    """Simulate from rest and keep nothing but outputs (all by default) and multipliers of each `every`-th step.
-
-    Memory is of the order of what is recorded: a long simulation of a large body needs little.  So the energy balance
-    that `simulate` checks is not: rigid rows that move may grow unnoticed with rho_inf near 1
-    (docs/time_integration.md).  Errors as for `pmr.simulation.Simulator`.
-    """
-    march, body = _march(SystemForm.alone(form), excitation, None), form.body
-    state = march.loop.state
-    chosen = range(len(body.outputs)) if outputs is None else outputs
-    count = excitation.stepping.steps // every + 1
-    y, multipliers = np.empty((count, len(chosen))), np.empty((count, len(body.row_names)))
-    multipliers[0], z = state.multipliers, state.modes[Z, : body.size]
-    y[0] = displacement(body, z[None], march.s[:1, 0], multipliers[:1], march.f[:1])[0, list(chosen)]
-    seconds = march.observe(tables.outputs(body, chosen), every, y[1:], multipliers[1:])
-    return Observation(excitation.times[::every][:count], y, multipliers, seconds)
+    """As `pmr.simulation.native.systems.observe`, of a body in modal form."""
+    form.body.ensure_whole("model")
+    return systems.observe(SystemForm.alone(form), excitation.on_slider, outputs, every)
 
 
 def in_coordinates(body: SlidingBody, form: ModalForm, modal: Trajectory, f: Array) -> Trajectory:

@@ -31,6 +31,8 @@ from pmr.studies import bases, sections, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
+from pmr.system.contacts import ALONE
+from pmr.system.system import System
 
 BASES = ("pod", "modes", "harmonic", "flexibility", "inertia", "trajectory")
 #: Simulations of which the fastest counts.
@@ -115,6 +117,6 @@ def errors(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Tas
             continue
         record[names[0]] = compare.nrms(y, case.displacement)
         record[names[1]] = compare.nrms(run.multipliers, case.run.multipliers)
-        if estimate.no_estimate(one) is None:
-            record[names[2]] = estimate.estimate(one, case.excitation).beam
+        if estimate.no_estimate({ALONE: one}) is None:
+            record[names[2]] = estimate.estimate({ALONE: one}, System.of(one), case.excitation).of("beam")
     return TaskResult(record, seconds=seconds)

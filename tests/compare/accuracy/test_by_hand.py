@@ -9,15 +9,13 @@ import os
 
 import numpy as np
 import pytest
+from alone import step_error
 from random_scenes import sliding_scene
 
 from pmr.compare.errors import relative_error
-from pmr.compare.estimated import reduction_error
-from pmr.compare.step_error import step_error
+from pmr.compare.estimated import SimulatedSystem, reduction_error
 from pmr.errors.environment import Clock
 from pmr.pipeline import reduce
-from pmr.scene.choice import transverse
-from pmr.scene.members import member_at
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
@@ -34,8 +32,8 @@ def judged(seed: int) -> tuple[float | None, float]:
     scene = sliding_scene(seed)
     reduction = reduce(scene)
     excitation, reduced = Excitation.of(scene), reduction.reduced
-    found = reduction_error(scene, reduced, Clock()).part
-    step = step_error(reduced, excitation, len(transverse(member_at(scene))))
+    found = reduction_error(scene, {"": reduced}, SimulatedSystem(reduction.system, excitation), Clock()).part
+    step = step_error(reduced, excitation)
     estimated = found.figures["estimate"]["beam"]
     said = not any("may be larger" in line for line in found.warnings) and step.settled and estimated is not None
     given = excitation.stepping

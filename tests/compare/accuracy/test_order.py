@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from alone import family as family_of
 from finished import WORKFLOWS
 from oracle import full_body, inertial
 
@@ -84,8 +85,8 @@ def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
     kinds, scene = ("tip", "pad_force"), load_scene("evolved_residual", SHORT)
     scenes = [load_scene("evolved_residual", [*SHORT, f"mesh.elements={count}"]) for count in (6, 12, 48)]
     model, finer, finest = (reduce(one).reduced for one in scenes)
-    families = [Family(one, Excitation.of(scene), 1) for one in (model, finer)]
-    member = Member(model.size, model.flexibility.keeps_inertia)
+    families = [family_of(one, Excitation.of(scene)) for one in (model, finer)]
+    member = Member((model.size,), model.flexibility.keeps_inertia)
     said = mesh.part_of(*families, member, scene.time.steps, ["beam2d"], kinds)
     own, truth = (simulate(asked, one) for asked, one in ((scenes[0], model), (scenes[2], finest)))
     for kind, error in (
@@ -128,7 +129,7 @@ def test_what_cannot_be_held_is_said(load_scene) -> None:
 def test_what_is_beyond_a_tolerance_is_not_rounded_to_it(load_scene, share: float, said: str) -> None:
     scene = load_scene("evolved_tolerance", ["accuracy.tolerance=0.001"])
     sizes = {"beam": share, "tip": 1e-4}
-    found = Found(Member(6, False), 100, sizes, sizes, sizes, holds=False, reasons=(), seconds=0.0)
+    found = Found(Member((6,)), 100, sizes, sizes, sizes, holds=False, reasons=(), seconds=0.0)
     lines = warnings(Choice(scene, {"": inertial(full_body(4), 4)}, found, mesh=sizes))
     assert f"are off by {said} in displacements, 0.01 % in the tip's" in lines[0]
     assert f"it is off by {said} in displacements; shorter cells help" in lines[1]

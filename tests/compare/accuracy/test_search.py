@@ -6,22 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from alone import family as family_of
+from alone import outputs
 from oracle import full_body, inertial
 
 from pmr.compare.accuracy import limits
 from pmr.compare.accuracy.errors import Demand, coarsest, rungs
-from pmr.compare.accuracy.family import Family, Member, member_of
+from pmr.compare.accuracy.family import Family, Member
 from pmr.compare.accuracy.limits import best_within
 from pmr.compare.accuracy.search import search
 from pmr.compare.estimate import MARGIN_OF_ALL_MODES
-from pmr.compare.outputs import Floors, Outputs, differences, outputs
+from pmr.compare.outputs import Floors, Outputs, differences
 from pmr.compare.step_error import StepError
 from pmr.errors import SimulationError
 from pmr.scene.asked import Budget
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
-from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
+from pmr.system.system import System
 
 FULL = full_body(30)
 MODEL = inertial(FULL, 6, enrichment=18)
@@ -35,20 +36,16 @@ def driven(steps: int = 1000, load=LOAD, path=PATH) -> Excitation:
 
 
 def full_motion(steps: int, times: int) -> Outputs:
-    excitation, form = driven(steps), modal_form(FULL)
-    found = outputs(form.body, march.simulate_modal(form, excitation), excitation, 1)
-    every = steps // times
-    arrays = {name: getattr(found, name)[::every] for name in ("displacement", "velocity", "force", "probe")}
-    return replace(found, **arrays)
+    return outputs(FULL, driven(steps), steps // times)
 
 
 @pytest.mark.parametrize("kinds", [("beam", "tip"), ("pad_force",), ("velocity",)])
 @pytest.mark.parametrize("tolerance", [0.03, pytest.param(0.003, marks=pytest.mark.slow)])
 def test_the_tolerance_holds_and_two_coordinates_fewer_do_not(kinds: tuple[str, ...], tolerance: float) -> None:
-    family = Family(MODEL, driven(), 1, rates="velocity" in kinds)
+    family = family_of(MODEL, driven(), "velocity" in kinds)
     coarse = coarsest(family)
     found = search(family, Demand(tolerance, kinds, inertia=True), coarse)
-    truth, floors = full_motion(32 * found.steps, coarse), Floors.of(MODEL, driven())
+    truth, floors = full_motion(32 * found.steps, coarse), Floors.of(System.of(MODEL), driven())
 
     def error(member: Member, steps: int) -> float:
         return max(differences(family.motion(member, steps, coarse), truth, floors, kinds).values())
@@ -58,14 +55,14 @@ def test_the_tolerance_holds_and_two_coordinates_fewer_do_not(kinds: tuple[str, 
     fewer = found.member.coordinates - 3
     if fewer >= family.fewest:
         for kept in (False, True):
-            assert error(Member(fewer, kept), 32 * coarse) > tolerance
+            assert error(family.member(fewer, kept), 32 * coarse) > tolerance
     if found.steps >= 4 * coarse:
         assert error(found.member, found.steps // 4) > tolerance / MARGIN_OF_ALL_MODES**2
 
 
 @pytest.mark.slow
 def test_without_inertia_it_takes_more_coordinates_and_keeps_none() -> None:
-    family = Family(MODEL, driven(), 1)
+    family = family_of(MODEL, driven())
     plain, any_ = (search(family, Demand(1e-4, ("beam",), inertia), coarsest(family)) for inertia in (False, True))
     assert any_.member.residual_inertia and not plain.member.residual_inertia
     assert plain.member.coordinates >= any_.member.coordinates + 2 and plain.holds
@@ -74,7 +71,7 @@ def test_without_inertia_it_takes_more_coordinates_and_keeps_none() -> None:
 @pytest.mark.slow
 @pytest.mark.numerical
 def test_what_cannot_be_held_is_said() -> None:
-    family = Family(MODEL, driven(), 1)
+    family = family_of(MODEL, driven())
     found = search(family, Demand(1e-9, ("beam",), inertia=False), coarsest(family))
     assert (
         not found.holds
@@ -88,8 +85,8 @@ def test_what_cannot_be_held_is_said() -> None:
 @pytest.mark.slow
 def test_a_step_is_no_longer_than_its_run_allows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the run says more of its step than the search sees, finer ones are tried; where all say so, none holds."""
-    demand, coarse = Demand(0.01, ("beam", "tip"), inertia=True), coarsest(Family(MODEL, driven(), 1))
-    alone, own = search(Family(MODEL, driven(), 1), demand, coarse), Family.step_error
+    demand, coarse = Demand(0.01, ("beam", "tip"), inertia=True), coarsest(family_of(MODEL, driven()))
+    alone, own = search(family_of(MODEL, driven()), demand, coarse), Family.step_error
 
     def found_where(steps: float):
         def larger(family: Family, member: Member, taken: int) -> StepError | None:
@@ -97,7 +94,7 @@ def test_a_step_is_no_longer_than_its_run_allows(monkeypatch: pytest.MonkeyPatch
             return said if said is None or taken > steps else replace(said, tip=0.011)
 
         monkeypatch.setattr(Family, "step_error", larger)
-        return search(Family(MODEL, driven(), 1), demand, coarse)
+        return search(family_of(MODEL, driven()), demand, coarse)
 
     monkeypatch.setattr("pmr.compare.accuracy.errors.LONGEST", 64 * coarse)
     finer, none = found_where(alone.steps), found_where(np.inf)
@@ -106,8 +103,8 @@ def test_a_step_is_no_longer_than_its_run_allows(monkeypatch: pytest.MonkeyPatch
 
 
 def test_what_a_step_leaves_out_is_known_from_shorter_ones() -> None:
-    family = Family(MODEL, driven(), 1)
-    coarse, member = coarsest(family), Member(6)
+    family = family_of(MODEL, driven())
+    coarse, member = coarsest(family), family.member(6)
     truth = family.motion(member, 256 * coarse, coarse)
     seen = 0
     for rung in rungs(family, member, coarse, ("beam",)):
@@ -125,47 +122,49 @@ def test_what_a_step_leaves_out_is_known_from_shorter_ones() -> None:
 
 def test_steps_follow_path_and_loads() -> None:
     slow, fast = Chirp(amplitude=1.0, times=(0.0, 1.0), frequencies=(1.0, 2.0)), Sine(amplitude=1.0, frequency=90.0)
-    few, many = (coarsest(Family(MODEL, driven(960, load), 1)) for load in (slow, fast))
+    few, many = (coarsest(family_of(MODEL, driven(960, load))) for load in (slow, fast))
     assert (few, many) == (30, 960)  # 15 steps are less than 20; 480 are 5 a period of the tone
-    assert coarsest(Family(MODEL, driven(960, slow), 1), every=1.0 / 120.0) == 120  # fields are wanted at each step
-    assert coarsest(Family(MODEL, driven(999, slow), 1)) == 999
+    assert coarsest(family_of(MODEL, driven(960, slow)), every=1.0 / 120.0) == 120  # fields are wanted at each step
+    assert coarsest(family_of(MODEL, driven(999, slow))) == 999
 
 
 def test_a_step_with_which_nothing_can_be_computed_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    family = Family(MODEL, driven(), 1)
-    coarse, own = coarsest(family), Family._simulated
+    family = family_of(MODEL, driven())
+    coarse, own = coarsest(family), Family._motion
 
     def fails(self: Family, member: Member, steps: int, times: int, rho_inf: float) -> Outputs:
         if steps <= 2 * coarse:
             raise SimulationError("march failed")
         return own(self, member, steps, times, rho_inf)
 
-    monkeypatch.setattr(Family, "_simulated", fails)
-    assert next(rungs(family, Member(6), coarse, ("beam",))).steps == 4 * coarse
+    monkeypatch.setattr(Family, "_motion", fails)
+    assert next(rungs(family, family.member(6), coarse, ("beam",))).steps == 4 * coarse
 
 
 def test_code_is_loaded_with_a_step_that_may_fail() -> None:
     """One that is as long as the whole time gains energy while the slider goes back."""
-    family = Family(MODEL, driven(path=SmoothRamp(times=(0.1, 0.8), values=(4.0, 0.8))), 1)
+    family = family_of(MODEL, driven(path=SmoothRamp(times=(0.1, 0.8), values=(4.0, 0.8))))
     with pytest.raises(SimulationError, match="grows"):
-        family._simulated(Member(family.fewest, True), 1, 1)
+        family.own(family.member(family.fewest, True), 1, 1)
     family.load()
 
 
 def test_members_are_those_of_the_reduction() -> None:
-    family = Family(MODEL, driven(100, Constant(amount=5.0)), 1)
-    model = member_of(family.model, Member(4, True))
+    family = family_of(MODEL, driven(100, Constant(amount=5.0)))
+    model = family.models(family.member(4, True))[""]
     assert model.size == 4 and model.flexibility is not None and model.flexibility.keeps_inertia
     excitation = driven(100, Constant(amount=5.0))
-    own = outputs(model, march.simulate(model, excitation), excitation, 1)
-    assert np.allclose(own.displacement, family.own(Member(4, True), 100, 100).displacement, rtol=0.0, atol=1e-12)
+    own = outputs(model, excitation)
+    assert np.allclose(
+        own.displacement, family.own(family.member(4, True), 100, 100).displacement, rtol=0.0, atol=1e-12
+    )
 
 
 @pytest.mark.slow
 def test_what_more_time_allows_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a machine on which a step takes 10 ns a coordinate: the shortest steps are tried, too."""
     monkeypatch.setattr(limits, "seconds_a_step", lambda _, member: 1e-8 * member.coordinates)
-    family = Family(MODEL, driven(), 1)
+    family = family_of(MODEL, driven())
     real_times, most = (3000.0, 300.0, 3.0), Budget(microseconds_per_step=10.0)
     found = [
         best_within(family, Demand(1.0, ("beam",), inertia=False), budget, coarsest(family))
@@ -178,10 +177,10 @@ def test_what_more_time_allows_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_of_what_a_budget_allows_the_best_is_taken() -> None:
-    family = Family(MODEL, driven(), 1)
+    family = family_of(MODEL, driven())
     plain, best = (
         best_within(family, Demand(1.0, ("beam",), inertia), Budget(coordinates=6), coarsest(family))
         for inertia in (False, True)
     )
-    assert plain.member == Member(6, False) and best.member == Member(6, True)
+    assert plain.member == Member((6,)) and best.member == Member((6,), True)
     assert best.reduction["beam"] < 0.8 * plain.reduction["beam"] and best.total["beam"] < plain.total["beam"]

@@ -13,21 +13,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from alone import family as family_of
 
 from pmr.compare.accuracy.errors import coarsest
-from pmr.compare.accuracy.family import Family
-from pmr.compare.outputs import Outputs, differences, observed
+from pmr.compare.outputs import Outputs, differences
+from pmr.compare.runs import observed
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.pipeline import Outcome, run
+from pmr.reduced.model import ReducedModel
 from pmr.scene import Scene
 from pmr.scene.checks import check
-from pmr.scene.choice import transverse
-from pmr.scene.members import member_at
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native import simulator as march
+from pmr.system.system import System
 
 SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else (0, 56)
 #: Steps of a reference for each that was chosen, and at most; its scheme damps only what these steps don't resolve.
@@ -160,7 +161,7 @@ def case(seed: int) -> Case | None:
     assert isinstance(outcome, Outcome) and scene.accuracy is not None
     result, asked = outcome.result, scene.accuracy
     chosen = result.scene.time.steps
-    family = Family(outcome.reduced, Excitation.of(scene), len(transverse(member_at(scene))))
+    family = family_of(outcome.reduced, Excitation.of(scene))
     times = coarsest(family)
     while chosen % times:
         times //= 2
@@ -168,7 +169,7 @@ def case(seed: int) -> Case | None:
     fine = chosen
     while fine < FINER * max(chosen, 25_000) and 2 * fine <= MOST:
         fine *= 2
-    finest, half = (_full_motion(form, scene, family, steps, times) for steps in (fine, fine // 2))
+    finest, half = (_full_motion(form, scene, outcome.reduced, steps, times) for steps in (fine, fine // 2))
     own, floors = result.responses["reduced"], family.floors(times)
     y, forces = (history[:: chosen // times] for history in (own.displacement, own.slider_force))
     found = replace(finest, displacement=y, force=forces[:, : finest.force.shape[1]])
@@ -178,11 +179,11 @@ def case(seed: int) -> Case | None:
     return Case(seed, result.summary, true, reference)
 
 
-def _full_motion(form: ModalForm, scene: Scene, family: Family, steps: int, times: int) -> Outputs:
+def _full_motion(form: ModalForm, scene: Scene, model: ReducedModel, steps: int, times: int) -> Outputs:
     given = Excitation.of(scene)
     excitation = given.with_stepping(TimeStepping(scene.time.end, scene.time.end / steps, RHO))
     seen = march.observe(form, excitation, every=steps // times)
-    found, rows = observed(form.body, seen.y, seen.multipliers, family.tips), len(family.model.row_names)
+    found, rows = observed(System.of(form.body), excitation, seen.t, seen.y, seen.multipliers), len(model.row_names)
     return replace(found, force=found.force[:, -rows:])  # rigid holds are rows of the full model alone
 
 

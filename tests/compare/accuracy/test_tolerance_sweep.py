@@ -11,23 +11,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from alone import family as family_of
 from random_scenes import pushing_scene, sliding_scene
 
 from pmr.compare.accuracy.errors import Demand, coarsest
-from pmr.compare.accuracy.family import Family, Member
+from pmr.compare.accuracy.family import Family
 from pmr.compare.accuracy.search import Found, search
-from pmr.compare.outputs import Outputs, differences, impulsive, observed
+from pmr.compare.outputs import Outputs, differences, impulsive
+from pmr.compare.runs import observed
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.reduction import from_scene
 from pmr.reduction.bodies import reduce_with
 from pmr.scene import Scene
-from pmr.scene.choice import transverse
-from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.native import simulator as march
+from pmr.system.system import System
 
 SEEDS, PUSHING = (range(60), range(20)) if os.environ.get("PMR_SWEEP") == "full" else (range(2), range(2))
 TOLERANCES = (0.01, 0.001, 0.0001)
@@ -51,9 +52,10 @@ class Case:
 
 
 def full_motion(form: ModalForm, family: Family, steps: int, times: int) -> Outputs:
-    seen = march.observe(form, family.with_steps(steps), every=steps // times)
-    found = observed(form.body, seen.y, seen.multipliers, family.tips)
-    known = family.motion(Member(family.fewest + 1), times, times).force.shape[1]
+    excitation = family.with_steps(steps)
+    seen = march.observe(form, excitation, every=steps // times)
+    found = observed(System.of(form.body), excitation, seen.t, seen.y, seen.multipliers)
+    known = family.motion(family.member(family.fewest + 1), times, times).force.shape[1]
     return replace(found, force=found.force[:, -known:])  # rigid holds are rows of the full model alone
 
 
@@ -65,7 +67,7 @@ def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
         patch.setattr(from_scene, "ENRICHMENT_MODES", from_scene.SEARCHED_MODES)
         reduced = reduce_with(scene, model, from_scene.take_snapshots(scene, model)).model
     excitation = Excitation.of(scene)
-    family = Family(reduced, excitation, len(transverse(member_at(scene))))
+    family = family_of(reduced, excitation)
     coarse, form = coarsest(family), modal_form(model.gather())
     groups = (("beam", "tip"), *([] if impulsive(reduced, excitation) else [("pad_force",)]))
     demands = [Demand(tolerance, kinds, inertia=True) for kinds in groups for tolerance in TOLERANCES]
@@ -82,7 +84,7 @@ def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
 
         def holds(r: int, kept: bool, demand: Demand = demand, error: Callable[[Outputs], float] = error) -> bool:
             try:
-                return error(family.motion(Member(r, kept), min(fine, 32 * coarse), coarse)) <= demand.tolerance
+                return error(family.motion(family.member(r, kept), min(fine, 32 * coarse), coarse)) <= demand.tolerance
             except SimulationError:
                 return False
 

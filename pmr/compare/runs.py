@@ -1,0 +1,150 @@
+"""Reduced bodies from the start of their excitation on any time grid, and what is compared of their motions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.booms import bearing, force_kinds_of, rubbing, tip_columns
+from pmr.compare.outputs import Outputs
+from pmr.compare.velocities import lag, velocity
+from pmr.reduced.model import ReducedModel
+from pmr.simulation.contact_step import as_made, contact_frequency
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.modal import modal_form
+from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.start import dense
+from pmr.simulation.stepping import TimeStepping
+from pmr.system.body import Trajectory, force_outputs, length_outputs, other_outputs
+from pmr.system.contacts import ALONE
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+
+#: Steps beside a kink of an extension whose forces are left out.
+BESIDE_KINK = 2.0
+
+
+def run_from_start(system: System, excitation: Excitation, every: int = 1) -> SystemTrajectory:
+    """Each `every`-th step, from static equilibrium or undeformed, as the excitation says."""
+    if _keeps_inertia(system):
+        return _with_inertia(system, excitation).at(slice(None, None, every))
+    return systems.simulate(system, excitation, systems.start_of(system, excitation), every=every)
+
+
+def _keeps_inertia(system: System) -> bool:
+    return any(body.flexibility is not None and body.flexibility.keeps_inertia for body in system.bodies.values())
+
+
+def _with_inertia(system: System, excitation: Excitation) -> SystemTrajectory:
+    """Of a body whose residual part keeps its inertia, with the forces that deform that part."""
+    form = modal_form(system.bodies[ALONE])
+    run = march.simulate_modal(form, excitation)
+    s = np.repeat(run.s[:, None], len(system.sides), axis=1)
+    motion = replace(run, q=run.q @ form.X.T, v=run.v @ form.X.T, multipliers=run.deforming, s=s)
+    f, none = excitation.forces(system.input_names), np.zeros(len(run.t))
+    return SystemTrajectory(
+        run.t, {ALONE: motion}, run.multipliers, run.multipliers, f, none, none, run.seconds, run.surplus
+    )
+
+
+def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:
+    """The excitation with the parts of a step that a run of the system takes, where pads push."""
+    omega = contact_frequency(system, excitation)
+    if omega == 0.0:
+        return excitation
+    made = (run or run_from_start(system, excitation)).parts
+    return excitation.with_stepping(as_made(excitation.stepping, made, omega))
+
+
+def outputs(system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1) -> Outputs:
+    """Of each `every`-th step of a run; the excitation has all of them."""
+    kept = slice(None, None, every)
+    return replace(without_rates(system, run.at(kept), excitation), velocity=velocities(system, run, excitation)[kept])
+
+
+def without_rates(system: System, run: SystemTrajectory, excitation: Excitation) -> Outputs:
+    """The same of all steps of a run without velocities, which cost more than all the rest."""
+    y = np.hstack(list(systems.displacements(system, run).values()))
+    return observed(system, excitation, run.t, y, run.forces)
+
+
+def at_intervals(system: System, excitation: Excitation, every: int, rates: bool, late: bool = False) -> Outputs:
+    """Of a run, at each `every`-th step, forces of sections not beside kinks; with velocities where `rates` are wanted.
+
+    `late` adds the lag of a residual part whose inertia is kept.  On tables steps cost less than the balance of their
+    energy, so where outputs alone are wanted of them it is not checked.
+    """
+    given = excitation.stepping
+    seen = excitation.with_stepping(TimeStepping(given.end, every * given.step, given.rho_inf))
+    if system.on_one_path and not (rates or late or _keeps_inertia(system)):
+        told = systems.observe(SystemForm.of(system), excitation, every=every)
+        return observed(system, seen, told.t, told.y, told.multipliers)
+    if system.on_one_path:
+        run = run_from_start(system, excitation, every)
+        found = (outputs if rates else without_rates)(system, run, seen)
+        return lagging(found, system, run, seen) if late else found
+    run = run_from_start(system, excitation, 1 if rates else every)
+    found = outputs(system, run, excitation, every) if rates else without_rates(system, run, excitation)
+    kinks = [kink for path in excitation.paths.values() for kink in path.kinks(given.end)]
+    beside = BESIDE_KINK * seen.stepping.step
+    away = np.all([np.ones(len(found.force), bool), *(np.abs(seen.times - t) > beside for t in kinks)], axis=0)
+    return replace(found, force=np.where(away[:, None], found.force, 0.0))
+
+
+def observed(system: System, excitation: Excitation, t: Array, y: Array, forces: Array) -> Outputs:
+    """Of all outputs y (T, o) of the bodies and contact forces (T, m) at times t (T,) s, without velocities.
+
+    Forces are those of pads, sliders and springs, and of cylinders with the friction that they overcome.
+    """
+    bodies = list(system.bodies.values())
+    moved, springs, probes = (
+        np.concatenate([of(body) for body in bodies]) for of in (length_outputs, force_outputs, other_outputs)
+    )
+    units = [unit for body in bodies for unit in body.output_units or ("m",) * len(body.output_positions)]
+    return Outputs(
+        displacement=y[:, moved],
+        velocity=np.empty((len(y), 0)),
+        force=np.hstack([y[:, springs], rubbing(system.contacts, excitation, t, forces, forces)[:, bearing(system)]]),
+        probe=y[:, probes],
+        units=tuple(unit for unit, counts in zip(units, probes, strict=True) if counts),
+        tips=tuple(tip_columns(system)),
+        forces=force_kinds_of(system),
+    )
+
+
+def velocities(system: System, run: SystemTrajectory, excitation: Excitation) -> Array:
+    r"""Rates of the displacements, (T, o) in m/s, of all steps of the excitation.
+
+    Of a body on one path those of the residual part follow from its tables (`pmr.compare.velocities`); of several
+    bodies :math:`O \dot q` and differences.
+    """
+    if system.on_one_path and all(body.flexibility is not None for body in system.bodies.values()):
+        body, motion = along_path(system, run, excitation)
+        return velocity(body, motion, excitation.on_slider)[:, length_outputs(body)]
+    of_all, found = systems.displacements(system, run), list[Array]()
+    for name, one in system.bodies.items():
+        moved, own = length_outputs(one), run.bodies[name]
+        O = dense(one.outputs)[moved]
+        residual = of_all[name][:, moved] - own.q @ O.T
+        found.append(own.v @ O.T + np.gradient(residual, run.t, axis=0))
+    return np.hstack(found)
+
+
+def along_path(system: System, run: SystemTrajectory, excitation: Excitation) -> tuple[ReducedModel, Trajectory]:
+    """A body on one path with none but the rows that are contacts, and its motion with the path coordinate (T,)."""
+    (body,), (motion,) = system.reduced.values(), run.bodies.values()
+    rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
+    s = excitation.on_slider.along(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])
+    return body.with_rows(rows), replace(motion, s=s)
+
+
+def lagging(found: Outputs, system: System, run: SystemTrajectory, excitation: Excitation) -> Outputs:
+    """The outputs of a run with what damping makes of the residual part's own deformation; velocities remain."""
+    y = lag(*along_path(system, run, excitation), excitation.on_slider)
+    late = observed(system, excitation, run.t, y, np.zeros_like(run.forces))
+    return found.plus(replace(late, velocity=np.zeros_like(found.velocity)))

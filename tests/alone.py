@@ -1,0 +1,32 @@
+"""A body alone as what is compared takes it: the system of one, by its name."""
+
+from __future__ import annotations
+
+from pmr.compare import estimate as estimates
+from pmr.compare import runs
+from pmr.compare import step_error as steps
+from pmr.compare.accuracy.family import Family
+from pmr.compare.outputs import Outputs
+from pmr.reduced.model import ReducedModel
+from pmr.scene.names import ALONE
+from pmr.simulation import Excitation
+from pmr.system.body import SlidingBody
+from pmr.system.system import System
+
+
+def estimate(model: ReducedModel, excitation: Excitation) -> estimates.Estimate:
+    return estimates.estimate({ALONE: model}, System.of(model), excitation)
+
+
+def step_error(body: SlidingBody, excitation: Excitation) -> steps.StepError:
+    return steps.step_error(System.of(body), excitation)
+
+
+def outputs(body: SlidingBody, excitation: Excitation, every: int = 1) -> Outputs:
+    """From rest, at each `every`-th step."""
+    system = System.of(body)
+    return runs.outputs(system, runs.run_from_start(system, excitation), excitation, every)
+
+
+def family(model: ReducedModel, excitation: Excitation, rates: bool = False) -> Family:
+    return Family({ALONE: model}, lambda models: System.of(models[ALONE]), excitation, rates)
