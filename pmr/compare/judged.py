@@ -36,8 +36,8 @@ def parts_of_motion(
         ),
         boom_figures.beside_published(scene, natural),
         Part(
-            contact_step.summary_of(omega, made.made),
-            contact_step.warnings_of(omega, excitation.stepping),
+            contact_step.summary(omega, made.made),
+            contact_step.warnings(omega, excitation.stepping),
         ),
         summary.sampling(excitation),
     ]

@@ -105,20 +105,17 @@ def models_of(built: Mapping[str, Built]) -> dict[str, FullModel]:
 
 def left_free(scene: Scene, built: Mapping[str, Built]) -> list[str]:
     """Rigid motions of the whole that nothing resists somewhere on its way, in a line, if there are any; collective."""
-    models = models_of(built)
-    if len(models) > 1:
-        system, holds = FullSystem(models, contacts_of(scene, models)).supported(), "supports, pads and cylinders"
-        way = _way(scene)
-    else:
-        system, holds = FullSystem.of(models[ALONE]), "supports and pads"
-        s = np.linspace(*scene.travel, PLACES)
-        way = free_motions.Way({SLIDER: s}, {ALONE: np.zeros(PLACES)}, [f"with s at {at:.4g} m" for at in s])
-    found = free_motions.words(system, {name: one.structure.model for name, one in built.items()}, way)
+    models, holds = models_of(built), "supports and pads" if ALONE in built else "supports, pads and cylinders"
+    system = FullSystem(models, contacts_of(scene, models)).supported()
+    found = free_motions.words(system, {name: one.structure.model for name, one in built.items()}, _way(scene))
     return [f"{holds} leave {found}: loads along that move it without limit"] if found else []
 
 
 def _way(scene: Scene) -> free_motions.Way:
-    """Where sections are looked at: at some times, and where their paths have breaks."""
+    """Where bodies are looked at: one alone all along its path, sections at some times and where paths have breaks."""
+    if ALONE in scene.bodies:
+        along = np.linspace(*scene.travel, PLACES)
+        return free_motions.Way({SLIDER: along}, {ALONE: np.zeros(PLACES)}, [f"with s at {at:.4g} m" for at in along])
     end, breaks = scene.time.end, [t for path in scene.paths.values() for t in path.breaks]
     t = np.unique(np.clip([*np.linspace(0.0, end, PLACES), *breaks], 0.0, end))
     s = {name: path.value(t) for name, path in scene.paths.items()}

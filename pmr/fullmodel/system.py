@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
 from pmr.fullmodel.model import FullModel
-from pmr.scene.names import ALONE, SLIDER
+from pmr.scene.names import ALONE, input_of
 from pmr.system.body import FullBody
 from pmr.system.contacts import Contact, Place
-from pmr.system.system import Joined, System
+from pmr.system.system import Joined, System, grounded
 
 Array = NDArray[np.float64]
 
@@ -30,16 +30,8 @@ class FullSystem(Joined[FullModel]):
 
     @classmethod
     def of(cls, model: FullModel) -> FullSystem:
-        """A body alone, all of whose rows are contacts with the ground; what moves does so along one path."""
-        at = (
-            Place(ALONE, row.name, path=SLIDER) if row.moves else Place(ALONE, row.name, row.breaks[0])
-            for row in model.rows.rows
-        )
-        contacts = tuple(
-            Contact(row.name, place, compliance=row.compliance, clearance=row.clearance)
-            for row, place in zip(model.rows.rows, at, strict=True)
-        )
-        return cls({ALONE: model}, contacts)
+        """A body alone, as `System.of` has it."""
+        return cls({ALONE: model}, grounded(model))
 
     @property
     def models(self) -> tuple[FullModel, ...]:
@@ -88,7 +80,7 @@ class FullSystem(Joined[FullModel]):
         """With the rows of supports that hold one coordinate as contacts with the ground, after all others."""
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [
-            Contact(f"{name}.{row}", Place(name, row, model.rows.rows[number].breaks[0]))
+            Contact(input_of(name, row), Place(name, row, model.rows.rows[number].breaks[0]))
             for name, model in self.bodies.items()
             for number, row in ((number, model.row_names[number]) for number in model.rows.held)
             if (name, row) not in used

@@ -107,13 +107,11 @@ def as_made(stepping: TimeStepping, made: NDArray[np.int64] | None, omega: float
     return replace(stepping, schedule=tuple(made[1:].tolist()))
 
 
-def summary(body: ReducedModel, excitation: Excitation) -> dict[str, object]:
-    """``contact`` of summary.json: ``omega`` in rad/s, ``parts`` of a step, ``h_omega`` of a part; else empty."""
-    return summary_of(_omega(body, excitation), excitation.stepping)
+def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
+    """``contact`` of summary.json, where a contact of circular frequency `omega` in rad/s only pushes; empty for 0.
 
-
-def summary_of(omega: float, stepping: TimeStepping) -> dict[str, object]:
-    """The same of contacts of circular frequency `omega` in rad/s; 0: there are none."""
+    ``omega``, ``parts`` of a step at most, ``h_omega`` of one of these, and ``mean_parts`` of the steps as made.
+    """
     if omega == 0.0:
         return {}
     count = parts(omega, stepping)
@@ -123,13 +121,8 @@ def summary_of(omega: float, stepping: TimeStepping) -> dict[str, object]:
     return {"contact": found}
 
 
-def warnings(body: ReducedModel, excitation: Excitation) -> list[str]:
-    """A line where even the parts of a step are too long for the contact."""
-    return warnings_of(_omega(body, excitation), excitation.stepping)
-
-
-def warnings_of(omega: float, stepping: TimeStepping) -> list[str]:
-    """The same of contacts of circular frequency `omega` in rad/s."""
+def warnings(omega: float, stepping: TimeStepping) -> list[str]:
+    """A line where even the parts of a step are too long for contacts of circular frequency `omega` in rad/s."""
     count = parts(omega, stepping)
     reached = stepping.step * omega / count
     if reached <= RESOLVED * (1.0 + 1e-9):

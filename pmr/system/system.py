@@ -254,11 +254,10 @@ class System(Joined[SlidingBody]):
 
 def grounded(body: Body) -> tuple[Contact, ...]:
     """The rows of a body alone as contacts with the ground, but for supports that hold one coordinate."""
-    moving, first = body.moving, body.domain[0]
     return tuple(
         Contact(
             name,
-            Place(ALONE, name, path=SLIDER) if number in moving else Place(ALONE, name, first),
+            Place(ALONE, name, path=SLIDER) if number in body.moving else Place(ALONE, name, body.domain[0]),
             compliance=float(body.row_compliance[number]),
             clearance=None if np.isnan(body.row_clearance[number]) else float(body.row_clearance[number]),
         )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +21,8 @@ from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant
 from pmr.simulation import InitialState, TimeStepping, contact_step
 from pmr.simulation.balance import energy
+from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import simulator as march
 from pmr.simulation.native.stepper import Stepper
@@ -71,14 +75,18 @@ def test_as_many_parts_as_the_contact_takes() -> None:
         TimeStepping(1.0, 1e-3, parts=-1)
 
 
+def said(what: Callable[..., Any], body: ReducedModel, excitation: Excitation) -> Any:
+    return what(contact_frequency(System.of(body), excitation.on_slider), excitation.stepping)
+
+
 @pytest.mark.parametrize(("end", "step"), [(1.0, 0.1), (30.0, 0.05)])
 def test_the_step_that_is_said_to_be_enough_is_enough(end: float, step: float) -> None:
     """Where all steps together would have too many parts, only a step that needs none is."""
     body, path = on_a_spring(2.0, 3e8, 1e-3), Constant(amount=0.5)
-    (line,) = contact_step.warnings(body, driven(path, [], TimeStepping(end, step)))
+    (line,) = said(contact_step.warnings, body, driven(path, [], TimeStepping(end, step)))
     enough = float(re.search(r"time\.step = (\S+) s", line)[1])
     steps = int(np.ceil(end / enough))
-    assert contact_step.warnings(body, driven(path, [], TimeStepping(end, end / steps))) == []
+    assert said(contact_step.warnings, body, driven(path, [], TimeStepping(end, end / steps))) == []
 
 
 @pytest.mark.parametrize("coordinates", [4, 10])
@@ -154,17 +162,17 @@ def test_a_contact_that_no_part_resolves_is_told_with_a_step_that_does() -> None
     path = Constant(amount=0.5)
     body = on_a_spring(1.0, 1e10, 1e-3)  # omega = 1e5 / s
     coarse = driven(path, [], TimeStepping(1.0, 1e-3))
-    (line,) = contact_step.warnings(body, coarse)
+    (line,) = said(contact_step.warnings, body, coarse)
     assert "h omega = 0.5 in each of the 200 parts of a step, 0.05 resolves" in line and "time.step = 0.0001 s" in line
-    assert contact_step.warnings(body, driven(path, [], TimeStepping(0.1, 1e-4))) == []
-    assert contact_step.summary(body, coarse) == {
+    assert said(contact_step.warnings, body, driven(path, [], TimeStepping(0.1, 1e-4))) == []
+    assert said(contact_step.summary, body, coarse) == {
         "contact": {"omega": pytest.approx(1e5), "parts": 200, "h_omega": pytest.approx(0.5)}
     }
     one_part = driven(path, [], TimeStepping(1.0, 1e-3, parts=1))
-    (line,) = contact_step.warnings(on_a_spring(1.0, 1e6, 1e-3), one_part)
+    (line,) = said(contact_step.warnings, on_a_spring(1.0, 1e6, 1e-3), one_part)
     assert "h omega = 1 in each of the 1 parts" in line and "time.step = 5e-05 s" in line
     both_ways = replace(body, clearance=None)
-    assert contact_step.warnings(both_ways, coarse) == [] and contact_step.summary(both_ways, coarse) == {}
+    assert said(contact_step.warnings, both_ways, coarse) == [] and said(contact_step.summary, both_ways, coarse) == {}
 
 
 #: Falls of the sweep: a sample in CI, all of them with PMR_SWEEP=full.

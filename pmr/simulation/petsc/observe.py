@@ -26,7 +26,7 @@ from pmr.simulation.petsc.levels import PartedSteps, contact_frequency
 from pmr.simulation.petsc.pushing import Pushing
 from pmr.simulation.petsc.recorder import Recorder, Sampled
 from pmr.simulation.petsc.resume import Keeper, Reached, identity
-from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_state, static_start_alone
+from pmr.simulation.petsc.start import Onset, State, moves_at_once, starting_state, static_start
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 
@@ -71,16 +71,20 @@ def observe(
     excitation.along(model.rows.domain if model.rows.rows else (-np.inf, np.inf))
     excitation.forces(model.input_names)
     system, excitation = FullSystem.of(model), excitation.on_slider
-    if initial is None and excitation.start == "equilibrium":
-        initial = static_start_alone(model, excitation)
     start = {} if initial is None else {ALONE: initial}
+    if initial is None and excitation.start == "equilibrium":
+        start = static_start(system, excitation)
     found = observe_system(system, excitation, recording, start, progress, checkpoint)
-    states = found.states[ALONE]
+    states, names = found.states[ALONE], [*system.contact_names, *(model.row_names[k] for k in model.held)]
+
+    def of_rows(forces: Array) -> Array:
+        return np.hstack([forces, found.supports])[:, [names.index(name) for name in model.row_names]]
+
     return History(
         t=found.t,
         s=found.s[:, 0],
         y=found.y[ALONE],
-        multipliers=found.forces,
+        multipliers=of_rows(found.forces),
         residual_position=found.residual_position,
         residual_velocity=found.residual_velocity,
         energy=found.energy,
@@ -88,7 +92,7 @@ def observe(
         seconds=found.seconds,
         preparation=found.preparation,
         surplus=found.surplus,
-        peaks=None if np.isnan(system.clearance).all() else found.peaks,
+        peaks=None if np.isnan(system.clearance).all() else of_rows(found.peaks),
     )
 
 

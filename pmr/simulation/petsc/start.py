@@ -22,13 +22,11 @@ from pmr.fem.factor import product
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
-from pmr.scene.names import ALONE
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.systems import static_start as equilibrium
 from pmr.simulation.petsc.effective import BlockFactor
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.start import InitialState, check_impulse, check_position, checked, row_drift
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -73,18 +71,6 @@ def static_start(system: FullSystem, excitation: Excitation) -> dict[str, Initia
         return dict(equilibrium(gathered, excitation))
 
     return dict(system.comm.bcast(on_first(system.comm, make)))
-
-
-def static_start_alone(model: FullModel, excitation: Excitation) -> InitialState:
-    """The same of a body alone, whose supports hold without being named; collective."""
-    body = model.gather()
-
-    def make() -> InitialState:
-        assert body is not None
-        return equilibrium(System.of(body), excitation)[ALONE]
-
-    found: InitialState = model.comm.bcast(on_first(model.comm, make))
-    return found
 
 
 def starting_state(
