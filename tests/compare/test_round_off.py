@@ -51,6 +51,13 @@ def test_round_off_is_that_of_the_body_not_of_its_coordinates() -> None:
     assert round_off({"": two_springs(0.7)}, 1e-200 * loads, 5.0) == pytest.approx(1e-200 * exact, rel=1e-9, abs=0.0)
 
 
+def test_of_several_bodies_all_loads_reach_every_output() -> None:
+    """By the triangle inequality: the sum over the loads, and the largest output."""
+    loads, w2 = np.array([[3.0, 2.0], [-7.0, 5.0]]), (2.0 * np.pi / 5.0) ** 2
+    found = round_off({"base": two_springs(0.0), "fly": two_springs(0.7)}, loads, 5.0)
+    assert found == pytest.approx(12e-12 / np.sqrt((2e4 + w2) * (3e4 + w2)), rel=1e-9, abs=0.0)
+
+
 def test_forces_have_a_round_off_too() -> None:
     model, stepping = two_springs(0.7), TimeStepping(1.0, 1e-3)
     motion = march.simulate(model, driven(Constant(amount=0.5), Constant(amount=7.0), stepping))

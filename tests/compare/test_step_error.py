@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -12,19 +13,24 @@ from driving import Loads, driven, loads_at
 from numpy.typing import NDArray
 from oracle import flexible, full_body, inertial, paper_basis, project, rich_body
 
+from pmr import scene as scenes
+from pmr.compare import step_error as step_errors
 from pmr.compare.errors import relative_error
 from pmr.compare.halved_steps import Ladder
+from pmr.compare.runs import run_from_start
 from pmr.compare.step_error import LIMIT, StepError, summary, warnings
 from pmr.errors import SimulationError
-from pmr.pipeline import run
+from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import with_kept_inertia
 from pmr.report import sentences
 from pmr.report.blocks import Chapter
 from pmr.report.sections import chapter
 from pmr.scene.signals import Chirp, Constant, SignalBase, Sine, SmoothRamp, Sum
-from pmr.simulation import TimeStepping, exudyn
+from pmr.simulation import Excitation, TimeStepping, exudyn
+from pmr.simulation.contact_step import contact_frequency, parts
 from pmr.simulation.native import simulator as march
+from pmr.simulation.native import systems
 from pmr.system.body import displacement
 
 Array = NDArray[np.float64]
@@ -230,3 +236,26 @@ def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, 
     assert summary_["step"]["beam"] is None and summary_["step"]["reason"] == "march failed at step 3"
     assert any("march failed at step 3" in line for line in summary_["warnings"])
     assert "time step itself" not in " ".join(point.text for point in sentences.points(outcome.result))
+
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+TELESCOPE = (
+    "time.end=0.2",
+    "section.mesh.elements=12",
+    "section.reduction.coordinates=4",
+    "sections.fly.loads.0.signal={kind='sine',amplitude=8000.0,frequency=8.0}",
+    "section.joint.extension={kind='smooth_ramp',times=[0.0,0.2],values=[1.0,1.3]}",
+)
+
+
+def test_of_sections_on_pads_that_push_the_tolerance_of_parts_is_in_it() -> None:
+    """The run that chooses the parts of its steps, against steps a quarter as long in as many parts throughout."""
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", TELESCOPE)
+    system, excitation = reduce(boom).system, Excitation.of(boom)
+    said, given = step_errors.step_error(system, excitation), excitation.stepping
+    fine = TimeStepping(given.end, given.step / 4.0, given.rho_inf, parts(contact_frequency(system, excitation), given))
+    y, truth = (
+        np.hstack(list(systems.displacements(system, run_from_start(system, excitation.on_grid(one))).values()))
+        for one in (given, fine)
+    )
+    assert 0.8 <= said.beam / relative_error(y, truth[::4]) <= 2.0

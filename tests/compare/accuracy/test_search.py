@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from alone import family as family_of
 from alone import outputs
-from oracle import full_body, inertial
+from oracle import flexible, full_body, inertial
 
+from pmr.compare.accuracy import family as families
 from pmr.compare.accuracy import limits
 from pmr.compare.accuracy.errors import Demand, coarsest, rungs
 from pmr.compare.accuracy.family import Family, Member
@@ -184,3 +185,18 @@ def test_of_what_a_budget_allows_the_best_is_taken() -> None:
     )
     assert plain.member == Member((6,)) and best.member == Member((6,), True)
     assert best.reduction["beam"] < 0.8 * plain.reduction["beam"] and best.total["beam"] < plain.total["beam"]
+
+
+def test_members_on_pads_that_push_take_the_same_parts_of_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is compared is the reduction, not how each member lands."""
+    seen = list[TimeStepping]()
+
+    def noted(system: System, excitation: Excitation, *more: object) -> None:
+        seen.append(excitation.stepping)
+
+    monkeypatch.setattr(families, "at_intervals", noted)
+    pushed = replace(flexible(FULL, 9), clearance=np.zeros(1))
+    family = Family({"": pushed}, lambda models: System.of(models[""]), driven(load=Sine(amplitude=2e3, frequency=7.0)))
+    for modes in (5, 7):
+        family.own(family.member(modes), 1000, 100)
+    assert seen[0].schedule == seen[1].schedule and len(set(seen[0].schedule)) > 1
