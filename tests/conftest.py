@@ -63,9 +63,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.stack)
 
 
-@pytest.fixture(autouse=True, scope="module")
+@pytest.fixture(autouse=True, scope="package")
 def _what_is_loaded_stays() -> None:
-    """`free_dropped` collects garbage often, and needn't look through what earlier files have left each time."""
+    """`free_dropped` collects garbage often, and needn't look through what earlier folders have left each time."""
     gc.collect()
     gc.freeze()
 

@@ -132,6 +132,7 @@ BAKED = {
 FREE = ["title=x", "time.step=1e-3", "gravity.rise=0.1", "loads.gust.signal=3.0", "slider.path=2.0"]
 
 
+@pytest.mark.slow
 def test_what_is_baked_into_a_saved_model_is_refused_where_a_scene_says_something_else(tmp_path: Path) -> None:
     """Of each kind of key one; signals, path and time are free."""
     file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8", "recovery.every=1"]

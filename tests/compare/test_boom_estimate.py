@@ -122,6 +122,7 @@ def test_where_there_is_none_the_reason_is_told(changes: tuple[str, ...], said: 
     assert found["tip"] is None and said in found["reason"]
 
 
+@pytest.mark.slow
 def test_the_band_around_the_tip_holds_what_the_full_model_says() -> None:
     """As of one body, at nearly all times: one column a direction in which the tip moves."""
     outcome = run(load(*(f"section.joint.{end}.0.unilateral=false" for end in ("tail", "mouth"))))

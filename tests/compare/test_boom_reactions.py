@@ -169,6 +169,7 @@ def test_exudyn_tells_the_same_reactions() -> None:
     assert np.abs(left).max() <= 1e-9 * np.abs(loads).max()
 
 
+@pytest.mark.slow
 def test_a_summary_has_all_supports_whether_they_give_way_or_not() -> None:
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, *CASES["pivot"]])
     outcome = pipeline.run(boom)

@@ -95,6 +95,7 @@ SHORT = ["time.end=0.4", "mesh.elements=20", "slider.path={kind='ramp',times=[0.
 TONE = "loads=[{name='F',on=5.0,signal={kind='sum',terms=[10.0,{kind='sine',amplitude=50.0,frequency=197.0}]}}]"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [[], [TONE]])
 def test_a_run_says_it_in_report_and_summary(load_scene, load: list[str]) -> None:
     outcome = run(load_scene("evolved_residual", [*SHORT, *load, "simulation.simulators=['march']"]))

@@ -102,6 +102,7 @@ def test_a_base_that_gives_way_along_the_boom_passes_impulses_on_to_its_support(
     assert abs(borne) == pytest.approx(found.summary["cylinders"][0]["kinks"][0]["impulse"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_an_extension_that_moves_from_the_start_on_has_no_kink_there() -> None:
     """A boom at a constant rate stands still in the frames that move along: there is no force but of its weight."""
     constant = "section.joint.extension={kind='ramp',times=[0.0,0.6],values=[1.0,1.2]}"
@@ -120,6 +121,8 @@ def test_simulators_agree_behind_a_kink() -> None:
     assert apart < 1e-9 * found.summary["max_displacement"]
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_full_coordinates_are_recovered_from_modes_of_cylinders_too() -> None:
     """What the model says of its outputs is O q, right behind a kink; along the axis q is the full model's."""
     boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, "time.end=0.15"))

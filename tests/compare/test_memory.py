@@ -82,6 +82,7 @@ def test_a_response_is_made_without_the_states_of_all_steps(load_scene, full: Fu
     assert found < memory.needed(scene, full.size, len(full.output_positions)) / scene.time.steps
 
 
+@pytest.mark.slow
 def test_states_at_a_few_steps_don_t_take_those_of_all(load_scene, full: FullBody) -> None:
     def run(scene: Scene) -> None:
         recorder = Recorder(np.arange(0, 7001, 1000))

@@ -16,6 +16,7 @@ WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SMALL = ("mesh.elements=12", "time.end=0.2", "reduction.coordinates=6", "slider.path=2.0", "simulation.repeats=1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("simulator", "bound"), [("march", 1e-12), ("exudyn", 1e-6)])
 def test_states_are_those_of_the_simulation_that_made_the_response(simulator: str, bound: float) -> None:
     scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*SMALL, f"simulation.simulators=['{simulator}']"])

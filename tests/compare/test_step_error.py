@@ -60,6 +60,8 @@ MODELS = {
 }
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("step", [1e-3, 1e-2])
 @pytest.mark.parametrize("name", MODELS)
 def test_it_is_the_error_against_far_smaller_steps(name: str, step: float) -> None:
@@ -122,6 +124,7 @@ PUSHED = {  # the beam swings about its pin, and bounces on the slider under it
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", PUSHED)
 def test_where_rows_only_push_and_runs_part_the_mean_is_compared(by: str) -> None:
     model = replace(flexible(FULL, 5), clearance=np.zeros(1))
@@ -225,6 +228,7 @@ def test_a_run_whose_step_is_too_coarse_by_ten_says_so(load_scene, name: str) ->
         assert [line.lower() for line in shown.warnings] == [line.lower() for line in summary_["warnings"]]
 
 
+@pytest.mark.slow
 def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, monkeypatch) -> None:
     def fails(*_: object, **__: object) -> None:
         raise SimulationError("march failed at step 3")

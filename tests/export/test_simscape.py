@@ -66,6 +66,7 @@ def displaced(point: np.ndarray) -> np.ndarray:
     return np.hstack([np.eye(3), np.cross(np.eye(3), point).T])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["bar", "boom"])
 def test_what_the_block_reads(case: str, bar: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     """Frequencies from above, the nearer the more modes; all frames as one move without force, with the whole mass."""

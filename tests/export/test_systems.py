@@ -133,6 +133,7 @@ def test_a_flexible_body_is_none_of_several_sections(to: str, tmp_path: Path, mo
     assert "sections = ['base', 'middle', 'fly']: one body is allowed: such a file holds nodes" in done.stderr
 
 
+@pytest.mark.slow
 def test_pads_that_only_push_leave_no_state_space(tmp_path: Path, monkeypatch, capsys) -> None:
     pushing = pmr.reduce(pmr.load_scene("boom_two", SHORT)).system.save(tmp_path / "system.npz")
     for to in (name for name, one in FORMATS.items() if "at" in one.options):

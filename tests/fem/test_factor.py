@@ -49,6 +49,7 @@ def test_a_factor_that_does_not_fit_is_kept_in_files_and_solves_as_well(
     outside.destroy()
 
 
+@pytest.mark.slow
 def test_a_factor_that_does_not_even_fit_with_files_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(factor, "free_memory", lambda comm: 1)
     with pytest.raises(InputError, match=r"the factor of K takes \d+ MB.*a coarser mesh or more memory is allowed"):
@@ -80,6 +81,7 @@ def test_a_singular_matrix_is_refused() -> None:
         Factor(A, "K")
 
 
+@pytest.mark.slow
 def test_whoever_solves_for_steps_says_the_same() -> None:
     A = laplacian()
     g = np.asfortranarray(np.random.default_rng(6).normal(size=(A.getLocalSize()[0], 3)))

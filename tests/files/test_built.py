@@ -50,6 +50,7 @@ def test_nothing_is_left_of_what_fails(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["folder.lock"]
 
 
+@pytest.mark.slow
 def test_what_a_dead_process_left_is_removed_and_its_lock_is_free(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     died = subprocess.run([sys.executable, "-c", KILLED, str(folder)], check=False)

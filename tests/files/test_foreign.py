@@ -268,6 +268,7 @@ def damaged(content: bytes, rng: np.random.Generator) -> bytes:
     return ways[int(rng.integers(len(ways)))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("write", WRITERS)
 def test_damaged_files_are_read_or_refused_in_one_line(
     write: Callable[[Path], ForeignFiles], tmp_path: Path, capfd: pytest.CaptureFixture[str]

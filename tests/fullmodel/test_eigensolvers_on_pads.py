@@ -41,6 +41,8 @@ PADS = (
 )
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_large_models_whose_rows_give_way_need_one_factor() -> None:
     assert isinstance(eigensolver(boom(), "slepc"), OneFactorEigenSolver)
     assert isinstance(eigensolver(boom(), "auto"), DenseEigenSolver)

@@ -105,6 +105,7 @@ def test_free_motions_do_not_depend_on_where_the_origin_is() -> None:
         assert found == pytest.approx(at, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_run_says_what_is_free_where_that_is_allowed() -> None:
     """A boom free along its axis runs, for nothing pushes it there."""
     short = ["time.end=0.1", "time.step=0.01", "recovery.every=0.05", "recovery.stress=false", "compare.against=[]"]

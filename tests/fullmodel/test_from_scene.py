@@ -223,6 +223,7 @@ count = 4
 """
 
 
+@pytest.mark.slow
 def test_a_mesh_of_ones_own_is_read(tmp_path: Path) -> None:
     if MPI.COMM_WORLD.size > 1:
         pytest.skip("every rank has a folder of its own here")

@@ -73,6 +73,7 @@ def test_the_nearest_point_of_the_face_counts_and_of_a_group_the_mean() -> None:
     assert values == pytest.approx(mean.tolist(), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_simulated_probe_is_the_recovered_stress() -> None:
     """The reduced model's own outputs beside the stresses of the states recovered from it, and the full model's."""
     changes = ("time.end=0.5", "recovery.every=0.5", "mesh.elements=12", "slider.path=2.0")

@@ -62,6 +62,7 @@ def test_a_square_that_is_all_corners_is_a_circular_tube(nu: float) -> None:
     assert tube.shear_area_y == pytest.approx(2 * (1 + nu) / (4 + 3 * nu) * tube.area, rel=0.02)
 
 
+@pytest.mark.slow
 def test_rounded_corners_take_away_what_is_outside_them() -> None:
     """Sums over a fine grid of points, and a radius that vanishes."""
     b, h, t, r = 0.3, 0.4, 0.02, 0.06

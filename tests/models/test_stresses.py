@@ -301,6 +301,8 @@ CANTILEVERS = {
 }
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("name", CANTILEVERS)
 def test_a_cantilever_has_the_stresses_of_bending(name: str) -> None:
     """M z / I within 1 % of the largest one, away from clamp and load: on both faces of each wall."""

@@ -322,6 +322,7 @@ def test_a_shell_slides_in_beams() -> None:
         assert sum(up) == pytest.approx(weight, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_equal_sections_are_built_and_reduced_once_and_points_hold_beams(tmp_path: Path) -> None:
     (tmp_path / "points.toml").write_text(POINTS)
     boom = scenes.load_any(tmp_path / "points.toml")

@@ -13,7 +13,8 @@ SHORT += ["time.rho_inf=0.9", "simulation.repeats=1"]
 BOTH_WAYS = [f"section.joint.{end}=[{{at=0.15,stiffness=1e8,unilateral=false}}]" for end in ("tail", "mouth")]
 
 
-@pytest.mark.parametrize("pads", ["both ways", pytest.param("pushing", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("pads", ["both ways", "pushing"])
 def test_every_simulator_of_the_full_model_is_honoured(pads: str) -> None:
     """They follow the same motion; where pads only push, each step in the parts that the reduced model's took."""
     found = dict[str, Response]()

@@ -23,6 +23,7 @@ def result(folder: Path, *changes: str) -> RunResult:
     return outcome.result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("full", ["march", "petsc"])
 def test_a_body_alone_in_equilibrium_stays_where_it_is(tmp_path: Path, full: str) -> None:
     """Under constant loads and on a path that stands still nothing moves, in full order and reduced."""

@@ -34,6 +34,8 @@ def along(model: ReducedModel) -> np.ndarray:
     return np.sqrt(np.maximum(np.linalg.eigvalsh(Z.T @ model.K @ Z), 0.0))
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_a_rod_with_a_payload_at_its_end_rings_as_the_wave_equation_says() -> None:
     """x tan x = m / M with x = omega L / c; what two modes miss of it is less than what 24 elements do, h^2 / 24."""
     area = 2.0 * 0.007 * (0.26 + 0.36)
@@ -44,6 +46,8 @@ def test_a_rod_with_a_payload_at_its_end_rings_as_the_wave_equation_says() -> No
     assert np.min(np.abs(found / first - 1.0)) < 2.0 * of_mesh
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_under_a_cylinder_nothing_gives_way_that_has_no_mass_and_no_damping() -> None:
     modal = fly(5)
     model, r = with_cylinder_modes(modal), modal.size
@@ -100,6 +104,7 @@ def test_smaller_and_larger_models_have_the_modes_of_their_own_residual_part(sid
     assert along(with_cylinder_modes(again)) == pytest.approx(along(with_cylinder_modes(small)), rel=1e-6, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_saved_and_read_again(tmp_path: Path) -> None:
     model = with_cylinder_modes(fly(5))
     found = ReducedModel.load(model.save(tmp_path / "fly.npz"))

@@ -72,6 +72,7 @@ def test_what_decides_is_noticed(load_scene, tmp_path: Path, computed: list[str]
     assert computed.count("reduce_body") == 2
 
 
+@pytest.mark.slow
 def test_damaged_files_are_made_again(load_scene, tmp_path: Path, computed: list[str]) -> None:
     scene = load_scene("evolved_residual", [*SHORT, "mesh.elements=20"])
     first = run(scene, cache=tmp_path)
@@ -112,6 +113,7 @@ def test_the_finer_mesh_is_reduced_once_for_any_tolerance(load_scene, tmp_path: 
         assert other.result.summary["budget"]["mesh"][kind] == pytest.approx(share, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_search_has_its_modes_beside_a_reduction_without(load_scene, tmp_path: Path) -> None:
     chosen = [*SHORT, "mesh.elements=20", "reduction.coordinates=6"]
     run(load_scene("evolved_residual", chosen), cache=tmp_path)

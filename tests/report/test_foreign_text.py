@@ -59,6 +59,7 @@ def test_a_report_shows_names_as_they_are(html: str, kind: str) -> None:
     assert fit(TEXTS[kind]) in legend
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", TEXTS)
 def test_a_title_is_shown_as_it_is(kind: str) -> None:
     page = render([Chapter(anchor="case-1", title=TEXTS[kind], warnings=[TEXTS[kind]])])

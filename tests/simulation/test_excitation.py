@@ -81,6 +81,7 @@ def test_what_a_measured_path_lies_beyond_the_end_is_cut_off(beyond: float) -> N
     np.testing.assert_array_equal(on_path(path, path.value(np.zeros(1)), (0.0, 5.0), np.zeros(1)), [5.0])
 
 
+@pytest.mark.slow
 def test_a_path_stays_within_its_own_bounds() -> None:
     """Whose model is made for it: of a sum of tones no sample need lie on a crest."""
     tones = [Sine(amplitude=0.7 / k, frequency=0.0231 * k**1.5, phase=0.3 * k) for k in range(1, 6)]

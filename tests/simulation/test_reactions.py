@@ -76,6 +76,8 @@ def sign(body: FullBody) -> float:
     return -float(row[2])
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_reduced_reactions_are_as_good_as_the_forces_of_the_slider(outcome: Outcome) -> None:
     errors = outcome.result.summary["errors"]["reduced_vs_full"]
     largest = max(errors[name] for name in NAMES)

@@ -151,6 +151,7 @@ def test_what_is_not_held_is_told() -> None:
     assert any("tolerance of 1e-10 % isn't held" in line for line in found["warnings"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

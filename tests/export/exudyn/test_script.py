@@ -109,6 +109,7 @@ def test_another_pre_step_function_is_never_taken_in_silence(
     names["solve"](mbs, 0.01, 1e-3, 0.8)
 
 
+@pytest.mark.slow
 def test_it_runs_alone_and_tells_the_tip(script: Path) -> None:
     done = subprocess.run([sys.executable, "-I", str(script)], capture_output=True, text=True, cwd="/")
     assert done.returncode == 0, done.stderr

@@ -103,7 +103,10 @@ class Made:
         return [name for name in self.library.named("local") if name.startswith("mode_")]
 
 
-@pytest.fixture(scope="module", params=[("flexible", "2"), *((kind, "3") for kind in KINDS)], ids=lambda p: "-".join(p))
+MADE = [("flexible", "2"), *(pytest.param((kind, "3"), marks=pytest.mark.slow) for kind in KINDS)]
+
+
+@pytest.fixture(scope="module", params=MADE, ids=lambda p: "-".join(p))
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
     kind, version = request.param
     model = model_of(kind)

@@ -351,6 +351,7 @@ def test_inputs_of_sections_have_their_units(two: Reduction) -> None:
     assert (float(given["s_fly"]["min"]), float(given["s_fly"]["max"])) == (low, high)
 
 
+@pytest.mark.slow
 def test_a_body_without_contacts_or_paths_is_a_system_too(two: Reduction, tmp_path: Path) -> None:
     """A clamped section by itself, under its weight."""
     base = two.reduced["base"].without_joints()

@@ -86,11 +86,14 @@ def outputs(full: FullModel, q: np.ndarray) -> np.ndarray:
     return full.comm.allreduce(q @ local_csr(full.outputs))
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("reduce", [plain, flexible, inertial])
 def test_outputs_of_recovered_states_are_those_of_the_simulation(case: Case, reduce: Callable) -> None:
     check_outputs(case, reduce)
 
 
+@pytest.mark.slow
 def test_pads_that_open_leave_the_outputs_right(load_scene) -> None:
     case = boom(load_scene, unilateral=True, clearance=1e-5)
     forces = check_outputs(case, flexible).multipliers
@@ -126,6 +129,7 @@ def largest_terms(body: ReducedModel, states: BodyStates) -> np.ndarray:
     return terms.max(axis=0)
 
 
+@pytest.mark.slow
 def test_recovered_states_are_nearly_those_of_the_full_model(case: Case) -> None:
     """All coordinates of all times, in the norm of strain energy; without what the modes leave out far less so."""
     basis = modal_basis(free_modes(case.full, 8))

@@ -53,6 +53,7 @@ def test_one_pad_of_each_face_answers_for_all(built: Built, monkeypatch: pytest.
         assert np.abs(one.c - other.c).max() < 1e-8 * np.abs(other.c).max(), name
 
 
+@pytest.mark.slow
 def test_images_that_miss_are_not_taken(built: Built) -> None:
     """K that is stiffer on one side, a basis that leans to it, a row that holds it, and carriers without a partner."""
     model, T = built.model, couple(built.structure).T

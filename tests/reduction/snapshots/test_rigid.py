@@ -48,6 +48,8 @@ def whole(model: FullModel, local: np.ndarray) -> np.ndarray:
     return np.concatenate(model.comm.allgather(local))
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("length", [*LENGTHS, *OTHERS])
 def test_pitch_and_yaw_are_left_at_any_length(length: float) -> None:
     """A ring at the tail and a cylinder: two rigid-body modes, turning about the ring."""
@@ -64,6 +66,8 @@ def test_pitch_and_yaw_are_left_at_any_length(length: float) -> None:
     assert np.abs(motion[:, :3] - expected).max() < 1e-12 * np.abs(motion).max()
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize(
     ("pads", "left"),
     [

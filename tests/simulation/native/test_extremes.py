@@ -122,6 +122,8 @@ def test_a_slow_slide_keeps_energy_over_frequency() -> None:
     assert smoothest < 1e-4 and smoothest < quintic / 2.0
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("offsets", [[0.0, 0.5], [0.0, 0.5, 1.0]])
 def test_the_matrix_of_a_step_tends_to_one_that_is_well_conditioned(load_scene, offsets: list[float]) -> None:
     """dq C S^-1 C^T + G, scaled to a diagonal of ones: for h = 1e-4, 1e-5 and 1e-6 s, full and reduced."""

@@ -60,6 +60,8 @@ def simulated(system: System, excitation: Excitation, comm: MPI.Comm = MPI.COMM_
     return observe_system(spread, excitation, EVERYTHING, static_start(spread, excitation))
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.mpi
 @pytest.mark.parametrize("pads", BOOMS)
 def test_as_bodies_that_are_diagonalised(pads: str) -> None:
@@ -140,6 +142,7 @@ def rms(y: Array) -> float:
     return float(np.sqrt(np.mean(y**2)))
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("memory", [2**30, 0], ids=["answers stored", "two solves"])
 def test_ranks_agree_with_one(memory: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,6 +222,7 @@ def half_way(share: float) -> None:
         raise InterruptionError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pads", ["yielding", "pushing"])
 def test_cut_off_it_goes_on_to_the_same_digits(pads: str, tmp_path: Path) -> None:
     system = full(BOOMS[pads])

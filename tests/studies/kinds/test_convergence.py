@@ -43,6 +43,7 @@ def test_errors_fall_and_the_finest_has_none(small: StudyResults) -> None:
     assert number(errors["full-4"]) > 3.0 * number(errors["full-8"]) > 0.0
 
 
+@pytest.mark.slow
 def test_the_error_is_that_of_an_integrator_elsewhere(small: StudyResults) -> None:
     stepping = TimeStepping(0.5, 1e-3, 0.9)
     s = load(small.folder / "short.toml").slider.path.value(stepping.times)

@@ -31,6 +31,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     return finished(folder, SMALL)
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_single_runs(small: StudyResults) -> None:
     """With the pin's rows holding coordinates, as the paper's scenes say, and with them dropped."""
     found = small.runs[0].figures
