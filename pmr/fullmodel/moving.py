@@ -5,7 +5,7 @@ r"""What a moving frame and axial forces add to a structural model: matrices and
     K_g = \int \sigma_{jk}\, u_{i,j} v_{i,k} \, dV
 
 with S as `pmr.reduced.moving` has it, R_c a rigid motion of the model, which all models hold exactly, and sigma the
-stresses of a unit state of axial force (docs/moving_frame.md).
+stresses of a unit state (docs/moving_frame.md).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pmr.fullmodel.eigensolvers import DENSE_UP_TO
 from pmr.fullmodel.elimination import Elimination
 from pmr.fullmodel.statics import solver_of
 from pmr.models import StructuralModel, is_assembled
-from pmr.reduced.moving import AXIAL, CONSTANT, LINEAR
+from pmr.reduced.moving import CONSTANT, LINEAR, STATES
 from pmr.scene.structures import PointMass
 
 Array = NDArray[np.float64]
@@ -59,11 +59,10 @@ class Moving:
         return np.concatenate(self._comm.allgather(own[:, 0]))
 
     def geometric_stiffness(self, name: str) -> PETSc.Mat:
-        """K_g of one of the unit states of axial force; collective."""
-        *acceleration, tension = AXIAL[name]
-        a, b = acceleration
-        forces = [(mass.on, -mass.mass * (a + b * self._station(mass))) for mass in self._masses]
-        state = State(self, (a, b), (*forces, ("tip", tension)))
+        """K_g of one of the unit states of stress; collective."""
+        load, x = STATES[name], np.eye(3)[0]
+        forces = [(m.on, -m.mass * (load.acceleration + load.stretch * self._station(m) * x)) for m in self._masses]
+        state = State(self, load.acceleration, load.stretch, (*forces, ("tip", load.force)))
         form = self._assembler.model.geometric_stiffness(self._assembler.space, state)
         return self._assembler.matrix(form, zeros=False)
 
@@ -73,13 +72,13 @@ class Moving:
 
     def displacement(self, state: State) -> Any:
         """Of the body with its tail clamped, as a function; collective."""
-        model, (a, b), comm = self._model, state.acceleration, self._comm
-        load = np.zeros(model.size)
-        for name, factor in (("inertia x", a), ("inertia xx", b)):
-            if factor:
+        model, comm, load = self._model, self._comm, np.zeros(self._model.size)
+        fields = dict(zip(CONSTANT, state.acceleration, strict=True)) | {"inertia xx": state.stretch}
+        for name, factor in fields.items():
+            if factor != 0.0:
                 load -= factor * self.field(name)
         for place, force in state.forces:
-            load += force * model.displacement(place)[0].toarray()[0]
+            load += model.displacement(place).T @ force
         clamped = model.coordinates_on("tail", model.directions)
         nothing = np.zeros((len(clamped), 0))
         operators = operators_of(model, comm)
@@ -94,11 +93,12 @@ class Moving:
 
 @dataclass(frozen=True)
 class State:
-    """A unit state of axial force, as `pmr.models.AxialState` has it."""
+    """A unit state of stress, as `pmr.models.UnitState` has it."""
 
     of: Moving
-    acceleration: tuple[float, float]
-    forces: tuple[tuple[str, float], ...]
+    acceleration: Array
+    stretch: float
+    forces: tuple[tuple[str, Array], ...]
 
     def displacement(self, space: Any) -> Any:
         """On the space that the model is assembled on; collective."""

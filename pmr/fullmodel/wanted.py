@@ -6,5 +6,5 @@ from pmr.scene import Scene
 
 
 def wanted_matrices(scene: Scene) -> tuple[str, ...]:
-    """Names among `ROTATING`, `CARRIED` and `AXIAL` of `pmr.reduced.moving`; none costs anything unless it is named."""
+    """Names among `ROTATING`, `CARRIED` and `STATES` of `pmr.reduced.moving`; none costs anything unless named."""
     return ()

@@ -30,16 +30,20 @@ class Forms:
     stiffness: Any
 
 
-class AxialState(Protocol):
-    """A state of stress of a body held at its tail, of one of the names `pmr.reduced.moving.AXIAL`."""
+class UnitState(Protocol):
+    """A state of stress of a body held at its tail, of one of the names `pmr.reduced.moving.STATES`."""
 
     @property
-    def acceleration(self) -> tuple[float, float]:
-        """(a, b) of the frame's acceleration a + b x along x, in m/s^2 and 1/s^2."""
+    def acceleration(self) -> Array:
+        """Of the frame (3,) in m/s^2."""
 
     @property
-    def forces(self) -> Sequence[tuple[str, float]]:
-        """Forces in N along x on places of the body."""
+    def stretch(self) -> float:
+        """By how much the frame's acceleration along x grows with x, 1/s^2."""
+
+    @property
+    def forces(self) -> Sequence[tuple[str, Array]]:
+        """Forces (3,) in N on places of the body."""
 
     def displacement(self, space: Any) -> Any:
         """What these make of the body, as a function on its space; collective."""
@@ -118,7 +122,7 @@ class FiniteElementModel(StructuralModel, Protocol):
     def inertia(self, space: Any, S: Any) -> Any:
         """The form of int rho v . S u dV, with a matrix S (3, 3) in UFL: mass where S is the identity."""
 
-    def geometric_stiffness(self, space: Any, state: AxialState) -> Any:
+    def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
         """The form of int sigma_jk u_i,j v_i,k dV with the stresses sigma of a state."""
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:

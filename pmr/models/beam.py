@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cellwise, constant, create_mesh
 from pmr.fields.series import Grid
-from pmr.models import DIRECTIONS, AxialState, rigid_motions
+from pmr.models import DIRECTIONS, UnitState, rigid_motions
 from pmr.scene.structures import Beam3DBody, Profile
 
 Array = NDArray[np.float64]
@@ -58,18 +58,33 @@ class Beam(ABC):
         nodes = cells[:, None] + np.arange(2)
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
 
-    def axial_force(self, mesh: Any, state: AxialState) -> Any:
+    def axial_force(self, mesh: Any, state: UnitState) -> Any:
         r"""N(x) in N, tension positive, of the beam held at its tail, in UFL on a dolfinx mesh.
 
         .. math:: N = -\int_x^L \rho A\, (a + b \xi)\, d\xi + \sum_{x_i > x} F_i
         """
-        a, b = (constant(mesh, self.mass_per_length * value) for value in state.acceleration)
+        a, b = (constant(mesh, self.mass_per_length * float(value)) for value in (state.acceleration[0], state.stretch))
         x, L = ufl.SpatialCoordinate(mesh)[0], constant(mesh, self.body.length)
+        return self._beyond(mesh, state, 0)[0] - a * (L - x) - b * (L**2 - x**2) / 2.0
+
+    def moment(self, mesh: Any, state: UnitState, component: int) -> Any:
+        r"""M(x) = EI w'' in N m of bending along y (`component` 1) or z (2), likewise.
+
+        .. math:: M = -\int_x^L \rho A\, a\, (\xi - x)\, d\xi + \sum_{x_i > x} F_i\, (x_i - x)
+        """
+        a = constant(mesh, self.mass_per_length * float(state.acceleration[component]))
+        x, L = ufl.SpatialCoordinate(mesh)[0], constant(mesh, self.body.length)
+        force, arm = self._beyond(mesh, state, component)
+        return arm - force * x - a * (L - x) ** 2 / 2.0
+
+    def _beyond(self, mesh: Any, state: UnitState, component: int) -> tuple[Any, Any]:
+        """Sums of forces and of forces times their places beyond each element."""
         middle = (self.node_stations[:-1] + self.node_stations[1:]) / 2.0
-        beyond = np.zeros(len(middle))
+        sums = np.zeros((2, len(middle)))
         for place, force in state.forces:
-            beyond += force * (self.station(place) > middle)
-        return cellwise(mesh, beyond) - a * (L - x) - b * (L**2 - x**2) / 2.0
+            at = self.station(place)
+            sums += np.array([[1.0], [at]]) * force[component] * (at > middle)
+        return cellwise(mesh, sums[0]), cellwise(mesh, sums[1])
 
     def displacement(self, place: str | float) -> sp.csr_matrix:
         return self.motion(place)[[i for i, d in enumerate(self.directions) if d in "xyz"]]

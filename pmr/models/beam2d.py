@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import constant, hermite_space
 from pmr.mesh.strip import Extent, Strip, Window, line_points
-from pmr.models import AxialState, Forms, bilinear
+from pmr.models import Forms, UnitState, bilinear
 from pmr.models.beam import HERMITE, Beam
 from pmr.scene.structures import Profile
 
@@ -92,7 +92,7 @@ class Beam2D(Beam):
         u, v = (self._displacement(field) for field in _trial_and_test(space))
         return constant(space.mesh, self.body.mass_per_length) * bilinear(S, v, u) * _measure(space.mesh)
 
-    def geometric_stiffness(self, space: Any, state: AxialState) -> Any:
+    def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
         """The form of int N w' dw' dx."""
         w, dw = (self._displacement(field)[2] for field in _trial_and_test(space))
         return self.axial_force(space.mesh, state) * w.dx(0) * dw.dx(0) * _measure(space.mesh)

@@ -37,7 +37,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import cellwise, constant, hermite_space
 from pmr.fields.stress import StressRows
 from pmr.mesh.strip import FACES, Extent, Strip, Window, line_points
-from pmr.models import DIRECTIONS, AxialState, Forms, bilinear
+from pmr.models import DIRECTIONS, Forms, UnitState, bilinear
 from pmr.models.beam import HERMITE, Beam
 from pmr.models.box_section import box_section, stress_rows
 from pmr.models.tabulation import cell_values
@@ -169,18 +169,26 @@ class Beam3D(Beam):
         phi, (turn_v, turn_w) = field[1], (None if one.shear is None else -one.rotation for one in (v, w))
         return (field[0], v.value, w.value), (turn_v, None, phi), (turn_w, -phi, None)
 
-    def geometric_stiffness(self, space: Any, state: AxialState) -> Any:
-        r"""The form of :math:`\int N\, (v' \delta v' + w' \delta w' + \frac{I_y + I_z}{A} \phi' \delta\phi')\, dx`.
+    def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
+        r"""The form of what an axial force N and moments :math:`M_v = EI_z v_0''`, :math:`M_w = EI_y w_0''` do.
 
-        The last term is Wagner's: under compression a bar that warps freely twists from N = G J A / (I_y + I_z) on
-        (Timoshenko, Gere: Theory of Elastic Stability, 2nd ed., 1961, section 5.3).
+        .. math::
+            \int N\, \Bigl(v' \delta v' + w' \delta w' + \frac{I_y + I_z}{A} \phi' \delta\phi'\Bigr)
+                + (M_w \phi)' \delta v' + v' (M_w \delta\phi)' - (M_v \phi)' \delta w' - w' (M_v \delta\phi)' \, dx
+
+        Wagner's term, with I_y + I_z, twists a bar that is soft in torsion; moments make a high beam tip over sideways.
+        From :math:`\sigma_{jk} u_{i,j} v_{i,k}` with the motion of sections and the shear force -M'; forces act on the
+        axis (Timoshenko, Gere: Theory of Elastic Stability, 2nd ed., 1961, sections 5.3 and 6.3).
         """
         mesh, trial, test = space.mesh, ufl.TrialFunction(space), ufl.TestFunction(space)
+        of, by = ([one.value.dx(0) for one in self._deflections(mesh, field)] for field in (trial, test))
+        phi, dphi = trial[1], test[1]
         radius2 = constant(mesh, self.section.polar_moment / self.section.area)
-        found = radius2 * trial[1].dx(0) * test[1].dx(0)
-        for of, by in zip(*(self._deflections(mesh, field) for field in (trial, test)), strict=True):
-            found += of.value.dx(0) * by.value.dx(0)
-        return self.axial_force(mesh, state) * found * _measure(mesh)
+        along = of[0] * by[0] + of[1] * by[1] + radius2 * phi.dx(0) * dphi.dx(0)
+        M_v, M_w = (self.moment(mesh, state, component) for component in (1, 2))
+        across = (M_w * phi).dx(0) * by[0] + of[0] * (M_w * dphi).dx(0)
+        across -= (M_v * phi).dx(0) * by[1] + of[1] * (M_v * dphi).dx(0)
+        return (self.axial_force(mesh, state) * along + across) * _measure(mesh)
 
     def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
         """Of a field (u, phi, w_A and theta_B of both planes), in both planes."""

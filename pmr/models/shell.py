@@ -46,7 +46,7 @@ from pmr.fem.compat import cellwise, constant, rule_points, shell_space
 from pmr.fields.stress import PLANE, StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.strip import FLAT
-from pmr.models import AxialState, Forms
+from pmr.models import Forms, UnitState
 from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
 from pmr.models.tabulation import as_rows, cell_values
 from pmr.scene import Body
@@ -113,7 +113,7 @@ class Shell(MeshedModel):
         both = rho * t * ufl.dot(du, ufl.dot(S, u)) + rho * t**3 / 12 * ufl.dot(dturn, ufl.dot(S, turn))
         return both * _mass_measure(mesh)
 
-    def geometric_stiffness(self, space: Any, state: AxialState) -> Any:
+    def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
         r"""The form of the stresses' work on the squares of gradients, with the membrane stress sigma.
 
         .. math:: \int t\, \sigma_{\alpha\beta}\, u_{i,\alpha} v_{i,\beta}\, dA

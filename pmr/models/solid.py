@@ -33,7 +33,7 @@ from pmr.fem.compat import cell_topology, cellwise, lagrange_rule, lagrange_spac
 from pmr.fields.stress import SPATIAL, StressRows
 from pmr.mesh.named import NamedMesh
 from pmr.mesh.nodes import codes
-from pmr.models import AxialState, Forms
+from pmr.models import Forms, UnitState
 from pmr.models.meshed import FACES, MeshedModel, OfCells, away, by_region, frequency_scale
 from pmr.models.tabulation import as_rows, cell_values
 from pmr.scene import Body
@@ -82,7 +82,7 @@ class Solid(MeshedModel):
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         return rho * ufl.dot(du, ufl.dot(S, u)) * _measure(space.mesh, 4)
 
-    def geometric_stiffness(self, space: Any, state: AxialState) -> Any:
+    def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         sigma = self._stress(space.mesh, state.displacement(space))
         return ufl.inner(ufl.dot(ufl.grad(u), sigma), ufl.grad(du)) * _measure(space.mesh, 4)

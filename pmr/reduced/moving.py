@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,28 @@ CARRIED = {
     f"carried {_AXES[j]}{_AXES[k]}": (np.outer(_E[j], _E[k]) + np.outer(_E[k], _E[j])) / 2.0
     for j, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 }
+
+
+@dataclass(frozen=True)
+class UnitLoad:
+    """What makes a unit state of stress in a body that is held at its tail."""
+
+    acceleration: Array = field(default_factory=lambda: np.zeros(3))  # of the frame, (3,) m/s^2
+    stretch: float = 0.0  # 1/s^2: by how much that along x grows with x
+    force: Array = field(default_factory=lambda: np.zeros(3))  # on the tip, (3,) N
+
+
 #: Geometric stiffness of the axial force N that, in a body held at its tail, a unit acceleration of the frame makes,
-#: a_x = 1 m/s^2 or a_x = x in 1/s^2 (compression: N < 0), and a tension of 1 N at the tip: (a, b) of a_x = a + b x,
-#: and the tension.
-AXIAL = {"axial uniform": (1.0, 0.0, 0.0), "axial linear": (0.0, 1.0, 0.0), "axial tip": (0.0, 0.0, 1.0)}
+#: a_x = 1 m/s^2 or a_x = x in 1/s^2 (compression: N < 0), and a tension of 1 N at the tip.
+AXIAL = {
+    "axial uniform": UnitLoad(acceleration=_E[0]),
+    "axial linear": UnitLoad(stretch=1.0),
+    "axial tip": UnitLoad(force=_E[0]),
+}
+#: The same of bending: a unit acceleration across, or a force of 1 N across at the tip.
+BENDING = {f"bending uniform {_AXES[k]}": UnitLoad(acceleration=_E[k]) for k in (1, 2)}
+BENDING |= {f"bending tip {_AXES[k]}": UnitLoad(force=_E[k]) for k in (1, 2)}
+STATES = AXIAL | BENDING
 
 
 def _linear(j: int, k: int) -> Iterator[tuple[Array, str]]:

@@ -24,7 +24,7 @@ from pmr.models.beam2d import Beam2D
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
-from pmr.reduced.moving import AXIAL, CARRIED, ROTATING
+from pmr.reduced.moving import AXIAL, BENDING, CARRIED, ROTATING, STATES
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.residual.model import section_model
 from pmr.reduction.snapshots.free_body import FreeBody
@@ -86,7 +86,7 @@ def with_terms(system: System) -> Assembly:
     terms = [
         Term(f"{name} {matrix}".strip(), (name,), stiffness=body.matrices[matrix])
         for name, body in system.bodies.items()
-        for matrix in AXIAL
+        for matrix in STATES
         if matrix in body.matrices
     ]
     return Assembly(dataclasses.replace(system, terms=tuple(terms)))
@@ -246,6 +246,39 @@ def test_a_thin_strip_buckles_as_a_column() -> None:
     assert factors(full, {"axial tip": -1.0}) == pytest.approx(np.pi**2 / 4.0 * EI_strip / length**2, rel=1e-2)
     weight = factors(full, {"axial uniform": 1.0}) * STEEL.density * width * 5e-3 * length
     assert weight == pytest.approx(7.8373 * EI_strip / length**2, rel=1e-2)
+
+
+@pytest.mark.parametrize("direction", "yz")
+def test_a_high_beam_tips_over_sideways(direction: str) -> None:
+    """Under a force at its end that bends it the stiff way: 4.0126 sqrt(EI GJ) / L^2, of either sign."""
+    stiff, soft, J = 1e-2, 1e-6, 2e-6
+    own = {"second_moment_y": stiff, "second_moment_z": soft}
+    section = BeamSection(
+        area=1e-2, torsion_constant=J, **own if direction == "z" else dict(zip(own, (soft, stiff), strict=True))
+    )
+    full = held(Beam3D(Beam3DBody(length=3.0, section=section, shear=False, elements=32)), names=tuple(BENDING))
+    expected = 4.0126 * np.sqrt(STEEL.young * soft * STEEL.shear_modulus * J) / 3.0**2
+    for sign in (-1.0, 1.0):
+        assert factors(full, {f"bending tip {direction}": sign}) == pytest.approx(expected, rel=1e-3)
+    # under its own weight: q L^3 = 12.85 sqrt(EI GJ), Timoshenko and Gere, section 6.3
+    weight = factors(full, {f"bending uniform {direction}": 1.0}) * STEEL.density * 1e-2
+    assert weight == pytest.approx(12.85 * np.sqrt(STEEL.young * soft * STEEL.shear_modulus * J) / 3.0**3, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_a_thin_strip_tips_over_sideways() -> None:
+    """As a beam in space with its properties, under a force and under its own weight."""
+    length, width, t = 10.0, 0.25, 5e-3  # thin, for no shell knows how the edges soften torsion
+    shell = held(strip(width, length, 40), names=tuple(BENDING))
+    section = BeamSection(
+        area=width * t, second_moment_y=width * t**3 / 12.0, second_moment_z=width**3 * t / 12.0,
+        torsion_constant=width * t**3 / 3.0 * (1.0 - 0.63 * t / width),
+    )  # fmt: skip
+    body = Beam3DBody(length=length, section=section, shear=False, elements=40, material=Material(poisson=0.0))
+    beam = held(Beam3D(body), names=tuple(BENDING))
+    for name in ("bending tip y", "bending uniform y"):
+        assert factors(shell, {name: 1.0}) == pytest.approx(factors(beam, {name: 1.0}), rel=1e-2)
 
 
 @pytest.mark.slow
