@@ -16,6 +16,8 @@ from pmr.errors import InputError
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
+pytestmark = pytest.mark.slow  # a boom is run
+
 SHORT = ["compare.against=[]", "section.mesh.elements=8", "time.end=0.1", "simulation.repeats=1"]
 #: Another way out, another load, another step.
 OTHER = [
@@ -45,7 +47,6 @@ def sets(overrides: list[str]) -> list[str]:
     return [part for one in overrides for part in ("--set", one)]
 
 
-@pytest.mark.slow
 def test_it_finds_what_the_run_found(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     asked = ["--scene", "boom_two", "--out", str(out), *sets(SHORT)]
@@ -61,7 +62,6 @@ def test_it_finds_what_the_run_found(folder: Path, tmp_path: Path) -> None:
     assert one["estimate"]["reason"] and one["model"]["scene_hash"] == other["scene_hash"]
 
 
-@pytest.mark.slow
 def test_under_another_scene_it_is_the_run_of_that_scene(system: System) -> None:
     """The run makes sections of its own, on another stretch."""
     scene = pmr.load_scene("boom_two", [*SHORT, *OTHER])

@@ -74,6 +74,7 @@ def test_the_response_is_that_of_the_equations(system: System) -> None:
             assert_same(found[k, j], response(system, at(k), w), len(system.contacts))
 
 
+@pytest.mark.slow
 def test_natural_frequencies_are_those_of_the_system(system: System) -> None:
     space = state_space(system, S, "system.npz")
     expected = Assembly(system).frequencies(system.coordinates(S), 5)

@@ -58,6 +58,7 @@ def pressed(structure: Structure, s: float) -> np.ndarray:
     return C @ scipy.linalg.solve(K, C.T, assume_a="pos")
 
 
+@pytest.mark.slow
 def test_pads_that_slide_find_the_walls_compliance_on_top_of_the_beams() -> None:
     moving, walls = tuple(replace(pad, at=0.2) for pad in RING), Walls(sliding=(sliding(),))
     one = walls.sliding[0]
@@ -180,6 +181,7 @@ def test_the_shells_compliance_is_symmetric_definite_and_a_mirror_image_of_itsel
     assert C == pytest.approx(mirrored, rel=1e-6, abs=1e-6 * C.max())
 
 
+@pytest.mark.slow
 def test_a_free_end_is_softer_than_the_middle_and_one_that_is_clamped_stiffer() -> None:
     """Under a pad in the middle of a face."""
     ring, found_at = Ring(tuple(replace(pad, at=0.15) for pad in PRESSED), 1.05), {}
@@ -189,6 +191,7 @@ def test_a_free_end_is_softer_than_the_middle_and_one_that_is_clamped_stiffer() 
     assert found_at["free"] > 1.05 and found_at["clamped"] < 0.8
 
 
+@pytest.mark.slow
 def test_rings_dent_each_others_walls_the_more_the_nearer_they_are() -> None:
     """As pads that stay do; those that twist a section out of its rectangle reach far."""
     ring = Ring(tuple(replace(pad, at=1.2) for pad in PRESSED[:2]), 0.9)

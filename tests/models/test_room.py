@@ -66,7 +66,7 @@ MODELS = {
 }
 
 
-@pytest.fixture(params=MODELS)
+@pytest.fixture(scope="module", params=MODELS)
 def model(request) -> FiniteElementModel:
     return MODELS[request.param]()
 
@@ -162,7 +162,7 @@ def turned(direction: str) -> tuple[np.ndarray, np.ndarray]:
     return (np.zeros(3), np.cross(axis, np.eye(3)).T) if direction[0] == "r" else (axis, np.zeros((3, 3)))
 
 
-@pytest.fixture(params=["bare", "with a mass"])
+@pytest.fixture(scope="module", params=["bare", "with a mass"])
 def mass(request, model: FiniteElementModel) -> PointMass | None:
     if request.param == "bare":
         return None
@@ -171,15 +171,19 @@ def mass(request, model: FiniteElementModel) -> PointMass | None:
     return on_tip(model)
 
 
-def moving(model: FiniteElementModel, mass: PointMass | None) -> FullModel:
+@pytest.fixture(scope="module")
+def full(model: FiniteElementModel, mass: PointMass | None) -> FullModel:
+    """With all that a moving frame adds."""
     names = tuple(ROTATING | CARRIED)
     masses = () if mass is None else (mass,)
     loads = tuple(Inertia(field.removeprefix(INERTIA)) for field in CONSTANT | LINEAR)
     return structural_model(Structure(model, masses=masses, loads=loads, matrices=names))
 
 
-def test_inertia_in_a_moving_frame_is_that_of_a_rigid_body(model: FiniteElementModel, mass: PointMass | None) -> None:
-    full, R, directions = moving(model, mass), model.rigid_motions(), model.directions
+def test_inertia_in_a_moving_frame_is_that_of_a_rigid_body(
+    model: FiniteElementModel, mass: PointMass | None, full: FullModel
+) -> None:
+    R, directions = model.rigid_motions(), model.directions
     m, first, second = moments(model, mass)
     scale = m * LENGTH**2
     for name, S in (ROTATING | CARRIED).items():
@@ -198,9 +202,8 @@ def test_inertia_in_a_moving_frame_is_that_of_a_rigid_body(model: FiniteElementM
         assert np.abs(found - sign * found.T).max() <= 1e-14 * np.abs(found).max(), name
 
 
-def test_the_carried_matrices_add_up_to_the_mass(model: FiniteElementModel, mass: PointMass | None) -> None:
+def test_the_carried_matrices_add_up_to_the_mass(model: FiniteElementModel, full: FullModel) -> None:
     """But for the inertia of drilling rotations, which a shell's mass has and no point of it moves by."""
-    full = moving(model, mass)
     found = sum(gathered(full.matrices[name]) for name in CARRIED if name[-1] == name[-2] and name in full.matrices)
     left = gathered(full.M) - found
     if isinstance(model, Shell):
@@ -210,8 +213,10 @@ def test_the_carried_matrices_add_up_to_the_mass(model: FiniteElementModel, mass
     assert np.abs(left).max() < 1e-14 * full.M.norm()
 
 
-def test_inertia_loads_are_those_of_a_field_of_acceleration(model: FiniteElementModel, mass: PointMass | None) -> None:
-    full, R, directions = moving(model, mass), model.rigid_motions(), model.directions
+def test_inertia_loads_are_those_of_a_field_of_acceleration(
+    model: FiniteElementModel, mass: PointMass | None, full: FullModel
+) -> None:
+    R, directions = model.rigid_motions(), model.directions
     m, first, second = moments(model, mass)
     known = dict(zip(full.input_names, (R.T @ gathered(full.inputs)).T, strict=True))
     for j in range(3):
@@ -222,9 +227,11 @@ def test_inertia_loads_are_those_of_a_field_of_acceleration(model: FiniteElement
             assert known.get(name, np.zeros(len(directions))) == pytest.approx(expected, abs=1e-11 * m), name
 
 
-def test_a_frame_that_turns_loads_as_the_mass_does(model: FiniteElementModel, mass: PointMass | None) -> None:
+def test_a_frame_that_turns_loads_as_the_mass_does(
+    model: FiniteElementModel, mass: PointMass | None, full: FullModel
+) -> None:
     """The field e_k x r is a rigid motion: M R, element by element, but for drilling rotations."""
-    full, R = moving(model, mass), model.rigid_motions()
+    R = model.rigid_motions()
     M, loads = gathered(full.M), dict(zip(full.input_names, gathered(full.inputs).T, strict=True))
     for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
         turn = f"r{'xyz'[k]}"
