@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.errors import RELATIVE_FLOOR, Quantity
+from pmr.compare.errors import RELATIVE_FLOOR, Quantity, round_off
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
 from pmr.scene import Scene
@@ -51,7 +51,9 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
     energy = Energy(kinetic, trajectory.energy - kinetic, -trajectory.work)
     outputs = systems.displacements(system, trajectory)
     found = response_of(system, trajectory.t, Motion(outputs, trajectory.forces, trajectory.peaks, energy))
-    return _with_reactions(replace(found, seconds=trajectory.seconds, surplus=trajectory.surplus), system, trajectory)
+    least = round_off(system.bodies, trajectory.loads, float(np.ptp(trajectory.t)))
+    found = replace(found, seconds=trajectory.seconds, surplus=trajectory.surplus, round_off=least)
+    return _with_reactions(found, system, trajectory)
 
 
 def _with_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:

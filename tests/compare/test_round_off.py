@@ -10,12 +10,14 @@ from driving import driven
 from scipy.interpolate import PPoly
 
 from pmr import scene as scenes
+from pmr.compare.booms import respond as of_sections
 from pmr.compare.errors import force_round_off, round_off
 from pmr.compare.evaluation import respond
-from pmr.pipeline import run
+from pmr.compare.runs import run_from_start
+from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
 from pmr.scene.signals import Constant
-from pmr.simulation import TimeStepping
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import simulator as march
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -56,6 +58,15 @@ def test_of_several_bodies_all_loads_reach_every_output() -> None:
     loads, w2 = np.array([[3.0, 2.0], [-7.0, 5.0]]), (2.0 * np.pi / 5.0) ** 2
     found = round_off({"base": two_springs(0.0), "fly": two_springs(0.7)}, loads, 5.0)
     assert found == pytest.approx(12e-12 / np.sqrt((2e4 + w2) * (3e4 + w2)), rel=1e-9, abs=0.0)
+
+
+def test_a_response_of_sections_knows_its_round_off() -> None:
+    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ("time.end=0.1", "section.mesh.elements=8"))
+    system, excitation = reduce(boom).system, Excitation.of(boom)
+    run_ = run_from_start(system, excitation)
+    found, loads = of_sections(system, run_), excitation.forces(system.input_names)
+    assert found.round_off == pytest.approx(round_off(system.bodies, loads, boom.time.end), rel=1e-9)
+    assert 0.0 < found.round_off < 1e-6 * np.abs(found.displacement).max()
 
 
 def test_forces_have_a_round_off_too() -> None:
