@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc, constant
 from pmr.fem.distributed import freed, times
-from pmr.fullmodel.assembly import Assembler, operators_of
+from pmr.fullmodel.assembly import Assembler, share
 from pmr.fullmodel.eigensolvers import DENSE_UP_TO
 from pmr.fullmodel.elimination import Elimination
-from pmr.fullmodel.statics import solver_of
+from pmr.fullmodel.statics import StaticSolver, solver_of
 from pmr.models import StructuralModel, is_assembled
 from pmr.reduced.moving import CONSTANT, LINEAR, STATES
 from pmr.scene.structures import PointMass
@@ -79,16 +79,25 @@ class Moving:
                 load -= factor * self.field(name)
         for place, force in state.forces:
             load += model.displacement(place).T @ force
-        clamped = model.coordinates_on("tail", model.directions)
-        nothing = np.zeros((len(clamped), 0))
-        operators = operators_of(model, comm)
-        share = slice(*operators.K.getOwnershipRange())
-        elimination = Elimination(model.size, clamped, np.empty(0, np.int64), nothing)
-        solver = solver_of(operators.K, elimination, model.size <= DENSE_UP_TO)
-        own = solver.solve(np.asfortranarray(load[share, None]))
-        solver.destroy()
-        freed(operators.M, operators.K)
+        own = self._held.solve(np.asfortranarray(load[slice(*share(model.size, comm)), None]))
         return self._assembler.function(np.concatenate(comm.allgather(own[:, 0])))
+
+    @cached_property
+    def _held(self) -> StaticSolver:
+        """Of the body with its tail clamped, one for all states; collective."""
+        model = self._assembler.model
+        clamped = model.coordinates_on("tail", model.directions)
+        elimination = Elimination(model.size, clamped, np.empty(0, np.int64), np.zeros((len(clamped), 0)))
+        K = self._assembler.matrix(model.forms(self._assembler.space).stiffness)
+        solver = solver_of(K, elimination, model.size <= DENSE_UP_TO)
+        freed(K)
+        return solver
+
+    def drop(self) -> None:
+        """Give the factor's memory back, if there is one; collective."""
+        if "_held" in self.__dict__:
+            self._held.destroy()
+            del self._held
 
 
 @dataclass(frozen=True)

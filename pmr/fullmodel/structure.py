@@ -189,6 +189,7 @@ def _added(names: Sequence[str], coupling: Coupling, moving: Moving) -> dict[str
             matrices[name] = found
         else:
             freed(found)
+    moving.drop()
     return matrices
 
 
