@@ -26,6 +26,7 @@ from pmr.system.system import System
 SHORT = ("time.end=0.5", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}")
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_a_run_gives_its_result_on_rank_0(load_scene, tmp_path) -> None:
     stages: list[tuple[str, float]] = []

@@ -93,6 +93,7 @@ def test_what_does_not_fit_the_model_is_refused_in_one_line(
     assert not (tmp_path / "out" / "summary.json").exists()
 
 
+@pytest.mark.slow
 def test_a_path_beyond_what_the_model_was_made_for_is_refused_with_the_time() -> None:
     """The boom is there, the model has its pads on another stretch."""
     file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8"]
@@ -102,6 +103,7 @@ def test_a_path_beyond_what_the_model_was_made_for_is_refused_with_the_time() ->
         simulate_saved(System.of(model), scene.load(file, ["mesh.elements=8", path, "time.end=1", "recovery.every=1"]))
 
 
+@pytest.mark.slow
 def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_refused() -> None:
     file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8", "recovery.every=1"]
     model = whole.reduce(scene.load(file, ours)).reduced
@@ -159,6 +161,7 @@ def test_a_file_of_another_content_than_the_models_is_refused(tmp_path: Path) ->
         check_made_for(model, asked)
 
 
+@pytest.mark.slow
 def test_a_load_beyond_what_the_model_was_made_for_is_said(saved: Path) -> None:
     """Faster than the modes that the model knows of: as fast as it was made for nothing is said."""
     file, model, said = ROOT / "workflows" / "evolved_residual.toml", ReducedModel.load(saved), {}

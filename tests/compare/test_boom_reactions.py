@@ -181,6 +181,7 @@ def test_a_summary_has_all_supports_whether_they_give_way_or_not() -> None:
     assert not any("along x" in line for line in outcome.result.summary["warnings"])
 
 
+@pytest.mark.slow
 def test_what_beams_without_axial_coordinates_do_not_know_is_said() -> None:
     """A boom of them has neither cylinders nor reactions along it."""
     ring = [{"at": 0.15, "unilateral": False}]

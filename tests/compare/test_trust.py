@@ -115,6 +115,7 @@ def test_a_cable_that_fails_is_no_reference_either(load_scene) -> None:
     assert "rho_inf" in found.missing["ancf"]
 
 
+@pytest.mark.slow
 def test_a_reduced_motion_that_grows_is_no_result(load_scene) -> None:
     """The paper's basis keeps its slider rigid: index 3 here too."""
     scene = load_scene("paper_evolved", [*GROWN[:3], "compare.against=[]", "time.rho_inf=0.9999"])

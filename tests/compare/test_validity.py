@@ -15,6 +15,7 @@ SHORT = ["mesh.elements=8", "reduction.snapshots=3", "reduction.modes=3", "reduc
 SHORT += ["time.step=4e-3", "slider.path=2.5", "compare.against=[]", "simulation.simulators=['march']"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("force", "times"), [(-50.0, None), (-5e7, True), (-5e4, True)])
 def test_a_motion_as_large_as_the_body_is_said(force: float, times: bool | None) -> None:
     scene = scenes.load(Path("workflows/paper_simple.toml"), [*SHORT, f"loads=[{{on=5.0,signal={force!r}}}]"])

@@ -79,6 +79,7 @@ def test_packages_that_do_not_fit_together_are_one_line(error: Exception, monkey
     assert str(error) in done.stderr and np.__version__ in done.stderr and "make setup" in done.stderr
 
 
+@pytest.mark.slow
 def test_setup_sees_a_package_of_another_version(tmp_path: Path) -> None:
     def judged(*pins: str) -> str:
         (tmp_path / "pins.txt").write_text("\n".join(pins))

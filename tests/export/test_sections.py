@@ -44,6 +44,7 @@ def test_no_format_takes_it_for_a_boom(to: str, fly: Path, monkeypatch, capsys) 
     assert [file.name for file in fly.parent.iterdir()] == [fly.name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("to", FORMATS)
 def test_it_is_written_alone_where_it_is_named(to: str, fly: Path, monkeypatch, capsys) -> None:
     """Only where it is named by its own name, and only as what needs no path: a state space of the free section."""

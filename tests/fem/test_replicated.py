@@ -39,6 +39,8 @@ def test_columns_come_back_as_rows(count: int) -> None:
     assert np.array_equal(back, whole[mine])
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_each_rank_answers_its_share_as_all_together_do() -> None:
     A, rng = laplacian(), np.random.default_rng(3)
     for count in (1, factor.BLOCK * MPI.COMM_WORLD.size + 7):

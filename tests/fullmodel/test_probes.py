@@ -117,6 +117,7 @@ def test_a_planar_beam_has_no_stresses_but_moves() -> None:
     assert list(found) == ["p displacement x", "p displacement z"]
 
 
+@pytest.mark.slow
 def test_a_support_that_gives_way_says_its_force() -> None:
     """Under its own weight, 30 degrees up: the cylinder holds what points along the axis."""
     cylinder = "supports=[{name='cylinder',directions=['x'],stiffness=1e8}]"

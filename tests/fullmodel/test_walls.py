@@ -125,6 +125,7 @@ def test_dents_move_with_nothing_rigid() -> None:
     assert R.T @ M @ R == pytest.approx(of_plain.T @ of_all @ of_plain)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("on", ["tip", 2.0])
 def test_what_is_spread_over_a_free_end_moves_its_walls_too(on: str | float) -> None:
     """A load, what is measured there, a mass and a support; a load at a distance leaves the walls of the end alone."""

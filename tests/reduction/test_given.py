@@ -42,6 +42,7 @@ def test_vectors_are_made_orthonormal_in_their_order(load_scene, tmp_path: Path,
         assert np.sqrt(share[1]).max(initial=0.0) < 1e-9 * np.linalg.norm(Q)
 
 
+@pytest.mark.slow
 def test_free_modes_from_a_file_are_the_model_of_free_modes(load_scene, tmp_path: Path) -> None:
     """Mixed among themselves: what counts is their span."""
     plain = load_scene("evolved_residual", [*SMALL, "reduction.coordinates=6"])

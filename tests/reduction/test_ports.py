@@ -51,13 +51,15 @@ def of_coordinates(model: ReducedModel, rows: Array, s: float) -> Array:
     return np.asarray(rows @ np.linalg.solve(K, rows.T))
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     ("name", "changes", "place"),
     [
         ("boom_beam", COARSE, "tip"),
         ("boom_beam", COARSE, 3.1),
-        pytest.param("boom_shell", SHELL, "tip", marks=[pytest.mark.slow, pytest.mark.numerical]),
+        ("boom_shell", SHELL, "tip"),
         ("evolved_residual", [], 2.5),
     ],
 )

@@ -36,6 +36,7 @@ def probed(make_result) -> RunResult:
     return replace(result, responses=found)
 
 
+@pytest.mark.slow
 def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
     block = probes.probes(probed, "case-1")
     assert block is not None

@@ -85,6 +85,8 @@ def loads(system: System, gravity: float, tip: float) -> np.ndarray:
     return np.array([tip if name.endswith(".F") else gravity for name in system.input_names])
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("count", [2, 3, 4])
 @pytest.mark.parametrize("overlap", [5.4, 2.03])
 def test_statics_are_exact_with_the_fewest_modes(count: int, overlap: float) -> None:

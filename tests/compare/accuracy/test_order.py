@@ -81,6 +81,7 @@ def test_its_budget_has_the_part_of_each(ordered) -> None:
     assert budget["first"] == largest
 
 
+@pytest.mark.slow
 def test_the_part_of_the_mesh_is_what_one_far_finer_says(load_scene) -> None:
     kinds, scene = ("tip", "pad_force"), load_scene("evolved_residual", SHORT)
     scenes = [load_scene("evolved_residual", [*SHORT, f"mesh.elements={count}"]) for count in (6, 12, 48)]
@@ -211,6 +212,7 @@ def test_a_budget_of_time_is_kept(load_scene, monkeypatch: pytest.MonkeyPatch) -
     assert budgeted(load_scene, "microseconds_per_step=2.1").reduced.size == 21
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("override", "said"),
     [

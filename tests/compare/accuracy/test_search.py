@@ -40,8 +40,10 @@ def full_motion(steps: int, times: int) -> Outputs:
     return outputs(FULL, driven(steps), steps // times)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("kinds", [("beam", "tip"), ("pad_force",), ("velocity",)])
-@pytest.mark.parametrize("tolerance", [0.03, pytest.param(0.003, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("tolerance", [0.03, 0.003])
 def test_the_tolerance_holds_and_two_coordinates_fewer_do_not(kinds: tuple[str, ...], tolerance: float) -> None:
     family = family_of(MODEL, driven(), "velocity" in kinds)
     coarse = coarsest(family)
@@ -177,6 +179,7 @@ def test_what_more_time_allows_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> N
         assert one.steps * one.member.coordinates * 1e-8 <= 1.0 / ratio
 
 
+@pytest.mark.slow
 def test_of_what_a_budget_allows_the_best_is_taken() -> None:
     family = family_of(MODEL, driven())
     plain, best = (

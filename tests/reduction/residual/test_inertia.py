@@ -101,6 +101,8 @@ def built(load_scene, *overrides: str) -> ReducedModel:
     return project(scene, FreeBody(full), build_basis(scene, full, take_snapshots(scene, full)), {})
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("solver", ["dense", "slepc"])
 def test_enrichment_change_nothing_else(load_scene, solver: str) -> None:
     with_them, without = (

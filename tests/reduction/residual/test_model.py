@@ -68,6 +68,8 @@ def test_frequencies_with_the_slider_held_are_those_of_the_beam(load_scene) -> N
             assert frequencies(model, s)[:3] == pytest.approx(omega, rel=4e-4)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.mpi
 def test_dense_and_slepc_give_the_same_tables(load_scene) -> None:
     dense, slepc = (reduced(load_scene, f"reduction.solver={solver}") for solver in ("dense", "slepc"))

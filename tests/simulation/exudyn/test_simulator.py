@@ -98,6 +98,7 @@ def test_callbacks_find_the_same_beam(case: Any, reduced: ReducedModel, formulat
     assert np.abs(w).max() > 1e-4
 
 
+@pytest.mark.slow
 def test_second_order_from_a_moving_start(rich: FullBody) -> None:
     """Although the initial acceleration leaves out the rows' own motion."""
     body = project(rich, np.linalg.qr(np.vander(rich.output_positions.repeat(3), 8)[:, ::-1])[0])
@@ -282,6 +283,7 @@ def test_solvers_that_a_body_cannot_follow_are_refused(rich: FullBody) -> None:
     without_rows.solve_again([], index_2[0])
 
 
+@pytest.mark.slow
 def test_update_rewinds_for_a_second_solve(rich: FullBody) -> None:
     own = OwnSystem()
     items = simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS))

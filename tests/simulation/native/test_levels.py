@@ -36,6 +36,8 @@ def simulated(system: System, given: Excitation, **stepping: object) -> SystemTr
     return systems.simulate(system, given, systems.static_start(system, given))
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("rho_inf", [1.0, 0.8])
 def test_what_the_tolerance_chose_can_be_made_again_and_misses_little(rho_inf: float) -> None:
     """Steps that are begun anew are those in other parts than the one before, so the schedule says all."""

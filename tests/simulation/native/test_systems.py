@@ -160,6 +160,8 @@ def test_one_body_on_the_ground_is_the_simulator_of_one_body() -> None:
     assert np.abs(systems.displacements(system, found)["beam"] - y).max() < 1e-11 * np.abs(y).max()
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 @pytest.mark.parametrize("rho_inf", [1.0, 0.8])
 def test_newton_and_euler_hold_for_every_section_at_every_step(rho_inf: float) -> None:
     """Change of momentum and of moment of momentum over a step, against what pads and loads give in it.
@@ -220,6 +222,8 @@ def shapes_at_outputs(positions: np.ndarray) -> np.ndarray:
     return np.stack([np.ones_like(positions), positions], axis=1)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_energy_less_work_is_second_order_in_the_step() -> None:
     """Without damping what loads and travelling pads put in is what is stored; reduced, with residual flexibility."""
     system = reduced(Nested(3, elements=20), 3)
@@ -233,6 +237,8 @@ def test_energy_less_work_is_second_order_in_the_step() -> None:
     assert off[0] / off[1] == pytest.approx(4.0, rel=0.3) and off[1] / off[2] == pytest.approx(4.0, rel=0.3)
 
 
+@pytest.mark.slow
+@pytest.mark.numerical
 def test_pads_that_only_push_lift_off_and_create_no_energy() -> None:
     """The tip force lifts the boom off its pads and lets it fall; the same pads in full order, within 1 %."""
     boom, tip, lines, forces = Nested(2, elements=20, clearance=2e-4, compliance=1e-6), [], [], []

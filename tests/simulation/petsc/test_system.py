@@ -88,6 +88,7 @@ def test_as_bodies_that_are_diagonalised(pads: str) -> None:
         assert (changes > 0).any() and (changes < 0).any()
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_steps_in_the_parts_that_another_simulation_took() -> None:
     """Those that the same bodies take by modal coordinates; PETSc follows them through each change."""
