@@ -170,10 +170,10 @@ def _to(tolerance: str, file: Path) -> list[str]:
 
 def _print(outcome: Outcome) -> None:
     """Errors, beside published ones where there are any, coordinates of each section and solver seconds."""
-    from pmr.report import errors, sentences
+    from pmr.report import errors, model_error, sentences
 
     result, summary = outcome.result, outcome.result.summary
-    found, said = errors.rows(result), [sentences.estimate(result), sentences.step(result)]
+    found, said = errors.rows(result), [sentences.estimate(result), sentences.step(result), model_error.model(result)]
     published = any(row.published for row in found)
     table = Table(title=visible(result.scene.title), title_justify="left", title_style="bold")
     for head in ("e_NRMS, or largest value", "", "here", *(("published", "") if published else ())):

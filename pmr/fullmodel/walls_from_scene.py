@@ -38,7 +38,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     staying, sliding = _by_their_way(member, pads)
     masses = tuple(one for one in part.masses if one.coupling == "rigid")
     plates = PlateBody(
-        BoxBoom(**box.model_dump(), size=mesh.size, size_along=mesh.along or 0.0, tail_layer=mesh.tail_layer),
+        BoxBoom(**box.model_dump(), size=mesh.size, size_along=mesh.along or 0.0),
         body.material,
         body.shear_correction,
         tuple(Clamp(str(one.on), one.held) for one in part.supports if one.points == "all"),

@@ -21,6 +21,7 @@ from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.probes import places
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies
+from pmr.pipeline.model_part import measured
 from pmr.reduction.bodies import Reduction, reduce_bodies
 from pmr.reduction.cache import cache_in
 from pmr.reduction.recover.framed import framed_body
@@ -106,6 +107,7 @@ def _run(
     if scene.recovery is not None:
         with clock.stage("recover"):
             seen |= bodies.recover(motions)
+    of_model = measured(scene, bodies.system.input_names, clock, caches, lambda one: reduce(one, comm).system)
     if motions.reduced is None:
         return None
     (judged, tip_error), system, excitation = bodies.judge(motions, frequencies, seen), bodies.system, bodies.excitation
@@ -126,9 +128,12 @@ def _run(
         theory(scene, responses),
         frequency_part(by_frequency),
     ]
+    summary = combined(parts)
+    if of_model is not None:
+        summary["budget"] = summary.get("budget", {}) | {"model": of_model}
     result = RunResult(
         scene,
-        combined(parts),
+        summary,
         responses,
         Paths(tuple(excitation.paths), excitation.s, excitation.rates),
         Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from pmr.report import model_error
 from pmr.report.blocks import KeyNumber, Point
 from pmr.report.marks import Row, verdicts
 from pmr.report.numbers import MINUS, SPACE, length, percent, plain, quantity, significant, times_the_true_error
@@ -26,6 +27,7 @@ def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
         "Accuracy": list(accuracy(result)),
         "Stress": list(stress(result)),
         "Estimate": [estimate(result)],
+        "Model": [model_error.model(result)],
         "Time step": [step(result)],
         "Speed": list(speed(result)),
         "Published": [published(table)],
@@ -127,6 +129,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
         share = f"{percent(most / largest, 2)} of {length(largest)}, the largest displacement" if largest else ""
         yield KeyNumber(length(most), "largest difference to full", share)
     yield from _errors(result)
+    yield from model_error.key_number(result)
     peak = summary.get("max_von_mises", {})
     if "reduced" in peak:
         full = f"full model {quantity(peak['full'], 'Pa')}" if "full" in peak else ""

@@ -220,6 +220,9 @@ class Compare(Section):
 
     against: tuple[Literal["full", "ancf"], ...] = Field(default=("full",), description="Which ones")
     ancf_elements: Count = Field(default=20, description="Of the ANCF cable")
+    richer: Literal["none", "next", "beam3d", "shell"] = Field(
+        default="none", description="Structural model beside which the error of the scene's own one is measured"
+    )
 
 
 class _Ordered(Section):

@@ -24,7 +24,7 @@ UNUSED = {
         *(f"body.{key}" for key in ("material", "thickness", "regions", "shear", "shear_correction", "walls")),
     ),
 }
-#: What a beam whose walls give way has a use for nevertheless: they are pressed on as a shell.
+#: What a beam has a use for nevertheless that is pressed on, or compared with, as a shell.
 OF_WALLS = ("mesh.size", "mesh.along", "body.shear_correction")
 #: What a box loses as a beam: geometry, whoever wrote it.
 STIFFENERS = ("body.box.frames", "body.box.frame_depth")
@@ -47,11 +47,12 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
     What a file takes over from one that it extends, sections from what all have in common, and runs from the grid of a
     study may be of use to others.
     """
+    compared = scene.compare.richer != "none"
     if "sections" not in file.data:
-        _refuse_any(file, "", file.data, _of_body(member_at(scene)))
+        _refuse_any(file, "", file.data, _of_body(member_at(scene), compared))
     else:
         for number, (one, own) in enumerate(zip(members(scene), file.data["sections"], strict=True)):
-            _refuse_any(file, f"sections[{number}].", own, _of_body(one))
+            _refuse_any(file, f"sections[{number}].", own, _of_body(one, compared))
             if number:
                 _refuse_any(file, f"sections[{number}].", own, _of_joint(scene, number))
     _refuse_any(file, "", file.data, _of_simulation(scene))
@@ -75,12 +76,12 @@ def _stands(data: Any, key: str) -> bool:
     return bool(key)
 
 
-def _of_body(member: Member) -> Iterator[Unused]:
+def _of_body(member: Member, compared: bool) -> Iterator[Unused]:
     model = model_of(member)
     for key in UNUSED[model] if member.part.body.model != "auto" else ():
         if model == "beam2d" and key == "body.shear" and not member.part.body.shear:
             continue  # as it is
-        if key in OF_WALLS and has_giving_walls(member):
+        if key in OF_WALLS and (compared or has_giving_walls(member)):
             continue
         yield Unused(key, "body.model", f"it has no effect on {model}")
     if model.startswith("beam"):

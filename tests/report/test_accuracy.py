@@ -8,6 +8,7 @@ from matplotlib.patches import Rectangle
 from pmr.report.figures.budget import budget
 from pmr.report.figures.canvas import style
 from pmr.report.sections import accuracy
+from pmr.report.sentences import key_numbers, points
 
 PARTS = {
     "reduction": {"beam": 0.006, "tip": 0.002},
@@ -44,6 +45,37 @@ def test_a_mesh_whose_part_is_not_known_has_no_bar(make_result) -> None:
     assert block is not None and "not known: it is a file" in block.drawings[0].caption
     with style():
         assert len(budget(make_result(summary=summary)).axes[0].patches) == 4
+
+
+MODEL = {
+    "beside": "shell",
+    "beam": 0.41,
+    "tip": 0.36,
+    "pad_force": None,
+    "frequency": 0.61,
+    "not_covered": ["stress", "pads that open"],
+}
+
+
+def test_the_models_own_error_stands_on_the_first_page_and_beside_the_other_parts(make_result) -> None:
+    result = make_result(
+        summary=make_result().summary | ORDERED | {"budget": PARTS | {"first": "mesh", "model": MODEL}}
+    )
+    number = next(one for one in key_numbers(result) if "model's own error" in one.label)
+    assert number.value.startswith("41") and "61" in number.note
+    said = next(point.text for point in points(result) if point.topic == "Model")
+    assert "a shell" in said and "36" in said and "pad forces" not in said and "stress; pads that open" in said
+    with style():
+        widths = [patch.get_width() for patch in budget(result).axes[0].patches if isinstance(patch, Rectangle)]
+    assert widths[3::4] == pytest.approx([41.0, 36.0])
+
+
+@pytest.mark.parametrize(("model", "why"), [(None, "compare.richer"), ({"beside": None, "reason": "no box"}, "no box")])
+def test_that_it_is_not_known_is_said_in_one_line(make_result, model, why: str) -> None:
+    result = make_result(summary=make_result().summary | ({} if model is None else {"budget": {"model": model}}))
+    said = next(point.text for point in points(result) if point.topic == "Model")
+    assert "not known" in said and why in said and said.count(".") <= 2
+    assert not any("model's own error" in one.label for one in key_numbers(result))
 
 
 def test_without_a_tolerance_nothing_is_said(make_result) -> None:

@@ -1,0 +1,53 @@
+"""Structural models in the order of what they know, and a scene with its next richer one, to be compared with it."""
+
+from __future__ import annotations
+
+from pmr.errors import InputError
+from pmr.scene.asked import Observe, Reduction
+from pmr.scene.choice import model_of
+from pmr.scene.members import members
+from pmr.scene.scene import Scene
+
+#: From the poorest to the richest.
+ORDER = ("beam2d", "beam3d", "shell")
+#: Coordinates of a body where models are compared, whatever the scene's own reduction, and places that are observed.
+COORDINATES, PLACES, FROM_AN_END = 20, 9, 0.05
+
+
+def beside(scene: Scene) -> tuple[Scene, Scene, str]:
+    """The scene with its own models and with richer ones, reduced and observed alike; what the richer one is called.
+
+    Raises an `InputError` that says why there is no richer model.
+    """
+    asked, own = scene.compare.richer, [model_of(member) for member in members(scene)]
+    known = [ORDER.index(model) for model in own if model in ORDER]
+    if len(known) < len(own) or max(known) == len(ORDER) - 1:
+        raise _none(asked, f"a shell is the richest model there is to compare with, beams are less; this is {own[-1]}")
+    richer = ORDER[max(known) + 1] if asked == "next" else asked
+    if ORDER.index(richer) <= max(known):
+        raise _none(asked, f"{' and '.join(dict.fromkeys(own))} knows as much")
+    if any(part.body.box is None for part in scene.sections):
+        raise _none(asked, "a box is needed to make one of")
+    if richer == "beam3d" and any(part.body.walls == "give" for part in scene.sections):
+        raise _none(asked, "walls that give way are to be compared with a shell")
+    return _with(scene, own), _with(scene, [richer] * len(own)), richer
+
+
+def _none(asked: str, why: str) -> InputError:
+    return InputError("scene", "compare.richer", asked, why)
+
+
+def _with(scene: Scene, models: list[str]) -> Scene:
+    """With these models, places that all of them have, and a reduction that no scene's own choice makes inexact."""
+    parts = []
+    for part, model in zip(scene.sections, models, strict=True):
+        length, walls = part.length, part.body.walls if model != "shell" else "rigid"
+        places = {"start": FROM_AN_END * length, "end": (1.0 - FROM_AN_END) * length, "count": PLACES}
+        changes = {
+            "body": part.body.model_copy(update={"model": model, "walls": walls}),
+            "observe": Observe(tip=part.observe.tip, **places),
+            "probes": (),
+            "reduction": Reduction(coordinates=COORDINATES, estimate=False, solver=part.reduction.solver),
+        }
+        parts.append(part.model_copy(update=changes))
+    return scene.model_copy(update={"sections": tuple(parts), "accuracy": None, "budget": None, "recovery": None})

@@ -1,0 +1,52 @@
+"""A run's own model beside a richer one: the part of the budget, and the cache that it is found in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pmr
+from pmr.compare import model_part
+
+pytest.importorskip("gmsh")
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+CELLS = {"size": 0.15, "along": 0.3}
+ALONE = ["compare.against=[]", "simulation.simulators=['march']", "time.step=0.004"]
+
+
+def run(name: str, *changes: str, **rest):
+    return pmr.run(pmr.load_scene(WORKFLOWS / f"{name}.toml", [*ALONE, *changes]), **rest).result
+
+
+@pytest.mark.slow
+def test_a_beam_beside_a_shell_is_off_by_what_two_runs_are_apart(tmp_path: Path, monkeypatch) -> None:
+    """Within a factor of two of the largest displacements' difference; frequencies are those of the shell itself."""
+    cells = [f"mesh.{key}={value}" for key, value in CELLS.items()]
+    beam = run("boom_beam", "compare.richer='shell'", *cells, cache=tmp_path)
+    shell = run("boom_shell", *cells, "recovery.stress=false")
+    found = beam.summary["budget"]["model"]
+    apart = 1.0 - beam.summary["max_displacement"] / shell.summary["max_displacement"]
+    assert found["beside"] == "shell" and 0.5 < found["tip"] / apart < 2.0 and 0.5 < found["beam"] / apart < 2.0
+    f = {name: one.frequencies.models["reduced"][[0, -1], :2] for name, one in (("own", beam), ("richer", shell))}
+    for name, expected in f.items():
+        assert np.array(found["frequencies"][name])[[0, -1]] == pytest.approx(expected, rel=2e-3)
+    assert found["frequency"] == pytest.approx(np.abs(f["own"] / f["richer"] - 1.0).max(), rel=0.02)
+
+    def never(*_):
+        raise AssertionError("what was measured is made again")
+
+    monkeypatch.setattr(model_part, "answers", never)
+    again = run("boom_beam", "compare.richer='shell'", *cells, cache=tmp_path)
+    assert again.summary["budget"]["model"]["beside"] == "shell"
+
+
+@pytest.mark.slow
+def test_without_the_key_there_is_none_and_what_forbids_it_is_said() -> None:
+    plain = run("boom_beam")
+    assert "model" not in plain.summary.get("budget", {})
+    same = run("boom_beam", "compare.richer='beam3d'")
+    found = same.summary["budget"]["model"]
+    assert found["beside"] is None and "knows as much" in found["reason"]
+    assert same.summary["max_displacement"] == plain.summary["max_displacement"]
