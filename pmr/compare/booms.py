@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pmr.compare.errors import RELATIVE_FLOOR, Quantity, round_off
 from pmr.reduced.model import ReducedModel
+from pmr.reduced.reactions import Reactions
 from pmr.results import Energy, Response
 from pmr.scene import Scene
 from pmr.scene.built import force_of, reaction_of
@@ -38,7 +39,7 @@ class Motion:
 
     outputs: Mapping[str, Array]
     forces: Array
-    peaks: Array
+    peaks: Array | None
     energy: Energy
 
 
@@ -58,7 +59,7 @@ def respond(system: System, trajectory: SystemTrajectory) -> Response:
 
 def _with_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:
     """With what reduced sections press on their rigid supports with."""
-    names, units, columns, of_bodies, first = list[str](), list[str](), list[Array](), list[str](), 0
+    of_bodies, found, first = dict[str, Reactions](), dict[str, Array](), 0
     for name, body in system.bodies.items():
         loads = trajectory.loads[:, first : first + len(body.input_names)]
         first += len(body.input_names)
@@ -70,20 +71,24 @@ def _with_reactions(response: Response, system: System, trajectory: SystemTrajec
         own = [side for side in system.sides if side.place.body == name]
         for side, x, force in zip(own, motion.s.T, motion.multipliers.T, strict=True):
             forces -= force[:, None] * (system.row(side.place).weights(x) @ carried)
-        names += [reaction_of(named(name, one)) for one in known.names]
-        of_bodies += [name] * len(known.names)
-        units += known.units
-        columns.append(forces)
-    if not names:
+        of_bodies[name], found[name] = known, forces
+    return with_reactions(response, of_bodies, found)
+
+
+def with_reactions(response: Response, of_bodies: Mapping[str, Reactions], forces: Mapping[str, Array]) -> Response:
+    """With the forces (T, h) of rigid supports, by body, after all other outputs."""
+    if not forces:
         return response
-    others = [] if response.others is None else [response.others]
+    supports = [
+        (body, one, unit) for body, of in of_bodies.items() for one, unit in zip(of.names, of.units, strict=True)
+    ]
     return replace(
         response,
-        others=np.hstack([*others, *columns]),
-        other_names=(*response.other_names, *names),
-        other_units=(*response.other_units, *units),
-        kinds=(*response.kinds, *("reaction" for _ in names)),
-        bodies=(*response.bodies, *of_bodies),
+        others=np.hstack([*([] if response.others is None else [response.others]), *forces.values()]),
+        other_names=(*response.other_names, *(reaction_of(named(body, one)) for body, one, _ in supports)),
+        other_units=(*response.other_units, *(unit for *_, unit in supports)),
+        kinds=(*response.kinds, *("reaction" for _ in supports)),
+        bodies=(*response.bodies, *(body for body, *_ in supports)),
     )
 
 
@@ -123,7 +128,7 @@ def response_of(system: Joined[Any], t: Array, motion: Motion) -> Response:
         output_names=tuple(names),
         output_units=("m",) * len(names),
         force_names=(*force_names, *(force_of(system.contact_names[k]) for k in kept)),
-        force_peaks=np.hstack([*springs, motion.peaks[:, kept]]),
+        force_peaks=None if motion.peaks is None else np.hstack([*springs, motion.peaks[:, kept]]),
         others=np.hstack(others) if other_names else None,
         other_names=tuple(other_names),
         other_units=tuple(other_units),

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.booms import Motion, response_of, with_reactions
 from pmr.compare.errors import force_round_off, refuse_infinite, round_off
 from pmr.reduced.model import ReducedModel
 from pmr.results import Energy, Response
 from pmr.scene.names import ALONE
 from pmr.simulation.balance import blocks, energy
 from pmr.simulation.blocks import Block, Ended
-from pmr.simulation.columns import called
 from pmr.simulation.modal import support_forces
-from pmr.system.body import (
-    FullBody,
-    SlidingBody,
-    Trajectory,
-    displacement,
-    force_outputs,
-    length_outputs,
-    other_outputs,
-    released_rows,
-)
+from pmr.system.body import FullBody, SlidingBody, Trajectory, displacement
+from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
@@ -50,8 +44,7 @@ class Evaluation:
 
     def __init__(self, body: SlidingBody, t: Array, path_rate: Array, loads: Array) -> None:
         self._body, self._t, self._path_rate, self._loads = body, t, path_rate, loads
-        self._force, self._length, self._others = force_outputs(body), length_outputs(body), other_outputs(body)
-        self._released = released_rows(body)
+        self._rows = [number for number in range(len(body.row_names)) if number not in body.held]  # that are contacts
         self._columns: dict[str, Array] = {}
         self._start = 0.0  # path coordinate in m
 
@@ -65,18 +58,15 @@ class Evaluation:
             outputs = displacement(body, part.q, part.s, part.deforming, block.loads)
         refuse_infinite(outputs, part.multipliers, energies.kinetic, energies.strain, energies.external)
         violation, drift = _residuals(body, part, self._path_rate[rows], block.loads)
-        forces = outputs[:, self._force]
-        self._keep("displacement", rows, outputs[:, self._length])
-        others = np.hstack([outputs[:, self._others], self._reactions(part, block.loads)])
-        if others.shape[1]:
-            self._keep("others", rows, others)
-        self._keep("slider_force", rows, np.hstack([forces, part.multipliers[:, self._released]]))
+        self._keep("outputs", rows, outputs)
+        self._keep("reactions", rows, self._reactions(part, block.loads))
+        self._keep("forces", rows, part.multipliers[:, self._rows])
         self._keep("residual_position", rows, np.abs(violation).max(axis=1))
         self._keep("residual_velocity", rows, np.abs(drift).max(axis=1))
         for name in ("kinetic", "strain", "external"):
             self._keep(name, rows, getattr(energies, name))
         if part.peaks is not None:
-            self._keep("force_peaks", rows, np.hstack([forces, part.peaks[:, self._released]]))
+            self._keep("peaks", rows, part.peaks[:, self._rows])
 
     def _reactions(self, part: Trajectory, loads: Array) -> Array:
         """Of rigid supports, (T, h): multipliers of a full body's own rows, else from the equations of motion."""
@@ -87,27 +77,20 @@ class Evaluation:
 
     def response(self, ended: Ended) -> Response:
         """The response, when all blocks are taken."""
-        body, columns = self._body, dict(self._columns)
-        end = float(self._t[-1] - self._t[0])
-        names, reactions = called(body, [body.row_names[k] for k in self._released]), body.reactions
-        names = names if reactions is None else names.with_reactions(reactions.names, reactions.units)
-        energies = Energy(*(columns.pop(name) for name in ("kinetic", "strain", "external")))
-        return Response(
-            t=self._t,
-            x=body.output_positions[self._length],
-            energy=energies,
+        body, columns, end = self._body, self._columns, float(self._t[-1] - self._t[0])
+        energies = Energy(*(columns[name] for name in ("kinetic", "strain", "external")))
+        motion = Motion({ALONE: columns["outputs"]}, columns["forces"], columns.get("peaks"), energies)
+        found = response_of(System.of(body), self._t, motion)
+        if body.reactions is not None:
+            found = with_reactions(found, {ALONE: body.reactions}, {ALONE: columns["reactions"]})
+        return replace(
+            found,
+            residual_position=columns["residual_position"],
+            residual_velocity=columns["residual_velocity"],
             seconds=ended.seconds,
             round_off=round_off({ALONE: body}, self._loads, end),
             force_round_off=force_round_off(body, self._loads, end, self._start),
             surplus=ended.surplus,
-            output_names=names.moved,
-            output_units=("m",) * len(names.moved),
-            force_names=names.forces,
-            other_names=names.others,
-            other_units=names.other_units,
-            kinds=names.all_kinds,
-            bodies=(ALONE,) * len(names.all_kinds),
-            **columns,
         )
 
     def _keep(self, name: str, rows: slice, values: Array) -> None:
