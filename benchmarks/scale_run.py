@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 import pmr.fullmodel.build
+import pmr.pipeline
 import pmr.reduction.bodies
 import pmr.reduction.residual.model
 from benchmarks.timing import peak_memory
