@@ -35,6 +35,7 @@ from pmr.scene.choice import (
     model_of,
     transverse,
 )
+from pmr.scene.frame_terms import tails
 from pmr.scene.members import DRIVEN, TAIL, Member
 from pmr.scene.structures import Beam3DBody, BoxProfile, Material, Profile
 
@@ -85,7 +86,10 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         outputs=(*line, *tip, *forces, *turned, *gauges(member.part, model)),
         damping=member.damping,
         pads=replace(pads, supports=supports),
-        ports=tuple(_port(model, place, d) for place in member.part.reduction.ports for d in model.directions),
+        ports=(
+            *(_port(model, place, d) for place in member.part.reduction.ports for d in model.directions),
+            *(Action(name, "tail", name[-1]) for name in tails(member)),
+        ),
     )
 
 

@@ -115,4 +115,5 @@ class FullModel(WithRows):
             self.rayleigh,
             self.output_kinds,
             {name: A for name, A in matrices.items() if A is not None},
+            self.ports,
         )

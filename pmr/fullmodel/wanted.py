@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pmr.scene import Scene
+from pmr.scene.frame_terms import frame_terms
 
 
 def wanted_matrices(scene: Scene) -> tuple[str, ...]:
     """Names among `ROTATING`, `CARRIED` and `STATES` of `pmr.reduced.moving`; none costs anything unless named."""
-    return ()
+    return tuple(dict.fromkeys(term.matrix for term in frame_terms(scene)))

@@ -75,6 +75,7 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
         outputs=np.hstack([model.outputs, back.outputs]),
         rows=side_by_side(model.rows, back.rows),
         matrices={name: _with(A, back.matrices.get(name), count) for name, A in model.matrices.items()},
+        ports={name: np.append(row, np.zeros(count)) for name, row in model.ports.items()},
         flexibility=_joined(model.flexibility, back, -1.0),
         enrichment=_part(model.enrichment, slice(count, None)) if count < found else None,
         carriers=None if model.carriers is None else model.carriers.extended(back),

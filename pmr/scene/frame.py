@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 
 from pmr.scene.joints import Linear
 from pmr.scene.refusals import of_key
-from pmr.scene.section import Point, Section
+from pmr.scene.section import Point, Section, Switch
 from pmr.scene.signals import Constant, Signal, SignalBase
 
 #: What inputs are called that accelerate a body with the frame, before the field: ``inertia x``, ``inertia zx``.
@@ -33,6 +33,10 @@ class Frame(Section):
     luffing: Signal | None = Field(default=None, description="Angle over time by which the boom is raised")
     slewing: Signal | None = Field(default=None, description="Angle over time by which it is turned, upwards axis")
     unit: Literal["rad", "degrees"] = Field(default="rad", description="Of both angles")
+    second_order: Switch = Field(
+        default=False,
+        description="Whether axial forces bend what is bent, and the small motion itself feels that the frame turns",
+    )
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

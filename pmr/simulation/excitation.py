@@ -19,7 +19,7 @@ from pmr.scene.names import SLIDER as SLIDER
 from pmr.scene.names import input_of
 from pmr.scene.signals import SignalBase
 from pmr.simulation.acceleration import Acceleration
-from pmr.simulation.frame import inertia_loads
+from pmr.simulation.frame import inertia_loads, term_signals
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, Joined
 
@@ -58,7 +58,10 @@ class Excitation:
                 known[DRIVEN] = Acceleration(paths=paths[: member.number], step=stepping.step)
             loads |= {input_of(name, one): signal for one, signal in known.items()}
         speeds = {part.name: part.joint.friction_speed for part in scene.sections if part.joint is not None}
-        return cls(scene.paths, loads, stepping, scene.simulation, scene.start, friction_speeds=speeds)
+        terms = term_signals(scene)
+        return cls(
+            scene.paths, loads, stepping, scene.simulation, scene.start, terms=terms, friction_speeds=speeds
+        )
 
     @property
     def path(self) -> SignalBase:

@@ -12,8 +12,10 @@ r_k along e_j.  Loads are minus these.  `pmr.scene.frame` has the axes.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.scene import Scene
 from pmr.scene.choice import inertia_fields
 from pmr.scene.frame import INERTIA
+from pmr.scene.frame_terms import FrameTerm, frame_terms
 from pmr.scene.members import Member
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Floats
@@ -66,29 +69,56 @@ def _crossing(vectors: Array) -> Array:
     return np.asarray(np.cross(np.eye(3), vectors[:, None, :]).transpose(0, 2, 1) * -1.0)
 
 
-class Motion(SignalBase):
-    """A component of the acceleration field of a section; by differences where its rate is asked for."""
+class OfFrame(SignalBase):
+    """A scalar that follows from the frame's angles and paths; by differences where its rate is asked for."""
 
-    luffing: SignalBase
-    slewing: SignalBase
-    gravity: SignalBase  # m/s^2
-    pivot: tuple[float, float, float]  # m: the base's tail from the pivot
-    paths: tuple[SignalBase, ...]  # whose sum is X
     step: float  # s, over which kinks of paths are spread
-    field: str  # ``x`` of the constant part, ``xz`` of A_xz
-    factor: float = 1.0
 
-    def value(self, t: ArrayLike) -> Array:
-        at = np.asarray(t, float)
-        return (self.factor * self._component(at.ravel())).reshape(at.shape)
+    @property
+    @abstractmethod
+    def signals(self) -> tuple[SignalBase, ...]:
+        """What it follows from."""
 
     def rate(self, t: ArrayLike) -> Array:
         t, half = np.asarray(t, float), self.step / 2.0
         before = np.maximum(t - half, 0.0)
         return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
 
-    def on_steps(self, step: float) -> Motion:
+    def on_steps(self, step: float) -> Self:
         return self.model_copy(update={"step": step})
+
+    @property
+    def breaks(self) -> Floats:
+        return tuple(sorted({b for signal in self.signals for b in signal.breaks}))
+
+    def highest_frequency(self, start: float, end: float) -> float:
+        """Twice that of angles and paths: rates are squared, and turn what they multiply."""
+        return 2.0 * max(signal.highest_frequency(start, end) for signal in self.signals)
+
+    def bounds(self, start: float, end: float) -> tuple[float, float]:
+        """Sampled."""
+        values = self.value(np.append(np.linspace(start, end, SAMPLES), [b for b in self.breaks if start <= b <= end]))
+        return float(values.min()), float(values.max())
+
+
+class Motion(OfFrame):
+    """A component of the acceleration field of a section."""
+
+    luffing: SignalBase
+    slewing: SignalBase
+    gravity: SignalBase  # m/s^2
+    pivot: tuple[float, float, float]  # m: the base's tail from the pivot
+    paths: tuple[SignalBase, ...]  # whose sum is X
+    field: str  # ``x`` of the constant part, ``xz`` of A_xz
+    factor: float = 1.0
+
+    @property
+    def signals(self) -> tuple[SignalBase, ...]:
+        return (self.luffing, self.slewing, self.gravity, *self.paths)
+
+    def value(self, t: ArrayLike) -> Array:
+        at = np.asarray(t, float)
+        return (self.factor * self._component(at.ravel())).reshape(at.shape)
 
     def _component(self, t: Array) -> Array:
         turning, along = Turning.of(self.luffing, self.slewing, t), "xyz".index(self.field[0])
@@ -106,22 +136,46 @@ class Motion(SignalBase):
     def _sum(self, t: Array, what: str) -> Array:
         return np.sum([np.zeros_like(t), *(getattr(path, what)(t) for path in self.paths)], axis=0)
 
-    @property
-    def breaks(self) -> Floats:
-        return tuple(sorted({b for signal in self._signals for b in signal.breaks}))
 
-    def highest_frequency(self, start: float, end: float) -> float:
-        """Twice that of angles and paths: rates are squared, and turn what they multiply."""
-        return 2.0 * max(signal.highest_frequency(start, end) for signal in self._signals)
+class Rotation(OfFrame):
+    """What the small motion of a body feels of the frame's rotation: twice a velocity, an acceleration, or A."""
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
-        """Sampled."""
-        values = self.value(np.append(np.linspace(start, end, SAMPLES), [b for b in self.breaks if start <= b <= end]))
-        return float(values.min()), float(values.max())
+    luffing: SignalBase
+    slewing: SignalBase
+    of: str  # `rotation`, `turning` or `carried`, as `pmr.scene.frame_terms` says
+    component: str
 
     @property
-    def _signals(self) -> tuple[SignalBase, ...]:
-        return (self.luffing, self.slewing, self.gravity, *self.paths)
+    def signals(self) -> tuple[SignalBase, ...]:
+        return (self.luffing, self.slewing)
+
+    def value(self, t: ArrayLike) -> Array:
+        at = np.asarray(t, float)
+        turning, along = Turning.of(self.luffing, self.slewing, at.ravel()), ["xyz".index(k) for k in self.component]
+        if self.of == "carried":
+            same = along[0] == along[1]
+            product = np.prod(turning.velocity[:, along], axis=1)
+            found = product - np.sum(turning.velocity**2, axis=1) if same else 2.0 * product
+        else:
+            found = {"rotation": 2.0 * turning.velocity, "turning": turning.acceleration}[self.of][:, along[0]]
+        return np.asarray(found).reshape(at.shape)
+
+
+class Pushed(OfFrame):
+    """What a cylinder pushes a section with, over its length: minus an acceleration over an extension, 1/s^2."""
+
+    acceleration: SignalBase
+    length: SignalBase
+
+    @property
+    def signals(self) -> tuple[SignalBase, ...]:
+        return (self.acceleration, self.length)
+
+    def on_steps(self, step: float) -> Self:
+        return self.model_copy(update={"step": step, "acceleration": self.acceleration.on_steps(step)})
+
+    def value(self, t: ArrayLike) -> Array:
+        return np.asarray(-self.acceleration.value(t) / self.length.value(t))
 
 
 def motion_of(scene: Scene, number: int, field: str, factor: float = 1.0) -> Motion:
@@ -144,3 +198,22 @@ def motion_of(scene: Scene, number: int, field: str, factor: float = 1.0) -> Mot
 def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
     """Amplitudes of the inputs by which the frame accelerates a body, by their names; none where it stands still."""
     return {INERTIA + field: motion_of(scene, member.number, field, -1.0) for field in inertia_fields(member)}
+
+
+def term_signals(scene: Scene) -> dict[str, SignalBase]:
+    """What the terms of `pmr.scene.frame_terms` are multiplied with, by their names."""
+    return {term.name: _signal(scene, term) for term in frame_terms(scene)}
+
+
+def _signal(scene: Scene, term: FrameTerm) -> SignalBase:
+    assert scene.frame is not None  # of a scene that has terms
+    if term.of == "field":
+        return motion_of(scene, term.number, term.component)
+    if term.of == "load":
+        return next(load.signal for load in scene.sections[term.number].loads if load.name == term.component)
+    if term.of == "cylinder":
+        carried = motion_of(scene, scene.names.index(term.carried), term.component)
+        return Pushed(acceleration=carried, length=scene.extension(term.number), step=scene.time.step)
+    luffing, slewing = scene.frame.angles
+    about = {"of": term.of, "component": term.component, "step": scene.time.step}
+    return Rotation(luffing=luffing, slewing=slewing, **about)

@@ -187,6 +187,7 @@ class FullBody(WithRows):
     output_kinds: tuple[str, ...] = ()
     # (n, n), as `pmr.fullmodel.model.FullModel` has them
     matrices: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
+    ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
 
     @property
     def size(self) -> int:

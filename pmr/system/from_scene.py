@@ -18,6 +18,7 @@ from pmr.scene.names import ALONE, cylinder_of
 from pmr.scene.parts import Part
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Joint, JointPad, Place
+from pmr.system.frame_terms import terms_of
 from pmr.system.system import Body, System, grounded
 
 
@@ -25,7 +26,12 @@ def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
     """A scene's bodies, reduced or full, by their names, and what joins them; errors as for `System`."""
     if ALONE in bodies:
         return System.of(bodies[ALONE])
-    return System(bodies, contacts_of(scene, bodies))
+    return System(bodies, contacts_of(scene, bodies), terms=terms_of(scene, bodies))
+
+
+def with_bodies(scene: Scene, system: System, bodies: Mapping[str, SlidingBody]) -> System:
+    """The system with other models of the same bodies."""
+    return replace(system, bodies=bodies, terms=terms_of(scene, bodies))
 
 
 def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:

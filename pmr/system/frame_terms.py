@@ -1,0 +1,54 @@
+"""Terms of a frame that moves: matrices of a scene's bodies, by the names that their signals have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from pmr.scene import Scene
+from pmr.scene.frame import INERTIA
+from pmr.scene.frame_terms import FrameTerm, frame_terms, tails
+from pmr.scene.members import member_at
+from pmr.system.body import SlidingBody
+from pmr.system.terms import Term
+
+Array = NDArray[np.float64]
+
+
+def terms_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> tuple[Term, ...]:
+    """Those of a scene whose frame asks for second order; none otherwise."""
+    return tuple(_term(scene, one, bodies) for one in frame_terms(scene))
+
+
+def _term(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
+    if one.of == "cylinder":
+        apart = sp.csr_matrix(_apart(scene, one, bodies))
+        return Term(one.name, one.bodies, stiffness=_carried(bodies[one.carried], one.component) * (apart.T @ apart))
+    (name,) = one.bodies
+    matrix = bodies[name].matrices.get(one.matrix, sp.csr_matrix((bodies[name].size,) * 2))
+    if one.of == "rotation":
+        return Term(one.name, one.bodies, damping=matrix)
+    return Term(one.name, one.bodies, stiffness=matrix)
+
+
+def _apart(scene: Scene, one: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:
+    """Rows (d, n) that measure how far the tails of two sections are apart across the boom, from both's coordinates."""
+    found = []
+    for row in tails(member_at(scene, one.number)):
+        parts = []
+        for sign, name in zip((1.0, -1.0), one.bodies, strict=True):
+            body = bodies[name]
+            known = body.ports.get(row)  # none of a tail that is clamped
+            parts.append(np.zeros(body.size) if known is None else sign * np.asarray(sp.csr_matrix(known).toarray())[0])
+        found.append(np.concatenate(parts))
+    return np.array(found)
+
+
+def _carried(body: SlidingBody, field: str) -> float:
+    """Mass in kg of a section and what is attached to it, or its first moment about its tail in kg m."""
+    along, over = (np.asarray(body.B)[:, body.input_names.index(INERTIA + one)] for one in ("x", field))
+    return float(along @ spla.spsolve(sp.csc_matrix(body.M), over))
