@@ -33,6 +33,7 @@ from pmr.simulation.petsc import Checkpoint, Recording, observe, observe_system,
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.stepping import Progress, TimeStepping
 from pmr.system.assembly import Assembly
+from pmr.system.frame_terms import terms_of
 from pmr.system.from_scene import contacts_of
 from pmr.system.system import System
 
@@ -40,6 +41,8 @@ Array = NDArray[np.float64]
 
 #: (rad/s)^2, below all that is looked for: what holds is not singular there.
 SHIFT = -1.0
+#: Why there is no full model beside a reduced one of second order.
+NO_TERMS = "a full model of this size is simulated to first order; simulation.full = 'march' takes second order"
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,8 @@ class FullOrder:
     @cached_property
     def gathered(self) -> System | None:
         """The system on rank 0, for those that are not distributed."""
-        return self.whole.gather()
+        found = self.whole.gather()
+        return found and replace(found, terms=terms_of(self.scene, found.bodies))
 
     def frequencies(self, s: Array, count: int) -> Array:
         """The lowest natural frequencies (S, f) in Hz where the paths are at s (S, P) m, every contact closed."""
@@ -129,6 +133,8 @@ class FullOrder:
         """The response, and this rank's rows of the states at the steps."""
         whole, comm, excitation = self.whole, self.whole.comm, Excitation.of(self.scene)
         excitation = excitation.with_stepping(made or excitation.stepping)
+        if self.simulator == "petsc" and excitation.terms:
+            raise SimulationError(NO_TERMS)
         rigid, x = whole.compliance == 0.0, places(whole, excitation)
         refuse(self.simulator, needs_of_contacts(whole, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
