@@ -157,3 +157,27 @@ def test_the_crane_moves_as_its_full_model_does() -> None:
     assert [one["name"] for one in summary["reactions"]][5:11] == [
         f"pivot {axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")
     ]
+
+
+#: The same with second order; the largest deflection and force of a pad, in mm and N.
+BENT, LARGEST, PAD = (-13.5051, -36.059, -138.86, -179.65, -113.12), 222.13, 83640.0
+
+
+def test_axial_forces_bend_what_is_bent_as_another_code_says() -> None:
+    scene = scenes.load_any(LUFFING, ["section.reduction.estimate=false", "frame.second_order=true"])
+    found = pmr.simulate(scene, pmr.reduce(scene).reduced)
+    tip = 1e3 * found.of("tip", body="fly")[:, 0]
+    assert tip[[0, 2500, 5000, 7500, 10000]] == pytest.approx(BENT, rel=5e-3)
+    assert tip[0] == pytest.approx(BENT[0], abs=1e-3)
+    assert np.abs(tip).max() == pytest.approx(LARGEST, rel=5e-3)
+    pads = [name for name in found.force_names if "cylinder" not in name]
+    assert max(np.abs(found.force(name, 0)).max() for name in pads) == pytest.approx(PAD, rel=5e-3)
+
+
+def test_second_order_of_a_reduced_boom_is_that_of_its_full_model() -> None:
+    changes = ["frame.second_order=true", "section.mesh.elements=20", "time.end=12.0", "time.step=4e-3"]
+    summary = pmr.run(scenes.load_any(LUFFING, [*changes, "compare.against=['full']"])).result.summary
+    errors = summary["errors"]["reduced_vs_full"]
+    assert errors["tip"] < 1e-3 and errors["pad_force"] < 1e-3
+    assert errors["tip"] <= summary["estimate"]["tip"]
+    assert summary["frame"]["second_order"] and summary["buckling"]["factor"] > 1.0

@@ -36,6 +36,15 @@ REFUSED = [
     ((PIVOT, SLEWING), r"frame.slewing: models in space are allowed with it"),
     ((PIVOT, LUFFING, "sections.fly.loads.0.name=inertia x"), r"loads\[0\].name = 'inertia x': another name"),
     ((PIVOT, LUFFING, "frame.unit=turns"), r"frame.unit = 'turns'"),
+    (
+        (
+            PIVOT,
+            LUFFING,
+            "frame.second_order=true",
+            "sections.fly.joint.extension={kind='smooth_ramp', times=[1.0, 5.0], values=[0.0, 4.5]}",
+        ),
+        r"sections\[2\].joint: an extension above 0 is allowed with frame.second_order: here it is 0 m",
+    ),
 ]
 
 

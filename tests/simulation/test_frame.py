@@ -69,3 +69,32 @@ def test_gravity_of_a_frame_at_rest_is_gravity_along_that_direction() -> None:
         expected = {"x": weight - driven, "z": np.zeros(33), "xx": np.zeros(33), "zx": np.zeros(33)}
         for field, values in turned.items():
             assert values == pytest.approx(expected[field], abs=1e-12)
+
+
+def test_terms_of_second_order_are_those_of_the_field_s_gradient() -> None:
+    scene = scenes.load_any(THREE, [*TURNING, "frame.second_order=true"])
+    terms, t = Excitation.of(scene).terms, np.array([0.7, 2.3, 3.9])
+    A = np.array([[motion_of(scene, 0, j + k).value(t) for k in "xyz"] for j in "xyz"])
+    found = np.zeros_like(A)
+    for j, k in ("xx", "yy", "zz", "xy", "xz", "yz"):
+        a, b = "xyz".index(j), "xyz".index(k)
+        half = terms[f"fly: carried {j}{k}"].value(t) / 2.0
+        found[a, b] += half
+        found[b, a] += half
+    for k, axis in enumerate("xyz"):
+        found += np.cross(np.eye(3)[k], np.eye(3)).T[:, :, None] * terms[f"fly: turning {axis}"].value(t)
+    assert found == pytest.approx(A, abs=1e-14)
+    velocity = np.array([terms[f"fly: rotating {axis}"].value(t) / 2.0 for axis in "xyz"])
+    assert np.einsum("kt,kt->t", velocity, velocity) == pytest.approx(-np.einsum("jjt->t", A) / 2.0)
+
+
+def test_a_cylinder_pushes_all_that_it_carries() -> None:
+    scene = scenes.load_any(THREE, [*TURNING, "frame.second_order=true"])
+    terms, t = Excitation.of(scene).terms, np.array([0.7, 2.3, 3.9])
+    for name, beyond in (("middle", ("middle", "fly")), ("fly", ("fly",))):
+        for carried in beyond:
+            acceleration = motion_of(scene, scene.names.index(carried), "x").value(t)
+            length = scene.paths[name].value(t)
+            term = terms[f"cylinder of {name} that carries {carried}, x"]
+            assert term.value(t) == pytest.approx(-acceleration / length)
+    assert not Excitation.of(scenes.load_any(THREE, TURNING)).terms
