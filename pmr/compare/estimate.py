@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -233,7 +233,7 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
 
     def richer(of: Callable[[ReducedModel], ReducedModel]) -> _Simulated:
         bodies = {name: with_attachment_modes(of(model), loads[name]) for name, model in models.items()}
-        return _Simulated.of(replace(first.system, bodies=bodies), excitation)
+        return _Simulated.of(first.system.with_bodies(bodies), excitation)
 
     better, pushing = richer(extended), ~np.isnan(first.system.clearance)
     missing = {"attachment": better.outputs.minus(first.outputs)}

@@ -59,9 +59,7 @@ class Excitation:
             loads |= {input_of(name, one): signal for one, signal in known.items()}
         speeds = {part.name: part.joint.friction_speed for part in scene.sections if part.joint is not None}
         terms = term_signals(scene)
-        return cls(
-            scene.paths, loads, stepping, scene.simulation, scene.start, terms=terms, friction_speeds=speeds
-        )
+        return cls(scene.paths, loads, stepping, scene.simulation, scene.start, terms=terms, friction_speeds=speeds)
 
     @property
     def path(self) -> SignalBase:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -26,12 +27,8 @@ def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
     """A scene's bodies, reduced or full, by their names, and what joins them; errors as for `System`."""
     if ALONE in bodies:
         return System.of(bodies[ALONE])
-    return System(bodies, contacts_of(scene, bodies), terms=terms_of(scene, bodies))
-
-
-def with_bodies(scene: Scene, system: System, bodies: Mapping[str, SlidingBody]) -> System:
-    """The system with other models of the same bodies."""
-    return replace(system, bodies=bodies, terms=terms_of(scene, bodies))
+    terms = partial(terms_of, scene)
+    return System(bodies, contacts_of(scene, bodies), terms=terms(bodies), terms_of=terms)
 
 
 def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:

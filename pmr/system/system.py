@@ -10,7 +10,7 @@ body without coordinates; one body on one path is the case of one body whose con
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -195,6 +195,14 @@ class System(Joined[SlidingBody]):
     """Reduced or full bodies, each on one process, and what joins them."""
 
     provenance: dict[str, Any] = field(default_factory=dict)  # how it came about: the scene, its hash, versions
+    # makes the terms of other models of the same bodies; a system from a file, which has the terms, has none
+    terms_of: Callable[[Mapping[str, SlidingBody]], tuple[Term, ...]] | None = field(
+        default=None, compare=False, repr=False, kw_only=True
+    )
+
+    def with_bodies(self, bodies: Mapping[str, SlidingBody]) -> System:
+        """The system with other models of the same bodies; with terms only if it knows how to make theirs."""
+        return replace(self, bodies=bodies, terms=self.terms if self.terms_of is None else self.terms_of(bodies))
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -229,7 +229,7 @@ class Family:
             if member.residual_inertia and not self._on_tables:
                 loads = loads_borne(self._join(self._wholes), self._run)
                 bodies = {name: with_attachment_modes(model, loads[name]) for name, model in models.items()}
-                self._systems[member] = replace(self._given_system, bodies=bodies)
+                self._systems[member] = self._given_system.with_bodies(bodies)
             else:
                 self._systems[member] = self._join(models)
         return self._systems[member]
