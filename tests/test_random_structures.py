@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from alone import estimate
 
 from pmr import scene as scenes
 from pmr.compare import errors as compare
-from pmr.compare import estimate
 from pmr.compare.responses import quantities
 from pmr.compare.simulated import simulate
 from pmr.errors import InputError
@@ -195,7 +195,7 @@ def test_a_random_structure(number: int) -> None:
     full, own = FullOrder.of(scene, {ALONE: model}).references(), simulate(scene, found.model)
     responses = {"reduced": own, **full.responses}
     error = compare.errors(responses, quantities=quantities(scene, own))["reduced_vs_full"]["beam"]
-    told = estimate.estimate(found.model, Excitation.of(scene), 1)
+    told = estimate(found.model, Excitation.of(scene))
     print(number, one.model, model.size, "rigid", rigid, left, f"error {error:.2e} estimate {told.beam:.2e}")
     assert np.isfinite(error)
     if told.beam < 1e-4:
