@@ -111,7 +111,7 @@ def hung(scene: Scene, model: ReducedModel, row: Array) -> Array:
 def test_a_mass_that_hangs_on_a_port_in_exudyn_moves_as_on_the_full_boom(load_scene: Load) -> None:
     scene = load_scene("boom_beam", COARSE)
     without, with_port = reduce(scene), reduce(load_scene("boom_beam", [*COARSE, 'reduction.ports=["tip"]'])).reduced
-    full = without.model.gather()
+    full = without.built[ALONE].model.gather()
     assert full is not None
     z = sp.csr_matrix(full.outputs[full.output_names.index("tip z")])
     heavy = replace(
