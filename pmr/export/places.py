@@ -29,7 +29,7 @@ def held_at(npz_path: Path, options: Options) -> StateSpace:
     Raises InputError as `places`, `section_alone` and `state_space`.
     """
     if options.section is None:
-        system = System.load(npz_path)
+        system = System.load(npz_path).ensure_constant(npz_path.name)
         return state_space(system, places(system, options.at), npz_path.name)
     if options.at is not None:
         allowed = "none is allowed with --section: without its joints nothing of a section depends on a place"

@@ -8,14 +8,17 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.constraints.rows import Row
+from pmr.fem.matrices import gather
 from pmr.fullmodel.model import FullModel
 from pmr.scene.names import ALONE, input_of
 from pmr.system.body import FullBody
 from pmr.system.contacts import Contact, Place
 from pmr.system.system import Joined, System, grounded
+from pmr.system.terms import Term
 
 Array = NDArray[np.float64]
 
@@ -94,7 +97,15 @@ class FullSystem(Joined[FullModel]):
             if id(model) not in found:
                 found[id(model)] = model.gather()
         bodies = {name: body for name, model in self.bodies.items() if (body := found[id(model)]) is not None}
-        return System(bodies, self.contacts) if bodies else None
+        terms = tuple(self._gathered_term(term) for term in self.terms)
+        return System(bodies, self.contacts, terms=terms) if bodies else None
+
+    def _gathered_term(self, term: Term) -> Term:
+        """With SciPy's matrices on rank 0."""
+        found: dict[str, Any] = {
+            key: A if sp.issparse(A) or isinstance(A, np.ndarray) else gather(A) for key, A in term.matrices.items()
+        }
+        return replace(term, **found) if self.comm.rank == 0 else term
 
     @cached_property
     def side_rows(self) -> tuple[Row, ...]:

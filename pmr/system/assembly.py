@@ -50,6 +50,12 @@ class Assembly:
         of_bodies = list(zip(bodies, free, strict=True))
         # numbers of the coordinates of each body that its supports leave free
         self.free = dict(zip(system.bodies, free, strict=True))
+        numbers, count = dict[str, NDArray[np.int64]](), 0
+        for name, body in system.bodies.items():
+            numbers[name] = np.full(body.size, -1, np.int64)
+            numbers[name][self.free[name]] = count + np.arange(len(self.free[name]))
+            count += len(self.free[name])
+        self.terms = [term.among(numbers, count) for term in system.terms]  # sparse, on the same coordinates
         self.M, self.D, self.K = (_blocks([getattr(body, A)[np.ix_(i, i)] for body, i in of_bodies]) for A in "MDK")
         self.B = _blocks([body.B[i] for body, i in of_bodies])
         O = [body.outputs[:, i] for body, i in of_bodies]
@@ -69,6 +75,29 @@ class Assembly:
     @property
     def size(self) -> int:
         return int(self.M.shape[0])
+
+    def stiffness(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
+        """K + sum_k c_k G_k with amplitudes c (k,) of the system's terms, in their order; none leave K alone."""
+        return self._with(self.K, "stiffness", c)
+
+    def damping(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
+        """D + sum_k c_k V_k, likewise."""
+        return self._with(self.D, "damping", c)
+
+    def term_forces(self, q: Array, v: Array, c: Array) -> Array:
+        """-sum_k c_k (V_k v + G_k q), (T, n) N, of coordinates and rates (T, n) and amplitudes c (T, k)."""
+        found = np.zeros_like(q)
+        for term, amplitude in zip(self.terms, c.T, strict=True):
+            for A, moved in ((term.stiffness, q), (term.damping, v)):
+                if A is not None:
+                    found -= amplitude[:, None] * (A @ moved.T).T
+        return found
+
+    def _with(self, A: sp.csr_matrix, key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
+        for term, amplitude in zip(self.terms, c, strict=len(c) > 0):
+            if (part := getattr(term, key)) is not None:
+                A = A + amplitude * part
+        return A
 
     def at(self, x: Array) -> ContactRows:
         """The contacts with their places at x (sides,) m, as `System.coordinates` has them."""
@@ -126,23 +155,46 @@ class Assembly:
                 found[side.contact, self.coordinates[name]] += side.sign * rate * row[self.free[name]]
         return found
 
-    def frequencies(self, x: Array, count: int) -> Array:
-        """The lowest natural frequencies, ([S,] count) Hz, every contact closed, its places at x ([S,] sides) in m."""
+    def frequencies(self, x: Array, count: int, c: Array | None = None) -> Array:
+        """The lowest natural frequencies, ([S,] count) Hz, every contact closed, its places at x ([S,] sides) in m.
+
+        Terms have amplitudes c ([S,] k), zero by default.  Of their matrices the symmetric stiffness counts and the
+        gyroscopic, antisymmetric part of what acts on rates: the rest damps, or turns faster and faster.  At the
+        buckling load and beyond the lowest is 0 Hz.
+        """
         if x.ndim == 1:
-            return np.asarray(self.frequencies(x[None], count)[0])
-        M, K, rows, found = self.M.toarray(), self.K.toarray(), self.along(x), np.full((len(x), count), np.nan)
+            return np.asarray(self.frequencies(x[None], count, None if c is None else c[None])[0])
+        rows, found = self.along(x), np.full((len(x), count), np.nan)
+        amplitudes = np.zeros((len(x), len(self.terms))) if c is None else c
         for k, F_k in enumerate(rows.F):
+            M, K = self.M.toarray(), self.stiffness(amplitudes[k]).toarray()
+            V = self.damping(amplitudes[k]) - self.D
+            K, V = (K + K.T) / 2.0, (V - V.T).toarray() / 2.0
             rigid = np.all(F_k == 0.0, axis=1)
             C, F = rows.C[k, ~rigid], F_k[np.ix_(~rigid, ~rigid)]
-            held, free = K + C.T @ np.linalg.solve(F, C), M
+            K = K + C.T @ np.linalg.solve(F, C)
             if rigid.any():
                 Z = scipy.linalg.null_space(rows.C[k, rigid])
-                held, free = Z.T @ held @ Z, Z.T @ M @ Z
-            if not len(held):
+                M, K, V = (Z.T @ A @ Z for A in (M, K, V))
+            if not len(K):
                 continue  # the contacts hold all coordinates
-            omega2 = scipy.linalg.eigh(held, free, eigvals_only=True)[:count]
-            found[k, : len(omega2)] = np.sqrt(np.maximum(omega2, 0.0)) / (2.0 * np.pi)
+            omega = _oscillations(M, V, K)[:count]
+            found[k, : len(omega)] = omega / (2.0 * np.pi)
         return found
+
+
+def _oscillations(M: Array, V: Array, K: Array) -> Array:
+    """Omega (n,) rad/s of M q'' + V q' + K q = 0 with an antisymmetric V, ascending; zero where K does not hold.
+
+    With modes of K, of rates z' and strains omega z the equations are antisymmetric, (0, W; -W, -V): round-off stays
+    that of the largest omega, not of its square.
+    """
+    if not np.any(V):
+        return np.sqrt(np.maximum(scipy.linalg.eigh(K, M, eigvals_only=True), 0.0))
+    omega2, X = scipy.linalg.eigh(K, M)
+    W = np.diag(np.sqrt(np.maximum(omega2, 0.0)))
+    turning = np.block([[np.zeros_like(W), W], [-W, -X.T @ V @ X]])
+    return np.asarray(np.abs(scipy.linalg.eigvalsh(1j * (turning - turning.T) / 2.0)[len(W) :]))
 
 
 def _blocks(matrices: Sequence[Any]) -> sp.csr_matrix:

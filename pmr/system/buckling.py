@@ -62,27 +62,16 @@ def buckling_factors(assembly: Assembly, x: Array, coefficients: Mapping[str, fl
 
 def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -> sp.csr_matrix:
     """The sum of c_k G_k on the assembly's coordinates (n, n); an InputError is raised for a name that no term has."""
-    numbers, terms = _numbers(assembly), {term.name: term for term in assembly.system.terms}
+    terms = {term.name: term for term in assembly.terms}
     total = sp.csr_matrix((assembly.size,) * 2)
     for name, c in coefficients.items():
         if name not in terms:
             raise InputError("system", "terms", name, f"{', '.join(terms) or 'no names'} are allowed")
-        G = terms[name].among(numbers, assembly.size).stiffness
+        G = terms[name].stiffness
         if G is not None and c != 0.0:
             total += c * G
     total.eliminate_zeros()
     return total
-
-
-def _numbers(assembly: Assembly) -> dict[str, NDArray[np.int64]]:
-    """Where each body's coordinates stand among the assembly's; -1 of those that supports hold."""
-    found = {}
-    for name, body in assembly.system.bodies.items():
-        own = np.full(body.size, -1)
-        at = assembly.coordinates[name]
-        own[assembly.free[name]] = np.arange(at.start, at.stop)
-        found[name] = own
-    return found
 
 
 def _held(assembly: Assembly, rows: ContactRows, solve: Solve) -> Array:

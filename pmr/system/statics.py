@@ -1,9 +1,10 @@
 r"""Equilibrium of a system of bodies under constant loads, at given places.
 
 .. math::
-    K q + C^T \lambda = B f, \qquad C q + H f - F \lambda = c \text{ where a contact is closed}, \quad
-    \lambda = 0 \text{ where it is open}
+    \Bigl(K + \sum_k c_k G_k\Bigr) q + C^T \lambda = B f, \qquad
+    C q + H f - F \lambda = g \text{ where a contact is closed}, \quad \lambda = 0 \text{ where it is open}
 
+with the clearances g and the system's terms at their amplitudes c.
 Contacts that only push are closed where they push and open where a gap is left; the ones that are wrong change sides,
 all at once as long as that leaves fewer wrong ones, then the first one alone (docs/pads.md has the proof that this
 ends).  A body that open contacts leave free for the moment is held by its mass times a frequency far below all others;
@@ -45,8 +46,8 @@ class Equilibrium:
     closed: Mask
 
 
-def equilibrium(assembly: Assembly, x: Array, f: Array) -> Equilibrium:
-    """At places x (sides,) m and under loads f (i,).
+def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) -> Equilibrium:
+    """At places x (sides,) m, under loads f (i,) and with amplitudes c (k,) of the system's terms, zero by default.
 
     An InputError is raised where contacts do not hold the bodies against these loads, or can't tell their forces apart.
     """
@@ -54,10 +55,11 @@ def equilibrium(assembly: Assembly, x: Array, f: Array) -> Equilibrium:
     pushes = ~np.isnan(clearance)
     gap = np.where(pushes, clearance, 0.0)
     closed = np.ones(len(gap), dtype=bool)
+    K = assembly.stiffness(() if c is None else c)
     floor = ALMOST_FREE * _lowest(assembly, rows) * assembly.M
     fewest, chances = len(gap) + 1, CHANCES
     for _ in range(LIMIT):
-        almost = _solved(assembly, rows, closed, gap, f, floor)
+        almost = _solved(assembly, rows, closed, gap, f, K + floor)
         wrong = _wrong(rows, almost, pushes, gap, f)
         if not wrong.any():
             break
@@ -67,11 +69,11 @@ def equilibrium(assembly: Assembly, x: Array, f: Array) -> Equilibrium:
             chances -= 1
         changing = wrong if chances >= 0 else np.arange(len(wrong)) == np.argmax(wrong)
         closed = closed ^ changing
-    found = _solved(assembly, rows, closed, gap, f, 0.0 * floor)
+    found = _solved(assembly, rows, closed, gap, f, K)
     q, forces = found.q, found.forces
     unchanged = np.abs(q - almost.q).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
-    stored = q @ (assembly.K @ q) + forces @ rows.F @ forces
-    stiff = stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(assembly.K) @ np.abs(q))
+    stored = q @ (K @ q) + forces @ rows.F @ forces
+    stiff = stored >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q))
     if not (unchanged and stiff) or _wrong(rows, found, pushes, gap, f).any():
         allowed = (
             "contacts that hold the bodies against the loads at the start, each in a way of its own, are allowed "
@@ -81,13 +83,11 @@ def equilibrium(assembly: Assembly, x: Array, f: Array) -> Equilibrium:
     return found
 
 
-def _solved(
-    assembly: Assembly, rows: ContactRows, closed: Mask, gap: Array, f: Array, floor: sp.csr_matrix
-) -> Equilibrium:
+def _solved(assembly: Assembly, rows: ContactRows, closed: Mask, gap: Array, f: Array, K: sp.csr_matrix) -> Equilibrium:
     """With the given contacts closed; not finite where these hold nothing or depend on each other."""
     forces = np.zeros(len(gap))
     right = np.concatenate([assembly.B @ f, (gap - rows.H @ f)[closed]])
-    solution = saddle_point_solver(assembly.K + floor, rows.of(closed))(right)
+    solution = saddle_point_solver(K, rows.of(closed))(right)
     forces[closed] = solution[assembly.size :]
     return Equilibrium(solution[: assembly.size], forces, closed)
 

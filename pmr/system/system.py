@@ -224,6 +224,16 @@ class System(Joined[SlidingBody]):
                 raise InputError("system", f"bodies.{name}", kind, "a ReducedModel is allowed here")
         return found
 
+    def ensure_constant(self, source: str) -> System:
+        """Itself; an InputError of `source` is raised where it has terms that vary in time: whoever asks knows none."""
+        if self.terms:
+            allowed = (
+                "a system without terms that vary in time (a frame that moves, second order) is allowed here; "
+                "`pmr simulate` follows them"
+            )
+            raise InputError(source, "terms", ", ".join(self.term_names), allowed)
+        return self
+
     def save(self, path: str | Path) -> Path:
         """Write reduced bodies, contacts, terms and provenance as one npz file, not compressed; nothing is pickled.
 

@@ -12,8 +12,10 @@ import scipy.sparse as sp
 from nested import Nested, reduced
 
 from pmr.errors import InputError
+from pmr.export.formats import Options, write
 from pmr.scene.signals import Constant, Sine
 from pmr.simulation.excitation import Excitation
+from pmr.simulation.native.steppers import stepper
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System
 from pmr.system.terms import Term
@@ -65,6 +67,17 @@ def test_amplitudes_follow_the_names_of_terms() -> None:
     for names in (("a",), ("a", "b", "c")):
         with pytest.raises(InputError, match="terms.*b, a given, one for each term is allowed"):
             excitation.amplitudes(names)
+
+
+def test_what_knows_no_terms_refuses_them(system: System, tmp_path: Path) -> None:
+    """From one place: a step from outside, and files for other programs."""
+    varying = replace(system, terms=(Term("N", ("1",), stiffness=np.eye(*of(system, "1"))),))
+    file = varying.save(tmp_path / "system.npz")
+    with pytest.raises(InputError, match="stepper: terms = 'N'.*without terms that vary in time"):
+        stepper(varying, 1e-3, 1.0)
+    for to in ("fmu", "exudyn", "matlab"):
+        with pytest.raises(InputError, match="system.npz: terms = 'N'.*without terms that vary in time"):
+            write(to, file, None, Options())
 
 
 def test_terms_that_make_no_sense_are_refused(system: System) -> None:

@@ -68,7 +68,7 @@ def write_fmu(
     Arguments and errors as for `write`, and an InputError is raised if the file is neither.
     """
     npz_path = Path(npz_path)
-    system = System.load(npz_path)
+    system = System.load(npz_path).ensure_constant(npz_path.name)
     return write(system, recorded_system(system, npz_path.name), target, version, platforms)
 
 

@@ -83,13 +83,17 @@ class Contacts:
 
 @dataclass(frozen=True)
 class Motion:
-    """At N times: places x (N, k) m, coordinates and rates (N, n), loads f (N, i) N and contact forces (N, m) N."""
+    """At N times: places x (N, k) m, coordinates and rates (N, n), loads f (N, i) and contact forces (N, m) in N.
+
+    Amplitudes of terms are c (N, K).
+    """
 
     x: Array
     q: Array
     v: Array
     f: Array
     forces: Array
+    c: Array
 
     def part(self, steps: slice) -> Motion:
         """Some of its times."""
@@ -131,4 +135,6 @@ def _balanced(equations: Equations, rows: ContactRows, motion: Motion) -> tuple[
     turned = np.einsum("tmn,tn->tm", C, mean(q)) + np.einsum("tmi,ti->tm", H, mean(f))
     turned -= np.einsum("tmn,tn->tm", F, mean(forces)) / 2.0
     work = dot(mean(f), np.diff(moved, axis=0)) + dot(mean(forces), turned)
+    if equations.system.terms:
+        work += dot(mean(equations.assembly.term_forces(q, motion.v, motion.c)), np.diff(q, axis=0))
     return stored + dot(f, f @ equations.assembly.energy) / 2.0, work

@@ -46,6 +46,10 @@ class Inputs(ABC):
     def loads(self, t: float) -> tuple[float, ...]:
         """One value an input, in N (or N m)."""
 
+    @abstractmethod
+    def amplitudes(self, t: float) -> tuple[float, ...]:
+        """One value a term."""
+
     def at(self, t: float) -> Array:
         """X (1, sides) m at t s."""
         return self.places(self.number(t), 1)
@@ -70,11 +74,16 @@ class Inputs(ABC):
 class SignalInputs(Inputs):
     """Evaluates signals and functions where the time has changed, or a step begins.
 
-    An InputError is raised if a path or load is missing, or a load has no input.
+    An InputError is raised if a path, load or amplitude of a term is missing, or one has no input or term.
     """
 
     def __init__(
-        self, mbs: Any, equations: Equations, paths: Mapping[str, Driving], loads: Mapping[str, Driving]
+        self,
+        mbs: Any,
+        equations: Equations,
+        paths: Mapping[str, Driving],
+        loads: Mapping[str, Driving],
+        terms: Mapping[str, Driving],
     ) -> None:
         if missing := set(equations.system.paths) - set(paths):
             allowed = f"{', '.join(paths) or 'none'} given, one for each path is allowed: {', '.join(sorted(missing))}"
@@ -83,6 +92,7 @@ class SignalInputs(Inputs):
         # m/s at t = 0, where a function counts as at rest
         self.rates = {name: float(path.rate(0.0)) if hasattr(path, "rate") else 0.0 for name, path in paths.items()}
         self._loads = in_order(loads, equations.system.input_names)
+        self._terms = in_order(terms, equations.system.term_names, "term")
         self._x = np.empty(0)
         self.begin(0.0)
 
@@ -91,6 +101,7 @@ class SignalInputs(Inputs):
         before, self._t, self._x = self._x, t, self._equations.at(self.s)
         self._k += int(not np.array_equal(before, self._x))
         self._f = tuple(self._value(load, t) for load in self._loads)
+        self._c = tuple(self._value(term, t) for term in self._terms)
 
     def number(self, t: float) -> int:
         if t != self._t:
@@ -104,6 +115,10 @@ class SignalInputs(Inputs):
         self.number(t)
         return self._f
 
+    def amplitudes(self, t: float) -> tuple[float, ...]:
+        self.number(t)
+        return self._c
+
     def _value(self, driving: Driving, t: float) -> float:
         return float(driving.value(t) if hasattr(driving, "value") else driving(self._mbs, t))
 
@@ -111,17 +126,19 @@ class SignalInputs(Inputs):
 class TabulatedInputs(Inputs):
     """Looks up what was evaluated beforehand, at all parts of all steps.
 
-    Errors as for `Equations.visited` and `Excitation.forces`.
+    Errors as for `Equations.visited`, `Excitation.forces` and `Excitation.amplitudes`.
     """
 
     def __init__(self, equations: Equations, excitation: Excitation, lengths: Lengths) -> None:
         stepping, numbers = excitation.stepping.divided(lengths.finest), lengths.numbers
         fine = excitation.with_stepping(stepping)
         self.x, self.f = equations.visited(fine)[numbers], fine.forces(equations.system.input_names)[numbers]
+        self.c = fine.amplitudes(equations.system.term_names)[numbers]
         moved = np.append(True, np.any(self.x[1:] != self.x[:-1], axis=1))
-        at, loads = (np.cumsum(moved) - 1).tolist(), map(tuple, self.f.tolist())
+        at = (np.cumsum(moved) - 1).tolist()
+        loads, terms = map(tuple, self.f.tolist()), map(tuple, self.c.tolist())
         self._places, self._step = self.x[moved], stepping.step
-        self._known = dict(zip(numbers.tolist(), zip(at, loads, strict=True), strict=True))
+        self._known = dict(zip(numbers.tolist(), zip(at, loads, terms, strict=True), strict=True))
 
     def begin(self, t: float) -> None:
         """All is known."""
@@ -134,3 +151,6 @@ class TabulatedInputs(Inputs):
 
     def loads(self, t: float) -> tuple[float, ...]:
         return self._known[round(t / self._step)][1]
+
+    def amplitudes(self, t: float) -> tuple[float, ...]:
+        return self._known[round(t / self._step)][2]

@@ -53,6 +53,7 @@ class SystemItems:
     # ObjectConnectorCoordinateVector of the `contacts`; its output variable Force is their lambda in N; None where
     # there are no such contacts
     oContacts: Any = None
+    oTerms: Any = None  # ObjectGenericODE2 of the terms that vary in time; None where there are none
     contacts: tuple[int, ...] = ()  # numbers of the system's contacts that oContacts holds, in its order
     # sets rows and loads to the time t in s; the mbs' pre-step function calls it
     update: PreStep = _nothing

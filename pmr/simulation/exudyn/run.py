@@ -18,6 +18,7 @@ from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.exudyn.formulations import FORMULATIONS, Formulation
 from pmr.simulation.exudyn.inputs import TabulatedInputs
 from pmr.simulation.exudyn.solver import change, of_connector, of_nodes, solve, solver_settings, stored
+from pmr.simulation.exudyn.terms import with_terms
 from pmr.simulation.lengths import Lengths
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
@@ -46,7 +47,8 @@ class Run:
         start = self._equations.start(s, rates, initial)
         self._container = exu.SystemContainer()  # owns the mbs: must stay alive
         self._mbs = self._container.AddSystem()
-        self._items = add(self._mbs, self._equations, self._inputs, start)
+        items = add(self._mbs, self._equations, self._inputs, start)
+        self._items = with_terms(self._mbs, items, self._equations, self._inputs)
         kind, nodes = exu.OutputVariableType, list(self._items.nBodies.values())
         self._of_nodes = [of_nodes(self._mbs, nodes, which) for which in (kind.Coordinates, kind.Coordinates_t)]
         alone = self._equations.alone
@@ -93,7 +95,7 @@ class Run:
         forces = np.zeros((len(q), len(self.system.contacts)))
         if self._of_contacts is not None:
             forces[:, self._items.contacts] = self._stored(self._of_contacts)
-        return Motion(self._inputs.x, q, v, self._inputs.f, forces)
+        return Motion(self._inputs.x, q, v, self._inputs.f, forces, self._inputs.c)
 
     def _stored(self, sensor: Any) -> Array:
         return stored(self._mbs, sensor, self._lengths, self._describe)

@@ -22,6 +22,7 @@ from pmr.simulation.exudyn.inputs import Driving, SignalInputs
 from pmr.simulation.exudyn.items import SystemItems, add_pre_step_function
 from pmr.simulation.exudyn.run import Run
 from pmr.simulation.exudyn.sensors import SystemSensors, add_sensors
+from pmr.simulation.exudyn.terms import with_terms
 from pmr.simulation.native.systems import start_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
@@ -51,6 +52,7 @@ def add_system(
     loads: Mapping[str, Driving],
     initial: Mapping[str, InitialState] | None = None,
     formulation: Formulation = "springs",
+    terms: Mapping[str, Driving] | None = None,
 ) -> SystemItems:
     """Add a system whose rows and loads are set once a step, or as another `Formulation` has it.
 
@@ -84,17 +86,21 @@ def add_system(
         rows is corrected M-orthogonally, for which a path that is a function counts as at rest.  What is attached to
         coordinates feels the flexibility that these have: all of it at a model's `ports`, elsewhere without the
         residual part.
+    terms : mapping of str to signal or function
+        An amplitude for each of ``system.term_names``.
 
     Raises
     ------
     InputError
-        If a path or load is missing, a size is wrong, a path begins off a body or a position violates a rigid contact.
+        If a path, load or amplitude is missing, a size is wrong, a path begins off a body or a position violates a
+        rigid contact.
     """
     equations = Equations(system)
-    inputs = SignalInputs(mbs, equations, paths, loads)
+    inputs = SignalInputs(mbs, equations, paths, loads, terms or {})
     name, add = FORMULATIONS[formulation]
     refuse(name, equations.needs(inputs.at(0.0)))
     items = add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))
+    items = with_terms(mbs, items, equations, inputs)
     return replace(items, equations=equations, inputs=inputs)
 
 

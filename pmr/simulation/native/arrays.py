@@ -122,6 +122,7 @@ class Drive(NamedTuple):
     f: Array
     # (T,): the level of each step (`pmr.simulation.native.levels`), -1 where it is to be found; None: all are whole
     given: Any
+    c: Any = None  # (., K): amplitudes of terms, like s and f; None without
 
 
 class Record(NamedTuple):
@@ -134,4 +135,5 @@ class Record(NamedTuple):
     parts: Any = None  # (T,): of how many
     impulses: Any = None  # (T, m) N s: given in the step, where contacts only push
     energy: Any = None  # (T, 2) J: what is stored, and the work since the start
+    given: Any = None  # (T,) J: the work of terms since the start
     y: Any = None  # (T, o): outputs

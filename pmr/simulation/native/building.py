@@ -17,6 +17,7 @@ from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.side_arrays import bodies, sides
 from pmr.simulation.native.simd import aligned
 from pmr.simulation.native.tables import shares, tables
+from pmr.simulation.native.terms import terms
 
 Array = NDArray[np.float64]
 
@@ -43,6 +44,7 @@ def loop_of(
         state=state,
         levels=None if whole else _levels(form, methods, parts, of_levels),
         control=None if whole else _control(state, omega),
+        terms=terms(form),
     )
 
 
@@ -75,7 +77,7 @@ def _control(state: State, omega: float) -> Control:
         began=aligned(np.zeros((V + 1 - Z_NEXT, r))),
         began_forces=np.zeros((3, m)),
         began_closed=np.zeros(m, np.bool_),
-        began_energy=np.zeros(2),
+        began_energy=np.zeros(3),
         closed=np.zeros(m, np.bool_),
         force=np.zeros(m),
     )

@@ -71,7 +71,8 @@ class SystemForm:
             carriers = None if self.system.on_one_path else self.system.bodies[name].carriers
             on_modes = None if carriers is None else carriers.on(form.X).with_rows(form.rows)
             bodies[name] = replace(form.body, carriers=on_modes)
-        return System(bodies, self.system.contacts)
+        motions = {name: form.X for name, form in self.forms.items()}
+        return System(bodies, self.system.contacts, terms=tuple(term.on(motions) for term in self.system.terms))
 
     @cached_property
     def on_tables(self) -> ReducedModel | None:

@@ -13,7 +13,7 @@ Engineering and Structural Dynamics 20, 1991).  A step that misses too much is t
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ from pmr.simulation.native.arrays import (
 from pmr.simulation.native.compilation import inlined
 from pmr.simulation.native.rows import dot, solve
 from pmr.simulation.native.simd import LANES, load, store
+from pmr.simulation.native.terms import add
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -67,7 +68,7 @@ class Control(NamedTuple):
     began: Array  # (7, r'): Z_NEXT to V of `State.modes`
     began_forces: Array  # (3, m): multipliers, and `force` and `share` of `Contact`
     began_closed: NDArray[np.bool_]  # (m,)
-    began_energy: Array  # (2,)
+    began_energy: Array  # (3,): `Sides.energy`, and the work of terms
     closed: NDArray[np.bool_]  # (m,): before the last part
     force: Array  # (m,): likewise
 
@@ -150,14 +151,14 @@ def turn_to(levels: Levels, level: int, state: State, control: Control) -> None:
 
 @inlined
 def predict(
-    modes: Modes, levels: Levels, level: int, contact: Contact, state: State, control: Control, f: Array
+    modes: Modes, levels: Levels, level: int, terms: Any, contact: Contact, state: State, control: Control, f: Array
 ) -> None:
     """The prediction of the first part on a level, under loads f (i,), and what the forces leave for it.
 
     The prediction stays where a step that was taken back is made on the level of the one before after all.
     """
     of_modes, c, scheme = state.modes, levels.memories[level], scheme_of(levels, level)
-    accelerate(modes, state, f, control.acceleration[0])
+    accelerate(modes, terms, state, f, control.acceleration[0])
     if level == control.came[0]:
         return
     for n in range(0, of_modes.shape[1], LANES):
@@ -174,7 +175,7 @@ def predict(
 
 
 @inlined
-def accelerate(modes: Modes, state: State, f: Array, a: Array) -> None:
+def accelerate(modes: Modes, terms: Any, state: State, f: Array, a: Array) -> None:
     """Accelerations (r',) of the modes in the present state under loads f (i,)."""
     z, v, diagonal = state.modes[Z], state.modes[V], len(modes.damping) == 1
     for n in range(0, len(a), LANES):
@@ -192,6 +193,7 @@ def accelerate(modes: Modes, state: State, f: Array, a: Array) -> None:
     if not diagonal:
         for n in range(len(a)):
             a[n] -= dot(modes.damping[n], v)
+    add(terms, a)
 
 
 @inlined
@@ -202,10 +204,12 @@ def note(contact: Contact, state: State, control: Control) -> None:
 
 
 @inlined
-def missed(modes: Modes, contact: Contact, state: State, control: Control, scheme: Scheme, f: Array) -> float:
+def missed(
+    modes: Modes, terms: Any, contact: Contact, state: State, control: Control, scheme: Scheme, f: Array
+) -> float:
     """What the last part misses of the closed contacts' forces at most, over what it may miss."""
     old, new, h = control.acceleration[0], control.acceleration[1], scheme.z_from_v
-    accelerate(modes, state, f, new)
+    accelerate(modes, terms, state, f, new)
     for n in range(0, len(old), LANES):
         store(old, n, (load(new, n) - load(old, n)) * (h * h / 12.0))
     largest, most = control.bounds[2], 0.0

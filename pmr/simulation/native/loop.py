@@ -1,7 +1,8 @@
 r"""The one compiled loop of `march`: any bodies, whole steps or parts of them, states or outputs recorded.
 
 What a simulation lacks is None, and what would be done with it is left out when the loop is compiled: tables of a body
-on one path, or sides of contacts with places of their own; levels of steps that are made in parts; a balance of energy.
+on one path, or sides of contacts with places of their own; levels of steps that are made in parts; a balance of energy;
+terms that vary in time.
 So a body alone on its tables takes O(r m) a step and nothing else.
 
 `run` is the entry point, for many steps or for one of a system that is advanced from outside
@@ -24,6 +25,7 @@ from pmr.simulation.native.part import Loop, make_part
 from pmr.simulation.native.parts import step_in_parts
 from pmr.simulation.native.side_arrays import SideOutputs
 from pmr.simulation.native.step import FINISHED
+from pmr.simulation.native.terms import WORK
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -53,10 +55,16 @@ def run(loop: Loop, scheme: Scheme, outputs: Any, drive: Drive, record: Record, 
 def _step(levels: Any, loop: Loop, scheme: Scheme, drive: Drive, n: int, peaks: Any, row: int) -> int:
     """Step number n, whole or in parts; as `advance` returns."""
     if levels is None:  # decided when compiled
-        return make_part(loop, scheme, drive.s[n + 1], drive.f[n + 1])
+        return make_part(loop, scheme, drive.s[n + 1], drive.f[n + 1], _at(drive.c, n + 1))
     finest = levels.parts[-1]
     reach = slice(n * finest, (n + 1) * finest + 1)
-    return step_in_parts(loop, drive.given[n], drive.s[reach], drive.f[reach], peaks[row])
+    return step_in_parts(loop, drive.given[n], drive.s[reach], drive.f[reach], _at(drive.c, reach), peaks[row])
+
+
+@inlined
+def _at(c: Any, steps: Any) -> Any:
+    """Amplitudes of a step or some; None without terms."""
+    return None if c is None else c[steps]
 
 
 @inlined
@@ -68,6 +76,7 @@ def _record(loop: Loop, record: Record, row: int) -> None:
     _record_parts(record.parts, loop, row)
     _record_impulses(record.impulses, loop.state.contact, row)
     _record_energy(record.energy, loop.sides, row)
+    _record_work(record.given, loop.terms, row)
 
 
 @inlined
@@ -93,6 +102,12 @@ def _record_impulses(rows: Any, contact: Contact, row: int) -> None:
 def _record_energy(rows: Any, sides: Any, row: int) -> None:
     if rows is not None:
         _copy(rows, row, sides.energy)
+
+
+@inlined
+def _record_work(rows: Any, terms: Any, row: int) -> None:
+    if rows is not None:
+        rows[row] = terms.numbers[WORK]
 
 
 @inlined

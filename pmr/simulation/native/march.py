@@ -72,8 +72,13 @@ class March:
         s = fine.s
         if self.body is not None:  # a body that nothing moves has one place all the same
             s = fine.along(self.body.domain)[:, None] if s.shape[1] else np.full((len(s), 1), self.body.domain[0])
-        f = fine.forces(system.input_names)
-        self._drive = Drive(np.ascontiguousarray(s), np.ascontiguousarray(f), None if parts == (1,) else given)
+        f, c = fine.forces(system.input_names), fine.amplitudes(system.term_names)
+        self._drive = Drive(
+            np.ascontiguousarray(s),
+            np.ascontiguousarray(f),
+            None if parts == (1,) else given,
+            np.ascontiguousarray(c) if system.terms else None,
+        )
         methods = [GeneralizedAlpha(stepping.divided(count).step, stepping.rho_inf) for count in parts]
         self.scheme, self.loop = methods[0].scheme(), loop_of(form, methods, parts, omega, self._paths)
         rigid = np.all(Assembly(form.modal).at(self.x[0]).F == 0.0, axis=1)
@@ -81,7 +86,7 @@ class March:
         refuse("march", needs)
         self._growing = list(needs.rigid_moving)  # nothing damps their forces
         x_rate = rates_of_places(system, excitation)
-        begin(self.loop, form, methods[0], Onset(self._paths, s[0], self.x[0], x_rate, f[0], initial))
+        begin(self.loop, form, methods[0], Onset(self._paths, s[0], self.x[0], x_rate, f[0], initial, c[0]))
         self._account = None if self.body is None else balance.Account(self.body, stepping.steps)
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
 
@@ -164,9 +169,10 @@ class March:
 
     def _take(self, first: int, rows: Record, outputs: Outputs | SideOutputs | None, every: int) -> None:
         """Take steps from number `first` on, as many as there is room for."""
-        count, loop, s, f, given = every * len(rows.multipliers), self.loop, *self._drive
+        count, loop, (s, f, given, c) = every * len(rows.multipliers), self.loop, self._drive
         reach = slice((first - 1) * self.finest, (first - 1 + count) * self.finest + 1)
-        drive = Drive(s[reach], f[reach], None if given is None else given[first - 1 : first - 1 + count])
+        given = None if given is None else given[first - 1 : first - 1 + count]
+        drive = Drive(s[reach], f[reach], given, None if c is None else c[reach])
         taken, failed = kernel.run(loop, self.scheme, outputs, drive, rows, every)
         if failed:
             why = reason(self.system, loop.state.modes[ROW:], failed)
@@ -182,6 +188,8 @@ class March:
             assert rows.z is not None and rows.v is not None
             energy = self._account.add(first, Trajectory(self.t[at], rows.z, rows.v, rows.multipliers, s[:, 0], 0.0), f)
             self._stored[at], self._work[at] = self._account.stored[at], self._account.work[at]
+        if rows.given is not None:
+            self._work[at] += rows.given
         return Steps(first, self.t[at], rows, s, f, self._stored[at], self._work[at], energy)
 
     def _room(self, size: int) -> Record:
@@ -195,6 +203,7 @@ class March:
             parts=None if loop.levels is None else np.ones(size, np.int64),
             impulses=None if state.contact is None else np.zeros((size, m)),
             energy=None if loop.sides is None else np.tile(loop.sides.energy, (size, 1)),
+            given=None if loop.terms is None else np.zeros(size),
         )
 
     def _peaks(self, size: int) -> Array | None:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.simulation.native import terms
 from pmr.simulation.native.arrays import Divided, Modes, Outputs, Scheme, State, Tables
 from pmr.simulation.native.compilation import compiled_and_inlined, inlined
 from pmr.simulation.native.energy import account
@@ -33,16 +34,18 @@ class Loop(NamedTuple):
     state: State
     levels: Any  # `Levels` and `Control`, or None
     control: Any
+    terms: Any = None  # `Terms`, or None
 
 
 @inlined
-def make_part(loop: Loop, scheme: Scheme, s: Array, f: Array) -> int:
-    """One part of a step to s (P,) and f (i,) at its end; as `advance` returns."""
+def make_part(loop: Loop, scheme: Scheme, s: Array, f: Array, c: Any) -> int:
+    """One part of a step to s (P,), f (i,) and amplitudes c (K,) or None at its end; as `advance` returns."""
     failed = move(loop.tables, loop.sides, loop, scheme, s)
     if failed == 0:
-        failed = advance(loop.divided, scheme, loop.state, f)
+        failed = advance(loop.divided, scheme, loop.state, loop.terms, f, c)
     if failed == 0:
         _account(loop.sides, loop, f)
+        terms.account(loop.terms, loop.state.modes)
     return failed
 
 
@@ -70,7 +73,7 @@ def step_on_tables(
     """One step of a body on one path to s under f (i,), and its outputs y (o,); 0, or what `advance` returns."""
     failed = move_rows(tables, divided, state, s)
     if failed == 0:
-        failed = advance(divided, scheme, state, f)
+        failed = advance(divided, scheme, state, None, f, None)
     if failed == 0:
         observe(tables, outputs, state, f, y)
     return failed

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +30,7 @@ from pmr.simulation.native.levels import (
 from pmr.simulation.native.part import Loop, make_part, move
 from pmr.simulation.native.side_arrays import Sides
 from pmr.simulation.native.step import FINISHED
+from pmr.simulation.native.terms import WORK, begin
 
 Array = NDArray[np.float64]
 
@@ -36,25 +39,25 @@ SPARE = 0.125
 
 
 @inlined
-def step_in_parts(loop: Loop, given: int, s: Array, f: Array, peaks: Array) -> int:
+def step_in_parts(loop: Loop, given: int, s: Array, f: Array, c: Any, peaks: Array) -> int:
     """One step, in as many parts as it takes to keep to the tolerance; as `advance` returns."""
     contact, state, control = loop.state.contact, loop.state, loop.control
     level, last = given if given >= 0 else control.level[0], len(loop.levels.parts) - 1
     found = given < 0 and last > 0
     if found:
         mark(contact, state, control)
-        _mark_energy(loop.sides, control)
+        _mark_energy(loop.sides, loop.terms, control)
     while True:
         now = _on(loop, level)
         if level != control.active[0]:
-            failed = _begin(now, level, s[0], f[0])
+            failed = _begin(now, level, s[0], f[0], None if c is None else c[0])
             if failed:
                 return failed
-        failed, off = _parts(now, level, found, s, f, peaks)
+        failed, off = _parts(now, level, found, s, f, c, peaks)
         if failed or not found or off <= 1.0 or level == last:
             break
         take_back(contact, state, control)
-        _take_back_energy(loop.sides, control)
+        _take_back_energy(loop.sides, loop.terms, control)
         begin_impulses(contact)
         while off > 1.0 and level < last:  # half the length misses an eighth and may miss a half
             level, off = level + 1, off / 4.0
@@ -71,35 +74,37 @@ def _on(loop: Loop, level: int) -> Loop:
         state.shares, contact_of(state.contact, levels, level),
     )  # fmt: skip
     tables = tables_of(loop.tables, levels, level)
-    return Loop(loop.modes, divided_of(levels, level), tables, loop.bodies, loop.sides, now, levels, loop.control)
+    divided = divided_of(levels, level)
+    return Loop(loop.modes, divided, tables, loop.bodies, loop.sides, now, levels, loop.control, loop.terms)
 
 
 @inlined
-def _parts(loop: Loop, level: int, judged: bool, s: Array, f: Array, peaks: Array) -> tuple[int, float]:
+def _parts(loop: Loop, level: int, judged: bool, s: Array, f: Array, c: Any, peaks: Array) -> tuple[int, float]:
     """The parts of a step on a level; what failed, or 0, and what one of them misses over what it may."""
     levels, state, control = loop.levels, loop.state, loop.control
     scheme, stride, off = scheme_of(levels, level), levels.parts[-1] // levels.parts[level], 0.0
     for at in range(stride, len(s), stride):
         if judged:
             note(state.contact, state, control)
-        failed = make_part(loop, scheme, s[at], f[at])
+        failed = make_part(loop, scheme, s[at], f[at], None if c is None else c[at])
         if failed:
             return failed, off
         for k in range(len(peaks)):
             force = state.multipliers[k]
             peaks[k] = force if at == stride else max(peaks[k], force)
         if judged:
-            off = max(off, missed(loop.modes, state.contact, state, control, scheme, f[at]))
+            off = max(off, missed(loop.modes, loop.terms, state.contact, state, control, scheme, f[at]))
     return FINISHED, off
 
 
 @inlined
-def _begin(loop: Loop, level: int, s: Array, f: Array) -> int:
-    """Begin anew on a level at s (P,) under f (i,), where the last step ended; as `move_sides` returns."""
+def _begin(loop: Loop, level: int, s: Array, f: Array, c: Any) -> int:
+    """Begin anew on a level at s (P,) under f (i,) and c (K,), where the last step ended; as `move_sides` returns."""
     turn_to(loop.levels, level, loop.state, loop.control)
     failed = move(loop.tables, loop.sides, loop, scheme_of(loop.levels, level), s)
     if failed == 0:
-        predict(loop.modes, loop.levels, level, loop.state.contact, loop.state, loop.control, f)
+        _begin_terms(loop.terms, loop.state, c)
+        predict(loop.modes, loop.levels, level, loop.terms, loop.state.contact, loop.state, loop.control, f)
         _keep(loop.sides, loop.state, f)
     return failed
 
@@ -111,12 +116,22 @@ def _keep(sides: Sides | None, state: State, f: Array) -> None:
 
 
 @inlined
-def _mark_energy(sides: Sides | None, control: Control) -> None:
+def _begin_terms(terms: Any, state: State, c: Any) -> None:
+    if terms is not None:
+        begin(terms, state, c)
+
+
+@inlined
+def _mark_energy(sides: Sides | None, terms: Any, control: Control) -> None:
+    if terms is not None:
+        control.began_energy[2] = terms.numbers[WORK]
     if sides is not None:
         control.began_energy[0], control.began_energy[1] = sides.energy[0], sides.energy[1]
 
 
 @inlined
-def _take_back_energy(sides: Sides | None, control: Control) -> None:
+def _take_back_energy(sides: Sides | None, terms: Any, control: Control) -> None:
+    if terms is not None:
+        terms.numbers[WORK] = control.began_energy[2]
     if sides is not None:
         sides.energy[0], sides.energy[1] = control.began_energy[0], control.began_energy[1]

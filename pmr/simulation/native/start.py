@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pmr.constraints.dependence import of_rows
 from pmr.errors import SimulationError
 from pmr.simulation.native import contact as contact_rows
-from pmr.simulation.native import energy
+from pmr.simulation.native import energy, terms
 from pmr.simulation.native.arrays import A_NEXT, DAMPING, STIFFNESS, V_NEXT, Z_FREE, Z_NEXT, Contact, V, Z
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.part import Loop
@@ -35,6 +35,7 @@ class Onset:
     x_rate: Array
     f: Array  # (i,) N
     initial: Mapping[str, InitialState]  # of each body; those that are missing start at rest, undeformed
+    c: Array = field(default_factory=lambda: np.zeros(0))  # (K,): amplitudes of terms
 
 
 def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) -> None:
@@ -59,6 +60,10 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
             z[form.columns[name]], v[form.columns[name]] = start.q, start.v
     D = loop.modes.damping
     free = loop.modes.B.T @ onset.f - (D[0] * v if len(D) == 1 else D @ v) - stiffness * z
+    state.modes[Z], state.modes[V] = z, v
+    if loop.terms is not None:
+        terms.begin(loop.terms, state, onset.c)
+        free += loop.terms.force
     try:
         state.multipliers[:] = multipliers_of(C, rows.F, free, C @ z + rows.H @ onset.f, state.contact)
     except NotSettledError as error:
@@ -67,7 +72,6 @@ def begin(loop: Loop, form: SystemForm, method: GeneralizedAlpha, onset: Onset) 
     if state.contact is not None:
         state.contact.force[:] = state.contact.share[:] = state.multipliers
     modes, a = state.modes, free - C.T @ state.multipliers
-    modes[Z], modes[V] = z, v
     modes[Z_NEXT], modes[V_NEXT], modes[A_NEXT] = method.predict(z, v, a)
     held = modes[STIFFNESS] * modes[Z_NEXT] + modes[DAMPING] * modes[V_NEXT]
     modes[Z_FREE] = modes[Z_NEXT] - method.scheme().z_gain * held
@@ -125,6 +129,11 @@ def reason(system: System, C: Array, failed: int) -> str:
     if failed == contact_rows.UNSETTLED:
         names = ", ".join(contact.name for contact in system.contacts if contact.clearance is not None)
         return f"which of the rows {names} are closed was not settled in {contact_rows.LIMIT} solves"
+    if failed == terms.UNCONVERGED:
+        return (
+            f"the forces of the terms {', '.join(system.term_names)} do not converge; below the buckling load, and "
+            "with a step that resolves what tension and spin make of the frequencies, they do"
+        )
     return dependence(C[:failed], system.contact_names)
 
 

@@ -17,10 +17,13 @@ so that only the multipliers are left to be solved for, m x m,
     (dq\, C S^{-1} C^T + G)\, \lambda = C (z^* + dq\, S^{-1} (B f - \Omega^2 z^* - D v^*)) + H f
 
 and a step ends with the prediction of the next.  The factor is kept while s stays where it is.  Where rows only push,
-which of them hold is found together with the multipliers (`pmr.simulation.native.contact`).
+which of them hold is found together with the multipliers (`pmr.simulation.native.contact`); so are the
+forces of terms that vary in time (`pmr.simulation.native.terms`).
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +50,7 @@ from pmr.simulation.native.compilation import inlined
 from pmr.simulation.native.contact import let_go, remember, settle
 from pmr.simulation.native.rows import dot, solve
 from pmr.simulation.native.simd import LANES, load, spread, store
+from pmr.simulation.native.terms import AGAIN, expect, finish, push, revise
 
 Array = NDArray[np.float64]
 
@@ -54,19 +58,23 @@ FINISHED = 0
 
 
 @inlined
-def advance(divided: Divided, scheme: Scheme, state: State, f: Array) -> int:
-    """A step under the loads f (i,) at its end, where the rows stand already.
+def advance(divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array, c: Any) -> int:
+    """A step under the loads f (i,) and with amplitudes c of `terms` at its end, where the rows stand already.
 
-    Returns 0, the number from 1 of a row that depends on those before it, or `pmr.simulation.native.contact.UNSETTLED`.
+    Returns 0, the number from 1 of a row that depends on those before it, `pmr.simulation.native.contact.UNSETTLED`, or
+    `pmr.simulation.native.terms.UNCONVERGED`.
     """
     m, i, coupled = len(state.multipliers), len(f), len(divided.damped) > 0
     if coupled:
         _couple(divided, scheme, state.modes)
-    failed, multiplier = _find_multipliers(state.contact, divided, scheme, state, f)
+    expect(terms, divided, state, f, c)
+    push(terms, scheme, state.modes)
+    failed, multiplier = _find_multipliers(state.contact, divided, scheme, state, terms, f)
     if failed:
         return failed
-    if m > 1 or i > 1 or coupled:
+    if m > 1 or i > 1 or coupled or terms is not None:
         _add_others(divided, state, f)
+    finish(terms, state.modes)
     force = f[0] if i > 0 else 0.0
     _advance(scheme, state.modes, force, multiplier)
     return FINISHED
@@ -74,32 +82,43 @@ def advance(divided: Divided, scheme: Scheme, state: State, f: Array) -> int:
 
 @inlined
 def _find_multipliers(
-    contact: Contact | None, divided: Divided, scheme: Scheme, state: State, f: Array
+    contact: Contact | None, divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array
 ) -> tuple[int, float]:
     """Multipliers from the rows that the free motion violates; returns what failed, or 0, and the first one, or 0."""
     if contact is not None:  # decided when compiled
-        return _find_in_contact(contact, divided, scheme, state, f)
-    violation = _violate(state, f)
-    m, multipliers = len(state.multipliers), state.multipliers
-    if m == 1:  # as `solve` would do, without the way through memory
-        first = violation * state.factor[0, 0]
-        multipliers[0] = first
-        return FINISHED, first
-    solve(state.factor, multipliers)
-    return FINISHED, multipliers[0] if m else 0.0
+        return _find_in_contact(contact, divided, scheme, state, terms, f)
+    m, multipliers, first = len(state.multipliers), state.multipliers, 0.0
+    while True:
+        violation = _violate(state, f)
+        if m == 1:  # as `solve` would do, without the way through memory
+            first = violation * state.factor[0, 0]
+            multipliers[0] = first
+        elif m > 1:
+            solve(state.factor, multipliers)
+            first = multipliers[0]
+        found = revise(terms, divided, scheme, state)
+        if found != AGAIN:
+            return found, first
 
 
 @inlined
-def _find_in_contact(contact: Contact, divided: Divided, scheme: Scheme, state: State, f: Array) -> tuple[int, float]:
-    """The same where rows only push; as often as rows let go, each of them once at most."""
+def _find_in_contact(
+    contact: Contact, divided: Divided, scheme: Scheme, state: State, terms: Any, f: Array
+) -> tuple[int, float]:
+    """The same where rows only push; as often as rows let go, each of them once at most, and as terms ask for."""
     while True:
         _violate(state, f)
         failed = settle(contact, state.couplings, state.factor, state.multipliers)
+        if failed == FINISHED:
+            failed = revise(terms, divided, scheme, state)
+            if failed == AGAIN:
+                continue
         if failed or not let_go(contact, scheme, state):
             remember(contact, scheme, state.multipliers)
             return failed, state.multipliers[0]
         if len(divided.damped) > 0:
             _couple(divided, scheme, state.modes)
+            push(terms, scheme, state.modes)
 
 
 @inlined

@@ -18,4 +18,5 @@ def stepper(body: SlidingBody | System, *arguments: Any, **options: Any) -> Step
     """
     if isinstance(body, System) and ALONE not in body.bodies:
         return SystemStepper(body, *arguments, **options)
-    return Stepper(body.bodies[ALONE] if isinstance(body, System) else body, *arguments, **options)
+    alone = body.ensure_constant("stepper").bodies[ALONE] if isinstance(body, System) else body
+    return Stepper(alone, *arguments, **options)

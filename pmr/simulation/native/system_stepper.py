@@ -92,7 +92,7 @@ class SystemStepper:
             raise InputError("stepper", "step", step, "more than 0 s is allowed")
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
-        for body in system.reduced.values():
+        for body in system.ensure_constant("stepper").reduced.values():
             refuse_kept_inertia(body)
         self._system, self._step, self._steps = system, step, 0
         self._ranges = system.ranges

@@ -99,7 +99,8 @@ def observe(
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:
     """Every body at rest in equilibrium with the loads at t = 0; errors as for `pmr.system.statics.equilibrium`."""
     assembly, states = Assembly(system), {}
-    found = equilibrium(assembly, places(system, excitation)[0], excitation.forces(system.input_names)[0]).q
+    f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
+    found = equilibrium(assembly, places(system, excitation)[0], f, c).q
     for name, body in system.bodies.items():
         q = np.zeros(body.size)
         q[assembly.free[name]] = found[assembly.coordinates[name]]

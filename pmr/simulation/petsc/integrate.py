@@ -40,6 +40,7 @@ from pmr.simulation.petsc.effective import BlockFactor, effective_matrix
 from pmr.simulation.petsc.pushing import Ahead, Pushing
 from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import State
+from pmr.simulation.petsc.terms import Terms
 
 Array = NDArray[np.float64]
 
@@ -56,8 +57,10 @@ class Integrator:
         method: GeneralizedAlpha,
         rows: PathRows,
         pushing: Pushing | None,
+        terms: Terms,
         shared: int,
     ) -> None:
+        self._terms = terms
         self._system, self.method, self._memory = system, method, method.memory()
         self._q_gain, self._v_gain = method.scheme().z_gain, method.scheme().v_gain
         self._factor = BlockFactor(system, self._factorised)
@@ -74,30 +77,41 @@ class Integrator:
         S.destroy()
         return factor
 
-    def step(self, step: int, state: State, f: Array, flag: bool) -> tuple[State, bool]:
-        """The state after one more step, under the loads f (i,) at its end; whether any rank raises its flag.
+    def step(self, step: int, state: State, f: Array, c: Array, flag: bool) -> tuple[State, bool]:
+        """The state after one more step, under the loads f (i,) and with amplitudes c (K,) of terms at its end.
+
+        Says also whether any rank raises its flag.
 
         Raises
         ------
         SimulationError
-            If rows depend on each other, which are closed is not settled, or the state is not finite.
+            If rows depend on each other, which are closed is not settled, forces of terms do not converge, or the
+            state is not finite.
         """
         self.constraint.move(step)
         pushing, ahead = self.constraint.pushing, self._predict(state)
+        w, times, free = (self._terms.forces(ahead.q, ahead.v, c) if self._terms else None), 0, None
         while True:
             scaled = ahead.q / self._q_gain
-            b = self._free(scaled, ahead.v, f)
+            if free is None:
+                free = self._free(scaled, ahead.v, f)
+            b = free if w is None else free + self._factor.solve(w)
             motion = self._q_gain * self.constraint.rows.apply(b)
             motion, total, flag = _summed(self._system.comm, motion, float(b.sum()), flag)
             if not np.isfinite(total):
                 raise SimulationError("not finite")
             multipliers = self.constraint.multipliers(step, motion)
+            b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
+            if w is not None:
+                old, times = w, times + 1
+                w = self._terms.forces(self._q_gain * b, ahead.v + self._v_gain * (b - scaled), c)
+                if not self._terms.settled(old, w, times):
+                    continue
             released = None if pushing is None else pushing.released()
             if pushing is None or released is None:
                 break
             back = pushing.taken_back(self.constraint.rows, released, self._memory)
-            ahead = Ahead(ahead.q + back.q, ahead.v + back.v, ahead.a + back.a)
-        b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
+            ahead, free = Ahead(ahead.q + back.q, ahead.v + back.v, ahead.a + back.a), None
         acceleration = b - scaled
         a = ahead.a + (1.0 - self.method.alpha_f) / (1.0 - self.method.alpha_m) * acceleration
         v, share = ahead.v + self._v_gain * acceleration, state.share

@@ -22,6 +22,7 @@ from pmr.simulation.petsc.pushing import Pushing
 from pmr.simulation.petsc.recorder import Recorder, Sampled
 from pmr.simulation.petsc.rows import PathCompliance
 from pmr.simulation.petsc.start import State
+from pmr.simulation.petsc.terms import Terms
 
 Array = NDArray[np.float64]
 
@@ -49,9 +50,10 @@ class PartedSteps:
         self, system: FullSystem, lengths: Lengths, fine: Sampled, pushing: Pushing | None, first: int
     ) -> None:
         self._lengths, self._fine, self._pushing = lengths, fine, pushing
+        terms = Terms(system)
         self.rows, found = paths(system, fine.x, first * lengths.finest), np.unique(lengths.parts).tolist()
         self._integrators = {
-            parts: Integrator(system, lengths.method(parts), self.rows, pushing, len(found)) for parts in found
+            parts: Integrator(system, lengths.method(parts), self.rows, pushing, terms, len(found)) for parts in found
         }
 
     def step(self, number: int, state: State, due: bool, recorder: Recorder) -> tuple[State, bool]:
@@ -68,8 +70,9 @@ class PartedSteps:
             self._pushing.begin(state)
         for part in range(1, parts + 1):
             at = (number - 1) * finest + part * (finest // parts)
-            state, due = self._integrators[parts].step(at, state, self._fine.f[at], due)
-            recorder.follow(state, self.rows, self._fine.x[at], self._fine.f[at])
+            f, c = self._fine.f[at], self._fine.c[at]
+            state, due = self._integrators[parts].step(at, state, f, c, due)
+            recorder.follow(state, self.rows, self._fine.x[at], f, c)
         return state, due
 
     def destroy(self) -> None:

@@ -109,7 +109,7 @@ def observe_system(
     Parameters
     ----------
     excitation : Excitation
-        The system's paths, by name, and a load for each ``body.input``.
+        The system's paths, by name, a load for each ``body.input``, and an amplitude for each term.
     initial : mapping of str to InitialState, optional
         Of each body, whole, on every rank; those that are missing start at rest, undeformed.  `static_start` gives one.
     """
@@ -131,7 +131,7 @@ class _Run:
         )
         refuse("petsc", self._needs, REFERENCE)
         self._recorder = Recorder(self._system, excitation.stepping, recording)
-        self._onset = Onset(self._at.x[0], self._at.rates[0], self._at.f[0])
+        self._onset = Onset(self._at.x[0], self._at.rates[0], self._at.f[0], self._at.c[0])
         self._mass, omega = None, 0.0
         if self._needs.pushing or moves_at_once(self._system, self._onset, initial):
             self._mass = BlockFactor(self._system, lambda model: factor_of(model.M, "M"))
@@ -181,7 +181,7 @@ class _Run:
         elif self._mass is not None:
             self._mass.destroy()
         steps = PartedSteps(system, lengths, fine, pushing, reached.step)
-        recorder.follow(state, steps.rows, fine.x[begun], fine.f[begun])
+        recorder.follow(state, steps.rows, fine.x[begun], fine.f[begun], fine.c[begun])
         if resumed:
             recorder.forget()
         else:
@@ -205,7 +205,7 @@ def sampled(system: FullSystem, excitation: Excitation) -> Sampled:
     Raises
     ------
     InputError
-        If a path or load is missing, or takes a side where its row is not defined.
+        If a path, load or amplitude of a term is missing, or a path takes a side where its row is not defined.
     """
     names, sides = list(excitation.paths), system.sides
     rates = np.zeros((len(excitation.times), len(sides)))
@@ -213,4 +213,5 @@ def sampled(system: FullSystem, excitation: Excitation) -> Sampled:
         if side.place.path in names:
             rates[:, k] = side.place.rate * excitation.rates[:, names.index(side.place.path)]
     x = places(system, excitation)
-    return Sampled(excitation.times, excitation.s, x, rates, excitation.forces(system.input_names))
+    f, c = excitation.forces(system.input_names), excitation.amplitudes(system.term_names)
+    return Sampled(excitation.times, excitation.s, x, rates, f, c)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +18,7 @@ from pmr.simulation import balance
 from pmr.simulation.petsc.history import Recording, States, SystemHistory
 from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import State
+from pmr.simulation.petsc.terms import Terms
 from pmr.simulation.stepping import TimeStepping
 
 Array = NDArray[np.float64]
@@ -25,13 +26,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sampled:
-    """An excitation on a time grid: paths s (T, P) m, places x (T, q) m of the sides, their rates, loads f (T, i) N."""
+    """An excitation on a time grid: paths s (T, P) m, places x (T, q) m of the sides, their rates, loads f (T, i) N.
+
+    Amplitudes of terms are c (T, K).
+    """
 
     t: Array
     s: Array
     x: Array
     rates: Array
     f: Array
+    c: Array
 
 
 class Recorder:
@@ -71,17 +76,20 @@ class Recorder:
         self.sums = np.zeros((T, self._ends[-1] + 4))
         self._balanced = recording.energies and recording.every == 1
         self._now: _Acting | None = None
-        self._work = 0.0
+        self._work, self._terms = 0.0, Terms(system)
         n = system.local[-1].stop
         self.q, self.v = np.zeros((len(self.state_steps), n)), np.zeros((len(self.state_steps), n))
 
-    def follow(self, state: State, rows: PathRows, x: Array, f: Array) -> None:
-        """See a step, or a part of one, at whose end the sides are at x (q,) m under f (i,) N."""
+    def follow(self, state: State, rows: PathRows, x: Array, f: Array, c: Array) -> None:
+        """See a step, or a part of one, at whose end the sides are at x (q,) m under f (i,) N; c (K,) of terms."""
         if self._pushes:
             self._peak = np.maximum(self._peak, state.multipliers)
         if not self._balanced:
             return
-        now = _Acting(f, self._inputs @ state.q, state.multipliers[rows.course.contact], rows.slopes(state.q), x)
+        pressed = state.multipliers[rows.course.contact]
+        now = _Acting(f, self._inputs @ state.q, pressed, rows.slopes(state.q), x)
+        if self._terms:
+            now = replace(now, of_terms=self._terms.forces(state.q, state.v, c), q=state.q)
         if self._now is not None:
             self._work += _work(self._now, now)
         self._now = now
@@ -177,9 +185,13 @@ class _Acting:
     force: Array
     slope: Array
     x: Array
+    # forces of terms on this rank's coordinates (n_local,), and these; none without terms
+    of_terms: Array = field(default_factory=lambda: np.zeros(0))
+    q: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def _work(a: _Acting, b: _Acting) -> float:
-    """Work in J of loads and travelling contacts from one step to the next; this rank's share."""
+    """Work in J of loads, terms and travelling contacts from one step to the next; this rank's share."""
     of_loads = (a.f + b.f) @ (b.motion - a.motion) / 2.0
-    return float(of_loads + ((a.force + b.force) / 2.0) @ ((a.slope + b.slope) / 2.0 * (b.x - a.x)))
+    of_terms = (a.of_terms + b.of_terms) @ (b.q - a.q) / 2.0
+    return float(of_loads + of_terms + ((a.force + b.force) / 2.0) @ ((a.slope + b.slope) / 2.0 * (b.x - a.x)))

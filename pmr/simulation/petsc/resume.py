@@ -45,7 +45,10 @@ def identity(
         "states": recorder.state_steps.tolist(),
     }
     start = whole_start(system, initial)
+    varying = [term.value(between) for term in excitation.terms.values()]
+    of_terms = {"terms": _digest(repr(system.term_names).encode(), at.c, *varying)} if system.terms else {}
     return {
+        **of_terms,
         "path": [_digest(at.x), _digest(*(path.value(between) for path in excitation.paths.values()))],
         "loads": [_digest(at.f), _digest(*(load.value(between) for load in excitation.loads.values()))],
         "time grid": [stepping.end, stepping.step, stepping.rho_inf],

@@ -26,6 +26,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.systems import static_start as equilibrium
 from pmr.simulation.petsc.effective import BlockFactor
 from pmr.simulation.petsc.rows import contact_rows
+from pmr.simulation.petsc.terms import Terms
 from pmr.simulation.start import InitialState, check_impulse, check_position, checked, row_drift
 
 Array = NDArray[np.float64]
@@ -49,11 +50,12 @@ class State:
 
 @dataclass(frozen=True)
 class Onset:
-    """What acts at t = 0: places (q,) m of the sides and their rates (q,) m/s, loads f (i,) N."""
+    """What acts at t = 0: places (q,) m of the sides, their rates, loads f (i,) N, amplitudes c (K,) of terms."""
 
     x: Array
     rates: Array
     f: Array
+    c: Array
 
 
 def static_start(system: FullSystem, excitation: Excitation) -> dict[str, InitialState]:
@@ -94,7 +96,8 @@ def starting_state(
     multipliers[soft] = np.where(pushes, np.maximum(excess, 0.0), excess)[soft] / compliance[soft]
     held = _Held(system, onset, mass)
     v -= held.impulse(start)
-    force = _forces(system, onset.f, q, v) - system.mine((C.T @ multipliers)[None])[0]
+    force = _forces(system, onset.f, q, v) + Terms(system).forces(q, v, onset.c)
+    force -= system.mine((C.T @ multipliers)[None])[0]
     acceleration, multipliers[~soft] = held.acceleration(force)
     return State(q, v, acceleration.copy(), acceleration, multipliers, np.where(pushes, multipliers, 0.0))
 

@@ -1,0 +1,86 @@
+r"""Terms that vary in time (`pmr.system.terms`) in full order: forces on a step's right-hand side, iterated.
+
+The factor of S = M + dv D + dq K stays: the forces w of the terms begin with those of the predicted end of the step,
+and with multipliers and motion they are found anew until they no longer change, one more solve a time.  How fast is
+said in `pmr.simulation.native.terms`; two to four times are the rule: such a step costs as many of the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import SimulationError
+from pmr.fem.compat import MPI
+from pmr.fem.factor import product
+from pmr.fullmodel.system import FullSystem
+from pmr.simulation.native.terms import ACCEPTED, CONVERGED, DIVERGED, LIMIT
+
+Array = NDArray[np.float64]
+Product = Callable[[Array], Array]
+
+
+class Terms:
+    """Forces of a system's terms on this rank's coordinates; collective."""
+
+    def __init__(self, system: FullSystem) -> None:
+        self._comm, self._names = system.comm, system.term_names
+        self._parts = list[tuple[int, Any, Product | None, Product | None]]()
+        names = list(system.bodies)
+        for number, term in enumerate(system.terms):
+            own = [np.arange(at.start, at.stop) for at in (system.local[names.index(name)] for name in term.bodies)]
+            stiffness, damping = (_product(system, term.bodies, A) for A in (term.stiffness, term.damping))
+            self._parts.append((number, np.concatenate(own), stiffness, damping))
+        self._largest = self._first = 0.0
+
+    def __bool__(self) -> bool:
+        return bool(self._parts)
+
+    def forces(self, q: Array, v: Array, c: Array) -> Array:
+        """W = -sum_k c_k (V_k v + G_k q), this rank's rows (n_local,), of q and v given likewise."""
+        found = np.zeros_like(q)
+        for number, at, stiffness, damping in self._parts:
+            for multiplied, moved in ((stiffness, q), (damping, v)):
+                if multiplied is not None:
+                    found[at] -= c[number] * multiplied(moved[at])
+        return found
+
+    def settled(self, old: Array, new: Array, times: int) -> bool:
+        """Whether the forces no longer change; a SimulationError is raised where they diverge or never settle."""
+        sums = self._comm.allreduce(np.array([np.sum((new - old) ** 2), np.sum(new**2)]), MPI.SUM)
+        change, size = (float(np.sqrt(one)) for one in sums)
+        largest = max(self._largest, size)
+        if not change > (ACCEPTED if times >= LIMIT else CONVERGED) * largest:
+            self._largest = largest
+            return True
+        if times == 1:
+            self._first = size
+        if times >= LIMIT or change > DIVERGED * max(self._largest, self._first) > 0.0:
+            raise SimulationError(f"the forces of the terms {', '.join(self._names)} do not converge")
+        return False
+
+
+def _product(system: FullSystem, bodies: tuple[str, ...], A: Any) -> Product | None:
+    """This rank's rows of A x from its rows of x, of stacked bodies."""
+    if A is None:
+        return None
+    if not (sp.issparse(A) or isinstance(A, np.ndarray)):
+        return lambda x: np.asarray(product(A, x))
+    models = [system.bodies[name] for name in bodies]
+    first = np.cumsum([0, *(model.size for model in models)])
+    mine = np.concatenate([at + np.arange(model.size)[model.share] for at, model in zip(first, models, strict=False)])
+    rows = sp.csr_matrix(A)
+    moving = np.unique(rows.indices)
+    here, there = np.isin(mine, moving), np.searchsorted(moving, mine)
+    of_mine = rows[mine][:, moving]
+
+    def multiplied(x: Array) -> Array:
+        whole = np.zeros(len(moving))
+        whole[there[here]] = x[here]
+        return np.asarray(of_mine @ system.comm.allreduce(whole, MPI.SUM))
+
+    return multiplied

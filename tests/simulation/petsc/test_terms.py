@@ -1,0 +1,90 @@
+"""Terms that vary in time in full order, beside bodies that are diagonalised, on one rank and two."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from distributed import distributed
+from nested import Nested, full
+from numpy.typing import NDArray
+from terms import axial, excitation
+
+from pmr.errors import SimulationError
+from pmr.fem.compat import MPI
+from pmr.fullmodel.system import FullSystem
+from pmr.scene.signals import Constant, Sine
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.native import systems
+from pmr.simulation.petsc import Checkpoint, Recording, observe_system, static_start
+from pmr.simulation.stepping import TimeStepping
+from pmr.system.system import System
+from pmr.system.terms import Term
+
+Array = NDArray[np.float64]
+EVERYTHING = Recording(energies=True)
+
+
+def varying(boom: Nested) -> tuple[System, FullSystem]:
+    """With axial forces on each body and between two, one as PETSc has it, and what turns with a frame."""
+    system, comm = full(boom), MPI.COMM_WORLD
+    spread = {name: distributed(body, comm) for name, body in system.bodies.items()}
+    terms = list(axial(system))
+    for name, body in system.bodies.items():
+        V = np.triu(np.ones((body.size, body.size)), 1)
+        terms.append(Term(f"turning {name}", (name,), damping=V - V.T))
+    own = [replace(terms[0], stiffness=_scaled(spread[terms[0].bodies[0]].K, 0.3)), *terms[1:]]
+    return replace(system, terms=tuple(terms)), FullSystem(spread, system.contacts, terms=tuple(own))
+
+
+def _scaled(A: object, factor: float) -> object:
+    found = A.copy()  # type: ignore[attr-defined]
+    found.scale(factor)
+    return found
+
+
+def driven(system: System, start: str = "rest", amplitude: float = 0.9) -> Excitation:
+    terms = {
+        name: Sine(amplitude=amplitude, frequency=4.0 + 0.3 * k, phase=0.5 * k)
+        for k, name in enumerate(system.term_names)
+    }
+    return excitation(system, TimeStepping(0.1, 1e-3, 0.9), terms)
+
+
+@pytest.mark.mpi
+def test_full_order_follows_terms_as_march_does() -> None:
+    """From equilibrium; coordinates, forces and the energy balance."""
+    system, spread = varying(Nested(2, elements=6))
+    given = driven(system)
+    history = observe_system(spread, given, replace(EVERYTHING, states=(0.1,)), static_start(spread, given))
+    expected = systems.simulate(system, given, systems.static_start(system, given))
+    np.testing.assert_allclose(history.forces, expected.forces, atol=1e-8 * np.abs(expected.forces).max())
+    assert history.energy is not None
+    stored = history.energy.kinetic + history.energy.strain
+    np.testing.assert_allclose(stored, expected.energy, atol=1e-8 * expected.energy.max())
+    assert history.surplus == pytest.approx(expected.surplus, abs=1e-8)
+
+
+def test_a_simulation_that_was_cut_off_goes_on_with_its_terms(tmp_path: object) -> None:
+    """To the last digit."""
+    system, spread = varying(Nested(2, elements=4))
+    given, file = driven(system), Checkpoint(tmp_path / "checkpoint.npz", seconds=0.0)  # type: ignore[operator]
+    whole = observe_system(spread, given, EVERYTHING)
+
+    def stop(done: float) -> None:
+        if done >= 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        observe_system(spread, given, EVERYTHING, progress=stop, checkpoint=file)
+    again = observe_system(spread, given, EVERYTHING, checkpoint=file)
+    np.testing.assert_array_equal(again.forces, whole.forces)
+
+
+def test_terms_beyond_buckling_do_not_converge_in_silence() -> None:
+    system, spread = varying(Nested(2, elements=4))
+    terms = {name: Constant(amount=-1e4) for name in system.term_names}
+    given = replace(driven(system), terms=terms)
+    with pytest.raises(SimulationError, match="terms .* do not converge|not finite|grows"):
+        observe_system(spread, given, EVERYTHING)
