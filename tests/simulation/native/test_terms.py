@@ -98,6 +98,7 @@ def still(system: System, stepping: TimeStepping, terms: dict[str, Any]) -> Exci
     return Excitation({}, loads, stepping, terms=terms)
 
 
+@pytest.mark.slow
 def test_a_frame_that_turns_keeps_the_energy_of_a_mass_on_springs() -> None:
     """And the mass moves as the exponential of its equations says, to second order in the step."""
     m, k, W = 2.0, (50.0, 80.0), 1.5
@@ -129,6 +130,7 @@ def test_a_turning_frame_parts_the_frequencies() -> None:
     assert assembly.frequencies(np.zeros(0), 2, np.array([0.0, 25.0]))[0] < 1e-7
 
 
+@pytest.mark.slow
 def test_terms_that_vary_are_followed_to_second_order() -> None:
     """Mathieu's equation for two masses, with a dashpot that comes and goes, beside SciPy's Runge-Kutta of order 8."""
     rng = np.random.default_rng(3)
@@ -171,6 +173,7 @@ def column(elements: int = 16) -> tuple[System, float]:
     return System({"1": body}, contacts, terms=(term,)), load
 
 
+@pytest.mark.slow
 def test_a_column_at_nine_tenths_of_its_buckling_load_is_stable() -> None:
     """Over 1e5 steps, with no damping at all; its frequency is sqrt(1 - 0.9) of the unloaded one."""
     system, load = column()
@@ -192,6 +195,7 @@ def test_a_column_at_nine_tenths_of_its_buckling_load_is_stable() -> None:
     assert np.abs(left - left[0]).max() < 0.02 * motion.energy.max()
 
 
+@pytest.mark.slow
 def test_beyond_the_buckling_load_nothing_grows_in_silence() -> None:
     """The motion overflows, or its terms no longer converge."""
     system, load = column(8)
