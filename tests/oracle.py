@@ -13,9 +13,10 @@ from scipy.interpolate import PPoly
 from textbook import LENGTH, beam_matrices
 
 from pmr.constraints.polynomials import stacked
-from pmr.constraints.rows import Row, Rows, carrier, fixed_row, row_on_coordinates
+from pmr.constraints.rows import Row, Rows, SharedCarriers, carrier, fixed_row, row_on_coordinates
 from pmr.reduced.carriers import CarriedRows, CarrierFlexibility
-from pmr.reduced.flexibility import EnrichmentModes, Flexibility, Inertia
+from pmr.reduced.damping import Rayleigh
+from pmr.reduced.flexibility import EnrichmentModes, Flexibility
 from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulation import InitialState, TimeStepping
@@ -114,6 +115,7 @@ def rich_body() -> FullBody:
     return replace(
         plain,
         D=(0.4 * plain.M + 2e-4 * plain.K).tocsr(),
+        rayleigh=Rayleigh(0.4, 2e-4),
         B=B,
         rows=Rows(rows, plain.size),
         input_names=(TIP_LOAD, "T"),
@@ -149,6 +151,7 @@ def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
     return ReducedModel(
         M=V.T @ (full.M @ V),
         D=V.T @ (full.D @ V),
+        rayleigh=full.rayleigh,
         K=V.T @ (full.K @ V),
         B=V.T @ full.B,
         outputs=full.outputs @ V,
@@ -209,43 +212,38 @@ def flexible(full: FullBody, count: int) -> ReducedModel:
     )
 
 
-def inertial(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
-    """The same with the inertia and damping of what is left out, and the next modes as enrichment modes."""
-    model, R = flexible(full, count), free_modes(full, count)[1]
-    assert model.flexibility
+def enriched(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
+    """The same with the next modes as enrichment modes, and with carriers that know the inertia of what is left out."""
+    model = flexible(full, count)
     kept = [full.row_names.index(name) for name in model.row_names]
-    mass, damping, B, C = R @ full.M @ R, R @ full.D @ R, full.B, rows_of(full, model)
-
-    def table(left: int, A: Array, right: int | None) -> PPoly:
-        """C^(left) A C^(right)^T, or C^(left) A B."""
-        degree = 3 - left + (3 - right if right is not None else 0)
-        return polynomial(lambda s: C(s, left) @ A @ (B if right is None else C(s, right).T), model.rows.x, degree)
-
-    inertia = Inertia(
-        A0=table(0, mass, 0), A1=table(0, mass, 1), A2=table(0, mass, 2),
-        E0=table(0, mass, None),
-        D0=table(0, damping, 0), D1=table(0, damping, 1), F0=table(0, damping, None),
-    )  # fmt: skip
     more = free_modes(full, count + enrichment)[0][:, count:]
     rows = stacked([row.project(more) for row in full.rows.rows], full.domain)
     beside = EnrichmentModes(
         stiffness=np.diagonal(more.T @ full.K @ more),
         damping=np.diagonal(more.T @ full.D @ more),
-        B=more.T @ B,
+        B=more.T @ full.B,
         outputs=full.outputs @ more,
         rows=PPoly(np.ascontiguousarray(rows.c[:, :, kept]), rows.x),
     )
-    flexibility = replace(model.flexibility, inertia=inertia)
-    return replace(model, flexibility=flexibility, enrichment=beside if enrichment else None)
+    carriers = replace(carried_rows(full, count), enrichment=_shared(full).carriers @ more)
+    return replace(model, enrichment=beside if enrichment else None, carriers=carriers)
 
 
 def carried_rows(full: FullBody, count: int) -> CarriedRows:
-    """The rows that are no supports on their carriers, with the flexibility that `count` free modes leave out."""
+    """The rows that are no supports on their carriers, with what `count` free modes leave out there."""
     V, R = free_modes(full, count)
-    shared = Rows(tuple(row for row in full.rows.rows if row.held is None), full.size).shared
+    shared = _shared(full)
     U, O, B = shared.carriers.toarray(), full.outputs, full.B
-    flexibility = CarrierFlexibility(U @ R @ U.T, U @ R @ B, O @ R @ U.T, O @ R @ B, B.T @ R @ B)
-    return CarriedRows.of(shared.rows, U @ V, flexibility)
+
+    def between(A: Array) -> CarrierFlexibility:
+        return CarrierFlexibility(U @ A @ U.T, U @ A @ B, O @ A @ U.T, O @ A @ B, B.T @ A @ B)
+
+    carried = CarriedRows.of(shared.rows, U @ V, between(R))
+    return replace(carried, inertia=between(R @ full.M @ R))
+
+
+def _shared(full: FullBody) -> SharedCarriers:
+    return Rows(tuple(row for row in full.rows.rows if row.held is None), full.size).shared
 
 
 def generalized_alpha(

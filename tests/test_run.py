@@ -11,17 +11,14 @@ from textbook import TIP_DEFLECTION
 
 from pmr.compare.errors import nrms
 from pmr.compare.evaluation import respond
-from pmr.errors import InputError
 from pmr.errors.environment import Clock
-from pmr.export.exudyn.script import exudyn_script
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
 from pmr.pipeline import reduce, run
 from pmr.reduced.model import ReducedModel
 from pmr.results import RunResult
-from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation import TimeStepping
 from pmr.simulation.exudyn import simulator as exudyn
-from pmr.system.system import System
 
 SHORT = ("time.end=0.5", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}")
 
@@ -109,20 +106,6 @@ def test_six_coordinates_with_residual_flexibility(load_scene) -> None:
     assert outcome.result.frequencies.models["reduced"][:, :2] == pytest.approx(
         outcome.result.frequencies.models["full"][:, :2], rel=1e-4
     )
-
-
-def test_exudyn_refuses_a_model_that_keeps_residual_inertia(load_scene) -> None:
-    """Leaving the inertia out without a word would be another model's motion."""
-    scene = load_scene(
-        "evolved_residual", [*SHORT, "reduction.residual_inertia=true", "simulation.simulators=['march']"]
-    )
-    model = reduce(scene).reduced
-    excitation = Excitation.of(scene).with_stepping(TimeStepping(0.1, 1e-3))
-    for formulation in ("springs", "multipliers"):
-        with pytest.raises(InputError, match="march is allowed: exudyn.* does not keep residual inertia"):
-            exudyn.simulate(model, excitation, formulation=formulation)
-    with pytest.raises(InputError, match="evolved.npz: march is allowed: exudyn does not keep"):
-        exudyn_script(System.of(model), "evolved.npz")
 
 
 ODD = {
@@ -288,7 +271,7 @@ def test_free_modes_with_flexibility_come_with_an_estimate(load_scene) -> None:
     assert outcome is not None
     summary = outcome.result.summary
     assert 1.0 < summary["estimate"]["beam"] / summary["errors"]["reduced_vs_full"]["beam"] < 2.0
-    assert 0.0 < summary["estimate"]["chi"] < 1.5 and 0.9 < summary["estimate"]["kappa"] < 1.0
+    assert 0.0 < summary["estimate"]["chi"] < 1.5
     assert summary["estimate"]["seconds"] > 0.0 and 0.0 < summary["estimate"]["largest"] < summary["max_displacement"]
     assert outcome.reduced.enrichment is not None and summary["coordinates"]["reduced"] == outcome.reduced.size == 6
     plain = run(load_scene("evolved_residual", [*SHORT, "simulation.simulators=['march']", "reduction.estimate=false"]))

@@ -88,17 +88,6 @@ def test_the_estimate_is_the_error_and_a_margin(file: Path, coordinates: int) ->
     assert ("too coarse" in said) == (summary["step"]["beam"] > LIMIT) == coarse and summary["step"]["settled"]
 
 
-@pytest.mark.slow
-@pytest.mark.numerical
-def test_residual_inertia_halves_the_error_of_six_coordinates() -> None:
-    changes = ["reduction.residual_inertia=true", "simulation.simulators=['march']"]
-    outcome = run(scene.load(ROOT / "workflows" / "evolved_residual.toml", changes))
-    assert outcome is not None
-    summary = outcome.result.summary
-    assert summary["coordinates"]["reduced"] == 6 and summary["errors"]["reduced_vs_full"]["beam"] <= 0.0012
-    assert_estimated(summary)
-
-
 def test_a_folder_of_results_does_not_hide_the_workflow_of_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,9 +1,8 @@
-"""Models that tell the error of another one where pads push: with attachment modes for what it bore in a run.
+"""Models that tell the error of another one: with attachment modes for what it bore in a run.
 
-A pad that lands and lifts off makes the motion depend on the forces in a way that no series of the residual part's
-inertia follows (`pmr.compare.estimate`).  Attachment modes for the loads of a run give that part its inertia and
-damping in their directions (`pmr.reduced.attachment`), which is nearly the full model.  Where an impact a moment
-earlier changes all that follows, no model tells another one's error: two of these have to agree.
+Attachment modes for the loads of a run give what is left out its inertia and damping in their directions
+(`pmr.reduced.attachment`), which is nearly the full model, pads that land and lift off included.  Where an impact a
+moment earlier changes all that follows, no model tells another one's error: two of these have to agree.
 """
 
 from __future__ import annotations

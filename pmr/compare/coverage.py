@@ -15,11 +15,8 @@ from numpy.typing import NDArray
 
 from pmr.errors.text import rounded
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended
 from pmr.scene.signals import SignalBase
 from pmr.simulation import TimeStepping
-from pmr.simulation.modal import modal_form
-from pmr.system.body import pushing_rows
 
 Array = NDArray[np.float64]
 
@@ -73,7 +70,7 @@ def not_covered(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], 
     """
     top = highest_known(model, stepping)
     beyond = [what for name, signal in signals for what in _beyond(name, signal, stepping, top)]
-    coupled = ["the damping of modes beyond the enrichment modes, which couples these"] * (not _classical(model))
+    coupled = ["the damping of modes beyond the enrichment modes, which is not Rayleigh's"] * (not _classical(model))
     return [*beyond, *coupled, NEVER]
 
 
@@ -84,10 +81,8 @@ def warnings(clauses: Sequence[str]) -> list[str]:
 
 
 def _classical(model: ReducedModel) -> bool:
-    """Whether the estimate has the damping of all modes that are left out: it couples none, or is Rayleigh's."""
-    if pushing_rows(model):
-        return model.rayleigh is not None or not model.D.any()
-    return modal_form(extended(model)).classically_damped
+    """Whether the estimate has the damping of all modes that are left out: it is Rayleigh's, or there is none."""
+    return model.rayleigh is not None or not model.D.any()
 
 
 def _beyond(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:

@@ -1,25 +1,16 @@
 r"""How far a reduced model is off, without a full one.
 
-The error is what inertia and damping of the truncated modes make of the motion.  A second run keeps the first c of
-them, the enrichment modes, as coordinates, and of all others the inertia and the damping (`pmr.simulation.native`,
-residual inertia), which is one order more of the same series:
+The error is what inertia and damping of the truncated modes make of the motion.  A second run has more coordinates: the
+first modes left out, the enrichment modes, and attachment modes (`pmr.reduced.attachment`), which give the rest its
+inertia and damping in the directions of all loads that a body bore in the first run:
 
-.. math::
-    d = y_{r+c,\ \text{inertia}} - y_r, \qquad \text{estimate} = 1.25 \max(\lVert d \rVert, \lVert y_{r+c} - y_r \rVert)
+.. math:: \text{estimate} = 1.25 \lVert y_{\text{second}} - y_r \rVert
 
-The larger one, since what the enrichment modes alone see is a part of the error.  Outputs of the second run have the
-lag that damping makes of the residual part's deformation, too (`pmr.compare.velocities`).  1.25 is a margin:
-without it the estimate was 0.86 to 1.18 times the true error in random scenes, damped and not, with one slider, two
-sliders and twelve pads (tests/compare/test_estimate_sweep.py).  It is no bound: it needs an error that falls from r to
-r + c modes (docs/moving_residual_flexibility.md, section 12); `pmr.compare.coverage` says where it can be seen to fail.
-
-A model that keeps all of that inertia already has its enrichment modes only, and what these say is divided by kappa,
-their share of what is left out (`pmr.compare.indicators`).
-
-That series is one of tables on one path.  Of several bodies, and where contacts only push, the second run has
-attachment modes in its place (`pmr.reduced.attachment`), which give what is left out its inertia and damping in the
-directions of all loads that a body bore in the first run.  Where pads land and lift off an impact a moment earlier
-changes all that follows: a third run, without the enrichment modes, has to be near the second one then.
+1.25 is a margin: without it the estimate was 0.98 to 1.2 times the true error in random scenes, damped and not, with
+one slider, two sliders and twelve pads (tests/compare/test_estimate_kinds_sweep.py).  It is no bound
+(docs/moving_residual_flexibility.md, section 12); `pmr.compare.coverage` says where it can be seen to fail.  Where pads
+land and lift off an impact a moment earlier changes all that follows: a third run, without the enrichment modes, has to
+be near the second one then.
 """
 
 from __future__ import annotations
@@ -35,17 +26,16 @@ from pmr.compare import coverage
 from pmr.compare import errors as compare
 from pmr.compare.attached import UnsettledError, lifting, loads_borne, scatter, settled
 from pmr.compare.booms import quantities, respond, with_friction
-from pmr.compare.indicators import chi, kappa
+from pmr.compare.indicators import chi
 from pmr.compare.outputs import KINDS, Floors, Outputs, differences, impulsive, probe_differences
 from pmr.compare.ringing import rings
-from pmr.compare.runs import along_path, in_parts, lagging, outputs, run_from_start
+from pmr.compare.runs import along_path, in_parts, outputs, run_from_start
 from pmr.reduced.attachment import with_attachment_modes
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended, is_modal, with_kept_inertia
+from pmr.reduced.truncation import extended, is_modal
 from pmr.results import Response
 from pmr.simulation import Excitation
 from pmr.simulation.columns import called
-from pmr.simulation.modal import modal_form
 from pmr.system.body import length_outputs
 from pmr.system.contacts import ALONE, named
 from pmr.system.system import System, SystemTrajectory
@@ -62,8 +52,7 @@ class Estimate:
     """Estimated errors of the outputs of reduced bodies, with margin.
 
     Fractions are e_NRMS relative to the second run's motion, not capped: above 1 the error is larger than the motion.
-    `by` says which difference: ``inertia`` (d), ``enrichment`` (y_{r+c} - y_r, over kappa where there is no d),
-    ``attachment`` or ``other model``.
+    `by` says what with: ``attachment`` modes, or an ``other model``.
     """
 
     errors: Mapping[str, float]  # by kind of output (`pmr.compare.outputs`), without those that are `unknown`
@@ -72,7 +61,6 @@ class Estimate:
     tips: tuple[int, ...]  # numbers of the displacements that are the tip's
     seconds: float  # wall time of the estimate, all runs included
     by: str
-    kappa: float | None = None  # share of the residual part's inertia that the enrichment modes carry
     chi: float | None = None  # share of the first truncated mode's motion that is not quasi-static
     bodies: Mapping[str, float] = field(default_factory=dict)  # along each of several bodies
     unknown: Mapping[str, str] = field(default_factory=dict)  # kinds without an estimate, and why, in words
@@ -114,15 +102,9 @@ def _lacking(model: ReducedModel) -> str | None:
             "the basis holds no eigenmodes: what it leaves out has a low mode of its own and is coupled to the "
             "coordinates by inertia, which no table says"
         )
-    known = model.flexibility if _on_tables(model) else model.carriers
-    if model.enrichment is None or known is None or known.inertia is None:
+    if model.enrichment is None or model.carriers is None or model.carriers.inertia is None:
         return "the model keeps no enrichment modes: they come with reduction.estimate = true, on a mesh that has more"
     return None
-
-
-def _on_tables(model: ReducedModel) -> bool:
-    """Whether its tables tell the series."""
-    return model.carriers is None and bool(np.isnan(model.row_clearance).all())
 
 
 @dataclass(frozen=True)
@@ -138,21 +120,16 @@ class _Simulated:
         run = run or run_from_start(system, excitation)
         return cls(system, run, outputs(system, run, excitation))
 
-    def late(self, excitation: Excitation) -> Outputs:
-        """With the lag of what the model leaves out."""
-        return lagging(self.outputs, self.system, self.run, excitation)
-
     def response(self, excitation: Excitation) -> Response:
         return with_friction(excitation, self.system.contacts, respond(self.system, self.run))
 
 
 @dataclass(frozen=True)
 class _Difference:
-    """What richer models have beyond a model, by what they have in addition; one of them; kinds they disagree on."""
+    """What a richer model has beyond a model; its run; kinds of outputs on which two of them disagree."""
 
-    missing: Mapping[str, Outputs]
+    missing: Outputs
     better: _Simulated
-    kappa: float | None = None
     named: Mapping[str, float] = field(default_factory=dict)  # errors of what is no kind, by name, without margin
     unsettled: Collection[str] = ()
     scatter: str = ""
@@ -171,18 +148,15 @@ def estimate(models: Models, system: System, excitation: Excitation, run: System
         raise ValueError(f"no estimate: {why}")
     first = _Simulated.of(system, excitation, run)
     own, floors = first.outputs, Floors.of(system, excitation, first.run.forces)
-    difference = (_by_series if all(map(_on_tables, models.values())) else _attached)(models, first, excitation, floors)
-    missing = difference.missing
+    difference = _attached(models, first, excitation, floors)
+    better = own.plus(difference.missing)
     kinds = [kind for kind in dict.fromkeys((*KINDS, *own.kinds)) if kind != "probe"]
-    found = {name: differences(own, own.plus(what), floors, kinds) for name, what in missing.items()}
-    by = max(found, key=lambda name: found[name]["beam"])
-    largest = {kind: max(one[kind] for one in found.values()) for kind in kinds}
-    of_probes = np.max([probe_differences(own, own.plus(what), floors) for what in missing.values()], axis=0)
+    largest, of_probes = differences(own, better, floors, kinds), probe_differences(own, better, floors)
     largest |= {"probe": float(of_probes.max())} if len(of_probes) else {}
     unknown = {kind: coverage.UNSETTLED[kind] for kind in difference.unsettled}
-    indicator, error = None, missing[by].displacement
+    indicator, error = None, difference.missing.displacement
     for model in [models[ALONE]] if ALONE in models else []:
-        if why := _no_forces(model, excitation, own, own.plus(missing[by])):
+        if why := _no_forces(model, excitation, own, better):
             unknown.setdefault("pad_force", why)
         body, motion = along_path(difference.better.system, difference.better.run, excitation)
         indicator = chi(body, motion, excitation.forces(body.input_names), model.size)
@@ -193,8 +167,7 @@ def estimate(models: Models, system: System, excitation: Excitation, run: System
         error=error,
         tips=own.tips,
         seconds=time.perf_counter() - begin,
-        by=by,
-        kappa=difference.kappa,
+        by="attachment",
         chi=indicator,
         bodies=_along(system, own.displacement, error),
         unknown=unknown,
@@ -211,20 +184,6 @@ def _no_forces(model: ReducedModel, excitation: Excitation, own: Outputs, better
     return coverage.RINGING if own.force.size and rings(own.force, better.force) else None
 
 
-def _by_series(models: Models, first: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
-    """By the enrichment modes, and the next term of the series."""
-    (model,), own = models.values(), first.outputs
-    assert model.flexibility is not None
-    richer = extended(model)
-    better = _Simulated.of(System.of(richer), excitation)
-    share, beyond = kappa(model, along_path(first.system, first.run, excitation)[1].s), better.outputs.minus(own)
-    if model.flexibility.keeps_inertia or not modal_form(richer).classically_damped:  # coupled modes have no tables
-        late = better.late(excitation).minus(better.outputs)
-        return _Difference({"enrichment": beyond.times(1.0 / share).plus(late)}, better, share)
-    complete = _Simulated.of(System.of(with_kept_inertia(richer)), excitation).late(excitation)
-    return _Difference({"inertia": complete.minus(own), "enrichment": beyond}, better, share)
-
-
 def _attached(models: Models, first: _Simulated, excitation: Excitation, floors: Floors) -> _Difference:
     """By the enrichment modes, and attachment modes for what bodies bore, in the parts of a step that they took."""
     if not excitation.stepping.schedule:
@@ -236,7 +195,7 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
         return _Simulated.of(first.system.with_bodies(bodies), excitation)
 
     better, pushing = richer(extended), ~np.isnan(first.system.clearance)
-    missing = {"attachment": better.outputs.minus(first.outputs)}
+    missing = better.outputs.minus(first.outputs)
     named = _named(first.response(excitation), better.response(excitation), excitation)
     if not lifting(first.run.forces[:, pushing]):
         return _Difference(missing, better, named=named)

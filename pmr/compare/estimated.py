@@ -33,7 +33,7 @@ REACHED = 0.5
 #: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
 RESOLVED = 2.0
 #: What summary.json has of every estimate, beside what there is of each kind of output.
-_FIGURES = ("probes", "kappa", "by", "chi", "largest", "seconds", "not_covered")
+_FIGURES = ("probes", "by", "chi", "largest", "seconds", "not_covered")
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def _made(clock: Clock, make: Callable[[], estimate.Estimate]) -> tuple[estimate
 
 
 def summary(found: estimate.Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
-    """What summary.json holds: fractions by kind of output, ``probes`` by their names, ``kappa``, ``chi``, ``largest``
+    """What summary.json holds: fractions by kind of output, ``probes`` by their names, ``chi``, ``largest``
     (m), ``seconds``; ``not_covered`` lists in words what the estimate leaves out.
 
     Of what has no estimate all are None.

@@ -55,7 +55,7 @@ class Evaluation:
         if block.first == 0:
             self._start = float(part.s[0])
         with np.errstate(over="ignore", invalid="ignore"):
-            outputs = displacement(body, part.q, part.s, part.deforming, block.loads)
+            outputs = displacement(body, part.q, part.s, part.multipliers, block.loads)
         refuse_infinite(outputs, part.multipliers, energies.kinetic, energies.strain, energies.external)
         violation, drift = _residuals(body, part, self._path_rate[rows], block.loads)
         self._keep("outputs", rows, outputs)
@@ -101,7 +101,7 @@ class Evaluation:
 
 def _residuals(body: SlidingBody, part: Trajectory, path_rate: Array, loads: Array) -> tuple[Array, Array]:
     """What each row violates, (T, m) in m, and its rate in m/s; NaN where rows have no equation for the latter."""
-    q, v, s, multipliers = part.q, part.v, part.s, part.deforming
+    q, v, s, multipliers = part.q, part.v, part.s, part.multipliers
     violation = body.apply_rows(s, q) - body.row_compliance * multipliers
     if body.flexibility is not None:
         violation = violation + body.flexibility.row_motion(s, multipliers, loads)

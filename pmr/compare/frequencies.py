@@ -121,13 +121,10 @@ def frequency_response(system: System, places: Array, along: Array, tips: Collec
 
     from a tenth of the lowest natural frequency to the highest, at `places` (S, sides) in m, which `along` (S,) in m
     tells apart; `tips` are names of outputs.  An InputError is raised where a contact only
-    pushes, or residual inertia is kept.
+    pushes.
     """
     if pushing := [one.name for one in system.contacts if one.clearance is not None]:
         allowed = f"contacts that hold both ways are allowed: {', '.join(pushing)} only push"
-        raise InputError("scene", "observe.frequency_response", True, allowed)
-    if any(body.flexibility is not None and body.flexibility.keeps_inertia for body in system.bodies.values()):
-        allowed = "false is allowed where residual inertia is kept"
         raise InputError("scene", "observe.frequency_response", True, allowed)
     assembly = Assembly(system)
     rows, natural = assembly.along(places), assembly.frequencies(places, assembly.size)

@@ -31,7 +31,7 @@ def needed(scene: Scene, size: int, outputs: int) -> int:
     keeping = [r] if several or any(name != "march" for name in scene.simulation.simulators) else []
     if "full" in scene.compare.against and (full == "exudyn" or (several and full == "march")):
         keeping.append(size)
-    estimated = all(body.reduction.estimate and body.reduction.needs_inertia for body in bodies)
+    estimated = all(body.reduction.estimable for body in bodies)
     states = max([*keeping, r if estimated else 0])
     a_step = responses * (outputs + BESIDE) + STATES * states + (ESTIMATED if estimated else COMPARED) * outputs
     return NUMBER * (scene.time.steps + 1) * a_step

@@ -9,18 +9,15 @@ from numpy.typing import NDArray
 
 from pmr.compare.booms import bearing, force_kinds_of, rubbing, tip_columns
 from pmr.compare.outputs import Outputs
-from pmr.compare.velocities import lag, velocity
+from pmr.compare.velocities import velocity
 from pmr.reduced.model import ReducedModel
 from pmr.simulation.contact_step import as_made, contact_frequency
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.modal import modal_form
-from pmr.simulation.native import simulator as march
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.start import dense
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.body import Trajectory, force_outputs, length_outputs, other_outputs
-from pmr.system.contacts import ALONE
+from pmr.system.body import SlidingBody, Trajectory, force_outputs, length_outputs, other_outputs
 from pmr.system.system import System, SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -31,25 +28,7 @@ BESIDE_KINK = 2.0
 
 def run_from_start(system: System, excitation: Excitation, every: int = 1) -> SystemTrajectory:
     """Each `every`-th step, from static equilibrium or undeformed, as the excitation says."""
-    if _keeps_inertia(system):
-        return _with_inertia(system, excitation).at(slice(None, None, every))
     return systems.simulate(system, excitation, systems.start_of(system, excitation), every=every)
-
-
-def _keeps_inertia(system: System) -> bool:
-    return any(body.flexibility is not None and body.flexibility.keeps_inertia for body in system.bodies.values())
-
-
-def _with_inertia(system: System, excitation: Excitation) -> SystemTrajectory:
-    """Of a body whose residual part keeps its inertia, with the forces that deform that part."""
-    form = modal_form(system.bodies[ALONE])
-    run = march.simulate_modal(form, excitation)
-    s = np.repeat(run.s[:, None], len(system.sides), axis=1)
-    motion = replace(run, q=run.q @ form.X.T, v=run.v @ form.X.T, multipliers=run.deforming, s=s)
-    f, none = excitation.forces(system.input_names), np.zeros(len(run.t))
-    return SystemTrajectory(
-        run.t, {ALONE: motion}, run.multipliers, run.multipliers, f, none, none, run.seconds, run.surplus
-    )
 
 
 def in_parts(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:
@@ -73,21 +52,19 @@ def without_rates(system: System, run: SystemTrajectory, excitation: Excitation)
     return observed(system, excitation, run.t, y, run.forces)
 
 
-def at_intervals(system: System, excitation: Excitation, every: int, rates: bool, late: bool = False) -> Outputs:
+def at_intervals(system: System, excitation: Excitation, every: int, rates: bool) -> Outputs:
     """Of a run, at each `every`-th step, forces of sections not beside kinks; with velocities where `rates` are wanted.
 
-    `late` adds the lag of a residual part whose inertia is kept.  On tables steps cost less than the balance of their
+    On tables steps cost less than the balance of their
     energy, so where outputs alone are wanted of them it is not checked.
     """
     given = excitation.stepping
     seen = excitation.with_stepping(TimeStepping(given.end, every * given.step, given.rho_inf))
-    if system.on_one_path and not (rates or late or _keeps_inertia(system)):
+    if system.on_one_path and not rates:
         told = systems.observe(SystemForm.of(system), excitation, every=every)
         return observed(system, seen, told.t, told.y, told.multipliers)
     if system.on_one_path:
-        run = run_from_start(system, excitation, every)
-        found = (outputs if rates else without_rates)(system, run, seen)
-        return lagging(found, system, run, seen) if late else found
+        return outputs(system, run_from_start(system, excitation, every), seen)
     run = run_from_start(system, excitation, 1 if rates else every)
     found = outputs(system, run, excitation, every) if rates else without_rates(system, run, excitation)
     kinks = [kink for path in excitation.paths.values() for kink in path.kinks(given.end)]
@@ -121,9 +98,9 @@ def velocities(system: System, run: SystemTrajectory, excitation: Excitation) ->
     r"""Rates of the displacements, (T, o) in m/s, of all steps of the excitation.
 
     Of a body on one path those of the residual part follow from its tables (`pmr.compare.velocities`); of several
-    bodies :math:`O \dot q` and differences.
+    bodies, and with attachment modes, :math:`O \dot q` and differences.
     """
-    if system.on_one_path and all(body.flexibility is not None for body in system.bodies.values()):
+    if system.on_one_path and all(map(_by_tables, system.bodies.values())):
         body, motion = along_path(system, run, excitation)
         return velocity(body, motion, excitation.on_slider)[:, length_outputs(body)]
     of_all, found = systems.displacements(system, run), list[Array]()
@@ -135,16 +112,15 @@ def velocities(system: System, run: SystemTrajectory, excitation: Excitation) ->
     return np.hstack(found)
 
 
+def _by_tables(body: SlidingBody) -> bool:
+    """Whether its tables tell rates; attachment modes leave next to nothing to these, round-off over round-off."""
+    attached = body.carriers is not None and getattr(body.carriers, "inertia", None) is None
+    return body.flexibility is not None and not attached
+
+
 def along_path(system: System, run: SystemTrajectory, excitation: Excitation) -> tuple[ReducedModel, Trajectory]:
     """A body on one path with none but the rows that are contacts, and its motion with the path coordinate (T,)."""
     (body,), (motion,) = system.reduced.values(), run.bodies.values()
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
     s = excitation.on_slider.along(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])
     return body.with_rows(rows), replace(motion, s=s)
-
-
-def lagging(found: Outputs, system: System, run: SystemTrajectory, excitation: Excitation) -> Outputs:
-    """The outputs of a run with what damping makes of the residual part's own deformation; velocities remain."""
-    y = lag(*along_path(system, run, excitation), excitation.on_slider)
-    late = observed(system, excitation, run.t, y, np.zeros_like(run.forces))
-    return found.plus(replace(late, velocity=np.zeros_like(found.velocity)))

@@ -59,7 +59,7 @@ def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, l
     tables, s = model.flexibility, trajectory.s
     if tables is None:
         raise ValueError("without residual flexibility no force follows from the positions")
-    z, ds = trajectory.deforming, path_rate[:, None]
+    z, ds = trajectory.multipliers, path_rate[:, None]
     right = model.apply_rows(s, trajectory.v) + ds * model.apply_rows(s, trajectory.q, derivative=1)
     right += _times(evaluate(tables.inputs, s), loads.rate) + ds * _times(evaluate(tables.inputs, s, 1), loads.value)
     right -= ds * _times(evaluate(tables.rows, s, 1), z)
@@ -83,21 +83,3 @@ def velocity(model: ReducedModel, trajectory: Trajectory, excitation: Excitation
 
 def _times(A: Array, x: Array) -> Array:
     return np.asarray(np.einsum("tab,tb->ta", A, x))
-
-
-def lag(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> Array:
-    """Of the outputs (T, o) of a model with residual flexibility and its inertia's tables; zero without such damping.
-
-    Trajectory and excitation as for `velocity`.  What is in proportion to mass is left out.
-    """
-    tables, known, s = model.flexibility, model.rayleigh, trajectory.s
-    if known is None or known.beta == 0.0 or tables is None or tables.inertia is None:
-        return np.zeros((len(s), len(model.outputs)))
-    f, path_rate = load_rates(model, excitation), excitation.path_rate
-    z, G = force_rates(model, trajectory, path_rate, f), evaluate(tables.rows, s)
-    turned = (evaluate(tables.inertia.D1, s) - known.alpha * evaluate(tables.inertia.A1, s)) / known.beta  # C R C'^T
-    of_rows = _times(evaluate(tables.inputs, s), f.rate) - _times(G, z.rate)
-    of_rows -= path_rate[:, None] * _times(turned, z.value)
-    carried = np.linalg.solve(G + np.diag(model.row_compliance), of_rows[:, :, None])[:, :, 0]
-    own = velocity(model, trajectory, excitation) - trajectory.v @ model.outputs.T
-    return np.asarray(-known.beta * (own - _times(evaluate(tables.outputs, s), carried)))

@@ -37,7 +37,7 @@ from pmr.reduced.truncation import extended
 Array = NDArray[np.float64]
 
 #: Share of the inertia of all answers that directions among the loads may leave out, and most directions.
-LEFT_OUT, MOST = 1e-5, 64
+LEFT_OUT, MOST = 1e-8, 128
 #: Modes of a cylinder in a model, and in the richer one by which its error is estimated.
 CYLINDER, RICHER = 2, 3
 #: Inertia of a direction beside the others of unit inertia below which it is a combination of these.

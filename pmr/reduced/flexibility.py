@@ -1,6 +1,6 @@
 r"""Residual flexibility: what the truncated coordinates would have answered at once, as small tables in s.
 
-Beside it the inertia of that part, and the first modes in it.
+Beside it the first modes in that part.
 
 With R the flexibility that a basis leaves out and q = V p + R (B f - C^T lambda), the rows and outputs become
 
@@ -28,38 +28,6 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Inertia:
-    r"""Tables of the residual part's inertia and damping, for m rows and i inputs.
-
-    The residual part x = R (B f - C(s)^T z) moves with the forces z at the rows.  What its inertia and damping do there
-    is
-
-    .. math::
-        -C R M \ddot x = A_0 \ddot z + 2 \dot s A_1 \dot z + (\ddot s A_1 + \dot s^2 A_2)\, z - E_0 \ddot f, \qquad
-        -C R D \dot x = D_0 \dot z + \dot s D_1 z - F_0 \dot f
-
-    docs/moving_residual_flexibility.md, sections 6 and 11; for rows at rest A_0 is the mass term of Rubin: Improved
-    component-mode representation for structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
-    """
-
-    AXES: ClassVar = {"A0": "mm", "A1": "mm", "A2": "mm", "E0": "mi", "D0": "mm", "D1": "mm", "F0": "mi"}
-
-    # (m, m) in m s^2/N, s^2/N and s^2/(m N): C R M R C^T and, with the second C replaced by its first and second
-    # derivative, A1 and A2
-    A0: PPoly
-    A1: PPoly
-    A2: PPoly
-    E0: PPoly  # C R M R B (m, i) m s^2/N
-    # as A0, A1 and E0 with the damping D in place of M; s instead of s^2 in the units
-    D0: PPoly
-    D1: PPoly
-    F0: PPoly
-    # whether the equations of motion keep this inertia (`pmr.simulation.native.residual_inertia`); else it only serves
-    # error estimates
-    kept: bool = False
-
-
-@dataclass(frozen=True)
 class Flexibility:
     """Tables of the residual flexibility of a body with m rows, i inputs and o outputs."""
 
@@ -70,18 +38,12 @@ class Flexibility:
     outputs: PPoly  # X(s) = O R C^T (o, m) m/N
     direct: Array  # W = O R B (o, i) m/N
     energy: Array  # B^T R B (i, i) m/N: twice the residual strain energy under unit inputs
-    inertia: Inertia | None = None  # what is neglected with the inertia of the residual part, or kept
-
-    @property
-    def keeps_inertia(self) -> bool:
-        """Whether the equations of motion keep the inertia of the residual part."""
-        return self.inertia is not None and self.inertia.kept
 
     def with_rows(self, numbers: Sequence[int]) -> Flexibility:
-        """Of a body with none but these of its rows, without what is known of inertia."""
+        """Of a body with none but these of its rows."""
         rows, inputs = (select_rows(table, numbers) for table in (self.rows, self.inputs))
         outputs = columns(self.outputs, numbers)
-        return replace(self, rows=columns(rows, numbers), inputs=inputs, outputs=outputs, inertia=None)
+        return replace(self, rows=columns(rows, numbers), inputs=inputs, outputs=outputs)
 
     def row_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """H(s) f - G(s) lambda, (T, m) in m: what the residual part adds at the rows, along a trajectory."""

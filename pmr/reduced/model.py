@@ -292,7 +292,11 @@ class ReducedModel:
                 raise InputError(str(path), "format", header["format"], f"{FORMAT!r} is allowed")
             if int(header["version"]) > FORMAT_VERSION:
                 raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
-            model = records.record(cls, data if int(header["version"]) > 4 else _of_version_4(header, data))
+            data = data if int(header["version"]) > 4 else _of_version_4(header, data)
+            if data.get("flexibility.inertia.kept", False):
+                allowed = "a model without residual inertia is allowed: more coordinates do its work"
+                raise InputError(str(path), "flexibility.inertia", None, allowed)
+            model = records.record(cls, data)
             wrong = model.contradiction()
         except READING as error:
             if isinstance(error, InputError):

@@ -2,8 +2,7 @@ r"""Modes that move from the coordinates into the tables of the residual flexibi
 
 .. math::
     G_r = G_{r+c} + \sum_{j=r+1}^{r+c} \frac{(C \varphi_j)(C \varphi_j)^T}{\omega_j^2},
-    \qquad H, X, W, B^T R B \text{ likewise}; \qquad
-    A_{0,r} = A_{0,r+c} + \sum_j \frac{(C \varphi_j)(C \varphi_j)^T}{\omega_j^4}, \dots
+    \qquad H, X, W, B^T R B \text{ likewise}
 
 So a model with r + c modes holds every smaller one (docs/moving_residual_flexibility.md, section 12).
 """
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import columns, product, side_by_side, times, total, transposed
-from pmr.reduced.flexibility import EnrichmentModes, Flexibility, Inertia
+from pmr.reduced.flexibility import EnrichmentModes, Flexibility
 from pmr.reduced.model import ReducedModel
 
 Array = NDArray[np.float64]
@@ -82,17 +81,6 @@ def extended(model: ReducedModel, count: int | None = None) -> ReducedModel:
     )
 
 
-def with_kept_inertia(model: ReducedModel) -> ReducedModel:
-    """The model whose equations of motion keep the residual part's inertia (`pmr.simulation.native.residual_inertia`).
-
-    A ValueError is raised where it has no tables of it.
-    """
-    if model.flexibility is None or model.flexibility.inertia is None:
-        raise ValueError("the model has no tables of the residual part's inertia")
-    inertia = replace(model.flexibility.inertia, kept=True)
-    return replace(model, flexibility=replace(model.flexibility, inertia=inertia))
-
-
 def is_modal(model: ReducedModel) -> bool:
     """Whether the coordinates are M-orthonormal modes in ascending order that neither K nor D couples."""
     if np.any(np.abs(model.M - np.eye(model.size)) > MODAL):
@@ -116,29 +104,12 @@ def _joined(tables: Flexibility, modes: EnrichmentModes, sign: float) -> Flexibi
     """Tables of the residual flexibility with the modes' part added, or taken out where `sign` is -1."""
     share, rows = sign / modes.stiffness, modes.rows
     scaled = share[:, None] * modes.B
-    inertia = None if tables.inertia is None else _joined_inertia(tables.inertia, modes, sign)
     return Flexibility(
         rows=total(tables.rows, product(rows, rows, share)),
         inputs=total(tables.inputs, times(rows, scaled)),
         outputs=total(tables.outputs, transposed(times(rows, (share * modes.outputs).T))),
         direct=tables.direct + modes.outputs @ scaled,
         energy=tables.energy + modes.B.T @ scaled,
-        inertia=inertia,
-    )
-
-
-def _joined_inertia(tables: Inertia, modes: EnrichmentModes, sign: float) -> Inertia:
-    of_mass, of_damping = sign / modes.stiffness**2, sign * modes.damping / modes.stiffness**2
-    C, C1, C2 = (modes.rows if order == 0 else modes.rows.derivative(order) for order in range(3))
-    return replace(
-        tables,
-        A0=total(tables.A0, product(C, C, of_mass)),
-        A1=total(tables.A1, product(C, C1, of_mass)),
-        A2=total(tables.A2, product(C, C2, of_mass)),
-        E0=total(tables.E0, times(C, of_mass[:, None] * modes.B)),
-        D0=total(tables.D0, product(C, C, of_damping)),
-        D1=total(tables.D1, product(C, C1, of_damping)),
-        F0=total(tables.F0, times(C, of_damping[:, None] * modes.B)),
     )
 
 

@@ -122,7 +122,7 @@ def reduce_with(
 def _section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
     """On free modes and carriers, with enrichment modes where an error is estimated."""
     choice, beyond = member.part.reduction, ENRICHMENT_MODES if scene.ordered is None else SEARCHED
-    enrichment = beyond if choice.needs_inertia else 0
+    enrichment = beyond if choice.estimable else 0
 
     def make() -> ReducedBody:
         body = FreeBody(model, choice.solver)

@@ -11,12 +11,11 @@ from pmr.errors import environment
 from pmr.fem.compat import versions
 from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import with_kept_inertia
 from pmr.reduction.basis import Basis, modal_basis, pod, with_rigid_modes
 from pmr.reduction.galerkin import reduced_model, with_held_coordinates
 from pmr.reduction.given import given_basis, given_vectors
 from pmr.reduction.reduced_body import ReducedBody
-from pmr.reduction.residual.model import flexible_model, modal_model, released, section_model
+from pmr.reduction.residual.model import check_independence, flexible_model, released, section_model
 from pmr.reduction.snapshots import Snapshots
 from pmr.reduction.snapshots.eigenmodes import eigenmode_snapshots
 from pmr.reduction.snapshots.free_body import FreeBody, rigid_modes
@@ -25,8 +24,8 @@ from pmr.scene import Reduction, Scene
 from pmr.scene.members import member_at
 from pmr.scene.names import ALONE
 
-#: Modes beyond the coordinates with which the error is estimated: six of the paper's beam hold 98 % of the residual
-#: part's inertia with four.
+#: Modes beyond the coordinates with which the error is estimated: attachment modes have what these
+#: leave out.
 ENRICHMENT_MODES = 4
 #: The same where a tolerance is given: among so many the smallest model is looked for.
 SEARCHED_MODES = 34
@@ -97,17 +96,15 @@ def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, 
 def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> ReducedModel:
     """The reduced model, with tables of the flexibility that the basis leaves out where the scene asks for it.
 
-    An error is estimated by tables of what is left out of the inertia; where rows only push, by its carriers
-    (`pmr.compare.attached`).
+    An error is estimated by what is left out between the carriers of its rows (`pmr.compare.attached`).
 
     Raises an `InputError` if rows depend on each other.
     """
     choice = scene.reduction
-    if choice.needs_inertia and not np.isnan(body.model.rows.clearance).all():
-        return section_model(body, basis, provenance, choice.coordinates)
-    if choice.needs_inertia:
-        found = modal_model(body, basis, provenance, choice.coordinates)
-        return with_kept_inertia(found) if choice.residual_inertia else found
+    if choice.estimable:
+        found = section_model(body, basis, provenance, choice.coordinates)
+        check_independence(found)  # on one path all rows are
+        return found
     if choice.flexibility:
         return flexible_model(body, basis, provenance)
     reduced = reduced_model(body.model, basis, provenance)
@@ -119,7 +116,7 @@ def _enrichment(scene: Scene, model: FullModel) -> int:
     if scene.ordered is not None:
         # Of a coarse mesh all of them would leave no flexibility by which rows are told apart.
         return max(ENRICHMENT_MODES, min(SEARCHED_MODES, model.size // 2 - scene.reduction.coordinates))
-    return ENRICHMENT_MODES if scene.reduction.needs_inertia else 0
+    return ENRICHMENT_MODES if scene.reduction.estimable else 0
 
 
 def description(choice: Reduction, basis: Basis) -> str:
@@ -132,8 +129,7 @@ def description(choice: Reduction, basis: Basis) -> str:
     else:
         rigid = "rigid-body modes of the body without its sliders and " if choice.flexibility else ""
         kind = f"{rigid}POD of eigenmodes with the slider held, orthonormal in the {basis.product} product"
-    inertia = " and inertia" if choice.residual_inertia else ""
     ports = f", attachment modes of {', '.join(map(str, choice.ports))}" if choice.ports else ""
-    added = f"{ports}; residual flexibility{inertia} of what they leave out" if choice.flexibility else ""
+    added = f"{ports}; residual flexibility of what they leave out" if choice.flexibility else ""
     units = "m and rad" + (" times sqrt(kg)" if basis.product == "mass" else "")
     return f"{kind}{added}; coordinates carry {units}"

@@ -201,7 +201,7 @@ def _reduction(reduction: Reduction, released: str) -> Rows:
     if reduction.ports:
         yield "attachment modes", f"of {', '.join(map(str, reduction.ports))}, as ports"
     if reduction.flexibility:
-        yield "residual flexibility", "added, with its inertia" if reduction.residual_inertia else "added, quasi-static"
+        yield "residual flexibility", "added, quasi-static"
 
 
 def _rounded(value: float) -> float:

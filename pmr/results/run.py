@@ -48,7 +48,7 @@ class RunResult:
     under the empty name.  `summary` is what summary.json holds: ``errors.<a>_vs_<b>.{tip,beam}`` (e_NRMS, fractions),
     ``absolute_errors`` likewise (e_abs, m), ``not_judged`` (`pmr.compare.ringing`),
     ``max_displacement`` and ``max_error`` (m),
-    ``estimate.{beam,tip,pad_force,velocity,probe,probes,kappa,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
+    ``estimate.{beam,tip,pad_force,velocity,probe,probes,by,chi,largest,not_covered}`` (`pmr.compare.estimate`),
     ``step.{beam,tip,largest,finest,settled,by,enough,band}`` (`pmr.compare.step_error`), ``warnings``,
     ``coordinates``, ``basis``, ``seconds``, ``versions``, ``scene_hash``, ``pads`` and ``cylinders`` (name, min and max
     in N, when), ``sections`` of a boom (name, coordinates, errors) and more; ``max_von_mises.{full,reduced}`` (Pa)

@@ -143,8 +143,7 @@ class Reduction(Section):
     the default for free modes, which have it unless told otherwise.
 
     For free modes with flexibility, `estimate` adds an error estimate that needs no full model but a second simulation
-    with four modes more, and `residual_inertia` adds the inertia of what the modes leave out: the same coordinates, an
-    order more accurate for smooth motions, at two to three times the cost of a step.
+    with four modes more, and attachment modes for the loads of the first one.
 
     `ports` are places where something is to be hung on the reduced body, in Exudyn say: attachment modes for all forces
     and moments there join the coordinates, which then answer to them exactly at rest.
@@ -155,7 +154,6 @@ class Reduction(Section):
         default=None, description="npz file with an array V: a column a vector on the full model's coordinates"
     )
     flexibility: Switch = Field(default=False, description="Residual flexibility; true by default for free modes")
-    residual_inertia: Switch = Field(default=False, description="Inertia of what the modes leave out")
     estimate: Switch = Field(default=True, description="Whether the error is estimated")
     snapshots: Count = Field(default=5, description="Slider positions at which eigenmodes are taken")
     modes: Count = Field(default=6, description="Eigenmodes at each position")
@@ -172,6 +170,8 @@ class Reduction(Section):
     @model_validator(mode="before")
     @classmethod
     def _flexibility_goes_with_free_modes(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("residual_inertia") is False:  # of a scene that a file records
+            data = {key: value for key, value in data.items() if key != "residual_inertia"}
         if not isinstance(data, dict) or data.get("basis", "free_modes") != "free_modes":
             return data
         data = {"flexibility": True} | data
@@ -183,10 +183,9 @@ class Reduction(Section):
         return self.basis in ("eigenmodes", "paper")
 
     @property
-    def needs_inertia(self) -> bool:
-        """Whether tables of the residual part's inertia are needed: to add it, or to estimate what it would do."""
-        free = self.basis == "free_modes" and self.flexibility and not self.ports
-        return free and (self.estimate or self.residual_inertia)
+    def estimable(self) -> bool:
+        """Whether what the modes leave out is kept by its inertia, too, with which the error is estimated."""
+        return self.basis == "free_modes" and self.flexibility and not self.ports and self.estimate
 
 
 class Simulation(Section):
@@ -231,7 +230,7 @@ class _Ordered(Section):
 
 
 class Accuracy(_Ordered):
-    """An error that is allowed, instead of coordinates, residual inertia and step, which are chosen to hold it.
+    """An error that is allowed, instead of coordinates and step, which are chosen to hold it.
 
     `tolerance` is that of the reduction and the step together, in each of the `outputs`; the search for a step begins
     at `time.step`.  With `mesh` the part of the mesh, found out by a second one with shorter cells, counts, too.

@@ -69,14 +69,8 @@ def _reduction(scene: Scene) -> None:
         raise refusal("reduction.basis", choice.basis, allowed)
     if (choice.basis == "file") != (choice.file is not None):
         raise refusal("reduction.file", choice.file and str(choice.file), "a file is allowed with basis = 'file'")
-    if choice.residual_inertia and not (choice.basis == "free_modes" and choice.flexibility):
-        allowed = "free modes with flexibility = true are allowed to have the inertia of what they leave out"
-        raise refusal("reduction.residual_inertia", True, allowed)
-    if choice.residual_inertia and scene.start == "equilibrium":
-        allowed = "false is allowed with start = 'equilibrium': how the residual part moves at t = 0 is not known"
-        raise refusal("reduction.residual_inertia", True, allowed)
-    if choice.ports and (choice.basis != "free_modes" or not choice.flexibility or choice.residual_inertia):
-        allowed = "free modes with flexibility and without residual_inertia are allowed to have ports"
+    if choice.ports and (choice.basis != "free_modes" or not choice.flexibility):
+        allowed = "free modes with flexibility are allowed to have ports"
         raise refusal("reduction.ports", list(choice.ports), allowed)
     if choice.ports and scene.ordered is not None:
         raise refusal(
@@ -108,14 +102,14 @@ def _pool(scene: Scene) -> None:
 
 
 def _frequency_response(scene: Scene) -> None:
-    """Linear equations in coordinates that are free: rows give way, hold both ways, and leave no inertia behind."""
+    """Linear equations in coordinates that are free: rows give way and hold both ways."""
     choice = scene.reduction
     rigid = bool(scene.points) or any(ring.stiffness == "rigid" for ring in scene.pads)
     rigid = rigid or any(one.stiffness == "rigid" and one.points == "mean" for one in scene.supports)
     if not scene.observe.frequency_response:
         return
-    if (rigid and not choice.flexibility) or any(ring.unilateral for ring in scene.pads) or choice.residual_inertia:
-        allowed = "true is allowed with reduction.flexibility, pads that hold both ways and without residual_inertia"
+    if (rigid and not choice.flexibility) or any(ring.unilateral for ring in scene.pads):
+        allowed = "true is allowed with reduction.flexibility and pads that hold both ways"
         raise refusal("observe.frequency_response", True, allowed)
 
 
@@ -153,7 +147,7 @@ def _simulators(scene: Scene) -> None:
     )
     if "full" in scene.compare.against:
         refuse("petsc" if scene.simulation.full == "auto" else scene.simulation.full, full, REFERENCE)
-    reduced = replace(full, kept_inertia=choice.residual_inertia)
+    reduced = full
     if choice.flexibility:
         reduced = replace(reduced, giving=("reduction.flexibility",), rigid_moving=())
     else:

@@ -26,6 +26,11 @@ MOVED = {
     "clamps": "supports (with points = 'all', and kind = 'clamped' or directions)",
     "reduction.support_rows": "reduction.basis ('paper' for 'hold', 'eigenmodes' for 'drop')",
 }
+#: Keys of earlier versions that have no other name now, and what does their work.
+GONE = dict.fromkeys(
+    ("reduction.residual_inertia", "sections.reduction.residual_inertia"),
+    "no such key is allowed any more: more of reduction.coordinates do its work",
+)
 #: Published figures are those of one scene, not of the ones that extend it.
 DIALECT = Dialect(
     "scene file",
@@ -36,6 +41,7 @@ DIALECT = Dialect(
         "gravity": (("direction",), ("inclination",)),
     },
     moved=MOVED,
+    gone=GONE,
 )
 
 

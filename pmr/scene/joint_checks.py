@@ -63,8 +63,6 @@ def _reduction(scene: Scene, number: int) -> None:
     if choice.basis != "free_modes" or choice.file is not None:
         allowed = "'free_modes' is allowed, without a file: sections have no common path"
         raise refusal(f"{key}.basis", choice.basis, allowed)
-    if choice.residual_inertia:
-        raise refusal(f"{key}.residual_inertia", True, "false is allowed for sections of a boom")
     if choice.ports:
         raise refusal(f"{key}.ports", list(choice.ports), "no ports are allowed for sections of a boom")
     if scene.sections[number].slider is not None:
@@ -258,7 +256,7 @@ def _frequency_response(scene: Scene) -> None:
 
 def _ordered(scene: Scene) -> None:
     for number, part in enumerate(scene.sections):
-        if scene.ordered is not None and not part.reduction.needs_inertia:
+        if scene.ordered is not None and not part.reduction.estimable:
             allowed = "flexibility and estimate = true are allowed: such models hold all smaller ones"
             raise refusal(f"sections[{number}].reduction", None, allowed)
 

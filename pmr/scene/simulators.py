@@ -17,7 +17,6 @@ class Needs:
     rigid_pushing: tuple[str, ...] = ()
     giving: tuple[str, ...] = ()  #: Rows that give way
     rigid_moving: tuple[str, ...] = ()  #: Rigid rows that travel along a path
-    kept_inertia: bool = False  #: The inertia of the residual part is kept
     rho_inf: float = 0.0  #: Spectral radius at infinite frequency
 
 
@@ -27,14 +26,13 @@ class Capabilities:
 
     rows_that_push: bool = False
     rows_that_give_way: bool = True
-    kept_inertia: bool = False
     reduced_models: bool = True  # it is one of `simulation.simulators`
     package: str | None = None  # that it needs installed
 
 
 #: By the names of `simulation.simulators` and `simulation.full`.
 SIMULATORS = {
-    "march": Capabilities(rows_that_push=True, kept_inertia=True),
+    "march": Capabilities(rows_that_push=True),
     "exudyn": Capabilities(rows_that_push=True, package="exudyn"),
     "exudyn-multiplier": Capabilities(package="exudyn"),
     "exudyn-callback": Capabilities(rows_that_give_way=False, package="exudyn"),
@@ -60,7 +58,6 @@ def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
     can, asked = SIMULATORS[name], asked or Asked("scene", "simulation.simulators", name)
     lacking = {
         "rows_that_push": (needs.pushing, f"knows no rows that only push ({', '.join(needs.pushing)})"),
-        "kept_inertia": (needs.kept_inertia, "does not keep residual inertia (reduction.residual_inertia)"),
         "rows_that_give_way": (needs.giving, f"knows no rows that give way ({', '.join(needs.giving)})"),
     }
     for capability, (needed, reason) in lacking.items():
@@ -68,9 +65,6 @@ def refuse(name: str, needs: Needs, asked: Asked | None = None) -> None:
             able = [one for one, has in SIMULATORS.items() if has.reduced_models and getattr(has, capability)]
             instead = "[]" if asked is REFERENCE else " or ".join(able)
             raise InputError(asked.source, asked.key, asked.value, f"{instead} is allowed: {name} {reason}")
-    if needs.kept_inertia and needs.pushing:
-        allowed = f"false is allowed where rows only push ({', '.join(needs.pushing)})"
-        raise InputError("scene", "reduction.residual_inertia", True, allowed)
     if needs.rigid_pushing:
         allowed = (
             f"{', '.join(needs.rigid_pushing)} only push and are rigid: true, or a stiffness in N/m of the pads, is "

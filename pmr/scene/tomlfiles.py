@@ -46,6 +46,8 @@ class Dialect:
     alternatives: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
     #: Dotted keys of earlier versions, wherever they stand in lists, and what to write in their place.
     moved: Mapping[str, str] = field(default_factory=dict)
+    #: The same of keys without a successor, and what is said of each.
+    gone: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -80,12 +82,15 @@ class TomlFile:
     def validated(self, model: type[Model]) -> Model:
         """The data as a pydantic model.
 
-        Raises InputError for the first key that has moved, else the first value that is refused, unknown keys first.
+        Raises InputError for the first key that has moved or gone, else the first value that is refused, unknown keys
+        first.
         """
         for location, name, _, value in keys_of(self.data):
             if name in self.dialect.moved:
                 allowed = f"this key is called {self.dialect.moved[name]} now"
                 raise InputError(self.origin(location), location, value, allowed)
+            if name in self.dialect.gone:
+                raise InputError(self.origin(location), location, value, self.dialect.gone[name])
         try:
             return model.model_validate(self.data)
         except ValidationError as error:

@@ -140,7 +140,7 @@ def blocks(size: int) -> Iterator[slice]:
 
 def _energy(body: SlidingBody, part: Trajectory, loads: Array, motion: Array) -> Energy:
     """The energies, given B^T q."""
-    multipliers = part.deforming
+    multipliers = part.multipliers
     strain = half_form(body.K, part.q) + multipliers**2 @ body.row_compliance / 2.0
     if body.flexibility is not None:
         strain = strain + body.flexibility.strain_energy(part.s, multipliers, loads)
@@ -153,7 +153,7 @@ def _works(body: SlidingBody, part: Trajectory, f: Array, motion: Array) -> Arra
     work = dot(mean_f, np.diff(motion, axis=0))
     turned = body.row_change(s, mean(q))
     if body.flexibility is not None:
-        turned += body.flexibility.row_motion_change(s, mean(part.deforming) / 2.0, mean_f)
+        turned += body.flexibility.row_motion_change(s, mean(part.multipliers) / 2.0, mean_f)
     return work + dot(multipliers, turned)
 
 
@@ -161,7 +161,7 @@ def _motion(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     """B^T q, (T, i) in m: how the loads' points move."""
     motion = np.asarray(trajectory.q @ body.B)
     if body.flexibility is not None:
-        motion = motion + body.flexibility.input_motion(trajectory.s, trajectory.deforming, loads)
+        motion = motion + body.flexibility.input_motion(trajectory.s, trajectory.multipliers, loads)
     return motion
 
 

@@ -27,8 +27,7 @@ def needs_of(body: ReducedModel | WithRows, s: float) -> Needs:
     names, both, giving = (
         tuple(body.row_names[k] for k in np.flatnonzero(which)) for which in (pushing, pushing & rigid, ~rigid)
     )
-    kept_inertia = body.flexibility is not None and body.flexibility.keeps_inertia
-    return Needs(pushing=names, rigid_pushing=both, giving=giving, kept_inertia=kept_inertia)
+    return Needs(pushing=names, rigid_pushing=both, giving=giving)
 
 
 def needs_on(body: ReducedModel | WithRows, excitation: Excitation) -> Needs:

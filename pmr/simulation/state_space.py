@@ -79,8 +79,8 @@ class StateSpace:
 def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> StateSpace:
     """State space of reduced bodies with their paths at s, (S,) m each or a number.
 
-    An InputError, of the file `source`, is raised where contacts only push, rigid ones depend on s, or residual inertia
-    is kept; a SimulationError where contacts at one place can't tell their forces apart.
+    An InputError, of the file `source`, is raised where contacts only push or rigid ones depend on s; a SimulationError
+    where contacts at one place can't tell their forces apart.
     """
     _refuse(system, source)
     assembly = Assembly(system)
@@ -118,9 +118,6 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
 def _refuse(system: System, source: str) -> None:
     if pushing := [one.name for one in system.contacts if one.clearance is not None]:
         raise InputError(source, "rows", None, f"rows that hold both ways are allowed: {', '.join(pushing)} only push")
-    for body in system.bodies.values():
-        if body.flexibility is not None and body.flexibility.keeps_inertia:
-            raise InputError(source, "flexibility.inertia", None, "a model without residual inertia is allowed")
 
 
 def _modes(system: System, assembly: Assembly, C: Array, firm: NDArray[np.bool_], source: str) -> tuple[Array, Array]:

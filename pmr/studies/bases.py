@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import MODAL, extended, truncated, with_kept_inertia
+from pmr.reduced.truncation import MODAL, extended, truncated
 from pmr.scene import Reduction, Scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.balance import energy
@@ -70,7 +70,7 @@ Models = BySize[ReducedModel]
 
 
 def _outputs(body: ReducedModel, run: Trajectory, excitation: Excitation) -> Array:
-    return displacement(body, run.q, run.s, run.deforming, excitation.forces(body.input_names))
+    return displacement(body, run.q, run.s, run.multipliers, excitation.forces(body.input_names))
 
 
 def reduction(scene: Scene, basis: str, largest: int) -> Reduction:
@@ -118,12 +118,6 @@ def flexible(case: Case) -> Models:
     return Models(of, longest.size, max(rigid, 1))
 
 
-def inertial(case: Case) -> Models:
-    """The same with their inertia."""
-    plain = flexible(case)
-    return Models(lambda r: with_kept_inertia(plain.of(r)), plain.largest, plain.smallest)
-
-
 def harmonic(case: Case) -> Models:
     r"""Responses to unit loads, z = h (b - c^T lambda) with h = 1 / (omega_j^2 (1 + i eta) - omega^2)."""
     body = case.full
@@ -157,7 +151,6 @@ MODELS: dict[str, Callable[[Case], Models]] = {
     "modes": modes,
     "harmonic": harmonic,
     "flexibility": flexible,
-    "inertia": inertial,
     "trajectory": trajectory,
 }
 LOCAL = ("local", "matrices")
@@ -178,7 +171,7 @@ def _marched(form: ModalForm) -> Simulate:
     def simulate(excitation: Excitation, every: int) -> local_bases.LocalMotion:
         recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
         run, f = recorder.trajectory(march.follow(form, excitation, recorder)), excitation.forces(form.body.input_names)
-        y = displacement(form.body, run.q, run.s, run.deforming, f[::every])[:, length_outputs(form.body)]
+        y = displacement(form.body, run.q, run.s, run.multipliers, f[::every])[:, length_outputs(form.body)]
         found = energy(form.body, run, f[::every])
         return local_bases.LocalMotion(y, found.kinetic + found.strain, run.seconds)
 

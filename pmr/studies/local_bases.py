@@ -30,7 +30,6 @@ from pmr.errors import SimulationError
 from pmr.reduced.model import ReducedModel
 from pmr.simulation import Excitation
 from pmr.simulation.native.compilation import compiled
-from pmr.simulation.native.residual_inertia import central_differences
 from pmr.simulation.native.scheme import GeneralizedAlpha
 
 Array = NDArray[np.float64]
@@ -62,7 +61,7 @@ class LocalModel:
         around = np.arange(-1, stepping.steps + 2) * stepping.step
         s = np.asarray(excitation.path.value(around), float)
         bounds = self.vectors.x[[0, -1]]
-        course, f = central_differences(np.clip(s, *bounds), stepping.step), excitation.forces(self.body.input_names)
+        course, f = _central_differences(np.clip(s, *bounds), stepping.step), excitation.forces(self.body.input_names)
         r = self.vectors.c.shape[-1]
         q, v, work = np.zeros((len(f), r)), np.zeros((len(f), r)), np.zeros((6 * r + len(f[0]) + 8, r))
         one = GeneralizedAlpha(stepping.step, stepping.rho_inf)
@@ -201,3 +200,10 @@ def _march(
                 a[i] += gain * side[i]
                 v[k, i] += dv * side[i]
                 q[k, i] += dq * side[i]
+
+
+def _central_differences(values: Array, step: float) -> Array:
+    """Values, first and second differences, (3, T, ...), of samples (T + 2, ...) that begin and end a step outside."""
+    first = (values[2:] - values[:-2]) / (2.0 * step)
+    second = (values[2:] - 2.0 * values[1:-1] + values[:-2]) / step**2
+    return np.stack([values[1:-1], first, second])

@@ -77,7 +77,7 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
         basis=choice.basis,
         solver=choice.solver,
         coordinates=choice.coordinates,
-        flexibility=choice.needs_inertia,  # then there are enrichment modes
+        flexibility=choice.estimable,  # then there are enrichment modes
     )
     if choice.pooled:
         deciding = Reduction(

@@ -255,8 +255,6 @@ class Trajectory:
     multipliers: Array  # lambda (T, m) in N; the sliders push with -lambda on the body
     s: Array  # (T,) m: path coordinate; (T, m) of a body of a system, whose places each have their own
     seconds: float  # wall time of the solver alone
-    # z (T, m) in N, the part of the multipliers that deforms the residual part where its inertia is kept; else None
-    quasi_static: Array | None = None
     # (T, m) N: largest multiplier within the step that ends at t, of rows that only push, where a step is made in
     # parts; of the others that at t
     peaks: Array | None = None
@@ -268,15 +266,10 @@ class Trajectory:
     @property
     def arrays(self) -> dict[str, Array]:
         """All that it has of each step, by name."""
-        names = ("t", "q", "v", "multipliers", "s", "quasi_static", "peaks", "parts")
+        names = ("t", "q", "v", "multipliers", "s", "peaks", "parts")
         return {name: array for name in names if (array := getattr(self, name)) is not None}
 
     def at(self, steps: NDArray[np.int64] | slice) -> Trajectory:
         """Some of its steps, by their numbers (S,)."""
         chosen: dict[str, Any] = {name: array[steps] for name, array in self.arrays.items()}
         return replace(self, **chosen)
-
-    @property
-    def deforming(self) -> Array:
-        """Multipliers (T, m) in N that deform the residual part: what outputs and energies of a body ask for."""
-        return self.multipliers if self.quasi_static is None else self.quasi_static

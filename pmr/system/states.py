@@ -36,7 +36,7 @@ class BodyStates:
     def along_path(cls, body: SlidingBody, trajectory: Trajectory, loads: Array) -> BodyStates:
         """Of a body alone under loads (S, i) in N, all of whose rows are at the same place of its path."""
         s = np.repeat(trajectory.s[:, None], len(body.row_names), axis=1)
-        return cls(trajectory.t, s, trajectory.q, trajectory.v, trajectory.deforming, loads, body.row_names)
+        return cls(trajectory.t, s, trajectory.q, trajectory.v, trajectory.multipliers, loads, body.row_names)
 
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:
@@ -46,6 +46,6 @@ def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> d
         motion, last = kept.bodies[name], first + len(body.input_names)
         rows = tuple(system.sides[number].place.row for number in system.sides_of(name))
         loads = kept.loads[:, first:last]
-        found[name] = BodyStates(kept.t, motion.s, motion.q, motion.v, motion.deforming, loads, rows)
+        found[name] = BodyStates(kept.t, motion.s, motion.q, motion.v, motion.multipliers, loads, rows)
         first = last
     return found

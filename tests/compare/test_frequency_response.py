@@ -84,9 +84,7 @@ def test_only_who_asks_for_it_gets_it() -> None:
     assert in_frequency(scene, None, None) is None and frequency_part(None).figures == {}  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    "other", ["pads.mouth.unilateral=true", "reduction.flexibility=false", "reduction.residual_inertia=true"]
-)
+@pytest.mark.parametrize("other", ["pads.mouth.unilateral=true", "reduction.flexibility=false"])
 def test_what_has_no_linear_response_is_refused(other: str) -> None:
     with pytest.raises(InputError, match="observe.frequency_response"):
         scenes.load(BOOM, ["observe.frequency_response=true", other])

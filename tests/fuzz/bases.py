@@ -56,7 +56,7 @@ FLEXIBLE: dict[str, Any] = BEAM | {
             },
         },
     ],
-    "reduction": {"basis": "free_modes", "flexibility": True, "coordinates": 5, "residual_inertia": False},
+    "reduction": {"basis": "free_modes", "flexibility": True, "coordinates": 5},
     "simulation": {"simulators": ["march"], "repeats": 1, "full": "auto"},
     "accuracy": {"tolerance": 0.05, "outputs": ["beam", "pad_force"], "mesh": True},
 }

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.pipeline import run
 from pmr.results import RunResult
 from tests.scene.test_dialects import WHOLE, written
@@ -56,8 +55,3 @@ def test_sections_begin_at_rest_where_that_is_asked_for() -> None:
         begun[start] = {name: np.abs(one.displacement[0]).max() for name, one in outcome.result.responses.items()}
     assert set(begun["rest"]) == {"reduced", "full"} and begun["rest"]["full"] == 0.0
     assert min(begun["equilibrium"].values()) > 1e-3 > 100.0 * begun["rest"]["reduced"]
-
-
-def test_residual_inertia_begins_at_rest(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="residual_inertia = True: false is allowed with start = 'equilibrium'"):
-        result(tmp_path, *STATIC, "reduction.residual_inertia=true")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracle import carried_rows, free_modes, inertial, rich_body
+from oracle import carried_rows, enriched, free_modes, rich_body
 
 from pmr.errors import InputError
 from pmr.reduced.carriers import CarriedRows
@@ -25,7 +25,7 @@ def model() -> ReducedModel:
 
 
 def carried(count: int) -> ReducedModel:
-    return replace(inertial(FULL, count), carriers=carried_rows(FULL, count))
+    return replace(enriched(FULL, count), carriers=carried_rows(FULL, count))
 
 
 def rows_at(carriers: CarriedRows, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:

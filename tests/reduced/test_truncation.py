@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracle import flexible, inertial, paper_basis, project, rich_body
+from oracle import enriched, flexible, paper_basis, project, rich_body
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
-from pmr.reduced.flexibility import Inertia
+from pmr.reduced.carriers import CarrierFlexibility
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended, is_modal, truncated, with_kept_inertia
+from pmr.reduced.truncation import extended, is_modal, truncated
 
 FULL = rich_body()
 S = np.linspace(0.0, 4.2, 60)
@@ -21,10 +21,11 @@ S = np.linspace(0.0, 4.2, 60)
 
 def arrays(model: ReducedModel) -> dict[str, np.ndarray]:
     """Everything that two models may differ in, tables as values; modes have no sign."""
-    assert model.flexibility and model.flexibility.inertia
-    tables, inertia = model.flexibility, model.flexibility.inertia
+    assert model.flexibility and model.carriers and model.carriers.flexibility and model.carriers.inertia
+    tables, carriers = model.flexibility, model.carriers
     found = {name: getattr(tables, name) for name in ("rows", "inputs", "outputs", "direct", "energy")}
-    found |= {name: getattr(inertia, name) for name in Inertia.AXES}
+    for part in ("flexibility", "inertia"):
+        found |= {f"{part} {name}": getattr(getattr(carriers, part), name) for name in CarrierFlexibility.AXES}
     values = {name: A(S) if isinstance(A, PPoly) else A for name, A in found.items()}
     return (
         values
@@ -39,7 +40,7 @@ def assert_same(found: ReducedModel, expected: ReducedModel, tolerance: float = 
 
 
 def test_a_large_model_holds_the_smaller_one_and_back() -> None:
-    large, small = inertial(FULL, 9), inertial(FULL, 5)
+    large, small = enriched(FULL, 9), enriched(FULL, 5)
     cut = truncated(large, 5)
     assert_same(cut, small)
     assert cut.enrichment and cut.enrichment.count == 4 and cut.size == 5
@@ -49,7 +50,7 @@ def test_a_large_model_holds_the_smaller_one_and_back() -> None:
 
 def test_matrices_of_a_moving_frame_go_and_come_back_with_the_modes() -> None:
     A = np.random.default_rng(3).standard_normal((9, 9))
-    large = replace(inertial(FULL, 9), matrices={"axial tip": A})
+    large = replace(enriched(FULL, 9), matrices={"axial tip": A})
     cut = truncated(truncated(large, 7), 5)
     assert np.array_equal(cut.matrices["axial tip"], A[:5, :5])
     assert np.array_equal(extended(cut, 2).matrices["axial tip"], A[:7, :7])
@@ -58,12 +59,12 @@ def test_matrices_of_a_moving_frame_go_and_come_back_with_the_modes() -> None:
 
 
 def test_step_by_step_is_at_once() -> None:
-    large = inertial(FULL, 9)
+    large = enriched(FULL, 9)
     twice, once = truncated(truncated(large, 7), 5), truncated(large, 5)
     assert twice.enrichment and once.enrichment
     assert np.array_equal(twice.enrichment.stiffness, once.enrichment.stiffness)
     assert twice.enrichment.rows(S) == pytest.approx(once.enrichment.rows(S), rel=1e-12)
-    assert_same(extended(twice, 2), inertial(FULL, 7))
+    assert_same(extended(twice, 2), enriched(FULL, 7))
     left = extended(twice, 3).enrichment
     assert left and left.count == 1 and left.stiffness == once.enrichment.stiffness[3:]
 
@@ -78,7 +79,7 @@ def test_equal_frequencies_stand_in_any_order() -> None:
 
 
 def test_what_cannot_join_the_tables_is_refused() -> None:
-    model = inertial(FULL, 6)
+    model = enriched(FULL, 6)
     with pytest.raises(ValueError, match="0 modes of 6"):
         truncated(model, 0)
     with pytest.raises(ValueError, match="6 modes of 6"):
@@ -100,14 +101,12 @@ def test_what_cannot_join_the_tables_is_refused() -> None:
         extended(model, 1)
     with pytest.raises(ValueError, match="3 enrichment modes of 2"):
         extended(truncated(model, 4), 3)
-    with pytest.raises(ValueError, match="no tables"):
-        with_kept_inertia(flexible(FULL, 4))
 
 
 def test_enrichment_and_inertia_survive_the_file(tmp_path: Path) -> None:
-    model = with_kept_inertia(inertial(FULL, 5, enrichment=3))
+    model = enriched(FULL, 5, enrichment=3)
     loaded = ReducedModel.load(model.save(tmp_path / "m.npz"))
-    assert loaded.flexibility and loaded.flexibility.keeps_inertia and loaded.enrichment and model.enrichment
+    assert loaded.enrichment and model.enrichment
     assert_same(loaded, model, 0.0)
     for name in ("stiffness", "damping", "B", "outputs"):
         assert np.array_equal(getattr(loaded.enrichment, name), getattr(model.enrichment, name))
@@ -115,18 +114,32 @@ def test_enrichment_and_inertia_survive_the_file(tmp_path: Path) -> None:
 
 
 def test_a_file_without_them_has_neither(tmp_path: Path) -> None:
-    path = inertial(FULL, 5, enrichment=3).save(tmp_path / "m.npz")
+    path = enriched(FULL, 5, enrichment=3).save(tmp_path / "m.npz")
     with np.load(path) as data:
-        old = {name: data[name] for name in data if not name.startswith(("flexibility.inertia.", "enrichment."))}
+        old = {name: data[name] for name in data if not name.startswith(("carriers.", "enrichment."))}
     np.savez(path, **old)
     loaded = ReducedModel.load(path)
-    assert loaded.flexibility and loaded.flexibility.inertia is None and loaded.enrichment is None
-    assert not loaded.flexibility.keeps_inertia
+    assert loaded.flexibility and loaded.carriers is None and loaded.enrichment is None
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_a_file_with_residual_inertia_is_refused_and_one_with_its_tables_alone_is_read(
+    tmp_path: Path, kept: bool
+) -> None:
+    path = enriched(FULL, 5, enrichment=3).save(tmp_path / "m.npz")
+    with np.load(path) as data:
+        old = {name: data[name] for name in data} | {"flexibility.inertia.kept": np.asarray(kept)}
+    np.savez(path, **old, **{"flexibility.inertia.A0.breaks": np.zeros(2)})
+    if not kept:
+        assert ReducedModel.load(path).size == 5
+        return
+    with pytest.raises(InputError, match=r"m\.npz: flexibility\.inertia: .*more coordinates do its work"):
+        ReducedModel.load(path)
 
 
 def test_tables_and_enrichment_that_do_not_fit_are_refused(tmp_path: Path) -> None:
-    model = inertial(FULL, 5, enrichment=3)
-    assert model.flexibility and model.flexibility.inertia and model.enrichment
+    model = enriched(FULL, 5, enrichment=3)
+    assert model.flexibility and model.enrichment
 
     def said(**change: object) -> str:
         with pytest.raises(InputError) as caught:
@@ -134,7 +147,7 @@ def test_tables_and_enrichment_that_do_not_fit_are_refused(tmp_path: Path) -> No
         return str(caught.value)
 
     tables, wrong = model.flexibility, PPoly(np.zeros((1, 1, 3, 3)), [0.0, 4.2])
-    assert "inertia.A1 has shape (3, 3)" in said(flexibility=replace(tables, inertia=replace(tables.inertia, A1=wrong)))
+    assert "flexibility.rows has shape (3, 3)" in said(flexibility=replace(tables, rows=wrong))
     assert "enrichment.rows has shape (3, 3)" in said(enrichment=replace(model.enrichment, rows=wrong))
     assert "enrichment.B has shape (1, 2)" in said(enrichment=replace(model.enrichment, B=model.enrichment.B[:1]))
     assert "not positive" in said(enrichment=replace(model.enrichment, stiffness=np.zeros(3)))

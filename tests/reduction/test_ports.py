@@ -145,7 +145,6 @@ def test_ports_are_stored(load_scene: Load, tmp_path: Path) -> None:
     [
         ("boom_beam", ['reduction.basis="eigenmodes"'], "free modes with flexibility"),
         ("boom_beam", ["reduction.flexibility=false"], "free modes with flexibility"),
-        ("boom_beam", ["reduction.residual_inertia=true"], "without residual_inertia"),
         ("boom_beam", ["accuracy.tolerance=0.01"], "no tolerance"),
     ],
 )

@@ -247,7 +247,7 @@ def test_the_overview_says_what_a_number_is_to_be_seen_beside(make_result) -> No
 
 
 def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
-    estimated = {"beam": 0.0126, "tip": 0.012, "kappa": 0.98, "chi": 0.7, "largest": 1e-3, "seconds": 0.01}
+    estimated = {"beam": 0.0126, "tip": 0.012, "chi": 0.7, "largest": 1e-3, "seconds": 0.01}
     summary = make_result().summary | {"estimate": estimated}
     result = make_result(summary=summary)
     said = " ".join(point.text for point in sentences.points(result))

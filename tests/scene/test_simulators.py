@@ -15,7 +15,6 @@ WORKFLOWS = Path(__file__).parents[2] / "workflows"
 NEEDS = {
     "rows_that_push": Needs(pushing=("top",), giving=("top",)),
     "rows_that_give_way": Needs(giving=("slider",)),
-    "kept_inertia": Needs(kept_inertia=True),
 }
 
 
@@ -42,8 +41,6 @@ def test_what_no_simulator_can_names_the_key_that_mends_it() -> None:
     pushing = Needs(pushing=("top",), rigid_pushing=("top",))
     with pytest.raises(InputError, match=r"reduction\.flexibility = False: top only push and are rigid"):
         refuse("march", pushing)
-    with pytest.raises(InputError, match=r"reduction\.residual_inertia = True: false .* only push \(top\)"):
-        refuse("march", replace(pushing, kept_inertia=True))
     undamped = Needs(rigid_moving=("slider",), rho_inf=1.0)
     for name in SIMULATORS:
         with pytest.raises(InputError, match=r"time\.rho_inf = 1\.0: less than 1 .* rigid row slider moves.*allow 1$"):

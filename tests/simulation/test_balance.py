@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from driving import driven
 from numpy.typing import NDArray
-from oracle import flexible, full_body, inertial
+from oracle import enriched, flexible, full_body
 
 from pmr.errors import SimulationError
 from pmr.scene.signals import Constant, Ramp, Sine
@@ -83,7 +83,7 @@ def test_a_row_that_gives_way_does_not_grow(beam: FullBody) -> None:
         assert simulate(model, driven(FAST, LOAD, TimeStepping(1.2, 1e-3, 0.999))).surplus < 0.02 * balance.NOTABLE
 
 
-@pytest.mark.parametrize("of", [flexible, inertial, lambda beam, count: beam], ids=["flexible", "inertial", "full"])
+@pytest.mark.parametrize("of", [flexible, enriched, lambda beam, count: beam], ids=["flexible", "inertial", "full"])
 def test_the_balance_closes_with_the_step(beam: FullBody, of: Callable) -> None:
     """Second order: energy, work of loads and work of the row are those of one motion, signs included."""
     smooth = Sine(amplitude=1.2, frequency=1.0, offset=2.4)

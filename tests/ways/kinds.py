@@ -129,7 +129,6 @@ KINDS = {
     "B": Kind(changed(PAPER, simulation={"simulators": ["march", "exudyn"], "repeats": 1}, published=None)),
     "C": Kind(changed(PLANE_BEAM, reduction=FREE)),
     "D": Kind(changed(FLEXIBLE, accuracy=None, reduction=FREE, simulation=ONCE, compare=FULL)),
-    "E": Kind(changed(PLANE_BEAM, reduction=FREE | {"residual_inertia": True})),
     "F": Kind(
         changed(PLANE_BEAM, reduction={"basis": "file", "file": "vectors.npz", "coordinates": 8}),
         write=vectors,

@@ -106,7 +106,7 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Subject
 
 
 def chosen() -> Iterator[Any]:
-    """All, or of every short way one kind that goes with it, and what residual inertia doesn't go with."""
+    """All, or of every short way one kind that goes with it."""
     table = cells()
     if os.environ.get("PMR_SWEEP") == "full":
         yield from sorted(table, key=lambda cell: cell[1])
@@ -115,8 +115,6 @@ def chosen() -> Iterator[Any]:
         right = [kind for kind in SHORT if table[way, kind] == RIGHT]
         if right and not LONG.search(way):
             yield pytest.param(way, right[number % len(right)], marks=[pytest.mark.slow] * bool(SLOW.search(way)))
-        if table[way, "E"] != RIGHT:
-            yield way, "E"
 
 
 @pytest.mark.usefixtures("undrawn")

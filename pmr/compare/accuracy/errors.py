@@ -32,7 +32,6 @@ class Demand:
 
     tolerance: float  # largest error in each of the `kinds`, a fraction
     kinds: Sequence[str]  # of `pmr.compare.outputs.KINDS`
-    inertia: bool  # whether the residual inertia may be kept, which only ``march`` simulates
     taken: Mapping[str, float] = field(default_factory=dict)  # by kind what the mesh takes of it
 
     def share(self, errors: Mapping[str, float]) -> float:
@@ -108,8 +107,8 @@ class Errors:
 
 #: Steps of a run up to which shorter ones are tried.
 LONGEST = 2_100_000
-#: The same of a model that keeps its residual inertia, a step of which costs ten times as much, and of several bodies.
-LONGEST_WITH_INERTIA = 256_000
+#: The same of several bodies, a step of which costs ten times as much.
+LONGEST_OF_SEVERAL = 256_000
 #: How often the step that a scene names is doubled at most.
 COARSER = 6
 #: Steps that a motion has at least.
@@ -151,7 +150,7 @@ def rungs(family: Family, member: Member, coarse: int, kinds: Sequence[str]) -> 
 
     A step with which the motion can't be computed is passed over.
     """
-    steps, longest = coarse, LONGEST_WITH_INERTIA if family.costs_much(member) else LONGEST
+    steps, longest = coarse, LONGEST_OF_SEVERAL if family.costs_much(member) else LONGEST
     floors, runs = family.floors(coarse), list[tuple[int, Outputs]]()
 
     def apart(one: Outputs, other: Outputs) -> float:

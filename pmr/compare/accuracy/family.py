@@ -25,10 +25,9 @@ from pmr.compare.step_error import StepError, step_error
 from pmr.errors import SimulationError
 from pmr.reduced.attachment import with_attachment_modes, with_cylinder_modes
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import extended, truncated, with_kept_inertia
+from pmr.reduced.truncation import extended, truncated
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.columns import called
-from pmr.simulation.modal import modal_form
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.system.body import length_outputs, other_outputs
@@ -49,13 +48,13 @@ ROOM = 2
 
 @dataclass(frozen=True)
 class Member:
-    """One model of a family: so many modes of each body, with the inertia of all others or without.
+    """One model of a family: so many modes of each body; with attachment modes for what the bodies bear, or without.
 
-    On carriers it is the inertia in the directions of what they bear (`pmr.compare.attached`).
+    With them (`pmr.compare.attached`) it only serves to judge others.
     """
 
     sizes: tuple[int, ...]  # modes of each body
-    residual_inertia: bool = False
+    attached: bool = False
     beside: int = 0  # coordinates that every member has besides: modes of cylinders
 
     @property
@@ -91,9 +90,6 @@ class Family:
         self._systems, self._schedules = dict[Member, System](), dict[int, tuple[int, ...]]()
         #: Whether any contact only pushes.
         self.pushing = not np.isnan(self._given_system.clearance).all()
-        self._on_tables = not self.pushing and all(model.carriers is None for model in models.values())
-        #: Whether members that are chosen can keep their residual inertia: damping that couples modes has no tables.
-        self.keeps_inertia = self._on_tables and modal_form(next(iter(self._wholes.values()))).classically_damped
         #: Modes of the smallest member, and of the largest one that all modes are much better than.
         self.fewest = max(1, min(rigid))
         ends = zip(self._more, self._sizes, strict=True)
@@ -101,10 +97,9 @@ class Family:
         self.most = max(most - more for most, more in zip(self._most, self._more, strict=True))
         #: The one with all modes, which the others are compared with; one with a few less, which tells what that one
         #: leaves unsure.
-        inertia = self.keeps_inertia or not self._on_tables
-        self.best = self._member(self._sizes, inertia)
+        self.best = self._member(self._sizes, attached=True)
         ends = zip(self._more, self._sizes, strict=True)
-        self.less = self._member([max(more + self.fewest, size - LESS) for more, size in ends], inertia)
+        self.less = self._member([max(more + self.fewest, size - LESS) for more, size in ends], attached=True)
         self.size = self.best.coordinates
         forces = dict.fromkeys(["pad_force"] if ALONE in models else force_kinds_of(self._given_system))
         probes = ["probe"] * any(np.any(other_outputs(model)) for model in models.values())
@@ -144,8 +139,7 @@ class Family:
         key = member, steps, times, rho_inf
         if key not in self._motions:
             excitation = self._in_parts(self.with_steps(steps, rho_inf))
-            late = member == self.best and self.keeps_inertia
-            self._motions[key] = at_intervals(self.system(member), excitation, steps // times, self.rates, late)
+            self._motions[key] = at_intervals(self.system(member), excitation, steps // times, self.rates)
         return self._motions[key]
 
     def estimate(self, member: Member, steps: int) -> Estimate | None:
@@ -165,18 +159,15 @@ class Family:
     def models(self, member: Member) -> dict[str, ReducedModel]:
         """A member's models by body; of sections without the modes of their cylinders."""
         of_all = zip(self._wholes.items(), member.sizes, strict=True)
-        found = {name: whole if size == whole.size else truncated(whole, size) for (name, whole), size in of_all}
-        if not (member.residual_inertia and self._on_tables):
-            return found
-        return {name: with_kept_inertia(model) for name, model in found.items()}
+        return {name: whole if size == whole.size else truncated(whole, size) for (name, whole), size in of_all}
 
-    def member(self, modes: int, residual_inertia: bool = False) -> Member:
+    def member(self, modes: int) -> Member:
         """The one with so many modes, `fewest` to `most`, as far as a body has them.
 
         A body that has more rigid-body modes than another one has as many more modes.
         """
         of_all = zip(self._more, self._most, strict=True)
-        return self._member([min(more + modes, most) for more, most in of_all], residual_inertia)
+        return self._member([min(more + modes, most) for more, most in of_all])
 
     def neighbours(self, member: Member, more: int) -> list[Member]:
         """Members with so many coordinates `more`, or less, of one body each."""
@@ -194,20 +185,19 @@ class Family:
 
     def costs_much(self, member: Member) -> bool:
         """Whether a step of it costs so much that fewer are tried."""
-        return len(member.sizes) > 1 or member.residual_inertia
+        return len(member.sizes) > 1
 
     def seconds(self, member: Member, steps: int) -> float:
         """Wall time of the solver for so many steps."""
         system, excitation = self.system(member), self._in_parts(self.with_steps(steps))
-        if system.on_one_path and not member.residual_inertia:
+        if system.on_one_path:
             return systems.observe(SystemForm.of(system), excitation, every=steps).seconds
         return run_from_start(system, excitation, steps).seconds
 
     def load(self) -> None:
         """Compile or load what simulates the members, one step of the smallest ones: searches are timed without."""
-        for inertia in (False, True) if self.keeps_inertia else (False,):
-            with suppress(SimulationError):  # a step as long as the whole time may fail, after everything is loaded
-                self._motion(self.member(self.fewest, inertia), 1, 1, self._given)
+        with suppress(SimulationError):  # a step as long as the whole time may fail, after everything is loaded
+            self._motion(self.member(self.fewest), 1, 1, self._given)
 
     def floors(self, steps: int) -> Floors:
         """What of its motions may be round-off."""
@@ -219,14 +209,14 @@ class Family:
         """Of all modes, in the parts of a step that the scene's own models ask for."""
         return run_from_start(self._join(self._wholes), self._in_parts(self.excitation))
 
-    def _member(self, sizes: list[int], residual_inertia: bool = False) -> Member:
-        return Member(tuple(sizes), residual_inertia, self._beside)
+    def _member(self, sizes: list[int], attached: bool = False) -> Member:
+        return Member(tuple(sizes), attached, self._beside)
 
     def system(self, member: Member) -> System:
         """Of a member's bodies as they are simulated."""
         if member not in self._systems:
             models = self.models(member)
-            if member.residual_inertia and not self._on_tables:
+            if member.attached:
                 loads = loads_borne(self._join(self._wholes), self._run)
                 bodies = {name: with_attachment_modes(model, loads[name]) for name, model in models.items()}
                 self._systems[member] = self._given_system.with_bodies(bodies)

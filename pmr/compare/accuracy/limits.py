@@ -34,8 +34,7 @@ def best_within(family: Family, demand: Demand, budget: Budget, coarse: int) -> 
     """
     family.load()
     begin, errors = time.perf_counter(), Errors(family, demand, coarse)
-    kept = (False, True) if demand.inertia and family.keeps_inertia else (False,)
-    options = [option for inertia in kept for option in _options(errors, budget, inertia)]
+    options = list(_options(errors, budget))
     if not options:
         key = "microseconds_per_step" if budget.real_time is None else "real_time"
         took = seconds_a_step(family, family.member(family.fewest))
@@ -61,30 +60,30 @@ def seconds_a_step(family: Family, member: Member) -> float:
     return min(family.seconds(member, TIMED) for _ in range(TIMES)) / TIMED
 
 
-def _options(errors: Errors, budget: Budget, inertia: bool) -> Iterator[_Option]:
+def _options(errors: Errors, budget: Budget) -> Iterator[_Option]:
     """Models within the budget, each with a step."""
     family, coarse = errors.family, errors.coarse
     if budget.real_time is None:
-        member = _most_coordinates(errors, budget.coordinates, inertia) if budget.coordinates else None
-        member = member or _largest(family, budget, inertia, np.inf)
+        member = _most_coordinates(errors, budget.coordinates) if budget.coordinates else None
+        member = member or _largest(family, budget, np.inf)
         if member is not None:
             yield _Option(member, _balanced(errors, member))
         return
     probe = family.member(min(8, family.most))
     for rung in rungs(family, probe, coarse, errors.demand.kinds):
-        member = _largest(family, budget, inertia, family.end / (rung.steps * budget.real_time))
+        member = _largest(family, budget, family.end / (rung.steps * budget.real_time))
         if member is None:
             return
         yield _Option(member, rung)
 
 
-def _most_coordinates(errors: Errors, allowed: int, inertia: bool) -> Member:
+def _most_coordinates(errors: Errors, allowed: int) -> Member:
     """The best member with so many coordinates: from the smallest one on, each goes where it helps most.
 
     Raises InputError if motions need more than are allowed.
     """
     family, at = errors.family, comparable(errors.family.excitation.stepping.steps, errors.coarse)
-    member = family.member(family.fewest, inertia)
+    member = family.member(family.fewest)
     if allowed < member.coordinates and len(member.sizes) > 1:
         least = f"at least {member.coordinates} are needed"
         needed = f"{least}: rigid-body motions, one mode of each section, those of cylinders"
@@ -94,17 +93,15 @@ def _most_coordinates(errors: Errors, allowed: int, inertia: bool) -> Member:
     return member
 
 
-def _largest(family: Family, budget: Budget, inertia: bool, seconds: float) -> Member | None:
+def _largest(family: Family, budget: Budget, seconds: float) -> Member | None:
     """The member with most modes that a budget and the seconds a step allow."""
     if budget.microseconds_per_step is not None:
         seconds = 1e-6 * budget.microseconds_per_step
     low, high, middle = family.fewest - 1, family.most + 1, family.most
     while high - low > 1:  # all of them first: most budgets of time are generous
-        low, high = (
-            (middle, high) if seconds_a_step(family, family.member(middle, inertia)) <= seconds else (low, middle)
-        )
+        low, high = (middle, high) if seconds_a_step(family, family.member(middle)) <= seconds else (low, middle)
         middle = (low + high) // 2
-    return family.member(low, inertia) if low >= family.fewest else None
+    return family.member(low) if low >= family.fewest else None
 
 
 def _balanced(errors: Errors, member: Member) -> Rung:

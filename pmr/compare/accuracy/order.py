@@ -69,7 +69,7 @@ def prepared(scene: Scene) -> Scene:
     """
     if scene.ordered is None or len(scene.bodies) > 1:
         return scene
-    reduction = scene.reduction.model_copy(update={"coordinates": COORDINATES, "residual_inertia": False})
+    reduction = scene.reduction.model_copy(update={"coordinates": COORDINATES})
     return scene.model_copy(update={"reduction": reduction})
 
 
@@ -88,18 +88,18 @@ def choose(scene: Scene, models: Mapping[str, ReducedModel], taken: Mapping[str,
         _refuse(scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed")
     if "pad_force" in asked.outputs and family.impulsive:
         _refuse(scene, f"no pad_force, or a path without kinks, is allowed; nothing tells {BLOWS}")
-    coarse, inertia = coarsest(family, recovery.every if recovery else None), scene.simulation.simulators == ("march",)
+    coarse = coarsest(family, recovery.every if recovery else None)
     if scene.accuracy is not None:
-        found = search(family, Demand(scene.accuracy.tolerance, asked.outputs, inertia, taken or {}), coarse)
+        found = search(family, Demand(scene.accuracy.tolerance, asked.outputs, taken or {}), coarse)
     else:
         assert scene.budget is not None
-        found = best_within(family, Demand(1.0, asked.outputs, inertia), scene.budget, coarse)
+        found = best_within(family, Demand(1.0, asked.outputs), scene.budget, coarse)
     if found.estimate is not None and (why := found.estimate.unknown.get("pad_force")) == JUMPS:
         if "pad_force" in asked.outputs:
             _refuse(scene, f"no pad_force, or loads that set in smoothly, are allowed; nothing tells {why}")
     chosen, member = _with_step(scene, found.steps), found.member
     if ALONE in models:
-        update = {"coordinates": member.coordinates, "residual_inertia": member.residual_inertia}
+        update = {"coordinates": member.coordinates}
         chosen = chosen.model_copy(update={"reduction": scene.reduction.model_copy(update=update)})
     return Choice(chosen, family.models(member), found)
 
@@ -148,7 +148,7 @@ def finer(choice: Choice, asked: Scene) -> Scene | None:
     coordinates = COORDINATES
     while coordinates < choice.found.member.coordinates:
         coordinates *= 2
-    reduction = asked.reduction.model_copy(update={"coordinates": coordinates, "residual_inertia": False})
+    reduction = asked.reduction.model_copy(update={"coordinates": coordinates})
     return found.model_copy(update={"reduction": reduction, "accuracy": None, "budget": None})
 
 
@@ -187,15 +187,15 @@ _NOT_FINER = "a mesh that is read from a file has no finer one"
 def summary(choice: Choice) -> dict[str, Any]:
     """``accuracy`` and ``budget`` of summary.json.
 
-    ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,residual_inertia,step}``, of sections
-    ``chosen.sections`` in place of inertia, ``reasons``, ``seconds`` of the search; ``budget``: ``reduction``, ``step``
+    ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,step}``, of sections
+    ``chosen.sections`` too, ``reasons``, ``seconds`` of the search; ``budget``: ``reduction``, ``step``
     and ``mesh`` by kind of output (fractions), their ``sum`` and which is ``first`` to be improved; ``mesh_reason``
     says why the part of the mesh isn't known.  A tolerance ``holds`` where the sum is within it.
     """
     found, asked = choice.found, _asked(choice.scene)
     sizes = {name: model.size for name, model in choice.models.items()}
     parts = {"reduction": found.reduction, "step": found.step} | ({"mesh": choice.mesh} if choice.mesh else {})
-    of_bodies = {"residual_inertia": found.member.residual_inertia} if ALONE in sizes else {"sections": sizes}
+    of_bodies = {} if ALONE in sizes else {"sections": sizes}
     chosen = {"coordinates": found.member.coordinates, **of_bodies, "step": choice.scene.time.step}
     accuracy = {
         "tolerance": choice.scene.accuracy.tolerance if choice.scene.accuracy else None,

@@ -1,6 +1,7 @@
 r"""The smallest model and the longest step that hold a tolerance.
 
-With y_N the motion of all modes that a reduction has (the inertia of the rest kept), the error of r modes and step h is
+With y_N the motion of all modes that a reduction has, and of attachment modes for what the rest bears, the error of r
+modes and step h is
 
 .. math::
     e = \underbrace{(y_{N,h} - y_{r,h})}_{\text{reduction}} + \underbrace{(y_{r,0} - y_{r,h})}_{\text{step}}, \qquad
@@ -20,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pmr.compare.accuracy.errors import LONGEST_WITH_INERTIA, Demand, Errors, Rung, coarser, rungs
+from pmr.compare.accuracy.errors import Demand, Errors, Rung, coarser, rungs
 from pmr.compare.accuracy.family import Family, Member
 from pmr.compare.estimate import Estimate
 from pmr.compare.step_error import StepError
@@ -29,8 +30,6 @@ from pmr.errors.text import rounded
 
 #: Share of the tolerance that the reduction may take before a step is chosen.
 OF_REDUCTION = 0.97
-#: Coordinates that keeping the residual inertia has to save to be worth its time a step.
-WORTH = 2
 #: Share of the reduction's part that a step may have where no step is short enough.
 SMALL = 0.1
 #: Steps up to which a member is simulated to be compared with all modes.
@@ -80,12 +79,9 @@ def _found(one: _Search) -> tuple[Found, float | None]:
         member = one.fewest(steps)
         rung, reached = one.longest_step(member, steps)
         finer = comparable(rung.steps, coarse)
-        if member.residual_inertia and not reached:
-            one.tedious = True
-        elif finer > steps:
-            steps = finer
-        else:
+        if finer <= steps:
             break
+        steps = finer
     larger = family.roomier(member)
     if not reached and one.within(member, steps) and larger != member:
         beside, reached = one.longest_step(larger, steps)
@@ -125,7 +121,6 @@ class _Search:
     def __init__(self, errors: Errors, demand: Demand, less: float) -> None:
         self.errors, self.demand, self.less = errors, demand, less  # so much of the tolerance is searched with
         self.family, self.coarse = errors.family, errors.coarse
-        self.plain, self.tedious = self.family.size, False  # whether keeping inertia takes too many steps
 
     def within(self, member: Member, steps: int) -> bool:
         """Whether the reduction leaves room for the step."""
@@ -133,24 +128,18 @@ class _Search:
 
     def fewest(self, steps: int) -> Member:
         """The member with fewest coordinates that is within; the largest one if none is."""
-        plain = self._without_what_it_can_spare(self._smallest(False, steps, self.family.most), steps)
-        self.plain = plain.coordinates
-        if not self.family.keeps_inertia:
-            return plain
-        top = plain.coordinates - (WORTH if self.within(plain, steps) else 0)
-        asked = self.demand.inertia and not self.tedious and top >= self.family.fewest
-        worth = asked and self.within(self.family.member(top, True), steps)
-        return self._smallest(True, steps, top) if worth else plain
+        return self._without_what_it_can_spare(self._smallest(steps), steps)
 
-    def _smallest(self, inertia: bool, steps: int, top: int) -> Member:
-        """Up to `top` modes, by doubling and halving: one fewer than the member found has fails."""
+    def _smallest(self, steps: int) -> Member:
+        """By doubling and halving: one fewer than the member found has fails."""
+        top = self.family.most
         low, high = self.family.fewest - 1, min(max(self.family.fewest, 4), top)
-        while high < top and not self.within(self.family.member(high, inertia), steps):
+        while high < top and not self.within(self.family.member(high), steps):
             low, high = high, min(2 * high, top)
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (low, middle) if self.within(self.family.member(middle, inertia), steps) else (middle, high)
-        return self.family.member(high, inertia)
+            low, high = (low, middle) if self.within(self.family.member(middle), steps) else (middle, high)
+        return self.family.member(high)
 
     def _without_what_it_can_spare(self, member: Member, steps: int) -> Member:
         """With fewer coordinates of one body after the other, as long as the rest is within."""
@@ -191,7 +180,7 @@ class _Search:
         return (*self._why(member, steps), *self._why_steps(rung, steps))
 
     def _why(self, member: Member, steps: int) -> Iterator[str]:
-        r, kept = member.coordinates, member.residual_inertia
+        r = member.coordinates
         if fewer := self.family.neighbours(member, -1):
             least = min(max(self.errors.reduction(one, steps).values()) for one in fewer)
             if any(self.within(one, steps) for one in fewer):
@@ -200,21 +189,6 @@ class _Search:
                 yield f"{r} coordinates: with {r - 1} the reduction alone is off by {rounded(100.0 * least)} %"
         else:
             yield f"{r} coordinates: all rigid-body modes, and one mode at least"
-        if kept:
-            needed = (
-                f"{self.plain} coordinates are needed" if self.plain > r else f"not even {self.plain} coordinates do"
-            )
-            yield f"residual inertia kept: without it {needed}"
-        elif not self.demand.inertia:
-            yield "residual inertia not kept: of the simulators named, not all can"
-        elif not self.family.keeps_inertia:
-            cause = "there are several bodies" if len(member.sizes) > 1 else "damping couples modes"
-            cause = "pads only push" if self.family.pushing else cause
-            yield f"residual inertia not kept: no model can where {cause}"
-        elif self.tedious:
-            yield f"residual inertia not kept: {LONGEST_WITH_INERTIA // 4} steps, each of which costs more, don't do"
-        else:
-            yield f"residual inertia not kept: it would save fewer than {WORTH} coordinates, and cost more a step"
 
     def _why_steps(self, rung: Rung, steps: int) -> Iterator[str]:
         before = None

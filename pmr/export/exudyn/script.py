@@ -96,8 +96,7 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
 def exudyn_script(system: System, file_name: str) -> str:
     """Text of a script that reads `system` from `file_name`.
 
-    Raises InputError if the system's provenance has no usable scene, its output is no displacement, or it keeps
-    residual inertia.
+    Raises InputError if the system's provenance has no usable scene, or its output is no displacement.
     """
     for body in system.bodies.values():
         if ALONE in system.bodies:

@@ -14,9 +14,8 @@ from scipy.interpolate import PPoly
 
 from pmr.constraints.polynomials import same_degree
 from pmr.constraints.rows import Row
-from pmr.errors import BEYOND_ENDS, InputError
+from pmr.errors import BEYOND_ENDS
 from pmr.export.fmi.blocks import Arrangement, Block, arrangement
-from pmr.system.contacts import named
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -40,11 +39,7 @@ class Constants:
 
 
 def constants(system: System) -> Constants:
-    """Modal form and tables of a system; an InputError is raised if a body keeps residual inertia."""
-    for name, body in system.bodies.items():
-        if body.flexibility is not None and body.flexibility.keeps_inertia:
-            key = named(name, "flexibility.inertia")
-            raise InputError("system", key, None, "a model without residual inertia is allowed in an FMU")
+    """Modal form and tables of a system."""
     rows = arrangement(system)
     bodies, gives_way = [part.form.body for part in rows.parts], rows.gives_way
     stays = rows.constants

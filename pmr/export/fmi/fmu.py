@@ -97,7 +97,7 @@ def write(
     Raises
     ------
     InputError
-        If a body keeps inertia, a rigid row only pushes, the compiler is missing, or as `pmr.simulation` raises it.
+        If a rigid row only pushes, the compiler is missing, or as `pmr.simulation` raises it.
     """
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")

@@ -3,8 +3,8 @@ r"""Full coordinates from reduced ones, at chosen times.
 .. math:: q = V p + R\, (B f - C(s)^T z)
 
 R is the flexibility that the basis leaves out, applied by one factorisation to the loads of the chosen times; without
-residual flexibility q = V p.  z are the multipliers that deform the residual part: all of them, or, where its inertia
-is kept, `pmr.system.body.Trajectory.quasi_static`.  What the model says of its outputs, O V p + W f - X z, is then O q.
+residual flexibility q = V p.  z are the multipliers.  What the model says of its outputs, O V p + W f - X z, is then
+O q.
 
 Velocities are V p': those of the residual part follow from rates of the multipliers, which jump wherever the path or a
 load has a kink (`pmr.compare.velocities`; docs/moving_residual_flexibility.md, sections 2, 5 and 11).

@@ -24,9 +24,8 @@ from pmr.reduced.model import ReducedModel, satisfied_rows
 from pmr.reduced.truncation import is_modal, truncated
 from pmr.reduction.basis import Basis
 from pmr.reduction.galerkin import RANK_CHECKS, galerkin, without_rows
-from pmr.reduction.residual.inertia import InertiaOnCarriers, PathProducts, with_inertia
 from pmr.reduction.residual.operator import ResidualFlexibility
-from pmr.reduction.residual.tables import LoadFlexibility, any_two, load_flexibility, meeting, tables
+from pmr.reduction.residual.tables import LoadFlexibility, load_flexibility, load_powers, meeting, tables
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.scene.members import TAIL
 
@@ -78,55 +77,30 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, Any]) -> 
     return _completed(reduced, tables(flexibility, shared))
 
 
-def modal_model(body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int) -> ReducedModel:
-    """The same for eigenmodes, with tables of the residual part's inertia; modes beyond `coordinates` are enrichment
-    modes.
-
-    Raises an `InputError` or a `ValueError` as `flexible_model`, and if the basis holds anything but eigenmodes.
-    """
-    model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
-    reduced, pattern = _projected(residual, basis, provenance), meeting(shared, len(model.input_names))
-    products = PathProducts(model, shared, pattern)
-    flexibility = load_flexibility(residual, shared.carriers, pattern, products)
-    body.drop()
-    found = products.result(model, flexibility)
-    free_dropped(model.comm)
-    flexible = _completed(reduced, tables(flexibility, shared))
-    assert flexible.flexibility is not None
-    inertia = with_inertia(flexible.flexibility, found, shared)
-    return _with_coordinates(replace(flexible, flexibility=inertia), coordinates)
-
-
 def section_model(
     body: FreeBody, basis: Basis, provenance: dict[str, Any], coordinates: int, motions: Array | None = None
 ) -> ReducedModel:
-    """The same with `carriers`: of a body of a system, whose rows each have a path coordinate of their own, or of one
-    whose rows only push.
+    """The same with `carriers`, by which rows may each have a path coordinate of their own, and errors are estimated.
 
     Modes beyond `coordinates` come with the residual part's inertia on the carriers, by which errors are estimated.
     Where a cylinder holds its tail, what answers that comes along, and what of it rigid supports bear, by their
     `motions` (`pmr.reduction.reactions.support_motions`).
 
-    Raises an `InputError` or a `ValueError` as `modal_model`.
+    Raises an `InputError` or a `ValueError` as `flexible_model`, and if the basis holds anything but eigenmodes.
     """
     model, shared, residual = body.model, _on_path(body.model), _residual(body, basis)
-    reduced, pattern = _projected(residual, basis, provenance), any_two(shared, len(model.input_names))
-    inertia = InertiaOnCarriers(residual, shared.carriers, pattern) if coordinates < basis.size else None
-    flexibility = load_flexibility(residual, shared.carriers, pattern, inertia)
+    reduced = _projected(residual, basis, provenance)
+    powers = 2 if coordinates < basis.size else 1  # with enrichment modes the inertia, too
+    flexibility, *inertia = load_powers(residual, shared.carriers, None, powers)
     answers = _answers(residual, basis, shared, flexibility, motions)
     body.drop()
     free_dropped(model.comm)
     values = model.comm.allreduce(shared.carriers[:, model.share] @ np.array(basis.V.getDenseArray()))
     carriers = CarriedRows.of(released(model).shared.rows, values, flexibility.between_any_two())
     flexible = _with_flexibility(reduced, tables(flexibility, shared))
-    _check_independence(flexible, _that_give_way(flexible))
-    return _with_coordinates(
-        replace(
-            flexible,
-            carriers=replace(carriers, inertia=None if inertia is None else inertia.result(), answers=answers),
-        ),
-        coordinates,
-    )
+    check_independence(flexible, _that_give_way(flexible))
+    moved = inertia[0].between_any_two() if inertia else None
+    return _with_coordinates(replace(flexible, carriers=replace(carriers, inertia=moved, answers=answers)), coordinates)
 
 
 def _answers(
@@ -183,7 +157,7 @@ def _projected(residual: ResidualFlexibility, basis: Basis, provenance: dict[str
 def _completed(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
     """With the flexibility that the basis leaves out, by which all rows can be told apart."""
     flexible = _with_flexibility(reduced, flexibility)
-    _check_independence(flexible, list(range(len(flexible.row_names))))
+    check_independence(flexible)
     return flexible
 
 
@@ -261,9 +235,13 @@ def _with_floor(model: ReducedModel) -> ReducedModel:
     return replace(model, flexibility=replace(model.flexibility, rows=total(G, floor, FLOOR)))
 
 
-def _check_independence(model: ReducedModel, numbers: list[int]) -> None:
-    """G + 1/k of these rows must be positive definite on the path; at its ends a slider may sit on a support."""
+def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:
+    """Refuse, by InputError, some of a model's rows, or all, whose G + 1/k is not positive definite on the path.
+
+    At its ends a slider may sit on a support.
+    """
     assert model.flexibility is not None
+    numbers = list(range(len(model.row_names))) if numbers is None else numbers
     names = [model.row_names[k] for k in numbers]
     for s in _spread(model) if numbers else ():
         F = model.flexibility.rows(s) + np.diag(model.row_compliance)

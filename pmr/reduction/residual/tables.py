@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.constraints.rows import SharedCarriers
+from pmr.fem.compat import MPI
+from pmr.fem.distributed import times
 from pmr.fem.matrices import local_csr
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.symmetry import Orbits, images_of
@@ -21,6 +23,7 @@ from pmr.reduction.residual.operator import ResidualFlexibility
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Pattern: TypeAlias = sp.csr_matrix | None
 _log = logging.getLogger(__name__)
 
 #: Loads answered at a time for each rank: a few times as many vectors of full length are in memory.  A column costs a
@@ -45,18 +48,18 @@ class Measured:
 class LoadFlexibility:
     """R between loads, those on K carriers first and the inputs behind them, and outputs."""
 
-    pairs: sp.csr_matrix  # (L, L) m/N, between loads, for the pairs that were asked for
+    pairs: sp.csr_matrix | Array  # (L, L) m/N, between loads, sparse for the pairs that were asked for, or of any two
     outputs: Array  # (o, L) m/N
     carriers: int  # K
 
     @property
     def inputs(self) -> Array:
         """(L, i), m/N."""
-        return np.asarray(self.pairs[:, self.carriers :].toarray())
+        return _dense(self.pairs[:, self.carriers :])
 
     def between_any_two(self) -> CarrierFlexibility:
         """Where all pairs were asked for."""
-        whole, K = self.pairs.toarray(), self.carriers
+        whole, K = _dense(self.pairs), self.carriers
         return CarrierFlexibility(whole[:K, :K], whole[:K, K:], self.outputs[:, :K], self.outputs[:, K:], whole[K:, K:])
 
 
@@ -83,6 +86,32 @@ class Pairs:
         return (found + found.T) / 2.0
 
 
+class AnyTwo:
+    """The same for all pairs of `count` loads."""
+
+    def __init__(self, count: int) -> None:
+        self._found, self._all = np.zeros((count, count)), np.arange(count)
+
+    def beside(self, numbers: Indices) -> Indices:
+        """All of them."""
+        return self._all
+
+    def put(self, rows: Indices, columns: Indices, values: Array) -> None:
+        """Values (L, columns), this rank's part; `rows` are all."""
+        self._found[:, columns] = values
+
+    def total(self, comm: Any) -> Array:
+        """All of them (L, L), made symmetric; collective."""
+        comm.Allreduce(MPI.IN_PLACE, self._found)
+        self._found += self._found.T.copy()
+        self._found /= 2.0
+        return self._found
+
+
+def _dense(A: sp.csr_matrix | Array) -> Array:
+    return A if isinstance(A, np.ndarray) else np.asarray(A.toarray())
+
+
 def meeting(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
     """Pairs (L, L) of loads on carriers that rows touch at the same place, and of inputs with all.
 
@@ -97,19 +126,14 @@ def meeting(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
     return sp.csr_matrix(of_all.T @ of_all)
 
 
-def any_two(shared: SharedCarriers, inputs: int) -> sp.csr_matrix:
-    """All pairs (L, L): what rows take that travel independently."""
-    count = shared.carriers.shape[0] + inputs
-    return sp.csr_matrix(np.ones((count, count)))
-
-
 class OnCarriers:
-    """What loads on carriers, inputs and outputs measure of the answers to the loads; of pairs as `Pairs` has them."""
+    """What loads on carriers, inputs and outputs measure of answers to loads: of pairs in a pattern, or of any."""
 
-    def __init__(self, model: FullModel, carriers: sp.csr_matrix, pattern: sp.csr_matrix) -> None:
+    def __init__(self, model: FullModel, carriers: sp.csr_matrix, pattern: Pattern) -> None:
         self._rows, self._outputs = carrier_loads(model, carriers).T.tocsr(), Measured(local_csr(model.outputs).T)
-        self._comm, self._carriers, self._pairs = model.comm, carriers.shape[0], Pairs(pattern)
-        self._found = np.empty((model.outputs.getSize()[1], pattern.shape[0]))
+        self._comm, self._carriers, loads = model.comm, carriers.shape[0], self._rows.shape[0]
+        self._pairs = AnyTwo(loads) if pattern is None else Pairs(pattern)
+        self._found = np.empty((model.outputs.getSize()[1], loads))
 
     def take(self, numbers: Indices, answers: Array) -> None:
         """This rank's rows (n_local, k) of the answers to the loads with these numbers."""
@@ -123,49 +147,40 @@ class OnCarriers:
         return LoadFlexibility(self._pairs.total(self._comm), outputs, self._carriers)
 
 
-class Consumer(Protocol):
-    """Who sees the answers to all loads, by the numbers of these and in an order of its own."""
-
-    @property
-    def order(self) -> Indices:
-        """Numbers of the loads."""
-
-    def take(self, numbers: Indices, answers: Array) -> None:
-        """This rank's rows (n_local, k) of R times the loads with these numbers."""
+def load_flexibility(residual: ResidualFlexibility, carriers: sp.csr_matrix, pattern: Pattern) -> LoadFlexibility:
+    """R on carriers (K, n) and on the inputs, as `load_powers`."""
+    return load_powers(residual, carriers, pattern, 1)[0]
 
 
-def load_flexibility(
-    residual: ResidualFlexibility,
-    carriers: sp.csr_matrix,
-    pattern: sp.csr_matrix,
-    consumer: Consumer | None = None,
-) -> LoadFlexibility:
-    """R on carriers (K, n) and on the inputs, whose answers a `consumer` may use; collective.
+def load_powers(
+    residual: ResidualFlexibility, carriers: sp.csr_matrix, pattern: Pattern, count: int
+) -> list[LoadFlexibility]:
+    """The first `count` of R, R M R, ... on carriers (K, n) and inputs, in s^2 m/N from the second on; collective.
 
-    Each takes a static solve, but for those that are mirror images of others.
+    For each a load takes a static solve, but for those that are mirror images of others.
 
-    R is kept for the pairs of loads of a `pattern` (L, L), that of `meeting` or `any_two`.
+    Kept for the pairs of loads of a `pattern` (L, L), as `meeting` gives it, or, without one, of any two.
     """
     model = residual.model
-    loads, found = carrier_loads(model, carriers), OnCarriers(model, carriers, pattern)
-    order = np.arange(loads.shape[1]) if consumer is None else consumer.order
+    loads, found = carrier_loads(model, carriers), [OnCarriers(model, carriers, pattern) for _ in range(count)]
     images = images_of(carriers, [P for P in model.mirrors if residual.keeps(P)])
-    orbits = Orbits(order, images, model.M)
+    orbits = Orbits(np.arange(loads.shape[1]), images, model.M)
     _log.info(
         "%d static solves answer loads on %d carriers and %d inputs",
-        len(orbits.own),
+        count * len(orbits.own),
         carriers.shape[0],
         loads.shape[1] - carriers.shape[0],
     )
     many = min(BLOCK, 2 * BLOCK // (1 + len(images))) * model.comm.size
     for k in range(0, len(orbits.own), many):
         own = orbits.own[k : k + many]
-        for answers in orbits.answers(own, residual.apply(loads[:, own].toarray(order="F"))):
-            found.take(answers.numbers, answers.columns)
-            if consumer is not None:
-                consumer.take(answers.numbers, answers.columns)
+        columns = loads[:, own].toarray(order="F")
+        for power, one in enumerate(found):
+            columns = residual.apply(times(model.M, columns) if power else columns)
+            for answers in orbits.answers(own, columns):
+                one.take(answers.numbers, answers.columns)
     orbits.drop()
-    return found.result()
+    return [one.result() for one in found]
 
 
 def tables(flexibility: LoadFlexibility, shared: SharedCarriers) -> Flexibility:
@@ -208,15 +223,6 @@ class Polynomials:
         np.add.at(dense, (np.repeat(np.arange(size), np.diff(ends)), column), self.entries.data[which])
         return touched, dense
 
-    def derivative(self) -> Polynomials:
-        """Those of C'(s)."""
-        k, m, powers = self.shape
-        if powers == 1:
-            return Polynomials(self.entries * 0.0, self.shape)
-        exponents = np.tile(np.arange(powers - 1.0, -1.0, -1.0), k * m)
-        rising = np.flatnonzero(exponents)
-        return Polynomials(sp.csr_matrix(sp.diags(exponents[rising]) @ self.entries[rising]), (k, m, powers - 1))
-
 
 def stacked(shared: SharedCarriers) -> Polynomials:
     """Coefficients of rows on common carriers and breaks."""
@@ -240,27 +246,21 @@ def stacked(shared: SharedCarriers) -> Polynomials:
     )
 
 
-def _squared(C: Polynomials, R: sp.csr_matrix) -> Array:
-    """Coefficients (2 powers - 1, k, m, m) of C(s) R C(s)^T."""
-    result = paired(C, R, C)
-    return (result + result.swapaxes(2, 3)) / 2.0
-
-
-def paired(C: Polynomials, R: sp.csr_matrix, E: Polynomials) -> Array:
-    """Coefficients (powers + powers' - 1, k, m, m') of C(s) R E(s)^T.
+def _squared(C: Polynomials, R: sp.csr_matrix | Array) -> Array:
+    """Coefficients (2 powers - 1, k, m, m) of C(s) R C(s)^T.
 
     On an interval rows touch a few carriers only, so of R a small block counts, however long the path is.
     """
-    (k, m, powers), (_, other, others) = C.shape, E.shape
-    result = np.zeros((powers + others - 1, k, m, other))
-    sides = [(*C.on(j), *E.on(j)) for j in range(k)]
-    sizes = [len(at) * len(beside) for at, _, beside, _ in sides]
-    rows = np.concatenate([np.repeat(at, len(beside)) for at, _, beside, _ in sides])
-    columns = np.concatenate([np.tile(beside, len(at)) for at, _, beside, _ in sides])
+    k, m, powers = C.shape
+    result = np.zeros((2 * powers - 1, k, m, m))
+    sides = [C.on(j) for j in range(k)]
+    sizes = [len(at) ** 2 for at, _ in sides]
+    rows = np.concatenate([np.repeat(at, len(at)) for at, _ in sides])
+    columns = np.concatenate([np.tile(at, len(at)) for at, _ in sides])
     blocks = np.split(np.asarray(R[rows, columns]).ravel(), np.cumsum(sizes)[:-1])  # all at once: SciPy is slow at one
-    for j, ((at, left, beside, right), block) in enumerate(zip(sides, blocks, strict=True)):
-        product = (left @ block.reshape(len(at), len(beside)) @ right.T).reshape(m, powers, other, others)
+    for j, ((at, left), block) in enumerate(zip(sides, blocks, strict=True)):
+        product = (left @ block.reshape(len(at), len(at)) @ left.T).reshape(m, powers, m, powers)
         for p in range(powers):
-            for q in range(others):
+            for q in range(powers):
                 result[p + q, j] += product[:, p, :, q]
-    return result
+    return (result + result.swapaxes(2, 3)) / 2.0

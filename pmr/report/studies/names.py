@@ -47,7 +47,7 @@ class Quantity:
 
 
 def key_words(key: str) -> str:
-    """A key of a scene in words: ``reduction.residual_inertia`` as residual inertia."""
+    """A key of a scene in words: ``mesh.boundary_size`` as boundary size."""
     section, _, last = key.rpartition(".")
     words = last.replace("_", " ")
     return (

@@ -8,7 +8,6 @@ r"""What Exudyn is given of a system: the matrices of all coordinates, and the c
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -84,6 +83,4 @@ class Equations:
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> Needs:
         """What the system asks of a simulator where its places lead along x (T, sides) m."""
-        found = needs_of_contacts(self.system, ~np.any(self.assembly.along(x[:1]).F[0], axis=1), x, rho_inf)
-        flexibility = None if self.alone is None else self.alone.flexibility
-        return replace(found, kept_inertia=flexibility is not None and flexibility.keeps_inertia)
+        return needs_of_contacts(self.system, ~np.any(self.assembly.along(x[:1]).F[0], axis=1), x, rho_inf)

@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError, SimulationError
-from pmr.reduced.model import ReducedModel
+from pmr.errors import SimulationError
 from pmr.results import Energy
 from pmr.scene.simulators import refuse
 from pmr.simulation import balance, contact_step
@@ -54,8 +53,6 @@ class March:
 
     def __init__(self, form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState]) -> None:
         system, stepping = form.system, excitation.stepping
-        for modal in form.forms.values():
-            refuse_kept_inertia(modal.body)
         self.form, self.system, self.t, self.body = form, system, excitation.times, form.on_tables
         if self.body is not None and excitation.paths:
             excitation.along(self.body.domain)  # refused in its own words
@@ -228,10 +225,3 @@ def some(record: Record, rows: slice) -> Record:
 def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
     """Rows that only push have round-off of the others' forces at most where they let go: none."""
     multipliers[:, pushing] = np.maximum(multipliers[:, pushing], 0.0)
-
-
-def refuse_kept_inertia(body: ReducedModel) -> None:
-    """An InputError for a body whose residual part's inertia is kept, which has a loop of its own."""
-    if body.flexibility is not None and body.flexibility.keeps_inertia:
-        allowed = "false is allowed step by step, and where outputs alone are kept; march.simulate keeps it"
-        raise InputError("scene", "reduction.residual_inertia", True, allowed)

@@ -21,12 +21,11 @@ from numpy.typing import NDArray
 from pmr.simulation.blocks import Block, Ended, Recorder, Take
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import ModalForm, modal_form, support_forces
-from pmr.simulation.native import residual_inertia as inertial
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March, Steps
 from pmr.simulation.native.systems import Observation, start_of
-from pmr.simulation.start import InitialState, checked
+from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.contacts import ALONE
@@ -48,11 +47,7 @@ def simulate(
     machine), diagonalising and the way back to q are not in it.
     """
     form, recorder = modal_form(body), Recorder(np.arange(excitation.stepping.steps + 1))
-    if _keeps_inertia(form):
-        start = None if initial is None else form.start(checked(initial, body.size))
-        ended = inertial.follow(form, excitation, recorder, start, progress)
-    else:
-        ended = _follow(SystemForm(System.of(body), {ALONE: form}), excitation, recorder, initial, progress)
+    ended = _follow(SystemForm(System.of(body), {ALONE: form}), excitation, recorder, initial, progress)
     return in_coordinates(body, form, recorder.trajectory(ended), excitation.forces(body.input_names))
 
 
@@ -76,17 +71,10 @@ def follow(
 ) -> Ended:
     """The same, but that nothing is recorded: `take` is told of some thousand steps at a time.
 
-    A body that keeps the inertia of its residual part goes to `pmr.simulation.native.residual_inertia`.  Where rows
-    only push, a step may be made in parts (`pmr.simulation.contact_step`), of which the last one is told.  Errors as
-    for `pmr.simulation.Simulator`; that of a motion that grows comes at the end.
+    Where rows only push, a step may be made in parts (`pmr.simulation.contact_step`), of which the last one is told.
+    Errors as for `pmr.simulation.Simulator`; that of a motion that grows comes at the end.
     """
-    if _keeps_inertia(form):
-        return inertial.follow(form, excitation, take, initial, progress)
     return _follow(SystemForm.alone(form), excitation, take, initial, progress)
-
-
-def _keeps_inertia(form: ModalForm) -> bool:
-    return form.body.flexibility is not None and form.body.flexibility.keeps_inertia
 
 
 def _follow(

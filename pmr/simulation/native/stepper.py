@@ -24,7 +24,6 @@ from pmr.simulation.native import tables
 from pmr.simulation.native.arrays import ROW, V, Z
 from pmr.simulation.native.building import loop_of
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.march import refuse_kept_inertia
 from pmr.simulation.native.scheme import GeneralizedAlpha
 from pmr.simulation.native.start import Onset, begin, reason
 from pmr.simulation.recorded import recorded
@@ -88,7 +87,6 @@ class Stepper:
         chosen = np.arange(len(body.output_positions)) if outputs is None else np.asarray(outputs, dtype=np.int64)
         body_form = modal_form(body)
         body_form.body.ensure_whole("model")
-        refuse_kept_inertia(body_form.body)
         form, method = SystemForm(System.of(body), {ALONE: body_form}), GeneralizedAlpha(step, rho_inf)
         self._system, self._form, self._step = form.system, body_form, step
         self._low, self._high = body.domain

@@ -25,7 +25,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import loop as kernel
 from pmr.simulation.native.arrays import ROW, Drive, Record, V, Z
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.march import March, refuse_kept_inertia
+from pmr.simulation.native.march import March
 from pmr.simulation.native.start import reason
 from pmr.simulation.native.systems import static_start
 from pmr.simulation.recorded import recorded_system
@@ -92,8 +92,7 @@ class SystemStepper:
             raise InputError("stepper", "step", step, "more than 0 s is allowed")
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
-        for body in system.ensure_constant("stepper").reduced.values():
-            refuse_kept_inertia(body)
+        system.ensure_constant("stepper")
         self._system, self._step, self._steps = system, step, 0
         self._ranges = system.ranges
         #: Names of all that `outputs` chooses from: outputs of the bodies, then forces of the contacts.

@@ -10,8 +10,6 @@ harmonic
     POD of harmonic responses with the slider held along the visited stretch, up to `band`; M-orthonormal.
 flexibility
     The same eigenmodes with the flexibility of those left out (docs/moving_residual_flexibility.md).
-inertia
-    These with the inertia of what is left out as well.
 trajectory
     POD of the full model's own motion, M-orthonormal: no basis of fixed vectors holds more of it.
 """
@@ -34,7 +32,7 @@ from pmr.studies.study import Count, StudyBase
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
-BASES = ("pod", "modes", "harmonic", "flexibility", "inertia", "trajectory")
+BASES = ("pod", "modes", "harmonic", "flexibility", "trajectory")
 #: Simulations of which the fastest counts.
 REPEATS = 5
 

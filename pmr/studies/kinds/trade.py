@@ -38,7 +38,7 @@ from pmr.studies.tolerances import TOLERANCES, holding
 from pmr.system.body import length_outputs
 
 Array = NDArray[np.float64]
-Method = Literal["pod", "visited", "modes", "flexibility", "inertia", "local", "matrices", "trajectory"]
+Method = Literal["pod", "visited", "modes", "flexibility", "local", "matrices", "trajectory"]
 METHODS: tuple[Method, ...] = get_args(Method)
 #: The reference's step, as a share of the smallest one that is tried.
 FINER = 0.25

@@ -146,7 +146,7 @@ class Case:
         return (
             f"{self.seed} {asked['tolerance']:g} {asked['outputs'][-1]} holds {self.holds} true {self.true:.2f} said "
             f"{self.said:.2f} reference {self.reference:.2f} {shares} r {chosen['coordinates']}"
-            f"{'+' * chosen['residual_inertia']} step {chosen['step']:.3g} {asked['seconds']:.1f} s"
+            f" step {chosen['step']:.3g} {asked['seconds']:.1f} s"
         )
 
 

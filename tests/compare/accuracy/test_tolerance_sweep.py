@@ -71,7 +71,7 @@ def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
     family = family_of(reduced, excitation)
     coarse, form = coarsest(family), modal_form(model.gather())
     groups = (("beam", "tip"), *([] if impulsive(reduced, excitation) else [("pad_force",)]))
-    demands = [Demand(tolerance, kinds, inertia=True) for kinds in groups for tolerance in TOLERANCES]
+    demands = [Demand(tolerance, kinds) for kinds in groups for tolerance in TOLERANCES]
     searched = [(demand, search(family, demand, coarse)) for demand in demands]
     fine = coarse
     while fine < FINER * max(found.steps for _, found in searched) and 2 * fine <= MOST:
@@ -83,14 +83,14 @@ def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
         def error(one: Outputs, demand: Demand = demand) -> float:
             return max(differences(one, finest, floors, demand.kinds).values())
 
-        def holds(r: int, kept: bool, demand: Demand = demand, error: Callable[[Outputs], float] = error) -> bool:
+        def holds(r: int, demand: Demand = demand, error: Callable[[Outputs], float] = error) -> bool:
             try:
-                return error(family.motion(family.member(r, kept), min(fine, 32 * coarse), coarse)) <= demand.tolerance
+                return error(family.motion(family.member(r), min(fine, 32 * coarse), coarse)) <= demand.tolerance
             except SimulationError:
                 return False
 
         r = found.member.coordinates - 3
-        fewer = r >= family.fewest and any(holds(r, kept) for kept in {False, family.keeps_inertia})
+        fewer = r >= family.fewest and holds(r)
         own = family.motion(found.member, found.steps, coarse)
         yield Case(seed, demand.tolerance, demand.kinds, found, error(own), error(half), fewer)
 
@@ -98,7 +98,7 @@ def cases(seed: int, scene: Scene | None = None) -> Iterator[Case]:
 def told(case: Case) -> str:
     found, member = case.found, case.found.member
     return (
-        f"{case.seed} {case.kinds[-1]:9} {case.tolerance:g} r {member.coordinates}{'+' * member.residual_inertia} "
+        f"{case.seed} {case.kinds[-1]:9} {case.tolerance:g} r {member.coordinates} "
         f"fewer {case.fewer} steps {found.steps} holds {found.holds} true {case.true / case.tolerance:.2f} "
         f"said {max(found.total.values()) / case.tolerance:.2f} (reduction "
         f"{max(found.reduction.values()) / case.tolerance:.2f}, step {max(found.step.values()) / case.tolerance:.2f}) "

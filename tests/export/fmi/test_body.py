@@ -13,9 +13,9 @@ import pytest
 from export.fmi.libraries import CallError, Instance, Library, library
 from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
-from oracle import flexible, inertial, project, rich_body
+from oracle import flexible, project, rich_body
 
-from pmr.errors import BEYOND_ENDS, InputError
+from pmr.errors import BEYOND_ENDS
 from pmr.export.fmi.blocks import arrangement
 from pmr.export.fmi.fmu import Contents, contents
 from pmr.export.fmi.reference import reference
@@ -467,14 +467,6 @@ def test_calls_out_of_order_are_refused(made: Made) -> None:
         instance.set(made.observed()[0][:1], [1.0])
     with pytest.raises(CallError, match="another model"):
         Instance(made.library, token="{0}")
-
-
-def test_residual_inertia_is_refused() -> None:
-    model = provided(inertial(rich_body(), 6), PATH, LOADS)
-    assert model.flexibility is not None and model.flexibility.inertia is not None
-    kept = replace(model.flexibility, inertia=replace(model.flexibility.inertia, kept=True))
-    with pytest.raises(InputError, match=r"system: flexibility.inertia"):
-        described(replace(model, flexibility=kept), "3")
 
 
 def test_the_same_model_makes_the_same_source(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""R M R and R D R on the path against dense matrices, and models with enrichment modes against those without."""
+"""R M R between carriers against dense matrices, and models with enrichment modes against those without."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduced.model import ReducedModel
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
-from pmr.reduction.residual import tables
-from pmr.reduction.residual.inertia import PathProducts
-from pmr.reduction.residual.model import flexible_model, modal_model
+from pmr.reduction.residual.model import flexible_model, section_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.system.body import FullBody
@@ -31,10 +29,10 @@ RICH = [
 ]
 
 
-def residual(full: FullModel, kept: int) -> tuple[np.ndarray, np.ndarray, FullBody]:
-    """R M R and R D R (n, n) of the modes left out, and the body."""
+def residual(full: FullModel, kept: int) -> tuple[np.ndarray, FullBody]:
+    """R M R (n, n) of the modes left out, and the body."""
     body = full.comm.bcast(full.gather())
-    M, K, D = body.M.toarray(), body.K.toarray(), body.D.toarray()
+    M, K = body.M.toarray(), body.K.toarray()
     free = np.setdiff1d(np.arange(full.size), list(body.held.values()))
     omega2, shapes = scipy.linalg.eigh(K[np.ix_(free, free)], M[np.ix_(free, free)])
     phi = np.zeros((full.size, len(free)))
@@ -42,57 +40,24 @@ def residual(full: FullModel, kept: int) -> tuple[np.ndarray, np.ndarray, FullBo
     bending = np.abs(phi[1::3]).max(axis=0) > 1e-6  # the others lie along the axis, where nothing excites them
     left = phi[:, np.flatnonzero(bending)[kept:]] / np.sqrt(omega2[np.flatnonzero(bending)[kept:]])
     R = left @ left.T
-    return R @ M @ R, R @ D @ R, body
+    return R @ M @ R, body
 
 
 @pytest.mark.parametrize("solver", ["dense", "slepc"])
-def test_tables_of_inertia_are_exact(load_scene, solver: str) -> None:
+def test_inertia_between_carriers_is_exact(load_scene, solver: str) -> None:
     full = full_model(load_scene("paper_simple", RICH))
-    mass, damping, body = residual(full, 6)
-    B = body.B
-    model = modal_model(FreeBody(full, solver), modal_basis(free_modes(full, 6, solver)), {}, 6)
-    assert model.flexibility and model.flexibility.inertia and model.enrichment is None
-    found = model.flexibility.inertia
+    mass, body = residual(full, 6)
+    model = section_model(FreeBody(full, solver), modal_basis(free_modes(full, 8, solver)), {}, 6)
+    assert model.carriers and model.carriers.inertia and model.enrichment and model.enrichment.count == 2
+    found, rows = model.carriers.inertia, [model.carriers.row(k, name) for k, name in enumerate(model.row_names)]
     low, high = model.domain
-    for s in np.concatenate([np.random.default_rng(5).uniform(low, high, 20), model.rows.x[3:5] + 1e-12]):
-        C, C1, C2 = (body.C(s, order).toarray()[2:] for order in range(3))
-        expected = {
-            "A0": C @ mass @ C.T,
-            "A1": C @ mass @ C1.T,
-            "A2": C @ mass @ C2.T,
-            "E0": C @ mass @ B,
-            "D0": C @ damping @ C.T,
-            "D1": C @ damping @ C1.T,
-            "F0": C @ damping @ B,
-        }
+    for s, other in np.random.default_rng(5).uniform(low, high, (20, 2)):
+        C, E = (body.C(x).toarray()[2:] for x in (s, other))
+        b, e = (np.vstack([row.weights(x).toarray() for row in rows]) for x in (s, other))
+        expected = {"rows": C @ mass @ E.T, "inputs": C @ mass @ body.B, "energy": body.B.T @ mass @ body.B}
+        measured = {"rows": b @ found.rows @ e.T, "inputs": b @ found.inputs, "energy": found.energy}
         for name, value in expected.items():
-            assert np.abs(getattr(found, name)(s) - value).max() < 1e-8 * np.abs(value).max(), name
-
-
-def test_answers_that_the_path_has_left_behind_are_forgotten(load_scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    full, held = full_model(load_scene("paper_simple", RICH)), []
-    basis, take = modal_basis(free_modes(full, 6)), PathProducts.take
-
-    def counted(self: PathProducts, numbers: np.ndarray, answers: np.ndarray) -> None:
-        take(self, numbers, answers)
-        held.append(sum(len(others) for others, _ in self._held))
-
-    monkeypatch.setattr(PathProducts, "take", counted)
-    expected = modal_model(FreeBody(full), basis, {}, 6).flexibility
-    monkeypatch.setattr(tables, "BLOCK", 4)
-    found, loads = modal_model(FreeBody(full), basis, {}, 6).flexibility, len(full.input_names) + 48
-    assert len(held) > loads // (4 * full.comm.size) and max(held[1:]) < loads / 2
-    assert expected and found and expected.inertia and found.inertia
-    for name in ("A0", "A1", "A2", "E0", "D0", "D1", "F0"):
-        one, other = getattr(found.inertia, name).c, getattr(expected.inertia, name).c
-        assert np.abs(one - other).max() < 1e-8 * np.abs(other).max(), name
-
-
-def test_without_damping_its_tables_vanish(load_scene) -> None:
-    full = full_model(load_scene("paper_simple", [change for change in RICH if "damping" not in change]))
-    model = modal_model(FreeBody(full), modal_basis(free_modes(full, 4)), {}, 4)
-    assert model.flexibility and model.flexibility.inertia
-    assert not any(np.any(getattr(model.flexibility.inertia, name).c) for name in ("D0", "D1", "F0"))
+            assert np.abs(measured[name] - value).max() < 1e-8 * np.abs(value).max(), name
 
 
 def built(load_scene, *overrides: str) -> ReducedModel:
@@ -109,16 +74,12 @@ def test_enrichment_change_nothing_else(load_scene, solver: str) -> None:
         built(load_scene, f"reduction.solver={solver}", f"reduction.estimate={e}") for e in ("true", "false")
     )
     assert with_them.enrichment and with_them.enrichment.count == 4 and without.enrichment is None
-    assert with_them.flexibility and with_them.flexibility.inertia and without.flexibility
-    assert without.flexibility.inertia is None and with_them.size == without.size == 6
+    assert with_them.carriers and with_them.carriers.inertia and without.flexibility
+    assert without.carriers is None and with_them.size == without.size == 6
     s = np.linspace(0.1, 5.0, 50)
     for name in ("rows", "inputs", "outputs"):
         a, b = (getattr(model.flexibility, name)(s) for model in (with_them, without))
         assert np.abs(a - b).max() < 1e-8 * np.abs(b).max()
-    assert not with_them.flexibility.keeps_inertia
-    alone = "simulation.simulators=['march']"
-    kept = built(load_scene, f"reduction.solver={solver}", "reduction.residual_inertia=true", alone)
-    assert kept.flexibility and kept.flexibility.keeps_inertia
 
 
 def test_a_coarse_mesh_gives_as_many_enrichment_as_it_has(load_scene) -> None:
@@ -136,4 +97,4 @@ def test_only_eigenmodes_have_this_inertia(load_scene) -> None:
     basis = build_basis(scene, full, take_snapshots(scene, full))
     assert flexible_model(FreeBody(full), basis, {}).flexibility
     with pytest.raises(ValueError, match="must hold these"):
-        modal_model(FreeBody(full), basis, {}, basis.size)
+        section_model(FreeBody(full), basis, {}, basis.size)

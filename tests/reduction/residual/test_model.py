@@ -17,7 +17,7 @@ from pmr.reduced.model import ReducedModel
 from pmr.reduced.truncation import truncated
 from pmr.reduction.basis import Basis, modal_basis
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
-from pmr.reduction.residual.model import FLOOR, flexible_model, modal_model, section_model
+from pmr.reduction.residual.model import FLOOR, flexible_model, section_model
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 from pmr.system.compliant_rows import CompliantRows
@@ -186,7 +186,6 @@ def test_a_section_has_its_rows_on_carriers(load_scene) -> None:
     basis = modal_basis(free_modes(model, 6, "auto", 3))
     found = section_model(FreeBody(model), basis, {}, 6)
     assert found.carriers is not None and found.carriers.flexibility is not None and found.flexibility is not None
-    assert modal_model(FreeBody(model), basis, {}, 6).carriers is None
     rows = [found.carriers.row(k, name) for k, name in enumerate(found.row_names)]
     for s in (0.5, 1.7, 4.4):
         b = np.vstack([row.weights(s).toarray() for row in rows])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 from pmr.constraints.polynomials import common_breaks
 from pmr.constraints.rows import Rows
@@ -12,7 +11,7 @@ from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.pipeline import reduce
 from pmr.reduction.residual.operator import ResidualFlexibility
-from pmr.reduction.residual.tables import BLOCK, any_two, load_flexibility, meeting, paired, stacked, tables
+from pmr.reduction.residual.tables import BLOCK, load_flexibility, meeting, tables
 from pmr.reduction.snapshots.free_body import FreeBody
 from pmr.reduction.snapshots.free_modes import free_modes
 
@@ -74,35 +73,12 @@ def test_the_sliders_flexibility_is_symmetric_and_positive(case) -> None:
     assert np.linalg.eigvalsh(G(s))[:, 0].min() > 0.0
 
 
-def test_pairs_of_rows_on_every_interval(load_scene) -> None:
-    """C R E^T with a derivative on one side, where R is no symmetric matrix."""
-    full = full_model(load_scene("paper_simple", RICH))
-    breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in full.rows.rows[2:]], full.rows.domain)
-    shared = Rows(tuple(row.refined(breaks) for row in full.rows.rows[2:]), full.size).shared
-    R = np.random.default_rng(8).standard_normal((full.size, full.size))
-    C, U = stacked(shared), shared.carriers
-    R_shared = U @ (U @ R.T).T
-    found = paired(C, sp.csr_matrix(R_shared), C.derivative())
-    for j in range(len(breaks) - 1):
-        for t in (0.0, 0.4, 1.0):
-            s = breaks[j] + t * (breaks[j + 1] - breaks[j])
-            at, rate = (np.zeros((2, full.size)) for _ in range(2))
-            for a, row in enumerate(shared.rows):
-                powers = (s - breaks[j]) ** np.arange(3.0, -1.0, -1.0)
-                slopes = np.arange(3.0, -1.0, -1.0) * (s - breaks[j]) ** np.array([2.0, 1.0, 0.0, 0.0])
-                at[a] = powers @ row.coefficients[:, j] @ U[row.touched[j]].toarray()
-                rate[a] = slopes @ row.coefficients[:, j] @ U[row.touched[j]].toarray()
-            value = np.polyval(found[:, j].reshape(len(found), -1), s - breaks[j]).reshape(2, 2)
-            assert close(value, at @ R @ rate.T)
-
-
 def test_pairs_of_loads_grow_as_the_mesh_and_not_as_its_square(load_scene) -> None:
     found = []
     for elements in (30, 60):
         full = full_model(load_scene("paper_simple", ["compare.against=[]", f"mesh.elements={elements}"]))
         shared = Rows(full.rows.rows[2:], full.size).shared.aligned(full.rows.domain)
         found.append(meeting(shared, 1).nnz)
-        assert any_two(shared, 1).nnz == (shared.carriers.shape[0] + 1) ** 2
     assert 1.9 < found[1] / found[0] < 2.1
 
 

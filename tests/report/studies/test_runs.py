@@ -68,7 +68,7 @@ def test_runs_are_called_by_what_was_varied() -> None:
     assert called(one, "reduction.coordinates") == "fine-inertia, time step 0.001\u00a0s, flexibility yes"
     assert called(run("alone", {})) == "alone"
     assert called(run("key", {"body.model": "beam3d"})) == "model beam in space"
-    assert (key_words("reduction.residual_inertia"), heading("time.step")) == ("residual inertia", "time step in s")
+    assert (key_words("mesh.boundary_size"), heading("time.step")) == ("boundary size", "time step in s")
 
 
 @pytest.mark.parametrize(

@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from on_pads import LENGTH, NAMES, TAIL, WEIGHT, beam_on_pads, driven, flexible_on_pads, modes_on_pads
-from oracle import inertial
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
 from pmr.compare.evaluation import respond
 from pmr.errors import InputError, SimulationError
 from pmr.reduced.model import ReducedModel
-from pmr.reduced.truncation import with_kept_inertia
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.balance import energy
@@ -347,9 +345,6 @@ def test_pads_that_only_push_never_pull_not_even_by_round_off(few: ReducedModel)
 def test_what_does_not_fit_is_refused(few: ReducedModel) -> None:
     with pytest.raises(InputError, match=r"reduction\.flexibility = False: mouth top only push and are rigid"):
         march.simulate(replace(few, pads=np.array([1e-6, 1e-6, 1e-6, 0.0])), driven(PATH, LOADS, STEPPING))
-    kept = replace(inertial(beam_on_pads(CLEARANCE), 6), clearance=few.row_clearance)
-    with pytest.raises(InputError, match=r"reduction\.residual_inertia = True: false .* rows only push .tail bottom"):
-        march.simulate(with_kept_inertia(kept), driven(PATH, LOADS, STEPPING))
 
 
 def test_moving_pads_do_work_and_no_more(few: ReducedModel) -> None:

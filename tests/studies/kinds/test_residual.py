@@ -47,27 +47,25 @@ def test_each_basis_is_a_row_with_every_size(small: StudyResults) -> None:
     assert [run.key for run in small.runs] == [f"short,{basis}" for basis in residual.BASES]
     for basis, found in figures(small).items():
         assert set(found) == {f"{name}.{r}" for name in ("beam", "force", "estimate") for r in (5, 8)}
-        assert (found["estimate.5"] is not None) == (basis in ("flexibility", "inertia"))
+        assert (found["estimate.5"] is not None) == (basis == "flexibility")
         assert {"full", "simulate.8"} <= set(next(r for r in small.runs if r.parameters["basis"] == basis).seconds)
 
 
-@pytest.mark.parametrize("inertia", ["false", "true"])
-def test_errors_are_those_of_a_run(small: StudyResults, inertia: str) -> None:
-    choice = ["reduction.coordinates=5", f"reduction.residual_inertia={inertia}", "simulation.simulators=['march']"]
+def test_errors_are_those_of_a_run(small: StudyResults) -> None:
+    choice = ["reduction.coordinates=5", "simulation.simulators=['march']"]
     short = scene.load(small.folder / "short.toml", choice)
     reduction = reduce(short)
     full = FullOrder.of(short, models_of(reduction.built)).reference("full")
     reduced = simulate(short, reduction.reduced)
     assert full is not None
-    found = figures(small)["inertia" if inertia == "true" else "flexibility"]["beam.5"]
+    found = figures(small)["flexibility"]["beam.5"]
     assert found == pytest.approx(compare.nrms(reduced.displacement, full.displacement), rel=1e-3)
 
 
 def test_what_is_left_out_counts(small: StudyResults) -> None:
     found = {basis: number(figures(small)[basis]["beam.8"]) for basis in residual.BASES}
-    assert found["inertia"] < found["flexibility"] < 0.5 * found["modes"] < found["pod"]
-    for basis in ("flexibility", "inertia"):
-        assert 1.0 < number(figures(small)[basis]["estimate.8"]) / found[basis] < 2.0
+    assert found["flexibility"] < 0.5 * found["modes"] < found["pod"]
+    assert 1.0 < number(figures(small)["flexibility"]["estimate.8"]) / found["flexibility"] < 2.0
 
 
 def test_the_motions_own_basis_is_exact_with_all_it_spans(small: StudyResults) -> None:

@@ -45,7 +45,7 @@ def figures(small: StudyResults) -> dict[str, dict]:
 
 def test_methods_differ_as_they_should(small: StudyResults) -> None:
     found = {method: number(figures(small)[method]["reduction.4"]) for method in trade.METHODS}
-    assert found["inertia"] < found["flexibility"] < 0.5 * found["modes"]
+    assert found["flexibility"] < 0.5 * found["modes"]
     local, matrices = (figures(small)[method] for method in bases.LOCAL)
     assert number(local["reduction.8"]) < number(matrices["reduction.8"])
 

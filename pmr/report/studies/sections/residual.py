@@ -21,9 +21,8 @@ NAMES = {
     "harmonic": "POD of harmonic responses",
     "trajectory": "POD of the full motion",
     "flexibility": "residual flexibility",
-    "inertia": "flexibility, inertia",
 }
-ESTIMATED = ("flexibility", "inertia")
+ESTIMATED = ("flexibility",)
 COLUMNS = 2
 
 
@@ -55,8 +54,8 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
             "A basis of fixed vectors has to carry the kink under the slider wherever it goes; even the full model's "
             "own motion, decomposed afterwards, takes twenty vectors for that. Modes with the flexibility of those "
             "left out have it as a small table in the slider's position.",
-            "The estimate needs no full model: it is made of the model's own four enrichment modes and the inertia of "
-            "those beyond, and contains a margin of a quarter.",
+            "The estimate needs no full model: it is made of the model's own four enrichment modes and "
+            "attachment modes for its loads, and contains a margin of a quarter.",
         ],
         blocks=[
             Block(

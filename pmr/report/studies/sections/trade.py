@@ -23,7 +23,6 @@ NAMES = {
     "visited": "POD, places visited",
     "modes": "free modes",
     "flexibility": "residual flexibility",
-    "inertia": "flexibility, inertia",
     "local": "local bases",
     "matrices": "local matrices",
     "trajectory": "POD of the full motion",
