@@ -80,7 +80,7 @@ def scale(found: Mapping[str, Any]) -> Figure:
     """Seconds of the stages and memory over the coordinates, one rank and two."""
     figure, axes = sheet(WIDE, 2.8, columns=2, gridspec_kw={"wspace": 0.22})
     done, handles = [record for record in found["records"] if record["seconds"]], []
-    seconds = {"assembly": "assembly", "modes": "free modes", "flexibility": "flexibility", "inertia": "its inertia"}
+    seconds = {"assembly": "assembly", "modes": "free modes", "flexibility": "flexibility"}
     for ranks in sorted({record["ranks"] for record in done}):
         records = [record for record in done if record["ranks"] == ranks]
         size = [record["size"] for record in records]

@@ -16,7 +16,6 @@ STAGES = {
     "modes": "free modes",
     "projection": "projection",
     "flexibility": "flexibility",
-    "inertia": "its inertia",
     "total": "total",
 }
 COMPARED = {
@@ -25,9 +24,6 @@ COMPARED = {
     "rows": "G",
     "inputs": "H",
     "outputs": "X",
-    "row inertia": "inertia of rows",
-    "input inertia": "and inputs",
-    "row damping": "damping",
 }
 
 
@@ -57,8 +53,8 @@ def scale(found: Mapping[str, Any], prefix: str) -> Chapter:
             "workflows/boom_shell.toml with finer and finer cells: ten coordinates with residual flexibility, its "
             "inertia, 4 enrichment modes, twelve pads. Flexibility is one factorisation of the stiffness and a static "
             "solve for each load and for a third of the moving pads' 546 carriers, of which the others are mirror "
-            "images, its inertia the products of the answers with the mass. The answers of a part of the path, the "
-            "matrices and the factor are what fills the memory; nothing is dense with the model's size squared. Of "
+            "images, its inertia a second solve for each. The answers, the matrices and the factor are what fills the "
+            "memory; nothing is dense with the model's size squared. Of "
             "several ranks each holds the factor.",
             "Seconds are wall time of the slowest rank. Processor time is that of all ranks together: less than the "
             "wall time where others use the cores too, and more where ranks wait for one another, which counts as "
@@ -122,7 +118,7 @@ def _agreement(found: Sequence[Mapping[str, Any]]) -> Grid:
     rows = tuple((plain(one["size"]), *(significant(one[name], 2) for name in COMPARED)) for one in found)
     caption = (
         "Largest relative difference between the models of one rank and of two: frequencies; modes; tables of the "
-        "rows' flexibility G, of rows and inputs H, of outputs and rows X, of inertia and damping, over the largest "
+        "rows' flexibility G, of rows and inputs H, of outputs and rows X, over the largest "
         "value of the same row, input or output. H and X, between the pads and places far from them, are what little "
         "remains after the modes are taken away."
     )

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 SIZES = (0.1, 0.05)
 MANY_SIZES = (*SIZES, 0.025, 0.0125)
 RANKS = (1, 2)
-STAGES = ("mesh", "assembly", "modes", "projection", "flexibility", "inertia")
+STAGES = ("mesh", "assembly", "modes", "projection", "flexibility")
 #: Wall seconds of one run, and the share of the machine's memory that all its ranks may take.
 TIMEOUT, SHARE = 7200.0, 0.85
 

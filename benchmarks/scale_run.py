@@ -30,7 +30,6 @@ from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.from_scene import structure_of
 from pmr.reduced.flexibility import Flexibility
 from pmr.reduction.bodies import Reduction
-from pmr.reduction.residual.inertia import PathProducts
 from pmr.scene.members import member_at
 from pmr.scene.names import ALONE
 
@@ -44,9 +43,8 @@ STAGES = {
     "modes": ((pmr.reduction.bodies, "take_snapshots"),),
     "projection": ((pmr.reduction.residual.model, "galerkin"),),
     "flexibility": tuple(
-        (pmr.reduction.residual.model, name) for name in ("ResidualFlexibility", "load_flexibility", "tables")
+        (pmr.reduction.residual.model, name) for name in ("ResidualFlexibility", "load_powers", "tables")
     ),
-    "inertia": ((PathProducts, "take"), (pmr.reduction.residual.model, "with_inertia")),
 }
 #: Values of tables compared: five between two breaks.
 PLACES = 5
@@ -141,8 +139,6 @@ def leave(reduction: Reduction, file: Path) -> None:
 
 def values(flexibility: Flexibility) -> dict[str, Array]:
     """Values (places, c) of all tables; the columns are what has a unit and a size in common."""
-    inertia = flexibility.inertia
-    assert inertia is not None
     breaks = flexibility.rows.x
     share = (np.arange(PLACES) + 0.5) / PLACES
     s = (breaks[:-1, None] + np.diff(breaks)[:, None] * share).ravel()
@@ -156,9 +152,6 @@ def values(flexibility: Flexibility) -> dict[str, Array]:
         "table rows": along(flexibility.rows),
         "table inputs": along(flexibility.inputs, 2),
         "table outputs": along(flexibility.outputs, 1),
-        "table row inertia": along(inertia.A0),
-        "table input inertia": along(inertia.E0, 2),
-        "table row damping": along(inertia.D0),
     }
 
 

@@ -21,8 +21,7 @@ for tolerance in tolerances:
         chosen["step"],
         summary["accuracy"]["holds"],
     )
-    extra = " with residual inertia" if chosen["residual_inertia"] else ""
-    print(f"{100 * tolerance:g} %: {chosen['coordinates']} coordinates{extra}, steps of {1e3 * chosen['step']:.3g} ms")
+    print(f"{100 * tolerance:g} %: {chosen['coordinates']} coordinates, steps of {1e3 * chosen['step']:.3g} ms")
 
 # %%
 # Both parts are signals, and what is held is their sum, in which they cancel in part.

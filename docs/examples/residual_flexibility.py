@@ -15,7 +15,6 @@ common = ["mesh.elements=24", "simulation.simulators=['march']", "simulation.rep
 ways = {
     "modes alone": ["reduction.flexibility=false"],
     "with residual flexibility": ["reduction.flexibility=true"],
-    "and its inertia": ["reduction.flexibility=true", "reduction.residual_inertia=true"],
 }
 counts = [4, 6, 8, 12]
 
