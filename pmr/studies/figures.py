@@ -6,6 +6,7 @@ Booms of several sections are run here, too.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,19 @@ def _probes(scene: Scene, response: Response) -> Iterator[tuple[str, Scalar]]:
 
 def _path(scene: Scene, response: Response) -> Array:
     return np.asarray(scene.slider.path.value(response.t))
+
+
+def at_the_tip(response: Response) -> Response:
+    """A response without displacements but that of the free end: what histories draw."""
+    return replace(
+        response,
+        x=response.x[-1:],
+        displacement=response.tip[:, None],
+        output_names=response.output_names[-1:],
+        output_units=response.output_units[-1:],
+        kinds=(),
+        bodies=(),
+    )
 
 
 def boom_arguments(boom: Scene) -> dict[str, Any]:

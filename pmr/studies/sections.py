@@ -8,53 +8,39 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare import errors as compare
-from pmr.compare.accuracy.family import Family
-from pmr.compare.accuracy.order import family_of
-from pmr.compare.booms import respond
+from pmr.compare import summary
+from pmr.compare.booms import quantities, respond
 from pmr.compare.estimate import estimate, no_estimate
 from pmr.compare.runs import in_parts, run_from_start
 from pmr.errors import InputError, SimulationError
-from pmr.reduced.attachment import with_cylinder_modes
-from pmr.reduced.model import ReducedModel
-from pmr.results import Response
+from pmr.files import records
 from pmr.scene import Scene
-from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation import Excitation, SystemSimulator, exudyn
+from pmr.simulation.native import systems
+from pmr.studies import figures
+from pmr.studies.booms import Case, built_of, family_of, full_of, models_of, stepping_of
 from pmr.studies.engine.task import Scalar, Task, TaskFunction, TaskResult, key_of
 from pmr.studies.figures import boom_arguments
-from pmr.system.from_scene import contacts_of, system_of
-from pmr.system.system import System, SystemTrajectory
+from pmr.system.from_scene import system_of
 
 Array = NDArray[np.float64]
 
 #: Bases that sections may have: free modes, without the flexibility of those left out or with it.
 BASES = ("modes", "flexibility")
-#: Rigid-body motions of a section, at most; simulations of which the fastest counts; the reference's step.
-RIGID, REPEATS, FINER = 6, 3, 0.25
-
-
-def meshed(boom: Scene, count: int) -> Scene:
-    """With so many elements in every section, and the full model alone."""
-    return _with(boom, "mesh", {"elements": count})
-
-
-def reduced_to(boom: Scene, modes: int) -> Scene:
-    """With free modes for so many elastic ones in every section."""
-    asked = {"coordinates": RIGID + modes, "flexibility": True, "estimate": True}
-    return _with(boom, "reduction", asked)
-
-
-def _with(boom: Scene, table: str, changes: Mapping[str, Any]) -> Scene:
-    """With changes in a table of every section, and nothing to be searched."""
-    tables = [getattr(part, table).model_copy(update=changes) for part in boom.sections]
-    parts = tuple(part.model_copy(update={table: one}) for part, one in zip(boom.sections, tables, strict=True))
-    return boom.model_copy(update={"sections": parts, "accuracy": None, "budget": None})
+_SIMULATORS: Mapping[str, SystemSimulator] = {
+    "march": systems.simulate,
+    "exudyn": partial(exudyn.simulate_system, formulation=exudyn.FORMULATIONS["exudyn"]),
+}
+#: Simulations of which the fastest counts; the reference's step.
+REPEATS, FINER = 3, 0.25
 
 
 def task(
@@ -142,61 +128,53 @@ def by_size_and_step(arguments: Mapping[str, Any], needs: Mapping[str, TaskResul
     return TaskResult(record, seconds=seconds)
 
 
-@dataclass(frozen=True)
-class Case:
-    """A boom, its full models as one system, the motion of that, and what drives it, in the parts of a step it took."""
+def timed(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: seconds ``repeat1``, ... of the solver; ``coordinates``, ``steps``; of the full sections without `modes`.
 
-    boom: Scene
-    built: Mapping[str, Any]
-    full: System
-    excitation: Excitation
-    run: SystemTrajectory
-    response: Response
-
-    @classmethod
-    def of(cls, boom: Scene) -> Case:
-        from pmr.fullmodel.build import build_bodies
-        from pmr.fullmodel.system import FullSystem
-
-        built = build_bodies(boom)
-        models = {name: one.model for name, one in built.items()}
-        full = FullSystem(models, contacts_of(boom, models)).gather()
-        assert full is not None  # a task runs on one rank
-        excitation = in_parts(full, Excitation.of(boom))
-        run = run_from_start(full, excitation)
-        return cls(boom, built, full, excitation, run, respond(full, run))
-
-    def family(self) -> Family:
-        """The reduced models of the sections, of all sizes."""
-        from pmr.reduction.bodies import reduce_bodies
-
-        reduced = {name: one.modal for name, one in reduce_bodies(self.boom, self.built).items()}
-        return family_of(self.boom, reduced)
-
-    def models(self, family: Family, modes: int, basis: str) -> tuple[dict[str, ReducedModel], System]:
-        """Of so many elastic modes a section: on free modes, and as they are simulated."""
-        modal = family.models(family.member(modes))
-        if basis == "modes":
-            modal = {name: _stiff(model) for name, model in modal.items()}
-        return modal, system_of(self.boom, {name: with_cylinder_modes(model) for name, model in modal.items()})
-
-    def at(self, system: System, factor: float, every: int) -> Array:
-        """Displacements (T, o) in m of a system with a step that is so many times as long."""
-        stepping = _stepping(self.boom)
-        excitation = Excitation.of(self.boom).on_grid(replace(stepping, step=factor * stepping.step))
-        return respond(system, run_from_start(system, excitation).at(slice(None, None, every))).displacement
-
-    def full_at(self, factor: float, every: int) -> Array:
-        """The same of the full models."""
-        return self.at(self.full, factor, every)
+    A run of ten steps goes before.
+    """
+    boom = Scene.model_validate(arguments["boom"])
+    built, simulate = built_of(boom), _SIMULATORS[arguments["simulator"]]
+    system = full_of(boom, built)
+    if modes := arguments["modes"]:
+        family = family_of(boom, built)
+        if modes > family.most:
+            raise InputError(
+                "study", "coordinates", modes, f"up to {family.most} elastic modes of a section are allowed"
+            )
+        system = models_of(boom, family, modes, "flexibility")[1]
+    excitation = Excitation.of(boom).with_stepping(stepping_of(boom))
+    if arguments["simulator"] != "march":  # which chooses the parts of a step where pads push
+        excitation = in_parts(system, excitation)
+    start, given = systems.start_of(system, excitation), excitation.stepping
+    short = replace(given, end=min(10, given.steps) * given.step, schedule=given.schedule[:10])
+    simulate(system, excitation.with_stepping(short), start)
+    count = arguments["repeats"]
+    seconds = {f"repeat{k + 1}": simulate(system, excitation, start).seconds for k in range(count)}
+    size = sum(body.size for body in system.bodies.values())
+    return TaskResult({"coordinates": size, "steps": given.steps, "share": 1.0}, seconds=seconds)
 
 
-def _stepping(boom: Scene) -> TimeStepping:
-    return TimeStepping(boom.time.end, boom.time.step, boom.time.rho_inf)
+def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> TaskResult:
+    """Task: errors of the reduced sections, as the scene asks for them, beside the full ones; what is drawn of both.
 
+    Figures and arrays as of one body (`pmr.studies.kinds.histories`), without a cable or dropped rows.
+    """
+    from pmr.reduction.bodies import reduce_bodies
 
-def _stiff(model: ReducedModel) -> ReducedModel:
-    """Without the flexibility of the modes that are left out."""
-    assert model.carriers is not None  # as section models have
-    carriers = replace(model.carriers, flexibility=None, inertia=None, answers=None)
-    return replace(model, flexibility=None, enrichment=None, carriers=carriers)
+    case = Case.of(Scene.model_validate(arguments["boom"]))
+    boom = case.boom
+    system = system_of(boom, {name: one.model for name, one in reduce_bodies(boom, case.built).items()})
+    found = respond(system, run_from_start(system, case.excitation))
+    responses = {"reduced": found, "full": case.response}
+    told = summary.compared(responses, quantities(case.excitation, found), {}, compare.relative_error).figures
+    record = figures.compared(told, "errors", "absolute_errors")
+    sizes = {"full": case.full, "reduced": system}
+    record |= {f"coordinates.{model}": sum(body.size for body in one.bodies.values()) for model, one in sizes.items()}
+    driven = Excitation.of(boom)
+    arrays: dict[str, Any] = {"paths": np.array(list(driven.paths)), "path": driven.s, "path_rate": driven.rates}
+    arrays |= {"inputs": np.array(system.input_names), "loads": driven.forces(system.input_names)}
+    arrays |= {"scene": np.array(boom.model_dump_json())}
+    for name, response in responses.items():
+        arrays |= records.arrays(figures.at_the_tip(response), f"{name}.")
+    return TaskResult(record, arrays, {f"simulate.{name}": response.seconds for name, response in responses.items()})

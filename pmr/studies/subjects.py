@@ -12,8 +12,6 @@ from pmr.scene import Scene
 OF_ONE_BODY = {
     "combinations": "eigenmodes are taken with the slider held on its path, and each section has a path of its own",
     "error_map": "eigenmodes are taken with the slider held on its path, and each section has a path of its own",
-    "histories": "motions are compared with those of the ANCF cable, which is a single beam",
-    "speed": "simulators are timed beside the ANCF cable and callbacks of Exudyn, which know a single beam",
 }
 
 

@@ -35,7 +35,7 @@ NO_WAY = {
     *("from_matrices", "load_scene", "run"),
 }
 #: Kinds whose runs are short, from which the sample takes, and ways that are left to the whole sweep.
-SHORT, LONG = "ACEN", re.compile("mpirun|tolerance|study`, (?!scenes)")
+SHORT, LONG = "ACN", re.compile("mpirun|tolerance|study`, (?!scenes)")
 #: Ways that run the whole scene, or compile.
 SLOW = re.compile("pmr run|pmr study|fmu")
 

@@ -18,7 +18,7 @@ from pmr.compare.cable import simulate_cable
 from pmr.errors import InputError
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn.cable import COORDINATES_PER_NODE
-from pmr.studies import marching, sections, shared, subjects
+from pmr.studies import booms, marching, sections, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
@@ -67,7 +67,7 @@ class Study(StudyBase):
         for count in self.full:
             needs = {"finest": finest} if count != self.full[-1] else {}
             parameters: dict[str, Scalar] = {"approach": "full", "elements": count}
-            one = sections.meshed(boom, count)
+            one = booms.meshed(boom, count)
             runs.append(sections.task(f"full-{count}", sections.full_tip, one, parameters, needs))
         return Plan(tuple(runs))
 

@@ -7,7 +7,6 @@ beside it stands the same basis with the supports' rows dropped.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -22,7 +21,7 @@ from pmr.files import records
 from pmr.scene import Scene
 from pmr.scene.names import ALONE
 from pmr.simulation import Excitation
-from pmr.studies import figures, marching, shared, subjects
+from pmr.studies import figures, marching, sections, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Statement, StudyBase
@@ -38,7 +37,7 @@ class Study(StudyBase):
     """The scenes, each with its references.
 
     Figures: those of each run after the name of its scene, such as ``paper_evolved.errors.reduced_vs_full.tip``.  What
-    the scenes say is published needs no repetition here.
+    the scenes say is published needs no repetition here.  A boom stands beside its full sections alone.
     """
 
     kind: Literal["histories"] = Field(description="What is varied, and how")
@@ -47,6 +46,9 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         runs, common = [], dict[str, Task]()
         for file in self.scenes:
+            if boom := subjects.boom(file):
+                runs.append(sections.task(file.stem, sections.history, boom, {"scene": file.stem}, {}))
+                continue
             scene = subjects.beam(file, self.kind, "scenes")
             if "ancf" not in scene.compare.against:
                 allowed = f"{file.name}: scenes compared with ancf are allowed"
@@ -63,7 +65,7 @@ class Study(StudyBase):
 
     def statements(self) -> tuple[Statement, ...]:
         of_scenes = (
-            statement for file in self.scenes for statement in _of_scene(key_of(file.stem), scenes.beam_scene(file))
+            statement for file in self.scenes for statement in _of_scene(key_of(file.stem), scenes.load_any(file))
         )
         return (*of_scenes, *self.published)
 
@@ -104,16 +106,7 @@ def history(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult]) -> Ta
     }
     arrays = _arrays(scene, body) | {"dropped.tip": beside["dropped"].tip}
     for name, response in responses.items():
-        at_tip = replace(
-            response,
-            x=response.x[-1:],
-            displacement=response.displacement[:, -1:],
-            output_names=response.output_names[-1:],
-            output_units=response.output_units[-1:],
-            kinds=(),
-            bodies=(),
-        )
-        arrays |= records.arrays(at_tip, f"{name}.")
+        arrays |= records.arrays(figures.at_the_tip(response), f"{name}.")
     return TaskResult(record, arrays, {f"simulate.{name}": response.seconds for name, response in responses.items()})
 
 

@@ -25,7 +25,7 @@ from pydantic import Field
 from pmr.compare import errors as compare
 from pmr.compare import estimate
 from pmr.errors import InputError, SimulationError
-from pmr.studies import bases, sections, shared, subjects
+from pmr.studies import bases, booms, sections, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
 from pmr.studies.study import Count, StudyBase
@@ -64,7 +64,7 @@ class Study(StudyBase):
         runs = []
         for file in self.scenes:
             if boom := subjects.boom(file):
-                largest = sections.reduced_to(boom, max(self.coordinates))
+                largest = booms.reduced_to(boom, max(self.coordinates))
                 more: dict[str, Any] = {"coordinates": list(self.coordinates)}
                 for basis in sections.BASES:
                     parameters: dict[str, Scalar] = {"scene": file.stem, "basis": basis}

@@ -6,7 +6,7 @@ Weyrer et al., section "Computational Speed".  Only the solver is timed, several
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -23,7 +23,7 @@ from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation, exudyn
 from pmr.simulation.exudyn.cable import COORDINATES_PER_NODE
 from pmr.simulation.native import simulator as march
-from pmr.studies import shared, subjects
+from pmr.studies import booms, sections, shared, subjects
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Count, StudyBase
@@ -78,6 +78,8 @@ RATIOS = {
     "modified_over_march.reduced": ("reduced-callbacks-modified", "reduced-march"),
     "updates_over_march.full": ("full-updates", "full-march"),
 }
+#: Of a boom: the full sections and the reduced ones, compiled and, of these, in Exudyn with springs.
+OF_SECTIONS = {"full-march": 5.0, "reduced-march": 1.0, "reduced-exudyn": 3.0}
 #: Stretches over which a share of the time span is spread.
 STRETCHES = 8
 
@@ -88,22 +90,31 @@ class Study(StudyBase):
     `share` says for some of the approaches which part of the time span is simulated, in stretches spread evenly over
     it, each from rest; times are extrapolated to all of it.  ``--set share.full-callbacks=1`` simulates the whole span.
 
-    Figures, for each scene: ``<scene>.seconds.<approach>`` (median) and ratios of these; ``span``, the longest time
-    span, in s.
+    Of booms the full sections are timed, and reduced ones of each number of `coordinates`, elastic modes of each
+    section, compiled and in Exudyn, over the whole time span from where they start.
+
+    Figures, for each scene: ``<scene>.seconds.<approach>`` (median) and ratios of these, of booms with the number
+    behind the approach and ``full_over_reduced.<r>``, ``exudyn_over_march.<r>``; ``span``, the longest time span, in s.
     """
 
     kind: Literal["speed"] = Field(description="What is varied, and how")
     scenes: Annotated[tuple[Path, ...], Field(min_length=1)] = Field(description="The scenes")
     repeats: Count = Field(default=5, description="Of each simulation; the median counts")
     share: dict[str, Share] = Field(default={}, description="Part of the time span that is simulated, by approach")
+    coordinates: Annotated[tuple[Count, ...], Field(min_length=1)] = Field(
+        default=(2, 4, 8), description="Of booms: numbers of elastic modes of each section"
+    )
 
     def plan(self) -> Plan:
         unknown = sorted(set(self.share) - set(APPROACHES))
         if unknown:
             allowed = f"one of {', '.join(APPROACHES)} is allowed"
             raise InputError("study", f"share.{unknown[0]}", self.share[unknown[0]], allowed)
-        runs, common = [], dict[str, Task]()
+        runs, common = list[Task](), dict[str, Task]()
         for file in self.scenes:
+            if boom := subjects.boom(file):
+                runs += self._of_sections(boom, file.stem)
+                continue
             scene = subjects.beam(file, self.kind, "scenes")
             _check(scene, file)
             modes = shared.modes_tasks(scene)
@@ -117,14 +128,35 @@ class Study(StudyBase):
                 runs.append(Task(key_of(f"{file.stem}-{name}"), timed, arguments, needs, parameters, cost, alone=True))
         return Plan(tuple(runs), tuple(common.values()))
 
+    def _of_sections(self, boom: Scene, name: str) -> Iterator[Task]:
+        largest, known = booms.reduced_to(boom, max(self.coordinates)), {"repeats": self.repeats}
+        for approach, cost in OF_SECTIONS.items():
+            for modes in (0,) if approach.startswith("full") else self.coordinates:
+                called = f"{approach}-{modes}" if modes else approach
+                parameters: dict[str, Scalar] = {"scene": name, "approach": called}
+                asked = known | {"simulator": approach.partition("-")[2], "modes": modes}
+                one = sections.task(f"{name}-{called}", sections.timed, largest, parameters, {}, **asked)
+                yield replace(one, cost=cost, alone=True)
+
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        found: dict[str, Scalar] = {"span": max(scenes.beam_scene(file).time.end for file in self.scenes)}
+        found: dict[str, Scalar] = {"span": max(scenes.load_any(file).time.end for file in self.scenes)}
         for file in self.scenes:
             runs = [run for run in results.runs if run.parameters["scene"] == file.stem]
             median = {str(run.parameters["approach"]): statistics.median(_repeats(run)) for run in runs}
             found |= {f"{file.stem}.seconds.{name}": seconds for name, seconds in median.items()}
-            found |= {f"{file.stem}.{name}": median[a] / median[b] for name, (a, b) in RATIOS.items()}
+            ratios = RATIOS | _ratios_of_sections(self.coordinates)
+            ratios = {name: both for name, both in ratios.items() if set(both) <= set(median)}
+            found |= {f"{file.stem}.{name}": median[a] / median[b] for name, (a, b) in ratios.items()}
         return found
+
+
+def _ratios_of_sections(sizes: Sequence[int]) -> dict[str, tuple[str, str]]:
+    """As `RATIOS`, of booms."""
+    pairs = {
+        "full_over_reduced": ("full-march", "reduced-march-{}"),
+        "exudyn_over_march": ("reduced-exudyn-{}", "reduced-march-{}"),
+    }
+    return {f"{name}.{r}": (one.format(r), other.format(r)) for name, (one, other) in pairs.items() for r in sizes}
 
 
 def _check(scene: Scene, file: Path) -> None:

@@ -29,7 +29,7 @@ from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.studies import bases, sections, shared, subjects
+from pmr.studies import bases, booms, sections, shared, subjects
 from pmr.studies.bases import observed, stepped
 from pmr.studies.engine.task import Plan, Scalar, Task, TaskResult, key_of
 from pmr.studies.results import StudyResults
@@ -102,7 +102,7 @@ class Study(StudyBase):
 
     def _of_sections(self, boom: Scene, name: str) -> tuple[Task, list[Task]]:
         """The reference of a boom, and a run of each method that sections have."""
-        steps, largest = sorted(self.steps, reverse=True), sections.reduced_to(boom, max(self.coordinates))
+        steps, largest = sorted(self.steps, reverse=True), booms.reduced_to(boom, max(self.coordinates))
         truth = sections.task(f"truth-{name}-{boom.hash}", sections.finest, boom, {}, {}, steps=steps)
         runs = []
         for method in (one for one in self.methods if one in sections.BASES):

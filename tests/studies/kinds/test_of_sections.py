@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from finished import WORKFLOWS, finished
 
+from pmr import scene as scenes
 from pmr.errors import InputError
+from pmr.pipeline import run
 from pmr.report.studies.finished import FinishedStudy
 from pmr.studies import files, kinds, subjects
 from pmr.studies.engine.task import number
@@ -31,7 +33,7 @@ ASKED = {
     "histories": "",
     "residual": "coordinates = [1, 2, 4]",
     "scenes": "grid.time.step = [1e-3, 5e-4]",
-    "speed": "",
+    "speed": "coordinates = [1, 2]\nrepeats = 1",
     "trade": "coordinates = [1, 3]\nsteps = [2.0, 1.0]\nradii = [1.0]",
 }
 
@@ -98,3 +100,33 @@ def test_sizes_and_steps_of_sections_are_traded(tmp_path: Path) -> None:
 def test_sections_are_varied_by_key(tmp_path: Path) -> None:
     found = finished(tmp_path, text("scenes", tmp_path))
     assert [run.status for run in found.runs] == ["done", "done"]
+
+
+@pytest.mark.slow
+def test_full_and_reduced_sections_are_timed_by_size(tmp_path: Path) -> None:
+    found = finished(tmp_path, text("speed", tmp_path))
+    approaches = ["full-march", "reduced-march-1", "reduced-march-2", "reduced-exudyn-1", "reduced-exudyn-2"]
+    assert [run.parameters["approach"] for run in found.runs] == approaches
+    sizes = [number(run.figures["coordinates"]) for run in found.runs]
+    assert sizes[0] > sizes[2] > sizes[1] == sizes[3] and sizes[2] == sizes[4]
+    assert all(
+        run.figures["steps"] == found.runs[0].figures["steps"] and run.seconds["repeat1"] > 0 for run in found.runs
+    )
+    reported("speed", tmp_path, found)
+    figures = FinishedStudy.load(tmp_path).figures
+    ratio = figures["two.seconds.full-march"] / figures["two.seconds.reduced-march-1"]
+    assert number(figures["two.full_over_reduced.1"]) == pytest.approx(ratio)
+
+
+@pytest.mark.slow
+def test_histories_of_sections_stand_beside_the_full_ones(tmp_path: Path) -> None:
+    """Errors are those of a run of the scene."""
+    found = finished(tmp_path, text("histories", tmp_path))
+    outcome = run(scenes.load_any(tmp_path / "two.toml"))
+    assert outcome is not None
+    errors = outcome.result.summary["errors"]["reduced_vs_full"]
+    for place in ("tip", "beam"):
+        assert number(found.runs[0].figures[f"errors.reduced_vs_full.{place}"]) == pytest.approx(
+            errors[place], rel=1e-6
+        )
+    reported("histories", tmp_path, found)

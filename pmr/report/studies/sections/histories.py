@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pmr.files import records
-from pmr.report import errors, marks, parameters
+from pmr.report import errors, marks, parameters, subject
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber, Table, drawing
 from pmr.report.figures import inputs
 from pmr.report.figures.canvas import WIDE, key, sheet
@@ -37,12 +37,13 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
     source = str(study.summary["source"]) or "publication"
     published = marks.ErrorTable(f"Published: {source}.", rows, reasons)
     worst = max(study.figure(f"{name}.errors.reduced_vs_full.beam") for name in results)
-    dropped = max(study.figure(f"{name}.dropped.beam") for name in results)
+    beams = [name for name in results if f"{name}.dropped.beam" in study.figures]
+    dropped = max((study.figure(f"{name}.dropped.beam") for name in beams), default=0.0)
+    without = f"; without the pin's rows within {percent(dropped)}" if beams else ""
     return Chapter(
         anchor=prefix,
         title=study.title,
-        headline=f"The reduced beam is within {percent(worst)} of the full one; without the pin's rows within "
-        f"{percent(dropped)}.",
+        headline=f"The reduced model is within {percent(worst)} of the full one{without}.",
         key_numbers=[
             KeyNumber(
                 percent(study.figure(f"{name}.errors.reduced_vs_full.beam")),
@@ -51,15 +52,15 @@ def content(study: FinishedStudy, prefix: str) -> Chapter:
             for name, result in results.items()
         ],
         paragraphs=[
-            "All three beams are simulated over the whole time span: the reduced and the full one by the compiled "
-            "simulator, the ANCF cable with its sliding joint by Exudyn.",
+            "All models are simulated over the whole time span: the reduced and the full one by the compiled "
+            "simulator, of a beam the ANCF cable with its sliding joint by Exudyn.",
         ],
         blocks=[
             *(
                 Block(case_name(name).capitalize(), _figures(result, f"{prefix}-{name}"))
                 for name, result in results.items()
             ),
-            Block("Without the pin's rows", grids=(_dropped(study, results),)),
+            *[Block("Without the pin's rows", grids=(_dropped(study, beams),))] * bool(beams),
             Block("Beside the publication", errors=published),
             Block("Parameters", columns=_parameters(results)),
         ],
@@ -74,17 +75,27 @@ def run_result(study: FinishedStudy, run: RunRecord) -> RunResult:
         statement.why for statement in study.published if statement.figure.startswith(f"{run.key}.") and statement.why
     ]
     summary = _nested(run.figures) | {"notes": list(dict.fromkeys(remarks)), "seconds": {}}
-    responses = {name: records.record(Response, arrays, f"{name}.") for name in SIMULATORS}
-    nowhere = np.zeros((0, 1))
+    known = [name for name in SIMULATORS if f"{name}.t" in arrays]
+    responses = {name: records.record(Response, arrays, f"{name}.") for name in known}
+    nowhere, of_sections = np.zeros((0, 1)), "paths" in arrays
+    names = tuple(map(str, arrays["paths"])) if of_sections else (SLIDER,)
+    path, rate = (arrays[one].reshape(len(arrays[one]), -1) for one in ("path", "path_rate"))
     return RunResult(
         scene=scene,
         summary=summary,
         responses=responses,
-        paths=Paths((SLIDER,), arrays["path"][:, None], arrays["path_rate"][:, None]),
-        loads=Loads((), (), arrays["loads"]),
-        bodies={ALONE: BodyResult(Shapes(arrays["singular_values"], arrays["x"], arrays["shapes"]))},
+        paths=Paths(names, path, rate),
+        loads=Loads(tuple(map(str, arrays.get("inputs", ()))), (), arrays["loads"]),
+        bodies=_bodies(scene, arrays),
+        reach=scene.reach(responses["reduced"].t) if of_sections else None,
         frequencies=Frequencies(nowhere[:, 0], nowhere, {}),
     )
+
+
+def _bodies(scene: Scene, arrays: Mapping[str, Any]) -> dict[str, BodyResult]:
+    if "shapes" not in arrays:
+        return {name: BodyResult() for name in scene.names}
+    return {ALONE: BodyResult(Shapes(arrays["singular_values"], arrays["x"], arrays["shapes"]))}
 
 
 def tip_and_energy(result: RunResult) -> Figure:
@@ -99,17 +110,17 @@ def tip_and_energy(result: RunResult) -> Figure:
 
 
 def _figures(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
-    caption = "Transverse displacement of the tip (top) and total energy (bottom) over time. Grey: the slider moves."
+    of_sections = result.reach is not None
+    moving, what = ("sections move", "Extensions") if of_sections else ("the slider moves", "Slider position")
+    caption = f"Transverse displacement of the tip (top) and total energy (bottom) over time. Grey: {moving}."
+    acting = [drawing(f"{prefix}-loads", inputs.loads, "Load over time.", result)] * bool(subject.loads(result))
     return (
-        (
-            drawing(f"{prefix}-position", inputs.position, "Slider position over time.", result),
-            drawing(f"{prefix}-loads", inputs.loads, "Load over time.", result),
-        ),
+        (drawing(f"{prefix}-position", inputs.position, f"{what} over time.", result), *acting),
         (drawing(f"{prefix}-history", tip_and_energy, caption, result),),
     )
 
 
-def _dropped(study: FinishedStudy, results: Mapping[str, RunResult]) -> Grid:
+def _dropped(study: FinishedStudy, results: Sequence[str]) -> Grid:
     rows = []
     for name in results:
         tip, beam, largest = (study.figure(f"{name}.dropped.{key}") for key in ("tip", "beam", "max_error"))

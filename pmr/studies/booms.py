@@ -1,0 +1,127 @@
+"""Booms that studies are made of: with other meshes and sizes, their full models as one system, and its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.accuracy.family import Family
+from pmr.compare.accuracy.order import family_of as all_sizes
+from pmr.compare.booms import respond
+from pmr.compare.runs import in_parts, run_from_start
+from pmr.reduced.attachment import with_cylinder_modes
+from pmr.reduced.model import ReducedModel
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.simulation import Excitation, TimeStepping
+from pmr.system.from_scene import contacts_of, system_of
+from pmr.system.system import System, SystemTrajectory
+
+Array = NDArray[np.float64]
+
+#: Rigid-body motions of a section, at most.
+RIGID = 6
+
+
+def meshed(boom: Scene, count: int) -> Scene:
+    """With so many elements in every section, and the full model alone."""
+    return _with(boom, "mesh", {"elements": count})
+
+
+def reduced_to(boom: Scene, modes: int) -> Scene:
+    """With free modes for so many elastic ones in every section."""
+    asked = {"coordinates": RIGID + modes, "flexibility": True, "estimate": True}
+    return _with(boom, "reduction", asked)
+
+
+def _with(boom: Scene, table: str, changes: Mapping[str, Any]) -> Scene:
+    """With changes in a table of every section, and nothing to be searched."""
+    tables = [getattr(part, table).model_copy(update=changes) for part in boom.sections]
+    parts = tuple(part.model_copy(update={table: one}) for part, one in zip(boom.sections, tables, strict=True))
+    return boom.model_copy(update={"sections": parts, "accuracy": None, "budget": None})
+
+
+@dataclass(frozen=True)
+class Case:
+    """A boom, its full models as one system, the motion of that, and what drives it, in the parts of a step it took."""
+
+    boom: Scene
+    built: Mapping[str, Any]
+    full: System
+    excitation: Excitation
+    run: SystemTrajectory
+    response: Response
+
+    @classmethod
+    def of(cls, boom: Scene) -> Case:
+        built = built_of(boom)
+        full = full_of(boom, built)
+        excitation = in_parts(full, Excitation.of(boom))
+        run = run_from_start(full, excitation)
+        return cls(boom, built, full, excitation, run, respond(full, run))
+
+    def family(self) -> Family:
+        """The reduced models of the sections, of all sizes."""
+        return family_of(self.boom, self.built)
+
+    def models(self, family: Family, modes: int, basis: str) -> tuple[dict[str, ReducedModel], System]:
+        """Of so many elastic modes a section: on free modes, and as they are simulated."""
+        return models_of(self.boom, family, modes, basis)
+
+    def at(self, system: System, factor: float, every: int) -> Array:
+        """Displacements (T, o) in m of a system with a step that is so many times as long."""
+        stepping = stepping_of(self.boom)
+        excitation = Excitation.of(self.boom).on_grid(replace(stepping, step=factor * stepping.step))
+        return respond(system, run_from_start(system, excitation).at(slice(None, None, every))).displacement
+
+    def full_at(self, factor: float, every: int) -> Array:
+        """The same of the full models."""
+        return self.at(self.full, factor, every)
+
+
+def built_of(boom: Scene) -> Mapping[str, Any]:
+    """The full models of its sections."""
+    from pmr.fullmodel.build import build_bodies
+
+    return build_bodies(boom)
+
+
+def full_of(boom: Scene, built: Mapping[str, Any]) -> System:
+    """The same as one system in one piece."""
+    from pmr.fullmodel.system import FullSystem
+
+    models = {name: one.model for name, one in built.items()}
+    full = FullSystem(models, contacts_of(boom, models)).gather()
+    assert full is not None  # a task runs on one rank
+    return full
+
+
+def family_of(boom: Scene, built: Mapping[str, Any]) -> Family:
+    """The reduced models of the sections, of all sizes."""
+    from pmr.reduction.bodies import reduce_bodies
+
+    return all_sizes(boom, {name: one.modal for name, one in reduce_bodies(boom, built).items()})
+
+
+def models_of(boom: Scene, family: Family, modes: int, basis: str) -> tuple[dict[str, ReducedModel], System]:
+    """Of so many elastic modes a section: on free modes, and as they are simulated."""
+    modal = family.models(family.member(modes))
+    if basis == "modes":
+        modal = {name: _stiff(model) for name, model in modal.items()}
+    return modal, system_of(boom, {name: with_cylinder_modes(model) for name, model in modal.items()})
+
+
+def stepping_of(boom: Scene) -> TimeStepping:
+    """Of a scene, in parts that a simulator chooses."""
+    return TimeStepping(boom.time.end, boom.time.step, boom.time.rho_inf)
+
+
+def _stiff(model: ReducedModel) -> ReducedModel:
+    """Without the flexibility of the modes that are left out."""
+    assert model.carriers is not None  # as section models have
+    carriers = replace(model.carriers, flexibility=None, inertia=None, answers=None)
+    return replace(model, flexibility=None, enrichment=None, carriers=carriers)
