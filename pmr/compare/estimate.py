@@ -247,7 +247,7 @@ def by_other(model: ReducedModel, better: ReducedModel, excitation: Excitation) 
     found = differences(own, other, floors)
     of_probes = dict(zip(_probes(systems[0]), probe_differences(own, other, floors).tolist(), strict=True))
     return Estimate(
-        errors={kind: found[kind] + size for kind, size in known.items()},
+        errors={kind: found[kind] + size for kind, size in known.items() if kind in found},
         probes={name: of_probes[name] + size for name, size in of_better.probes.items()},
         error=other.displacement - own.displacement + of_better.error,
         tips=other.tips,
