@@ -25,6 +25,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.system import FullSystem
 from pmr.results import Response
 from pmr.scene import Scene
+from pmr.scene.frame_terms import frame_terms
 from pmr.scene.names import ALONE
 from pmr.scene.simulators import REFERENCE, refuse
 from pmr.simulation.excitation import Excitation, places
@@ -41,8 +42,6 @@ Array = NDArray[np.float64]
 
 #: (rad/s)^2, below all that is looked for: what holds is not singular there.
 SHIFT = -1.0
-#: Why there is no full model beside a reduced one of second order.
-NO_TERMS = "a full model of this size is simulated to first order; simulation.full = 'march' takes second order"
 
 
 @dataclass(frozen=True)
@@ -133,8 +132,6 @@ class FullOrder:
         """The response, and this rank's rows of the states at the steps."""
         whole, comm, excitation = self.whole, self.whole.comm, Excitation.of(self.scene)
         excitation = excitation.with_stepping(made or excitation.stepping)
-        if self.simulator == "petsc" and excitation.terms:
-            raise SimulationError(NO_TERMS)
         rigid, x = whole.compliance == 0.0, places(whole, excitation)
         refuse(self.simulator, needs_of_contacts(whole, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
@@ -165,12 +162,20 @@ class FullOrder:
             model = whole.bodies[ALONE]
             alone = observe(model, excitation, recording, progress=done, checkpoint=checkpoint)
             return completed(self.scene, whole, respond(model, alone)), {ALONE: alone.states.q}
+        whole = self._with_terms()
         start = static_start(whole, excitation) if excitation.start == "equilibrium" else {}
         history = observe_system(whole, excitation, recording, start, done, checkpoint)
         assert history.energy is not None
         found = response_of(whole, history.t, Motion(history.y, history.forces, history.peaks, history.energy))
         found = replace(found, seconds=history.seconds, surplus=history.surplus)
         return completed(self.scene, whole, found), {name: one.q for name, one in history.states.items()}
+
+    def _with_terms(self) -> FullSystem:
+        """The distributed system with its terms, whose sparse matrices every rank has whole."""
+        if not list(frame_terms(self.scene)):
+            return self.whole
+        found = self.gathered
+        return replace(self.whole, terms=self.whole.comm.bcast(None if found is None else found.terms))
 
 
 def _sparse(whole: FullSystem, places_of: Array, count: int) -> Array | None:

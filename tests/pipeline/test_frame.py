@@ -13,6 +13,9 @@ from pmr import scene as scenes
 from pmr.compare.booms import respond
 from pmr.compare.pivot import at_pivot
 from pmr.compare.simulated import driven_by
+from pmr.fem.compat import MPI
+from pmr.fullmodel.build import build_bodies
+from pmr.pipeline.full_order import FullOrder
 from pmr.results import Response
 from pmr.simulation.native import systems
 
@@ -181,3 +184,18 @@ def test_second_order_of_a_reduced_boom_is_that_of_its_full_model() -> None:
     assert errors["tip"] < 1e-3 and errors["pad_force"] < 1e-3
     assert errors["tip"] <= summary["estimate"]["tip"]
     assert summary["frame"]["second_order"] and summary["buckling"]["factor"] > 1.0
+
+
+@pytest.mark.mpi
+def test_full_order_of_second_order_is_the_same_by_both_simulators() -> None:
+    """Terms of a frame and of axial forces in PETSc, beside the compiled loop: the same scheme, so to round-off."""
+    changes = ["frame.second_order=true", "section.mesh.elements=6", "time.end=0.2", "time.step=4e-3"]
+    tips = []
+    for simulator in ("march", "petsc"):
+        scene = scenes.load_any(LUFFING, [*changes, f"simulation.full={simulator}"])
+        found = FullOrder.of(scene, {name: one.model for name, one in build_bodies(scene).items()}).reference("full")
+        if MPI.COMM_WORLD.rank == 0:
+            assert found is not None
+            tips.append(found.of("tip", body="fly")[:, 0])
+    if tips:
+        np.testing.assert_allclose(tips[1], tips[0], atol=1e-8 * np.abs(tips[0]).max())
