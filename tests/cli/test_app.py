@@ -53,7 +53,7 @@ def test_the_summary_keeps_its_contract(folder: Path) -> None:
     assert summary["max_displacement"] > summary["max_error"] > 0.0
     assert summary["coordinates"] == {"full": 63, "reduced": 20}
     assert 0.999 < summary["basis"]["kappa"] <= 1.0 and len(summary["basis"]["singular_values"]) == 30
-    assert {"assemble", "snapshots", "pod", "simulate"} == set(summary["seconds"])
+    assert {"assemble", "snapshots", "pod", "simulate", "estimate"} == set(summary["seconds"])
     assert {"march", "exudyn", "full", "ancf"} == set(summary["seconds"]["simulate"])
     assert {"pmr", "dolfinx", "PETSc", "SLEPc", "exudyn"} <= set(summary["versions"])
     assert len(summary["scene_hash"]) == 16
