@@ -37,7 +37,12 @@ DAMPED = 0.05
 #: Why there is none of what richer models disagree on, by kind of output.
 UNSETTLED = {
     kind: f"{what}: pads land and lift off, and an impact a moment earlier changes all that follows"
-    for kind, what in {"pad_force": "forces", "velocity": "velocities", "probe": "what probes measure"}.items()
+    for kind, what in {
+        "pad_force": "forces",
+        "cylinder_force": "forces of cylinders",
+        "velocity": "velocities",
+        "probe": "what probes measure",
+    }.items()
 }
 #: Share of a load's changes, by RMS, that may lie above the enrichment modes.
 BEYOND = 0.05

@@ -162,7 +162,11 @@ def estimate(models: Models, system: System, excitation: Excitation, run: System
         indicator = chi(body, motion, excitation.forces(body.input_names), model.size)
     probes = dict(zip(_probes(system), (MARGIN * of_probes).tolist(), strict=True))
     return Estimate(
-        errors={name: MARGIN * size for name, size in {**difference.named, **largest}.items() if name not in unknown},
+        errors={
+            name: MARGIN * size
+            for name, size in {**difference.named, **largest}.items()
+            if name.removesuffix("_between_kinks") not in unknown
+        },
         probes={} if "probe" in unknown else probes,
         error=error,
         tips=own.tips,
@@ -200,12 +204,13 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
     if not lifting(first.run.forces[:, pushing]):
         return _Difference(missing, better, named=named)
     other = richer(lambda model: model)
-    told, apart = (differences(one.outputs, better.outputs, floors) for one in (first, other))
-    unknown = [kind for kind in KINDS if not settled(told[kind], apart[kind])]
+    kinds = tuple(dict.fromkeys((*KINDS, *first.outputs.kinds)))
+    own, apart = (differences(one.outputs, better.outputs, floors, kinds) for one in (first, other))
+    unknown = [kind for kind in kinds if not settled(own[kind], apart[kind])]
     peaks = [float(one.run.forces[:, pushing].max()) for one in (first, better, other)]
     for kind in unknown:
         if kind in ("beam", "tip"):
-            raise UnsettledError(told[kind], apart[kind], peaks)
+            raise UnsettledError(own[kind], apart[kind], peaks)
     said = scatter(peaks) if "pad_force" in unknown else ""
     return _Difference(missing, better, named=named, unsettled=unknown, scatter=said)
 
