@@ -19,7 +19,7 @@ from pmr.report.motion import line, player
 from pmr.report.motion.album import album
 from pmr.report.motion.instants import top
 from pmr.report.numbers import SPACE, plain, significant
-from pmr.report.subject import ACROSS, alone, loads, moving
+from pmr.report.subject import across, alone, loads, moving
 from pmr.results import RunResult
 from pmr.scene.names import named
 
@@ -72,7 +72,10 @@ def inputs_over_time(result: RunResult, prefix: str) -> Block:
     heading = f"{moving(result).capitalize()} and loads"
     if not alone(result):
         heading = "Extensions and loads" if loads(result) else "Extensions"
-    return Block(heading=heading, rows=(tuple(row),))
+    if result.scene.frame is None:
+        return Block(heading=heading, rows=(tuple(row),))
+    turning = drawing(f"{prefix}-angles", inputs.angles, "Angles of the boom's frame over time.", result)
+    return Block(heading=f"{heading}, angles of the frame", rows=(tuple(row), (turning,)))
 
 
 def motion(result: RunResult, prefix: str) -> Block | None:
@@ -101,11 +104,11 @@ def tip(result: RunResult, prefix: str) -> Block:
         if is_round_off(result, what):
             still.append(direction)
             continue
-        caption, label = captions.tip(result, ACROSS[direction], what), f"Tip {direction}"
+        caption, label = captions.tip(result, across(result, direction), what), f"Tip {direction}"
         rows.append((drawing(f"{prefix}-tip-{direction}", histories.history, caption, result, what, label, "m", what),))
         if result.tip_error is not None:
             inside = "; in it the difference to the full model" if "full" in result.responses else ""
-            said = f"How far off the tip may be {ACROSS[direction]} by the estimate{inside}."
+            said = f"How far off the tip may be {across(result, direction)} by the estimate{inside}."
             wide = result.tip_error[:, number]
             rows.append((drawing(f"{prefix}-band-{direction}", histories.band, said, result, what, wide),))
     return Block(heading="Motion of the tip", rows=tuple(rows), text=not_drawn(result, still))
@@ -220,4 +223,5 @@ def _weight(result: RunResult) -> str:
     if gravity is None:
         return ""
     rise = f", which comes up within the first {plain(gravity.rise)}{SPACE}s" if gravity.rise else ""
-    return f" The weight acts too{rise}."
+    turns = ", in a direction that turns with the frame" if result.scene.frame is not None else ""
+    return f" The weight acts too{rise}{turns}."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from pmr.report import model_error
+from pmr.report import model_error, moving_frame
 from pmr.report.blocks import KeyNumber, Point
 from pmr.report.marks import Row, verdicts
 from pmr.report.numbers import MINUS, SPACE, length, percent, plain, quantity, significant, times_the_true_error
@@ -24,6 +24,7 @@ def points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
     """What the run says: how small, how accurate, what it bears, how far the step is off, how fast."""
     said = {
         "Size": [size(result)],
+        "Frame": [moving_frame.frame(result)],
         "Accuracy": list(accuracy(result)),
         "Stress": list(stress(result)),
         "Estimate": [estimate(result)],

@@ -28,7 +28,7 @@ MODELS = {
     "matrices": "given matrices",
 }
 #: Directions across the axis, as they are called.
-ACROSS = {"y": "lateral, y", "z": "vertical, z"}
+_ACROSS = {"y": "lateral, y", "z": "vertical, z"}
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,11 @@ class Acting:
     @property
     def unit(self) -> str:
         return "N m" if self.direction == "turn" else "N"
+
+
+def across(result: RunResult, direction: str) -> str:
+    """What a direction across the axis is called: z is upwards unless the boom is raised with its frame."""
+    return "in the plane of luffing, z" if direction == "z" and result.scene.frame is not None else _ACROSS[direction]
 
 
 @dataclass(frozen=True)

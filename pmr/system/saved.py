@@ -74,7 +74,7 @@ def write(
             raise InputError("system", f"bodies.{name}", type(body).__name__, "a ReducedModel is allowed in a file")
         arrays |= records.arrays(body, f"bodies.{number}.")
     for number, term in enumerate(terms):
-        arrays |= {f"terms.{number}.{key}": np.asarray(matrix) for key, matrix in term.matrices.items()}
+        arrays |= {f"terms.{number}.{key}": matrix for key, matrix in term.arrays.items()}
     header = {"format": FORMAT, "version": FORMAT_VERSION, "units": "SI", "bodies": list(bodies)}
     parts = {
         "contacts": [asdict(one) for one in contacts],

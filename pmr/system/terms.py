@@ -49,6 +49,11 @@ class Term:
         given = {"stiffness": self.stiffness, "damping": self.damping}
         return {key: matrix for key, matrix in given.items() if matrix is not None}
 
+    @property
+    def arrays(self) -> dict[str, Array]:
+        """The same of reduced bodies, dense."""
+        return {key: np.asarray(A.toarray() if sp.issparse(A) else A) for key, A in self.matrices.items()}
+
     def check(self, size: int) -> None:
         """Raise an InputError unless its matrices are finite and of bodies with so many coordinates in all."""
         for key, matrix in self.matrices.items():

@@ -43,6 +43,17 @@ def position(result: RunResult) -> Figure:
     return figure
 
 
+def angles(result: RunResult) -> Figure:
+    """Luffing and slewing over time, in degrees."""
+    assert result.scene.frame is not None
+    time = Timeline(result)
+    figure, axes = sheet(HALF, 1.7)
+    _plot(axes[0, 0], time.t, [np.rad2deg(angle.value(time.t)) for angle in result.scene.frame.angles])
+    time.frame(axes[0, 0], "Angle in degrees")
+    key(figure, [*_legend(["luffing", "slewing"]), *time.shade()])
+    return figure
+
+
 def loads(result: RunResult) -> Figure:
     """Loads over time: forces in N and, in a panel of their own, moments in N m."""
     time, acting = Timeline(result), subject.loads(result)

@@ -89,7 +89,7 @@ def test_a_tolerance_chooses_the_step_and_counts_the_mesh() -> None:
     found = summary("accuracy.tolerance=3e-3", "compare.against=[]", extension)
     asked, budget = found["accuracy"], found["budget"]
     step = asked["chosen"]["step"]
-    assert asked["holds"] and step != 1e-3 and len(asked["reasons"]) == 3
+    assert asked["holds"] and step != 1e-3 and len(asked["reasons"]) == 2
     for kind in ("beam", "tip"):
         parts = [budget[part][kind] for part in ("reduction", "step", "mesh")]
         assert min(parts) > 0.0 and max(parts) <= budget["sum"][kind] <= min(sum(parts), 3e-3)

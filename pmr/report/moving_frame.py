@@ -1,0 +1,37 @@
+"""A frame that moves in words: its angles, the axes of the figures, and what is kept or left out of its effects."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pmr.report.numbers import SPACE, percent, plain, significant
+from pmr.results import RunResult
+
+
+def frame(result: RunResult) -> str:
+    """In a few sentences; empty without a frame."""
+    found = result.summary.get("frame")
+    if found is None:
+        return ""
+    angles = {"raised": found["luffing"], "slewed": found["slewing"]}
+    moved = [f"{way} {_range(angle)}" for way, angle in angles.items() if angle["max"] > angle["min"] or angle["max"]]
+    turns = f"The boom is {' and '.join(moved)}. " if moved else ""
+    axes = "Deflections are measured in its own axes, which turn with it: x along it, z upwards where it lies level. "
+    if not found["second_order"]:
+        return (
+            f"{turns}{axes}Axial forces are not followed: that they bend what is bent is left out, with "
+            f"{percent(found['gyroscopic'])} (gyroscopic) and {percent(found['centrifugal'])} (centrifugal) of the "
+            "stiffness at the lowest frequency; frame.second_order keeps all three."
+        )
+    buckling = result.summary["buckling"]
+    if buckling["factor"] is None:
+        return f"{turns}{axes}Second order is kept; no axial force presses."
+    return (
+        f"{turns}{axes}Second order is kept: the boom would buckle under {significant(buckling['factor'])} times its "
+        f"axial forces, at t = {plain(round(buckling['t'], 3))}{SPACE}s, with every pad closed."
+    )
+
+
+def _range(angle: dict[str, float]) -> str:
+    low, high = (plain(round(float(np.rad2deg(angle[end])), 1)) for end in ("min", "max"))
+    return f"by {high}°" if low == high else f"between {low}° and {high}°"
