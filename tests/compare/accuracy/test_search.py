@@ -27,6 +27,8 @@ from pmr.system.system import System
 
 FULL = full_body(30)
 MODEL = enriched(FULL, 6, enrichment=18)
+#: With modes enough for forces of a slider to 0.3 %.
+RICH = enriched(FULL, 6, enrichment=30)
 PATH = SmoothRamp(times=(0.1, 0.8), values=(1.5, 3.0))
 LOAD = Sine(amplitude=200.0, frequency=3.0)
 
@@ -45,10 +47,10 @@ def full_motion(steps: int, times: int) -> Outputs:
 @pytest.mark.parametrize("kinds", [("beam", "tip"), ("pad_force",), ("velocity",)])
 @pytest.mark.parametrize("tolerance", [0.03, 0.003])
 def test_the_tolerance_holds_and_two_coordinates_fewer_do_not(kinds: tuple[str, ...], tolerance: float) -> None:
-    family = family_of(MODEL, driven(), "velocity" in kinds)
+    family = family_of(RICH, driven(), "velocity" in kinds)
     coarse = coarsest(family)
     found = search(family, Demand(tolerance, kinds), coarse)
-    truth, floors = full_motion(32 * found.steps, coarse), Floors.of(System.of(MODEL), driven())
+    truth, floors = full_motion(32 * found.steps, coarse), Floors.of(System.of(RICH), driven())
 
     def error(member: Member, steps: int) -> float:
         return max(differences(family.motion(member, steps, coarse), truth, floors, kinds).values())
