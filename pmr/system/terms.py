@@ -64,7 +64,7 @@ class Term:
 
     def on(self, motions: Mapping[str, Array]) -> Term:
         """On other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense."""
-        V = sp.block_diag([motions[name] for name in self.bodies], format="csr")
+        V = sp.block_diag([sp.csr_matrix(motions[name]) for name in self.bodies], format="csr")
         found: dict[str, Any] = {key: (V.T @ (A @ V)).toarray() for key, A in self._sparse.items()}
         return replace(self, **found)
 

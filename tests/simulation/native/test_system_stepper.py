@@ -11,6 +11,7 @@ from nested import Nested, full, reduced
 import pmr
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene
+from pmr.scene.signals import Constant
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
@@ -135,9 +136,20 @@ def test_a_path_that_leaves_its_range_and_loads_that_are_none_are_refused_on_the
         stepper.check_finite()
 
 
-def test_full_bodies_are_refused_and_a_body_alone_is_stepped_as_before() -> None:
-    with pytest.raises(InputError, match="a ReducedModel is allowed"):
-        SystemStepper(full(Nested(2, elements=4)), STEP, 2.0)
+def test_bodies_of_full_order_are_stepped_too() -> None:
+    """As small ones are simulated: from equilibrium under a constant load, along the same extension."""
+    system, s = full(Nested(2, elements=4)), Constant(amount=2.0)
+    loads = {name: Constant(amount=10.0) for name in system.input_names}
+    excitation = Excitation(dict.fromkeys(system.paths, s), loads, TimeStepping(5 * STEP, STEP, RHO))
+    expected = systems.simulate(system, excitation, {})
+    stepper = SystemStepper(system, STEP, 2.0, [10.0] * len(loads), RHO, initial={})
+    for k in range(1, 6):
+        stepper.step(2.0)
+        found, forces = np.array(list(stepper.forces.values())), expected.forces[k]
+        np.testing.assert_allclose(found, forces, rtol=0.0, atol=1e-9 * np.abs(expected.forces).max())
+
+
+def test_a_body_alone_is_stepped_as_its_system() -> None:
     model = replace(reduced(Nested(2, elements=8), 2).bodies["0"])
     one, other = (pmr.Stepper(body, STEP, 3.0, 0.0) for body in (model, System.of(model)))
     np.testing.assert_array_equal(one.step(3.0, 1.0), other.step(3.0, 1.0))
