@@ -67,7 +67,8 @@ def moved(model: ReducedModel, path: SignalBase, loads: Loads) -> Array:
 
 @pytest.mark.parametrize("r", [6, 9])
 def test_forces_and_velocities_have_estimates_of_their_own(r: int) -> None:
-    full, excitation = rich_body(), driven(PATH, LOADS, STEPPING)
+    damped = TimeStepping(STEPPING.end, STEPPING.step, 0.8)  # without it round-off decides how much forces ring
+    full, excitation = rich_body(), driven(PATH, LOADS, damped)
     model = enriched(full, r, enrichment=4)
     truth_, own = (outputs(one, excitation) for one in (full, model))
     found = estimate(model, excitation)

@@ -177,5 +177,5 @@ def _ratios(study: FinishedStudy, sizes: list[int]) -> Grid:
 def _legend(figure: Figure) -> None:
     """Two rows, filled row by row."""
     handles = [Line2D([], [], label=label, **dots(i, 2.2)) for i, label in enumerate(NAMES.values())]
-    by_column = [handles[i] for i in (0, 3, 1, 4, 2, 5)]
+    by_column = [one for column in range(3) for one in handles[column::3]]
     figure.legend(handles=by_column, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=3, borderaxespad=0.25)
