@@ -58,9 +58,9 @@ def lifting(forces: Array) -> bool:
     return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))
 
 
-def settled(error: float, apart: float, share: float = SETTLED) -> bool:
-    """Whether two richer models that are so far `apart` may tell such an error, of which a `share` is allowed."""
-    return apart <= share * error or error <= ROUND_OFF
+def settled(error: float, apart: float) -> bool:
+    """Whether two richer models that are so far `apart` may tell such an error; fractions."""
+    return apart <= SETTLED * error or error <= ROUND_OFF
 
 
 def scatter(peaks: Sequence[float]) -> str:

@@ -209,9 +209,9 @@ def _attached(models: Models, first: _Simulated, excitation: Excitation, floors:
     unknown = [kind for kind in kinds if not settled(own[kind], apart[kind])]
     peaks = [float(one.run.forces[:, pushing].max()) for one in (first, better, other)]
     # Where they disagree on forces, what they differ by in displacements has to be within the estimate's margin.
-    share = MARGIN - 1.0 if "pad_force" in unknown else SETTLED
+    stricter = SETTLED / (MARGIN - 1.0) if "pad_force" in unknown else 1.0
     for kind in ("beam", "tip"):
-        if not settled(own[kind], apart[kind], share):
+        if not settled(own[kind], stricter * apart[kind]):
             raise UnsettledError(own[kind], apart[kind], peaks)
     said = scatter(peaks) if "pad_force" in unknown else ""
     return _Difference(missing, better, named=named, unsettled=unknown, scatter=said)

@@ -38,6 +38,8 @@ Array = NDArray[np.float64]
 
 #: Share of the inertia of all answers that directions among the loads may leave out, and most directions.
 LEFT_OUT, MOST = 1e-8, 128
+#: Share of loads below which their answers are round-off: of loads that cancel, as one that a slider takes at once.
+CANCELLED = 1e-11
 #: Modes of a cylinder in a model, and in the richer one by which its error is estimated.
 CYLINDER, RICHER = 2, 3
 #: Inertia of a direction beside the others of unit inertia below which it is a combination of these.
@@ -181,5 +183,6 @@ def _principal(S: Array, loads: Array) -> Array:
     energy, V = energy[::-1], V[:, ::-1]
     known = np.cumsum(np.maximum(energy, 0.0))
     enough = 1 + int(np.searchsorted(known, (1.0 - LEFT_OUT) * known[-1]))
-    chosen = slice(min(MOST, enough, int(np.count_nonzero(energy > 0.0))))
+    some = energy > CANCELLED**2 * mass[-1] * np.sum(loads**2)
+    chosen = slice(min(MOST, enough, int(np.count_nonzero(some))))
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])
