@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Self
 
 import numpy as np
@@ -66,7 +66,15 @@ class Turning:
 
 def _crossing(vectors: Array) -> Array:
     """Matrices (T, 3, 3) whose product with r is v x r."""
-    return np.asarray(np.cross(np.eye(3), vectors[:, None, :]).transpose(0, 2, 1) * -1.0)
+    x, y, z = vectors.T
+    none = np.zeros_like(x)
+    return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(-1, 3, 3)
+
+
+@lru_cache(maxsize=2)
+def _turning(luffing: SignalBase, slewing: SignalBase, t: bytes) -> Turning:
+    """`Turning.of` at times that are asked for again and again, for each field of each section."""
+    return Turning.of(luffing, slewing, np.frombuffer(t))
 
 
 class OfFrame(SignalBase):
@@ -121,13 +129,14 @@ class Motion(OfFrame):
         return (self.factor * self._component(at.ravel())).reshape(at.shape)
 
     def _component(self, t: Array) -> Array:
-        turning, along = Turning.of(self.luffing, self.slewing, t), "xyz".index(self.field[0])
+        turning, along = _turning(self.luffing, self.slewing, t.tobytes()), "xyz".index(self.field[0])
         if len(self.field) == 2:
             return np.asarray(turning.gradient[:, along, "xyz".index(self.field[1])])
         place = np.array(self.pivot) + self._sum(t, "value")[:, None] * np.eye(3)[0]
         speed = self._sum(t, "rate")
-        found = self.gravity.value(t) * turning.up[:, along]
-        found += 2.0 * np.cross(turning.velocity, np.eye(3)[0])[:, along] * speed
+        _, y, z = turning.velocity.T
+        across = (np.zeros_like(y), z, -y)[along]  # of the angular velocity x e_x
+        found = self.gravity.value(t) * turning.up[:, along] + 2.0 * across * speed
         found += np.einsum("tk,tk->t", turning.gradient[:, along], place)
         if along == 0 and self.paths:
             found += Acceleration(paths=self.paths, step=self.step).value(t)
@@ -151,7 +160,8 @@ class Rotation(OfFrame):
 
     def value(self, t: ArrayLike) -> Array:
         at = np.asarray(t, float)
-        turning, along = Turning.of(self.luffing, self.slewing, at.ravel()), ["xyz".index(k) for k in self.component]
+        turning = _turning(self.luffing, self.slewing, at.tobytes())
+        along = ["xyz".index(k) for k in self.component]
         if self.of == "carried":
             same = along[0] == along[1]
             product = np.prod(turning.velocity[:, along], axis=1)
