@@ -84,6 +84,10 @@ def check_fits(scene: Any, system: System) -> None:
             key = "loads" if name == ALONE else f"sections.{name}.loads"
             allowed = f"the inputs of its model are allowed: {', '.join(body.input_names)}"
             raise InputError("scene", key, sorted(loads), allowed)
+    second = scene.frame is not None and scene.frame.second_order
+    if second != bool(system.terms):
+        allowed = f"{str(not second).lower()} is allowed: the system was reduced so"
+        raise InputError("scene", "frame.second_order", second, allowed)
     check_made_for(system, scene)
 
 

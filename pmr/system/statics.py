@@ -79,6 +79,8 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
             "contacts that hold the bodies against the loads at the start, each in a way of its own, are allowed "
             "(pads in the middle of faces hold no roll; pads with a clearance hold nothing until a load closes them)"
         )
+        if assembly.terms:
+            allowed += "; with second order nothing holds a boom that is past its buckling load"
         raise InputError("system", "contacts", None, allowed)
     return found
 

@@ -84,3 +84,9 @@ class Term:
 def refused(term: str, key: str, value: object, allowed: str) -> InputError:
     """What is wrong with a term, by its name."""
     return InputError("system", f"terms.{term}.{key}", value, allowed)
+
+
+def first_few(names: Sequence[str], most: int = 3) -> str:
+    """Names for a message: the first of them, and how many more there are."""
+    left = len(names) - most
+    return ", ".join(names[:most]) + (f" and {left} more" if left > 0 else "")

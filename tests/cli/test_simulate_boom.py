@@ -99,6 +99,16 @@ def test_what_is_baked_into_a_saved_boom_is_refused_where_a_scene_says_something
             pmr.simulate(pmr.load_scene("boom_two", [*SHORT, change]), system)
 
 
+def test_a_system_without_second_order_is_refused_to_a_scene_that_asks_for_it() -> None:
+    quick = ["section.mesh.elements=8", "compare.against=[]", "time.end=0.01", "time.step=1e-3"]
+    scene = pmr.load_scene("crane", [*quick, "frame.second_order=false"])
+    system = pmr.reduce(scene).system
+    check_fits(scene, system)
+    with pytest.raises(InputError, match="frame.second_order") as refused:
+        check_fits(pmr.load_scene("crane", [*quick, "frame.second_order=true"]), system)
+    assert refused.value.allowed == "false is allowed: the system was reduced so"
+
+
 def test_another_boom_or_a_body_alone_is_refused(system: System, folder: Path) -> None:
     with pytest.raises(InputError, match=r"sections = \['base', 'middle', 'fly'\]: the sections of the system "):
         pmr.simulate(pmr.load_scene("boom_three"), system)

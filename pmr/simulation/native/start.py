@@ -20,6 +20,7 @@ from pmr.simulation.native.sides import move_sides
 from pmr.simulation.start import InitialState, consistent_start
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
+from pmr.system.terms import first_few
 
 Array = NDArray[np.float64]
 
@@ -131,8 +132,9 @@ def reason(system: System, C: Array, failed: int) -> str:
         return f"which of the rows {names} are closed was not settled in {contact_rows.LIMIT} solves"
     if failed == terms.UNCONVERGED:
         return (
-            f"the forces of the terms {', '.join(system.term_names)} do not converge; below the buckling load, and "
-            "with a step that resolves what tension and spin make of the frequencies, they do"
+            f"the forces of the terms {first_few(system.term_names)} do not converge: beyond the buckling load, "
+            "with a step too long for what tension and spin make of the frequencies, or where pads close and open "
+            "again and again within a step"
         )
     return dependence(C[:failed], system.contact_names)
 

@@ -19,6 +19,7 @@ from pmr.fem.compat import MPI
 from pmr.fem.factor import product
 from pmr.fullmodel.system import FullSystem
 from pmr.simulation.native.terms import ACCEPTED, CONVERGED, DIVERGED, LIMIT
+from pmr.system.terms import first_few
 
 Array = NDArray[np.float64]
 Product = Callable[[Array], Array]
@@ -60,7 +61,7 @@ class Terms:
         if times == 1:
             self._first = size
         if times >= LIMIT or change > DIVERGED * max(self._largest, self._first) > 0.0:
-            raise SimulationError(f"the forces of the terms {', '.join(self._names)} do not converge")
+            raise SimulationError(f"the forces of the terms {first_few(self._names)} do not converge")
         return False
 
 
