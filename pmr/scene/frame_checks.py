@@ -28,8 +28,8 @@ def check_frame(scene: Scene) -> None:
             allowed = f"an angle with a rate that does not jump is allowed, here is {what} at {at:g} s: a smooth_ramp"
             raise refusal(f"frame.{key}", None, allowed)
     if scene.gravity is not None and scene.gravity.direction != Gravity().direction:
-        allowed = "leave out direction and inclination: frame.luffing says where down is"
-        raise refusal("gravity.direction", [round(one, 6) for one in scene.gravity.direction], allowed)
+        allowed = "neither direction nor inclination is allowed beside a frame: frame.luffing says where down is"
+        raise refusal("gravity", None, allowed)
     for member in members(scene):
         if model_of(member) == "matrices":
             allowed = "models with a mesh are allowed in a frame: matrices do not say where their mass is"

@@ -27,7 +27,10 @@ def load(*changes: str) -> Scene:
 REFUSED = [
     ((LUFFING,), r"frame.pivot: a place is needed"),
     ((PIVOT,), r"frame: an angle is needed"),
-    ((PIVOT, LUFFING, "gravity.inclination=20.0"), r"gravity.direction = .*: leave out direction and inclination"),
+    (
+        (PIVOT, LUFFING, "gravity.inclination=20.0"),
+        "gravity: neither direction nor inclination is allowed beside a frame",
+    ),
     (
         (PIVOT, "frame.luffing={kind='ramp', times=[1.0, 5.0], values=[0.0, 1.0]}"),
         r"frame.luffing: an angle with a rate that does not jump is allowed, here is a kink at 1 s",
