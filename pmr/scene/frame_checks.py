@@ -13,6 +13,8 @@ from pmr.scene.structure_checks import refusal
 
 #: Share of an angle's range that it may jump by, which round-off does.
 JUMP = 1e-9
+#: Of 2 pi rad: more of it is more likely to be meant in degrees.
+TURN = 2.0 * np.pi
 
 
 def check_frame(scene: Scene) -> None:
@@ -21,6 +23,10 @@ def check_frame(scene: Scene) -> None:
     if frame is None:
         return
     for key, angle in zip(("luffing", "slewing"), frame.angles, strict=True):
+        largest = max(np.abs(angle.bounds(0.0, scene.time.end)))
+        if largest > TURN and "unit" not in frame.model_fields_set:
+            allowed = "its unit has to be said where an angle goes beyond a turn: frame.unit = 'degrees' or 'rad'"
+            raise refusal(f"frame.{key}", float(f"{largest:.4g}"), allowed)
         kinks = angle.kinks(scene.time.end)
         jumps = [t for t in angle.breaks if 0.0 < t <= scene.time.end and _jumps(angle, t)]
         if jumps or kinks:

@@ -14,8 +14,8 @@ from pmr.scene.choice import inertia_fields, model_of
 from pmr.scene.members import member_at, members
 
 THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
-LUFFING = "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[10.0, 60.0]}"
-SLEWING = "frame.slewing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.0, 90.0]}"
+LUFFING = "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.2, 1.0]}"
+SLEWING = "frame.slewing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.0, 1.5]}"
 PIVOT = "frame.pivot=[0.0, 0.0, 0.0]"
 
 
@@ -39,6 +39,10 @@ REFUSED = [
     ((PIVOT, SLEWING), r"frame.slewing: models in space are allowed with it"),
     ((PIVOT, LUFFING, "sections.fly.loads.0.name=inertia x"), r"loads\[0\].name = 'inertia x': another name"),
     ((PIVOT, LUFFING, "frame.unit=turns"), r"frame.unit = 'turns'"),
+    (
+        (PIVOT, "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[10.0, 60.0]}"),
+        r"frame.luffing = 60.0: its unit has to be said where an angle goes beyond a turn",
+    ),
     (
         (
             PIVOT,
@@ -83,6 +87,6 @@ def test_angles_are_in_radians_or_degrees() -> None:
     assert frame is not None
     luffing, slewing = frame.angles
     t = np.array([0.0, 3.0, 8.0])
-    assert luffing.value(t) == pytest.approx(np.deg2rad([10.0, 35.0, 60.0]))
-    assert luffing.rate(t)[1] == pytest.approx(np.deg2rad(50.0 / 4.0 * 1.875))
+    assert luffing.value(t) == pytest.approx(np.deg2rad([0.2, 0.6, 1.0]))
+    assert luffing.rate(t)[1] == pytest.approx(np.deg2rad(0.8 / 4.0 * 1.875))
     assert not slewing.value(t).any()
