@@ -69,7 +69,8 @@ def _frequencies(system: System) -> dict[str, str]:
             hertz = Assembly(system).frequencies(system.coordinates(s), FREQUENCIES)
         except (InputError, SimulationError, np.linalg.LinAlgError):
             continue  # where two rigid pads meet
-        found[f"frequencies, {where}"] = f"{', '.join(f'{f:.4g}' for f in hertz if np.isfinite(f))} Hz"
+        without = ", without second order" if system.terms else ""
+        found[f"frequencies, {where}{without}"] = f"{', '.join(f'{f:.4g}' for f in hertz if np.isfinite(f))} Hz"
     return found
 
 

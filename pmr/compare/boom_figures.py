@@ -20,6 +20,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.members import DRIVEN
 from pmr.scene.names import ALONE, cylinder_of
 from pmr.simulation import Excitation
+from pmr.simulation.at_rest import amplitudes_at_rest, steepest
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact
@@ -45,7 +46,8 @@ def on_the_way(boom: Scene, t: Array, count: int) -> NDArray[np.int64]:
 def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
     """Of the first two joints that have a path of their own and move, within its bounds, every contact closed.
 
-    All other such joints are where they start; None where fewer than two move.
+    All other such joints are where they start; None where fewer than two move.  With second order the boom rests at its
+    steepest angle.
     """
     ends = {name: path.bounds(0.0, boom.time.end) for name, path in boom.paths.items() if not _follows(boom, name)}
     moving = [name for name, (low, high) in ends.items() if high - low > 1e-9 * high]
@@ -60,8 +62,11 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
             joint = boom.sections[boom.names.index(name)].joint
             if joint is not None and joint.follows in extensions:
                 extensions[name] = joint.offset + joint.ratio * extensions[joint.follows]
-    x = system.coordinates(extensions)
-    found = Assembly(system).frequencies(x.reshape(-1, x.shape[-1]), 1)[:, 0]
+    x, c = system.coordinates(extensions), np.zeros((MAPPED**2, 0))
+    if system.terms:
+        placed = {name: np.broadcast_to(at, (MAPPED, MAPPED)).ravel() for name, at in extensions.items()}
+        c = amplitudes_at_rest(boom, placed, steepest(boom))
+    found = Assembly(system).frequencies(x.reshape(-1, x.shape[-1]), 1, c)[:, 0]
     return FrequencyMap((first, second), a, b, found.reshape(MAPPED, MAPPED))
 
 

@@ -112,7 +112,9 @@ def _residual(x: Any, share: float) -> Any:
     return supported + free
 
 
-def frequency_response(system: System, places: Array, along: Array, tips: Collection[str]) -> FrequencyResponse:
+def frequency_response(
+    system: System, places: Array, along: Array, tips: Collection[str], c: Array
+) -> FrequencyResponse:
     r"""How far the tip moves under each load, with all paths at rest: what a drive or a controller meets.
 
     .. math::
@@ -120,18 +122,18 @@ def frequency_response(system: System, places: Array, along: Array, tips: Collec
         y = O q + W f - X \lambda
 
     from a tenth of the lowest natural frequency to the highest, at `places` (S, sides) in m, which `along` (S,) in m
-    tells apart; `tips` are names of outputs.  An InputError is raised where a contact only
-    pushes.
+    tells apart, with amplitudes c (S, k) of the system's terms in K and D; `tips` are names of outputs.  An InputError is
+    raised where a contact only pushes.
     """
     if pushing := [one.name for one in system.contacts if one.clearance is not None]:
         allowed = f"contacts that hold both ways are allowed: {', '.join(pushing)} only push"
         raise InputError("scene", "observe.frequency_response", True, allowed)
     assembly = Assembly(system)
-    rows, natural = assembly.along(places), assembly.frequencies(places, assembly.size)
+    rows, natural = assembly.along(places), assembly.frequencies(places, assembly.size, c)
     names = [named(body, one) for body, of in system.bodies.items() for one in of.output_names]
     which = [k for k, name in enumerate(names) if name in tips]
     f = np.geomspace(0.1 * np.nanmin(natural), 1.2 * np.nanmax(natural), RESPONSE_FREQUENCIES)
-    moved = np.array([_responses(assembly, rows.at(k), np.append(0.0, f), which) for k in range(len(along))])
+    moved = np.array([_responses(assembly, rows.at(k), np.append(0.0, f), which, c[k]) for k in range(len(along))])
     static = moved[:, 0].real
     furthest = np.abs(static).max(axis=0).argmax(axis=0)  # of each load, the direction in which it moves the tip
     inputs = np.arange(len(system.input_names))
@@ -147,9 +149,9 @@ def frequency_response(system: System, places: Array, along: Array, tips: Collec
     )
 
 
-def _responses(assembly: Assembly, rows: ContactRows, f: Array, which: list[int]) -> NDArray[np.complex128]:
-    """Of some outputs at frequencies f (W,) in Hz, (W, o, i), at one place."""
-    M, D, K, B = (A.toarray() for A in (assembly.M, assembly.D, assembly.K, assembly.B))
+def _responses(assembly: Assembly, rows: ContactRows, f: Array, which: list[int], c: Array) -> NDArray[np.complex128]:
+    """Of some outputs at frequencies f (W,) in Hz, (W, o, i), at one place, with amplitudes c (k,) of the terms."""
+    M, D, K, B = (A.toarray() for A in (assembly.M, assembly.damping(c), assembly.stiffness(c), assembly.B))
     n, scale = len(K), float(np.abs(K).max())  # forces in the unit of stiffness: rows of both kinds are of one size
     held = np.block([[K, scale * rows.C.T], [scale * rows.C, -(scale**2) * rows.F]])
     right = np.vstack([B, -scale * rows.H])

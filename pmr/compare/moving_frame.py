@@ -26,21 +26,23 @@ def frame(scene: Scene, system: System, excitation: Excitation, frequencies: Fre
     r"""``frame`` of summary.json, with second order ``buckling`` too; nothing without a frame.
 
     Of what turns, `gyroscopic` is :math:`2 |\omega| / \omega_1` and `centrifugal` :math:`(|\omega| / \omega_1)^2`, with
-    the lowest frequency on the way: so large beside the stiffness is what is dropped without second order.
+    the lowest frequency on the way: so large beside the stiffness is what is dropped without second order.  Frequencies
+    are those of the boom as axial forces and the frame stress it, or ``unstressed`` without second order.
     """
     if scene.frame is None:
         return Part()
     luffing, slewing = scene.frame.angles
     t = excitation.times
     speed = float(np.linalg.norm(Turning.of(luffing, slewing, t).velocity, axis=1).max())
-    lowest = 2.0 * np.pi * float(np.nanmin(frequencies.models["reduced"][:, 0]))
+    lowest = 2.0 * np.pi * float(np.nanmin(frequencies.models["reduced"][:, 0]))  # 0 past the buckling load
     said = {
         "luffing": _range(luffing.value(t)),
         "slewing": _range(slewing.value(t)),
         "angular_velocity": speed,
         "second_order": scene.frame.second_order,
-        "gyroscopic": 2.0 * speed / lowest,
-        "centrifugal": (speed / lowest) ** 2,
+        "gyroscopic": 2.0 * speed / lowest if lowest else None,
+        "centrifugal": (speed / lowest) ** 2 if lowest else None,
+        "frequencies": "unstressed" if frequencies.t is None else "stressed",
     }
     if not scene.frame.second_order:
         return Part({"frame": said})

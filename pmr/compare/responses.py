@@ -161,7 +161,7 @@ Run = Callable[[Progress | None], Simulated]
 
 def _prepared(system: System, excitation: Excitation, simulator: str, steps: Indices) -> Run:
     """What simulates, with all that every simulation of the system under the excitation needs made once."""
-    if ALONE in system.bodies:
+    if ALONE in system.bodies and not system.terms:
         body, on_slider = system.bodies[ALONE], excitation.on_slider
         return (_marched if simulator == "march" else _in_exudyn(simulator))(body, on_slider, steps)
     start = systems.start_of(system, excitation)

@@ -37,7 +37,7 @@ def simulate_saved(system: System, scene: Any) -> RunResult:
     clock, excitation, models = Clock(), driven_by(scene, system), system.reduced
     made = simulate(scene, system, excitation, clock)
     responses, response = {"reduced": made.first.response}, made.first.response
-    natural = frequencies(scene, system, visited(scene, excitation, 0), None)
+    natural = frequencies(scene, system, excitation, visited(scene, excitation, 0), None)
     error, by_frequency = _error(scene, system, clock), in_frequency(scene, system, excitation)
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
     parts = [

@@ -102,7 +102,7 @@ def joined(scene: Any, reduced: ReducedModel | Mapping[str, ReducedModel]) -> Sy
             allowed = "a ReducedModel or a System is allowed with this scene"
         raise InputError("pmr.simulate", "models", given, allowed)
     if ALONE in names:
-        return System.of(models[ALONE])
+        return system_of(scene, models)
     for number, name in enumerate(names):
         model = models[name]
         if model.section is None or model.section.name != name:

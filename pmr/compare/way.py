@@ -30,6 +30,7 @@ class Visited:
     along: Array  # (S,) m: the path coordinate of a body alone, the reach of sections
     s: Array  # (S, P) m: coordinates of all paths
     count: int
+    t: Array  # (S,) s: when the run is there first, which says how the system is stressed
 
     def sides(self, system: System) -> Array:
         """X (S, sides) in m of the contacts' places."""
@@ -37,31 +38,50 @@ class Visited:
 
 
 def visited(scene: Scene, excitation: Excitation, size: int) -> Visited:
-    """From one end of the way to the other; fewer places where frequencies of a large full model are found."""
-    if ALONE in scene.bodies:
-        s = visited_positions(scene, size)
-        return Visited(s, s[:, None], CURVES)
+    """From one end of the way to the other; fewer places where frequencies of a large full model are found.
+
+    With second order frequencies change with time, too: what stays where it is, is looked at again and again.
+    """
+    alone = ALONE in scene.bodies
     count = boom_figures.PLACES if size <= LARGE else boom_figures.FEWER_PLACES
+    if excitation.terms and not np.ptp(excitation.s, axis=0).any():
+        t = np.linspace(0.0, scene.time.end, count)
+        if not np.ptp(excitation.amplitudes(list(excitation.terms), t), axis=0).any():
+            t, count = t[:1], 1
+        s = np.broadcast_to(excitation.s[0], (count, excitation.s.shape[1]))
+        return Visited(s[:, 0] if alone else scene.reach(t), s, CURVES if alone else boom_figures.CURVES, t)
+    if alone:
+        along = visited_positions(scene, size)
+        return Visited(along, along[:, None], CURVES, _first_there(excitation, along))
     return _reached(scene, excitation, count)
+
+
+def _first_there(excitation: Excitation, s: Array) -> Array:
+    """When the only path is nearest to s (S,) m first, (S,) s."""
+    return np.array([excitation.times[np.argmin(np.abs(excitation.s[:, 0] - at))] for at in s])
 
 
 def _reached(scene: Scene, excitation: Excitation, count: int) -> Visited:
     """Where the sections first reach so far."""
     steps = boom_figures.on_the_way(scene, excitation.times, count)
-    return Visited(scene.reach(excitation.times[steps]), excitation.s[steps], boom_figures.CURVES)
+    t = excitation.times[steps]
+    return Visited(scene.reach(t), excitation.s[steps], boom_figures.CURVES, t)
 
 
-def frequencies(scene: Scene, system: System, at: Visited, full: Array | None) -> Frequencies:
+def frequencies(scene: Scene, system: System, excitation: Excitation, at: Visited, full: Array | None) -> Frequencies:
     """Of the reduced system, with every contact closed, beside the `full` model's (S, f) in Hz where they are known.
 
-    Beside those of a body alone are the closed form's, where there is one; two joints that move have a map.
+    Terms have the amplitudes of that time.  Beside those of a body alone are the closed form's, where there is one; two
+    joints that move have a map.
     """
-    curves = {"reduced": Assembly(system).frequencies(at.sides(system), at.count)}
+    c = excitation.amplitudes(system.term_names, at.t)
+    curves = {"reduced": Assembly(system).frequencies(at.sides(system), at.count, c)}
     curves |= {} if full is None else {"full": full}
+    t = at.t if system.terms else None
     if ALONE not in system.bodies:
-        return Frequencies(at.along, at.s, curves, boom_figures.frequency_map(scene, system))
-    closed = closed_form_frequencies(scene, at.along, at.count) / (2.0 * np.pi)
-    return Frequencies(at.along, at.s, curves | ({"closed_form": closed} if closed.size else {}))
+        return Frequencies(at.along, at.s, curves, boom_figures.frequency_map(scene, system), t)
+    closed = np.empty((0, 0)) if system.terms else closed_form_frequencies(scene, at.along, at.count) / (2.0 * np.pi)
+    return Frequencies(at.along, at.s, curves | ({"closed_form": closed} if closed.size else {}), t=t)
 
 
 def in_frequency(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
@@ -70,7 +90,8 @@ def in_frequency(scene: Scene, system: System, excitation: Excitation) -> Freque
         return None
     if ALONE in system.bodies:
         s = np.unique(np.linspace(*scene.path_bounds, RESPONSES))
-        at = Visited(s, s[:, None], CURVES)
+        at = Visited(s, s[:, None], CURVES, _first_there(excitation, s))
     else:
         at = _reached(scene, excitation, RESPONSES)
-    return frequency_response(system, at.sides(system), at.along, tip_names(scene))
+    c = excitation.amplitudes(system.term_names, at.t)
+    return frequency_response(system, at.sides(system), at.along, tip_names(scene), c)

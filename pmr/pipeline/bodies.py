@@ -83,7 +83,7 @@ class Bodies:
         wanted = ALONE in self.built or "full" in self.scene.compare.against
         at = visited(self.scene, self.excitation, self.full.whole.size if wanted else 0)
         full = self._full_frequencies(at) if wanted else None
-        found = on_first(self._comm, lambda: frequencies(self.scene, self.system, at, full))
+        found = on_first(self._comm, lambda: frequencies(self.scene, self.system, self.excitation, at, full))
         return found or Frequencies(at.along, at.s, {})
 
     def simulate(self, checkpoint: Checkpoint | None) -> Motions:
@@ -180,14 +180,16 @@ class Bodies:
         return reduction_error(self.scene, models, moved, self.clock, self._other, known)
 
     def _full_frequencies(self, at: Visited) -> Array:
+        c = self.excitation.amplitudes(list(self.excitation.terms), at.t)
         if not self._caches:
-            return self.full.frequencies(at.s, at.count)
+            return self.full.frequencies(at.s, at.count, c)
         asked = {
             "bodies": [one.content for one in self._caches.values()],
             "contacts": repr(self.full.whole.contacts),
             "s": at.s.tolist(),
             "count": at.count,
+            **({"c": c.tolist()} if c.size else {}),
             "solver": self.scene.sections[0].reduction.solver,
         }
         cache = self._caches[self.scene.names[0]]
-        return cache.arrays("frequencies", asked, lambda: self.full.frequencies(at.s, at.count))
+        return cache.arrays("frequencies", asked, lambda: self.full.frequencies(at.s, at.count, c))

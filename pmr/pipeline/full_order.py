@@ -33,15 +33,18 @@ from pmr.simulation.needs import needs_of_contacts
 from pmr.simulation.petsc import Checkpoint, Recording, observe, observe_system, respond, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.stepping import Progress, TimeStepping
-from pmr.system.assembly import Assembly
+from pmr.system.assembly import Assembly, oscillations
 from pmr.system.frame_terms import terms_of
 from pmr.system.from_scene import contacts_of
 from pmr.system.system import System
+from pmr.system.terms import added
 
 Array = NDArray[np.float64]
 
 #: (rad/s)^2, below all that is looked for: what holds is not singular there.
 SHIFT = -1.0
+#: Modes without gyroscopic forces for each with them.
+MODES_OF_A_TURN = 6
 
 
 @dataclass(frozen=True)
@@ -74,16 +77,19 @@ class FullOrder:
         found = self.whole.gather()
         return found and replace(found, terms=terms_of(self.scene, found.bodies))
 
-    def frequencies(self, s: Array, count: int) -> Array:
-        """The lowest natural frequencies (S, f) in Hz where the paths are at s (S, P) m, every contact closed."""
-        if ALONE in self.whole.bodies:
+    def frequencies(self, s: Array, count: int, c: Array) -> Array:
+        """The lowest natural frequencies (S, f) in Hz where the paths are at s (S, P) m, every contact closed.
+
+        The scene's terms have amplitudes c (S, k) there.
+        """
+        if ALONE in self.whole.bodies and not c.size:
             solver = self.scene.reduction.solver
             return lowest_frequencies(self.whole.bodies[ALONE], s[:, 0], count, solver) / (2.0 * np.pi)
         x = self.whole.coordinates(dict(zip(self.scene.paths, s.T, strict=True)))
         if self.simulator == "march":
-            found = None if self.gathered is None else Assembly(self.gathered).frequencies(x, count)
+            found = None if self.gathered is None else Assembly(self.gathered).frequencies(x, count, c)
         else:
-            found = _sparse(self.whole, x, count)
+            found = _sparse(self._with_terms(), x, count, c)
         return np.asarray(self.whole.comm.bcast(found))
 
     def references(
@@ -158,7 +164,7 @@ class FullOrder:
     ) -> tuple[Response, dict[str, Array]]:
         whole = self.whole
         recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
-        if ALONE in whole.bodies:
+        if ALONE in whole.bodies and not excitation.terms:
             model = whole.bodies[ALONE]
             alone = observe(model, excitation, recording, progress=done, checkpoint=checkpoint)
             return completed(self.scene, whole, respond(model, alone)), {ALONE: alone.states.q}
@@ -178,25 +184,36 @@ class FullOrder:
         return replace(self.whole, terms=self.whole.comm.bcast(None if found is None else found.terms))
 
 
-def _sparse(whole: FullSystem, places_of: Array, count: int) -> Array | None:
-    """By Lanczos iterations on the saddle point of the coordinates and the contacts' forces, on rank 0."""
+def _sparse(whole: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:
+    """By Lanczos iterations on the saddle point of the coordinates and the contacts' forces, on rank 0.
+
+    Terms have amplitudes c (S, k); of what acts on rates the gyroscopic part counts, on the lowest modes without it.
+    """
     system = whole.supported()
     gathered = {id(model): model.gather() for model in dict((id(one), one) for one in system.models).values()}
     if system.comm.rank > 0:
         return None
     bodies = [gathered[id(model)] for model in system.models]
-    K = sp.block_diag([body.K for body in bodies if body is not None], format="csr")
-    M = sp.block_diag([body.M for body in bodies if body is not None], format="csr")
-    m, scale = len(system.contacts), abs(K).max()  # forces in the unit of stiffness: rows of both kinds are of one size
+    known = {name: body for name, body in zip(system.bodies, bodies, strict=True) if body is not None}
+    numbers = {name: np.arange(at.start, at.stop) for name, at in zip(known, system.whole, strict=True)}
+    terms = [term.among(numbers, system.size) for term in system.terms]
+    K0 = sp.block_diag([body.K for body in known.values()], format="csr")
+    M = sp.block_diag([body.M for body in known.values()], format="csr")
+    # forces in the unit of stiffness: rows of both kinds are of one size
+    m, scale = len(system.contacts), abs(K0).max()
     mass = sp.block_diag([M, sp.csr_matrix((m, m))], format="csc")
     supports = np.array([side.place.at for side in system.sides[places_of.shape[1] :]])
     found = []
-    for at in places_of:
+    for at, amplitudes in zip(places_of, c, strict=True):
+        K, V = added(K0, terms, "stiffness", amplitudes), added(0.0 * M, terms, "damping", amplitudes)
         C = scale * contact_rows(system, np.concatenate([at, supports]))
-        A = sp.bmat([[K, C.T], [C, -(scale**2) * sp.diags(system.compliance)]], format="csc")
+        A = sp.bmat([[(K + K.T) / 2.0, C.T], [C, -(scale**2) * sp.diags(system.compliance)]], format="csc")
         factor = spla.splu((A - SHIFT * mass).tocsc())
         start = factor.solve(np.concatenate([M @ np.ones(M.shape[0]), np.zeros(m)]))
         solved = spla.LinearOperator(A.shape, factor.solve)
-        values = spla.eigsh(A, count, M=mass, sigma=SHIFT, OPinv=solved, v0=start, return_eigenvectors=False)
-        found.append(np.sqrt(np.maximum(np.sort(values), 0.0)) / (2.0 * np.pi))
+        wanted = MODES_OF_A_TURN * count if V.count_nonzero() else count
+        values, q = spla.eigsh(A, wanted, M=mass, sigma=SHIFT, OPinv=solved, v0=start)
+        X = q[: system.size]
+        turning = X.T @ ((V - V.T) @ X) / 2.0
+        found.append(oscillations(X.T @ (M @ X), turning, np.diag(values))[:count] / (2.0 * np.pi))
     return np.array(found)

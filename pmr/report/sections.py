@@ -151,6 +151,8 @@ def basis(result: RunResult, prefix: str) -> Block | None:
     if (over := result.frequencies.over_joints) is not None:
         caption = f"First natural frequency in Hz over the extensions of {' and '.join(over.joints)}, every pad "
         caption += "closed; the white line is the way of this run."
+        if result.frequencies.t is not None:
+            caption += " The boom rests at its steepest angle, and its axial forces stress it."
         row.append(drawing(f"{prefix}-map", spectra.frequency_map, caption, result))
     rows += [tuple(row)] if row else []
     heading = "Basis and eigenfrequencies" if alone(result) else "Natural frequencies"

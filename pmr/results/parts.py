@@ -57,12 +57,14 @@ class Frequencies:
     Models are ``reduced``, ``full`` and ``closed_form``, that of a uniform beam pinned at 0 with one slider; every
     contact is closed.  `along` is what `RunResult.along` is, `paths` the coordinates of all paths; `over_joints` is
     there where two joints move each on a path of its own.
+    With second order the system is stressed as it is at the times `t`, (S,) s, when a run is there first.
     """
 
     along: Array  # (S,) m
     paths: Array  # (S, P) m
     models: Mapping[str, Array]
     over_joints: FrequencyMap | None = None
+    t: Array | None = None
 
 
 @dataclass(frozen=True)

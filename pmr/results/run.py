@@ -202,7 +202,7 @@ def _frequency_arrays(found: Frequencies, alone: bool) -> dict[str, NDArray[Any]
     if alone:
         none = np.empty((len(found.along), 0))
         circular = {f"frequencies.{name}": TURN * found.models.get(name, none) for name in _MODELS}
-        return {"frequencies.s": found.along} | circular
+        return {"frequencies.s": found.along} | circular | ({} if found.t is None else {"frequencies.t": found.t})
     arrays = records.arrays(found, "frequencies.")
     return records.renamed(arrays, {new: old for old, new in _RENAMED.items()})
 
@@ -212,7 +212,8 @@ def _frequencies(data: Data) -> Frequencies:
         return records.record(Frequencies, records.renamed(data, _RENAMED), "frequencies.")
     s = data["frequencies.s"]
     known = {name: data[f"frequencies.{name}"] / TURN for name in _MODELS}
-    return Frequencies(s, s[:, None], {name: values for name, values in known.items() if values.shape[1]})
+    models = {name: values for name, values in known.items() if values.shape[1]}
+    return Frequencies(s, s[:, None], models, t=data.get("frequencies.t"))
 
 
 def _body(folder: Path, data: Data, name: str) -> BodyResult:

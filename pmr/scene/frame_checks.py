@@ -43,8 +43,6 @@ def check_frame(scene: Scene) -> None:
         if model_of(member) == "beam2d" and (frame.slewing is not None or frame.place[1] != 0.0):
             key = "slewing" if frame.slewing is not None else "pivot"
             raise refusal(f"frame.{key}", None, "models in space are allowed with it: beam2d knows no lateral motion")
-    if frame.second_order and len(scene.sections) == 1:
-        raise refusal("frame.second_order", True, "false is allowed for a body alone; sections take second order")
     for number in range(1, len(scene.sections) if frame.second_order else 1):
         least = scene.extension(number).bounds(0.0, scene.time.end)[0]
         if least <= 0.0:

@@ -111,12 +111,14 @@ class Excitation:
         chosen = in_order(self.loads, names)
         return self.f if tuple(names) == tuple(self.loads) else self._columns([one.value(self.times) for one in chosen])
 
-    def amplitudes(self, names: Sequence[str]) -> Array:
-        """Amplitudes c (T, k) of terms at the steps, one column a term, by a system's `names`.
+    def amplitudes(self, names: Sequence[str], t: Array | None = None) -> Array:
+        """Amplitudes c (T, k) of terms at the steps or at other times t (T,) s, one column a term, by their `names`.
 
         An InputError is raised where a term has no signal, or a signal no term.
         """
-        return self._columns([one.value(self.times) for one in in_order(self.terms, names, "term")])
+        at = self.times if t is None else t
+        values = [one.value(at) for one in in_order(self.terms, names, "term")]
+        return np.column_stack([np.empty((len(at), 0)), *values])
 
     @property
     def signals(self) -> list[tuple[str, SignalBase]]:

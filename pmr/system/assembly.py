@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pmr.constraints.polynomials import evaluate
 from pmr.system.system import System
+from pmr.system.terms import added
 
 Array = NDArray[np.float64]
 
@@ -78,11 +79,11 @@ class Assembly:
 
     def stiffness(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
         """K + sum_k c_k G_k with amplitudes c (k,) of the system's terms, in their order; none leave K alone."""
-        return self._with(self.K, "stiffness", c)
+        return added(self.K, self.terms, "stiffness", c)
 
     def damping(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
         """D + sum_k c_k V_k, likewise."""
-        return self._with(self.D, "damping", c)
+        return added(self.D, self.terms, "damping", c)
 
     def term_forces(self, q: Array, v: Array, c: Array) -> Array:
         """-sum_k c_k (V_k v + G_k q), (T, n) N, of coordinates and rates (T, n) and amplitudes c (T, k)."""
@@ -92,12 +93,6 @@ class Assembly:
                 if A is not None:
                     found -= amplitude[:, None] * (A @ moved.T).T
         return found
-
-    def _with(self, A: sp.csr_matrix, key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
-        for term, amplitude in zip(self.terms, c, strict=len(c) > 0):
-            if (part := getattr(term, key)) is not None:
-                A = A + amplitude * part
-        return A
 
     def at(self, x: Array) -> ContactRows:
         """The contacts with their places at x (sides,) m, as `System.coordinates` has them."""
@@ -178,12 +173,12 @@ class Assembly:
                 M, K, V = (Z.T @ A @ Z for A in (M, K, V))
             if not len(K):
                 continue  # the contacts hold all coordinates
-            omega = _oscillations(M, V, K)[:count]
+            omega = oscillations(M, V, K)[:count]
             found[k, : len(omega)] = omega / (2.0 * np.pi)
         return found
 
 
-def _oscillations(M: Array, V: Array, K: Array) -> Array:
+def oscillations(M: Array, V: Array, K: Array) -> Array:
     """Omega (n,) rad/s of M q'' + V q' + K q = 0 with an antisymmetric V, ascending; zero where K does not hold.
 
     With modes of K, of rates z' and strains omega z the equations are antisymmetric, (0, W; -W, -V): round-off stays

@@ -25,9 +25,9 @@ from pmr.system.system import Body, System, grounded
 
 def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
     """A scene's bodies, reduced or full, by their names, and what joins them; errors as for `System`."""
-    if ALONE in bodies:
-        return System.of(bodies[ALONE])
     terms = partial(terms_of, scene)
+    if ALONE in bodies:
+        return replace(System.of(bodies[ALONE]), terms=terms(bodies), terms_of=terms)
     return System(bodies, contacts_of(scene, bodies), terms=terms(bodies), terms_of=terms)
 
 

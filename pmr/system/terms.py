@@ -81,6 +81,14 @@ class Term:
         return {key: sp.csr_matrix(A) for key, A in self.matrices.items()}
 
 
+def added(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
+    """A + sum_k c_k of the terms' ``stiffness`` or ``damping``, all sparse and of one size; no amplitudes leave A."""
+    for term, amplitude in zip(terms, c, strict=len(c) > 0):
+        if (part := getattr(term, key)) is not None:
+            A = A + amplitude * part
+    return A
+
+
 def refused(term: str, key: str, value: object, allowed: str) -> InputError:
     """What is wrong with a term, by its name."""
     return InputError("system", f"terms.{term}.{key}", value, allowed)

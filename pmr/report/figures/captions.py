@@ -69,6 +69,11 @@ def basis(of: Shapes) -> str:
 
 def frequencies(result: RunResult) -> str:
     """Below the eigenfrequencies."""
+    found = result.frequencies
+    if found.t is not None:
+        stays = len(found.along) > 1 and not np.ptp(found.along)
+        when = "over time" if stays else "when it is there first"
+        return f"Lowest natural frequencies {when}, as the frame and axial forces stress the boom, every pad closed."
     if moving(result) == "boom":
         return "Lowest natural frequencies of the boom at rest, every pad closed."
     omega = result.frequencies.models["reduced"]

@@ -58,12 +58,16 @@ def frequencies(result: RunResult) -> Figure:
     Where a body slides out of a mouth, against what of it reaches beyond that.
     """
     found = result.frequencies
-    curves = {name: f for name, f in found.models.items() if name in PENS}
+    # 0 Hz, of what is past its buckling load, has no place on a logarithmic axis
+    curves = {name: np.where(f > 0.0, f, np.nan) for name, f in found.models.items() if name in PENS}
     top = np.max([np.nanmax(f, axis=1) for f in curves.values()], axis=0)[:, None]
     closed = found.models.get("closed_form", np.empty((len(found.along), 0)))
     closed = np.where(closed <= 1.01 * top, closed, np.nan)
     heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
     x = length(result) - found.along if moving(result) == "mouth" else found.along
+    head = heads.get(moving(result), "Reach from the base's tail in m")
+    if found.t is not None and len(x) > 1 and not np.ptp(x):  # it stays, and what stresses it changes
+        x, head = found.t, "Time in s"
     single = {"marker": "o"} if len(x) == 1 else {}
     figure, axes = sheet(HALF, 2.15)
     ax = axes[0, 0]
@@ -75,7 +79,7 @@ def frequencies(result: RunResult) -> Figure:
             ax.plot(at, f, **look)
             handles.append(Line2D([], [], label=label, **look))
     octave_axis(ax, min(float(np.nanmin(f)) for f in curves.values()), float(top.max()))
-    ax.set_xlabel(heads.get(moving(result), "Reach from the base's tail in m"))
+    ax.set_xlabel(head)
     ax.set_ylabel("Eigenfrequency in Hz")
     key(figure, handles)
     return figure

@@ -48,7 +48,7 @@ class Study(StudyBase):
         runs, common = [], dict[str, Task]()
         for point in self._points():
             scene = self._scene(point)
-            if len(scene.sections) > 1:
+            if len(scene.sections) > 1 or (scene.frame is not None and scene.frame.second_order):
                 runs.append(Task(point.key, run_boom_case, boom_arguments(scene), {}, point.parameters))
                 continue
             needs = shared.modes_tasks(scene) | {"frequencies": shared.frequencies_task(scene)}
