@@ -122,8 +122,9 @@ def frequency_response(
         y = O q + W f - X \lambda
 
     from a tenth of the lowest natural frequency to the highest, at `places` (S, sides) in m, which `along` (S,) in m
-    tells apart, with amplitudes c (S, k) of the system's terms in K and D; `tips` are names of outputs.  An InputError is
-    raised where a contact only pushes.
+    tells apart, with amplitudes c (S, k) of the system's terms in K and D; `tips` are names of outputs.
+
+    An InputError is raised where a contact only pushes.
     """
     if pushing := [one.name for one in system.contacts if one.clearance is not None]:
         allowed = f"contacts that hold both ways are allowed: {', '.join(pushing)} only push"

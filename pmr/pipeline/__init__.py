@@ -53,8 +53,8 @@ class Outcome:
         return models.get(ALONE, models)
 
     def save(self, folder: Path) -> Path:
-        """Write the reduced model of a body alone, or the system of several, into a folder."""
-        if ALONE in self.system.bodies:
+        """Write the reduced model of a body alone, or the system of several or with terms, into a folder."""
+        if ALONE in self.system.bodies and not self.system.terms:
             return self.system.reduced[ALONE].save(folder / "reduced.npz")
         return self.system.save(folder / "system.npz")
 
@@ -144,7 +144,7 @@ def _run(
         tip_error,
     )
     made_from = scene.recorded | {"versions": result.summary["versions"]}
-    return Outcome(result, system if ALONE in built else replace(system, provenance=made_from))
+    return Outcome(result, replace(system, provenance=made_from) if system.terms or ALONE not in built else system)
 
 
 def reduce(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, clock: Clock | None = None) -> Reduction:

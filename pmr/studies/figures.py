@@ -131,7 +131,8 @@ def run_boom_case(arguments: Mapping[str, Any], needs: Mapping[str, TaskResult])
     record |= {f"coordinates.{model}": size for model, size in summary["coordinates"].items()}
     if summary["pads"]:
         record["largest_force"] = max(max(pad["max"], -pad["min"]) for pad in summary["pads"])
-    record |= {f"cylinders.{one['name']}.{key}": one[key] for one in summary.get("cylinders", ()) for key in ("min", "max")}
+    cylinders = summary.get("cylinders", ())
+    record |= {f"cylinders.{one['name']}.{key}": one[key] for one in cylinders for key in ("min", "max")}
     found = result.frequencies
     for place, k in (("s_min", 0), ("s_max", -1)):
         record |= {f"frequencies.{place}.{i}": float(f) for i, f in enumerate(found.models["reduced"][k, :3], start=1)}

@@ -11,13 +11,16 @@ from scipy.optimize import brentq
 import pmr
 from pmr import scene as scenes
 from pmr.compare.boom_figures import frequency_map
+from pmr.compare.saved_model import simulate_saved
 from pmr.compare.way import frequencies, visited
+from pmr.errors import InputError
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
 from pmr.results import Frequencies
 from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.system.assembly import Assembly
+from pmr.system.system import System
 
 CANTILEVER, LUFFING = (Path(__file__).parent / name for name in ("cantilever.toml", "luffing.toml"))
 LENGTH, EI, RHO_A = 5.0, 5.0e4, 78.0
@@ -126,3 +129,77 @@ def test_frequencies_over_two_joints_are_those_of_the_stressed_boom_at_rest() ->
     resting = Assembly(system).frequencies(system.coordinates(s), 1, c)[0]
     assert over.lowest[-1, -1] == pytest.approx(resting, rel=1e-9)
     assert resting < 0.997 * Assembly(system).frequencies(system.coordinates(s), 1)[0]
+
+
+def spun_up(t: np.ndarray) -> np.ndarray:
+    """Angle in rad after Simo and Vu-Quoc (J. Appl. Mech. 53, 1986): to 6 rad/s within 15 s."""
+    phase = 2.0 * np.pi / 15.0
+    begun = 0.4 * (t**2 / 2.0 + (np.cos(phase * t) - 1.0) / phase**2)
+    return np.where(t < 15.0, begun, 6.0 * t - 45.0)
+
+
+@pytest.mark.slow
+def test_a_beam_that_is_spun_up_lags_and_comes_to_rest() -> None:
+    """The tip lags by 0.5744 m at 6.76 s, then rests."""
+    times = np.linspace(0.0, 21.0, 421)
+    profile = "{length=10.0, bending_stiffness=1.4e4, mass_per_length=1.2, axial=true, axial_stiffness=2.8e7}"
+    turn = f"{{kind='table', times={times.tolist()}, values={spun_up(times).tolist()}}}"
+    changes = (f"sections.beam.body.profile={profile}", f"frame.luffing={turn}", "time.end=20.0", "time.step=5e-3")
+    scene = load(*changes, "sections.beam.mesh.elements=10", "sections.beam.slider.path=5.0")
+    found = pmr.simulate(scene, pmr.reduce(scene).reduced)
+    lag = np.abs(found.tip)
+    assert lag.max() == pytest.approx(0.5744, rel=2e-3)
+    assert found.t[lag.argmax()] == pytest.approx(6.76, abs=0.03)
+    assert lag[found.t > 16.0].max() < 5e-3  # no growth
+
+
+def test_a_boom_is_the_same_as_a_body_and_as_a_section(tmp_path: Path) -> None:
+    text = CANTILEVER.read_text()
+    top = text.replace('[[sections]]\nname = "beam"\n', "")
+    head, sections = top.split("body.model", 1)
+    begun, frame = head.split("[frame]")
+    keys, rest = sections.split("[time]")
+    (tmp_path / "body.toml").write_text(f"{begun}body.model{keys}[frame]{frame}[time]{rest}")
+    changes = (
+        "loads.0.signal=-2000.0",
+        "gravity={rise=0.01}",
+        "frame.luffing={kind='ramp', times=[0.0, 10.0], values=[0.0, 20.0]}",
+    )
+    alone = load(*changes, file=tmp_path / "body.toml")
+    section = load(f"sections.beam.{changes[0]}", *changes[1:])
+    a, b = (pmr.simulate(scene, pmr.reduce(scene).reduced) for scene in (alone, section))
+    assert np.abs(a.displacement).max() > 1e-6
+    assert b.displacement == pytest.approx(a.displacement, abs=1e-12 * np.abs(a.displacement).max())
+    assert natural(section).models["reduced"] == pytest.approx(natural(alone).models["reduced"], rel=1e-12)
+
+
+def test_a_saved_body_with_second_order_is_simulated_with_it(tmp_path: Path) -> None:
+    """As a system, which has its terms: exports that know none refuse it."""
+    scene = load("sections.beam.loads.0.signal=-3000.0", "frame.luffing=0.5", "gravity={rise=0.0}")
+    outcome = pmr.run(scene)
+    saved = outcome.save(tmp_path)
+    assert saved.name == "system.npz"
+    system = System.load(saved)
+    assert system.term_names == tuple(Excitation.of(scene).terms)
+    again = simulate_saved(system, scene)
+    expected = outcome.result.responses["reduced"].displacement
+    assert again.responses["reduced"].displacement == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
+    assert again.frequencies.models["reduced"] == pytest.approx(outcome.result.frequencies.models["reduced"], rel=1e-9)
+    with pytest.raises(InputError, match="terms that vary in time"):
+        system.ensure_constant("model")
+
+
+def test_a_column_beyond_its_buckling_load_is_warned_of() -> None:
+    beyond = -1.2 * np.pi**2 / 4.0 * EI / LENGTH**2
+    summary = pmr.run(load(f"sections.beam.loads.0.signal={beyond}")).result.summary
+    assert summary["buckling"]["factor"] == pytest.approx(1.0 / 1.2, rel=1e-3)
+    (said,) = [one for one in summary["warnings"] if "buckling" in one]
+    assert said.startswith("the boom is past its buckling load: at 0 s 0.833 of the axial forces") and "\n" not in said
+
+
+def test_a_column_that_grows_under_its_weight_beyond_the_buckling_load() -> None:
+    """Upright, q L = 7.8373 EI / L^2 buckles it; the factor is what is left."""
+    upright = ("frame.luffing=1.5707963267948966", "gravity={rise=0.0, acceleration=9.81}")
+    summary = pmr.run(load(*upright)).result.summary
+    expected = 7.8373 * EI / LENGTH**2 / (RHO_A * 9.81 * LENGTH)
+    assert summary["buckling"]["factor"] == pytest.approx(expected, rel=1e-3)
