@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import InputError
+from pmr.scene.frame import INERTIA
 from pmr.scene.joints import Linear
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation import contact_step
@@ -61,9 +63,15 @@ class SceneText:
 
 
 def scene_text(system: System, source: str) -> SceneText:
-    """The scene in a system's provenance; raises InputError as `pmr.simulation.recorded.recorded_system`."""
+    """The scene in a system's provenance.
+
+    Raises InputError as `pmr.simulation.recorded.recorded_system`, and for a frame that moves.
+    """
     found = recorded_system(system, source)
     excitation = found.excitation
+    if any(name.startswith(INERTIA) for body in system.bodies.values() for name in body.input_names):
+        allowed = "a scene without a frame is allowed in a script; `pmr run` and `pmr simulate` simulate one by Exudyn"
+        raise InputError(source, "frame", None, allowed)
     paths = _functions("position", excitation.paths, system.paths)
     loads = _functions("load", excitation.loads, system.input_names)
     start = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import runpy
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ import pytest
 from processes import called
 
 import pmr
+from pmr.errors import InputError
+from pmr.export.exudyn.script import exudyn_script
 
 #: Steps that are few and parts that are many; nothing is compared with a full model.
 SHORT = ['simulation.simulators=["exudyn"]', "compare.against=[]", "section.mesh.elements=8"]
@@ -42,3 +45,12 @@ def test_it_reproduces_the_run(pads: str, tmp_path: Path, monkeypatch, capsys) -
     np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
     alone = subprocess.run([sys.executable, "-I", str(script)], capture_output=True, text=True, cwd="/")
     assert alone.returncode == 0 and alone.stdout.startswith("Displacement of fly at x = 6 m over 0.03 s:")
+
+
+@pytest.mark.slow
+def test_a_frame_that_moves_is_refused_in_one_line(tmp_path: Path) -> None:
+    raised = ["frame.pivot=[0.0,0.0,0.0]", "frame.luffing={kind='smooth_ramp',times=[0.0,0.02],values=[0.1,0.2]}"]
+    scene = pmr.load_scene("boom_two", [*SHORT, *BOTH_WAYS, *raised])
+    system = pmr.reduce(scene).system
+    with pytest.raises(InputError, match="system.npz: frame: a scene without a frame is allowed in a script"):
+        exudyn_script(replace(system, provenance={"scene": scene.model_dump(mode="json")}), "system.npz")
